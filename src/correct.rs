@@ -1,0 +1,1 @@
+//! A program and a cell in, corrected poses and report rows out.

@@ -1,0 +1,195 @@
+//! Program text to targets, and corrected poses back into the same text.
+//!
+//! The front ends know text and nothing of robots: lengths are millimetres and angles degrees, as
+//! written. [`Program`] is language-free; what a front end needs to write corrections back (where
+//! the number tokens stand) is its own and stays behind [`Program::rewrite`].
+
+pub mod cl;
+pub mod rapid;
+mod target;
+
+pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
+
+use crate::text::{Diagnostic, Edit, Source, Span};
+use std::sync::Arc;
+
+/// Which language a program is written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Language {
+    /// ABB RAPID modules.
+    Rapid,
+    /// APT/CL cutter location data.
+    Cl,
+}
+
+/// A program as read: one or several sources with shared names.
+#[derive(Debug)]
+pub struct Program {
+    /// The files, in the order given; context modules (never written) behind `written` of them.
+    pub sources: Vec<Source>,
+    /// How many of `sources` are the program itself; the rest only declare names.
+    pub written: usize,
+    /// Language of all sources.
+    pub language: Language,
+    /// Who made it, as far as the text tells: `robodk`, `nx`, `catia`, …, `rapid` or `cl` where unknown.
+    pub dialect: &'static str,
+    /// Tools in the order first used; [`Target::tool`] indexes them.
+    pub tools: Vec<Tool>,
+    /// Work objects in the order first used; [`Target::wobj`] indexes them.
+    pub wobjs: Vec<Wobj>,
+    /// Points in running order: executed motions, with the via and interpolated points of arcs
+    /// before the motion that they belong to (see [`Role`]).
+    pub targets: Vec<Target>,
+    /// Statements that are not understood or not edited, with the reason.
+    pub kept: Vec<Kept>,
+    /// Complete numeric positions in the text (INTERFACE.md, `inspect --json`).
+    pub literal_targets: usize,
+    /// Arcs among the executed motions.
+    pub arcs: usize,
+    /// What was noticed while reading: notes and warnings (errors refuse the program).
+    pub diagnostics: Vec<Diagnostic>,
+    /// Where the front end finds its number tokens again.
+    pub(crate) layout: Layout,
+}
+
+/// Language-specific positions of everything that [`Program::rewrite`] may change.
+#[derive(Debug)]
+pub(crate) enum Layout {
+    /// RAPID.
+    Rapid(rapid::Layout),
+    /// CL.
+    Cl(cl::Layout),
+}
+
+/// A tool that the program uses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tool {
+    /// As the author spelled it.
+    pub name: Arc<str>,
+    /// Its tooldata where the program or a context module declares it; else the cell must.
+    pub data: Option<ToolData>,
+}
+
+/// RAPID tooldata: millimetres, kilograms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolData {
+    /// False for a stationary tool, which the robot brings the part to.
+    pub robhold: bool,
+    /// TCP in the flange frame tool0, mm.
+    pub tcp_mm: [f64; 3],
+    /// Orientation of the TCP frame in tool0, scalar first, unit norm.
+    pub tcp_quat: [f64; 4],
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of gravity in tool0, mm.
+    pub cog_mm: [f64; 3],
+}
+
+/// A work object that the program uses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wobj {
+    /// As the author spelled it; `wobj0` where the instruction names none.
+    pub name: Arc<str>,
+    /// Its wobjdata where the program or a context module declares it; else the cell must.
+    pub data: Option<WobjData>,
+}
+
+/// RAPID wobjdata: millimetres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WobjData {
+    /// True where the robot holds the part.
+    pub robhold: bool,
+    /// False where a mechanical unit moves the user frame: not editable.
+    pub fixed: bool,
+    /// User frame in the world (or in tool0 where `robhold`), mm.
+    pub uframe_mm: [f64; 3],
+    /// Its orientation, scalar first, unit norm.
+    pub uframe_quat: [f64; 4],
+    /// Object frame in the user frame, mm.
+    pub oframe_mm: [f64; 3],
+    /// Its orientation, scalar first, unit norm.
+    pub oframe_quat: [f64; 4],
+}
+
+/// A statement that comes out as it went in, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Index into [`Program::sources`].
+    pub source: usize,
+    /// The statement.
+    pub span: Span,
+    /// Line of its first byte, from 1.
+    pub line: usize,
+    /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
+    pub reason: &'static str,
+}
+
+/// What is wanted at one target instead of what is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// New position in the target's work object, mm.
+    pub position_mm: [f64; 3],
+    /// New orientation, scalar first; `None` leaves every orientation token alone.
+    pub quat: Option<[f64; 4]>,
+    /// New configuration; `None` keeps what is written.
+    pub conf: Option<Conf>,
+}
+
+/// A point to insert before a target (`--subdivide`), on the straight way to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Insert {
+    /// Index into [`Program::targets`] of the target it precedes.
+    pub before: usize,
+    /// Position in that target's work object, mm.
+    pub position_mm: [f64; 3],
+    /// Orientation, scalar first.
+    pub quat: [f64; 4],
+}
+
+/// How corrections are written.
+#[derive(Clone, Copy, Debug)]
+pub struct RewriteOptions {
+    /// Whether a declared target used with different corrections may get a clone of its own.
+    pub allow_clones: bool,
+    /// Least decimals of positions, mm: the file's own count is used where larger.
+    pub position_decimals: usize,
+    /// Least decimals of quaternion components.
+    pub quat_decimals: usize,
+}
+
+impl Default for RewriteOptions {
+    fn default() -> Self {
+        // 4 decimals are below the spacing of the controller's single precision at 1 m (1.2e-4 mm);
+        // 8 decimals of a quaternion are 3e-6 mm at 300 mm.
+        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8 }
+    }
+}
+
+/// What [`Program::rewrite`] made of the changes.
+#[derive(Debug, Default)]
+pub struct Rewritten {
+    /// Sorted, disjoint edits of each of the program's written sources.
+    pub edits: Vec<Vec<Edit>>,
+    /// Per target: position (mm) and orientation as the controller will hold them, that is the
+    /// printed numbers rounded to single precision; unchanged targets as they were written.
+    pub written: Vec<([f64; 3], [f64; 4])>,
+    /// The same for each [`Insert`], in order.
+    pub inserted: Vec<([f64; 3], [f64; 4])>,
+    /// Targets whose change could not be written, with the reason.
+    pub kept: Vec<(usize, &'static str)>,
+}
+
+impl Program {
+    /// Turns wanted poses into edits on number tokens.
+    ///
+    /// `changes` has one entry a target; `None` changes nothing, and a program without changes has no
+    /// edits. A number whose printed value does not change is not edited.
+    #[must_use]
+    pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
+        debug_assert_eq!(changes.len(), self.targets.len());
+        match &self.layout {
+            Layout::Rapid(layout) => rapid::rewrite(self, layout, changes, inserts, options),
+            Layout::Cl(layout) => cl::rewrite(self, layout, changes, inserts, options),
+        }
+    }
+}

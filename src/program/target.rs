@@ -1,0 +1,120 @@
+use crate::text::Span;
+use std::sync::Arc;
+
+/// One point that the controller is sent to, free of language and of robots.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Ordinal of the executed motion, from 1; via and interpolated points carry that of their arc.
+    pub ordinal: u32,
+    /// Whether this is a motion's end or a point on its way.
+    pub role: Role,
+    /// Kind of motion into the point.
+    pub motion: Motion,
+    /// Where to.
+    pub goal: Goal,
+    /// Index into [`Program::tools`](super::Program::tools).
+    pub tool: u16,
+    /// Index into [`Program::wobjs`](super::Program::wobjs).
+    pub wobj: u16,
+    /// Programmed speed of the TCP, mm/s; `None` where the text does not say.
+    pub feed_mm_s: Option<f64>,
+    /// Spindle speed, 1/min, where the text says (CL).
+    pub spindle_rpm: Option<f64>,
+    /// CL `RAPID`: never cuts.
+    pub rapid: bool,
+    /// `! deflex air`, `! deflex cut` and their CL forms, in force here.
+    pub mark: Option<Mark>,
+    /// What a correction may change.
+    pub editable: Editable,
+    /// Name of the declared robtarget, where there is one.
+    pub name: Option<Arc<str>>,
+    /// Index into [`Program::sources`](super::Program::sources).
+    pub source: u16,
+    /// The instruction.
+    pub span: Span,
+    /// Line of the instruction, from 1.
+    pub line: u32,
+}
+
+/// A motion's end, or a point on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The end of an executed motion: one report row, one ordinal.
+    End,
+    /// A circle point (RAPID `MoveC` CirPoint).
+    Via,
+    /// A point made by linearising an arc (CL).
+    Interpolated,
+}
+
+/// Kind of motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// Straight (`MoveL` and relatives, `GOTO`).
+    Linear,
+    /// Joint-interpolated to a pose (`MoveJ` and relatives): never cuts.
+    Joint,
+    /// On a circle (`MoveC` and relatives).
+    Circular,
+    /// Joint-interpolated to joint angles (`MoveAbsJ`): never cuts.
+    AbsoluteJoint,
+}
+
+/// Where a target is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// A pose in the work object.
+    Pose {
+        /// TCP position, mm.
+        position_mm: [f64; 3],
+        /// Orientation, scalar first, unit norm (normalised on reading).
+        quat: [f64; 4],
+        /// confdata, where written as numbers.
+        conf: Option<Conf>,
+    },
+    /// Tool point and tool axis (tip to spindle) in the work object: the turn about the axis is free (CL).
+    Axis {
+        /// Tool point, mm.
+        position_mm: [f64; 3],
+        /// Unit vector from the tip towards the spindle.
+        axis: [f64; 3],
+    },
+    /// Motor angles, degrees.
+    Joints {
+        /// Axes 1 to 6.
+        deg: [f64; 6],
+    },
+}
+
+/// RAPID confdata `[cf1, cf4, cf6, cfx]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Conf {
+    /// Quarter turn of axis 1.
+    pub cf1: i32,
+    /// Quarter turn of axis 4.
+    pub cf4: i32,
+    /// Quarter turn of axis 6.
+    pub cf6: i32,
+    /// 4·(wrist centre behind axis 1) + 2·(wrist centre behind the lower arm) + (axis 5 negative).
+    pub cfx: i32,
+}
+
+/// A marker comment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// No cutting force on this stretch.
+    Air,
+    /// Cuts, whatever the other rules say.
+    Cut,
+}
+
+/// What of a target may be edited in the text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Editable {
+    /// Position and orientation.
+    Pose,
+    /// Position only (literal `Offs` or `RelTool` arguments).
+    Position,
+    /// Nothing, for this reason.
+    No(&'static str),
+}

@@ -1,0 +1,134 @@
+use super::{Source, Span};
+use std::fmt;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Said, and the run goes on.
+    Note,
+    /// Suspicious, and the run goes on.
+    Warning,
+    /// Nothing is written.
+    Error,
+}
+
+/// One message about one place: what is wrong, what was expected, how to mend it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnostic {
+    /// Stable short name, e.g. `rapid.unclosed-bracket`, for scripts and tests.
+    pub code: &'static str,
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong and what was expected, one sentence.
+    pub message: String,
+    /// How to mend it.
+    pub help: Option<String>,
+    /// File, as the user typed it; empty where no file is concerned.
+    pub file: String,
+    /// Line and column from 1; 0 where the whole file is meant.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// The source line, for the caret, and the bytes marked in it (byte range into `snippet`).
+    pub snippet: Option<(String, std::ops::Range<usize>)>,
+}
+
+impl Diagnostic {
+    /// An error about a whole file (or none, with an empty name).
+    #[must_use]
+    pub fn error(code: &'static str, file: &str, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            severity: Severity::Error,
+            message: message.into(),
+            help: None,
+            file: file.to_owned(),
+            line: 0,
+            column: 0,
+            snippet: None,
+        }
+    }
+
+    /// The same, at a place.
+    #[must_use]
+    pub fn at(mut self, source: &Source, span: Span) -> Self {
+        let place = source.line_column(span.start as usize);
+        self.file.clone_from(&source.name);
+        self.line = place.line;
+        self.column = place.column;
+        self.snippet = Some(snippet(source, span));
+        self
+    }
+
+    /// The same, with how to mend it.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// The same, as something milder or worse.
+    #[must_use]
+    pub fn severity(mut self, severity: Severity) -> Self {
+        self.severity = severity;
+        self
+    }
+}
+
+/// One line: `file:line:column: error: message [code]`. The CLI renders the snippet with it.
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.file.is_empty() {
+            write!(f, "{}", self.file)?;
+            if self.line > 0 {
+                write!(f, ":{}:{}", self.line, self.column)?;
+            }
+            write!(f, ": ")?;
+        }
+        let word = match self.severity {
+            Severity::Note => "note",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        write!(f, "{word}: {} [{}]", self.message, self.code)
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+
+/// Where messages collect; many per run.
+#[derive(Clone, Debug, Default)]
+pub struct Sink {
+    /// In the order they were found.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl Sink {
+    /// Adds one.
+    pub fn push(&mut self, diagnostic: Diagnostic) {
+        self.diagnostics.push(diagnostic);
+    }
+
+    /// Whether any error (not only notes and warnings) was found.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|d| d.severity == Severity::Error)
+    }
+}
+
+/// The line around a span, cut to a readable length, and the marked bytes within it.
+fn snippet(source: &Source, span: Span) -> (String, std::ops::Range<usize>) {
+    const AROUND: usize = 60; // a terminal line, both sides
+    let bytes = &source.bytes;
+    let ends = |b: &u8| matches!(b, b'\n' | b'\r');
+    let start = (span.start as usize).min(bytes.len());
+    let line_start = bytes[..start].iter().rposition(ends).map_or(0, |p| p + 1);
+    let line_end = bytes[start..].iter().position(ends).map_or(bytes.len(), |p| start + p);
+    let from = line_start.max(start.saturating_sub(AROUND));
+    let to = line_end.min(start + AROUND);
+    let stop = (span.end as usize).clamp(start, to);
+    let part = |a: usize, b: usize| source.text(Span::new(a, b)).into_owned();
+    let (before, marked, after) = (part(from, start), part(start, stop), part(stop, to));
+    let at = before.len()..before.len() + marked.len();
+    (before + &marked + &after, at)
+}

@@ -1,0 +1,29 @@
+use super::Span;
+use std::io::{self, Write};
+
+/// Replacement of one span by other bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Edit {
+    /// What is replaced; empty to insert.
+    pub span: Span,
+    /// What stands there afterwards.
+    pub content: Vec<u8>,
+}
+
+/// Writes `bytes` with `edits` applied, in one pass front to back; all else byte for byte.
+///
+/// `edits` must be sorted by start and disjoint: a caller's invariant, checked in debug builds.
+///
+/// # Errors
+/// What `out` reports.
+pub fn apply(bytes: &[u8], edits: &[Edit], out: &mut impl Write) -> io::Result<()> {
+    let mut done = 0;
+    for edit in edits {
+        let range = edit.span.range();
+        debug_assert!(range.start >= done, "edits overlap or are unsorted at {}", range.start);
+        out.write_all(&bytes[done..range.start])?;
+        out.write_all(&edit.content)?;
+        done = range.end;
+    }
+    out.write_all(&bytes[done..])
+}

@@ -1,0 +1,12 @@
+//! Bytes and positions: sources, spans, edits, number tokens, diagnostics.
+
+mod diagnostic;
+mod edit;
+pub mod number;
+mod source;
+mod span;
+
+pub use diagnostic::{Diagnostic, Severity, Sink};
+pub use edit::{Edit, apply};
+pub use source::{LineColumn, Source};
+pub use span::Span;

@@ -1,0 +1,90 @@
+use super::Span;
+use std::borrow::Cow;
+
+/// One input file: its name for messages and its bytes, never transcoded.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Path as the user typed it, `-` for standard input.
+    pub name: String,
+    /// The file's bytes.
+    pub bytes: Vec<u8>,
+    /// Lines before the first byte: not 0 for a piece of a streamed program.
+    pub lines_before: usize,
+}
+
+/// A position for people, both counted from 1, the column in characters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineColumn {
+    /// Line.
+    pub line: usize,
+    /// Column.
+    pub column: usize,
+}
+
+impl Source {
+    /// A whole file.
+    #[must_use]
+    pub fn new(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { name: name.into(), bytes: bytes.into(), lines_before: 0 }
+    }
+
+    /// The bytes of a span.
+    #[must_use]
+    pub fn slice(&self, span: Span) -> &[u8] {
+        &self.bytes[span.range()]
+    }
+
+    /// Bytes as text for messages: UTF-8 where valid, else Latin-1 (every byte one character).
+    #[must_use]
+    pub fn text(&self, span: Span) -> Cow<'_, str> {
+        decode(self.slice(span))
+    }
+
+    /// Line and column of an offset; CR LF, LF and lone CR end lines. Linear: for messages only.
+    #[must_use]
+    pub fn line_column(&self, offset: usize) -> LineColumn {
+        let offset = offset.min(self.bytes.len());
+        let mut line = self.lines_before + 1;
+        let mut start = 0;
+        for (at, &byte) in self.bytes[..offset].iter().enumerate() {
+            let ends = match byte {
+                b'\n' => true,
+                // CR CR LF, as one RobotStudio release wrote it, is one line end.
+                b'\r' => !matches!(self.bytes.get(at + 1), Some(b'\n' | b'\r')),
+                _ => false,
+            };
+            if ends {
+                line += 1;
+                start = at + 1;
+            }
+        }
+        LineColumn { line, column: decode(&self.bytes[start..offset]).chars().count() + 1 }
+    }
+}
+
+fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|&b| b as char).collect()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_with_lf_cr_lf_cr_cr_lf_and_cr() {
+        let source = Source::new("x", &b"a\nb\r\nc\r\r\nd\re"[..]);
+        let lines: Vec<usize> = [0, 2, 5, 9, 11].map(|o| source.line_column(o).line).to_vec();
+        assert_eq!(lines, [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn columns_count_characters_not_bytes() {
+        let utf8 = Source::new("x", "äö;".as_bytes());
+        assert_eq!(utf8.line_column(4).column, 3);
+        let latin1 = Source::new("x", &[0xE4, 0xF6, b';'][..]);
+        assert_eq!(latin1.line_column(2).column, 3);
+    }
+}
