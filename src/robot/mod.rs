@@ -1,1 +1,29 @@
-//! robot.
+//! Geometry of the arm: motor angles to poses and back. Knows no text and no loads.
+//!
+//! Modified Denavit-Hartenberg rows (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`,
+//! `base_from_flange = T_1 … T_6`. Lengths are metres, angles radians. All joint vectors are
+//! **motor angles**, as the controller shows them: on a parallelogram arm motor 3 sets the forearm's
+//! angle to link 1, so that serial joint 3 is motor 3 − motor 2.
+
+mod builtin;
+mod confdata;
+mod forward;
+mod inverse;
+mod limits;
+mod model;
+
+pub use builtin::{BUILTIN, Builtin};
+pub use confdata::{conf_of, quarter_turn};
+pub use forward::{Frames, chain};
+pub use inverse::{Branch, Solutions, Unreachable, polish};
+pub use limits::{LimitViolation, Limits};
+pub use model::{DhRow, Robot};
+
+/// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
+pub type Joints = nalgebra::Vector6<f64>;
+
+/// A pose, metres: `base_from_tcp` maps coordinates in the TCP frame to the base frame.
+pub type Pose = nalgebra::IsometryMatrix3<f64>;
+
+/// The 6×6 Jacobian, rows (vx, vy, vz, wx, wy, wz) in base axes, m/rad and rad/rad.
+pub type Jacobian = nalgebra::Matrix6<f64>;

@@ -1,0 +1,320 @@
+use super::{DhRow, Frames, Joints, LimitViolation, Pose, Robot, chain};
+use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
+use std::f64::consts::FRAC_PI_2;
+
+/// Which of the eight solutions: the signs that the explicit inverse chose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Branch {
+    /// Wrist centre behind axis 1.
+    pub rear: bool,
+    /// Wrist centre behind the lower arm.
+    pub behind: bool,
+    /// Axis 5 negative.
+    pub flipped: bool,
+}
+
+impl Branch {
+    /// All eight, in the order of cfx.
+    pub const ALL: [Self; 8] = {
+        let mut all = [Self { rear: false, behind: false, flipped: false }; 8];
+        let mut i = 0;
+        while i < 8 {
+            all[i] = Self { rear: i & 4 != 0, behind: i & 2 != 0, flipped: i & 1 != 0 };
+            i += 1;
+        }
+        all
+    };
+
+    /// cfx of RAPID confdata: also the index into [`Branch::ALL`].
+    #[must_use]
+    pub fn cfx(self) -> usize {
+        4 * usize::from(self.rear) + 2 * usize::from(self.behind) + usize::from(self.flipped)
+    }
+}
+
+/// Motor angles of each branch (index: [`Branch::cfx`]), rad, within ±π; `None` where there is none.
+pub type Solutions = [Option<Joints>; 8];
+
+/// Why no motor angles reach a pose.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Unreachable {
+    /// The wrist centre is out of reach of the arm.
+    #[error("the wrist centre is {by_mm:.3} mm out of the arm's reach")]
+    OutOfReach {
+        /// How far, mm.
+        by_mm: f64,
+    },
+    /// The polish from a seed did not converge.
+    #[error("no motor angles near the previous ones reach it; {left_mm:.3} mm are left")]
+    NotConverged {
+        /// Distance left, mm.
+        left_mm: f64,
+    },
+    /// It is reached beyond an axis limit only.
+    #[error(transparent)]
+    Limit(#[from] LimitViolation),
+}
+
+/// Below this |sin q5| the wrist is singular: axes 4 and 6 are one and q4 is held. With q4 held, the pose
+/// is missed by at most this angle, 3e-5 µm·rad at 0.3 m, far below printed digits.
+const SINGULAR_WRIST: f64 = 1e-7;
+
+/// Angles and lengths this close to a special value are that value: declared to 1e-9 at best.
+const SAME: f64 = 1e-9;
+
+/// Explicit inverse of an arm with parallel axes 2 and 3 and a spherical wrist.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ClosedForm {
+    a1: f64,
+    a2: f64,
+    d1: f64,
+    /// Lateral offset of the arm plane from axis 1.
+    b: f64,
+    /// Forearm: elbow to wrist centre.
+    l3: f64,
+    /// Angle of the forearm line to x of link 3.
+    gamma: f64,
+    d6: f64,
+    theta: [f64; 6],
+}
+
+impl ClosedForm {
+    /// The explicit inverse of these rows, if they are of its kind.
+    pub(super) fn of(rows: &[DhRow; 6]) -> Option<Self> {
+        const TWISTS: [f64; 6] = [0.0, -FRAC_PI_2, 0.0, -FRAC_PI_2, FRAC_PI_2, -FRAC_PI_2];
+        let same = |a: f64, b: f64| (a - b).abs() < SAME;
+        let twists = rows.iter().zip(TWISTS).all(|(row, twist)| same(row.alpha, twist));
+        let wrist = same(rows[0].a, 0.0) && same(rows[4].a, 0.0) && same(rows[5].a, 0.0) && same(rows[4].d, 0.0);
+        let (a3, d4) = (rows[3].a, rows[3].d);
+        (twists && wrist && rows[2].a > 0.0 && a3.hypot(d4) > 0.0).then(|| Self {
+            a1: rows[1].a,
+            a2: rows[2].a,
+            d1: rows[0].d,
+            b: rows[1].d + rows[2].d,
+            l3: a3.hypot(d4),
+            gamma: d4.atan2(a3),
+            d6: rows[5].d,
+            theta: rows.map(|row| row.theta),
+        })
+    }
+
+    /// All branches as serial joint angles; `q4` is what a singular wrist holds (rad). Where there is none at
+    /// all: how far the wrist centre is out of reach, m.
+    fn solve(&self, base_from_flange: &Pose, q4: f64) -> Result<Solutions, f64> {
+        let flange = base_from_flange.rotation.matrix();
+        let wrist = base_from_flange.translation.vector - flange.column(2) * self.d6;
+        let mut solutions = [None; 8];
+        let mut out_of_reach = f64::INFINITY;
+        let planar = wrist.x * wrist.x + wrist.y * wrist.y - self.b * self.b;
+        if planar < 0.0 {
+            return Err(self.b.abs() - wrist.x.hypot(wrist.y));
+        }
+        for rear in [false, true] {
+            let forward = if rear { -planar.sqrt() } else { planar.sqrt() };
+            let theta1 = wrist.y.atan2(wrist.x) - self.b.atan2(forward);
+            let (r, s) = (forward - self.a1, wrist.z - self.d1);
+            let rho = r.hypot(s);
+            let cosine = (rho * rho + self.a2 * self.a2 - self.l3 * self.l3) / (2.0 * self.a2 * rho);
+            if !(-1.0..=1.0).contains(&cosine) {
+                let by = (rho - (self.a2 + self.l3)).max((self.a2 - self.l3).abs() - rho);
+                out_of_reach = out_of_reach.min(by.max(0.0));
+                continue;
+            }
+            for behind in [false, true] {
+                let lift = if behind { -cosine.acos() } else { cosine.acos() };
+                let e2 = s.atan2(r) + lift;
+                let forearm = (s - self.a2 * e2.sin()).atan2(r - self.a2 * e2.cos());
+                let e3 = forearm + self.gamma;
+                let wrists = self.wrist(flange, theta1, e3, q4);
+                for (flipped, [theta4, theta5, theta6]) in [false, true].into_iter().zip(wrists) {
+                    let theta = [theta1, -e2, e2 - e3, theta4, theta5, theta6];
+                    let serial = Vector6::from_fn(|i, _| theta[i] - self.theta[i]);
+                    solutions[Branch { rear, behind, flipped }.cfx()] = Some(serial);
+                }
+            }
+        }
+        if solutions.iter().all(Option::is_none) { Err(out_of_reach) } else { Ok(solutions) }
+    }
+
+    /// Both wrists: DH angles of axes 4, 5, 6.
+    fn wrist(&self, flange: &Matrix3<f64>, theta1: f64, e3: f64, q4: f64) -> [[f64; 3]; 2] {
+        let (s1, c1) = theta1.sin_cos();
+        let (se, ce) = e3.sin_cos();
+        // Link 3 in the base: x along the elevation e3 in the arm plane, z across it.
+        let link3 = Matrix3::new(c1 * ce, c1 * se, -s1, s1 * ce, s1 * se, c1, se, -ce, 0.0);
+        // link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6)
+        let m = link3.transpose() * flange;
+        let m = Matrix3::from_columns(&[m.column(0).into_owned(), m.column(2).into_owned(), -m.column(1)]);
+        let sine = m[(0, 1)].hypot(m[(2, 1)]);
+        [1.0, -1.0].map(|sign| {
+            let theta5 = (sign * sine).atan2(m[(1, 1)]);
+            if sine < SINGULAR_WRIST {
+                let theta4 = q4 + self.theta[3];
+                let rest = (Rotation3::from_axis_angle(&Vector3::y_axis(), theta4)
+                    * Rotation3::from_axis_angle(&Vector3::z_axis(), theta5))
+                .inverse()
+                    * m;
+                return [theta4, theta5, rest[(0, 2)].atan2(rest[(0, 0)])];
+            }
+            let theta4 = (sign * m[(2, 1)]).atan2(-sign * m[(0, 1)]);
+            [theta4, theta5, (sign * m[(1, 2)]).atan2(sign * m[(1, 0)])]
+        })
+    }
+}
+
+impl Robot {
+    /// Motor angles of every branch that reaches a flange pose, rad, limits not looked at. A singular wrist
+    /// keeps q4 of `near`. Robots without an explicit inverse give the one solution polished from `near`,
+    /// filed under its posture.
+    ///
+    /// # Errors
+    /// The pose is out of reach.
+    pub fn inverse(&self, base_from_flange: &Pose, near: &Joints) -> Result<Solutions, Unreachable> {
+        if let Some(closed) = self.closed_form() {
+            let wrap = |v: f64| v - (v / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+            return match closed.solve(base_from_flange, near[3]) {
+                // Serial joint 3 is wrapped before it becomes a motor angle: motor 3 = serial 3 + motor 2.
+                Ok(serial) => Ok(serial.map(|s| s.map(|s| self.motor_from_serial(&s.map(wrap))))),
+                Err(by) => Err(Unreachable::OutOfReach { by_mm: 1e3 * by }),
+            };
+        }
+        let at = |serial: &Joints| chain(&self.rows, serial, None);
+        let serial = polish(&at, base_from_flange, &self.serial_from_motor(near))?;
+        let motor = self.motor_from_serial(&serial);
+        let (rear, behind) = self.posture(&motor);
+        let mut solutions = [None; 8];
+        solutions[Branch { rear, behind, flipped: motor[4] < 0.0 }.cfx()] = Some(motor);
+        Ok(solutions)
+    }
+
+    /// The motor angles (rad) nearest to `near` that reach a flange pose: what a linear move does.
+    ///
+    /// # Errors
+    /// The pose is out of reach, or is reached beyond an axis limit.
+    pub fn inverse_near(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
+        let solutions = self.inverse(base_from_flange, near)?;
+        let motor = solutions
+            .iter()
+            .flatten()
+            .map(|motor| self.nearest_turns(motor, near))
+            .min_by(|a, b| (a - near).norm_squared().total_cmp(&(b - near).norm_squared()))
+            .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })?;
+        self.limit_violation(&motor).map_or(Ok(motor), |violation| Err(violation.into()))
+    }
+
+    /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.
+    #[must_use]
+    pub fn posture(&self, motor: &Joints) -> (bool, bool) {
+        let frames = self.frames(motor);
+        let wrist = frames.origin(4);
+        let shoulder = frames.origin(1);
+        // Link 1's x points to where the arm looks at axis 1 = 0.
+        let ahead = frames.base_from_link[0].rotation * Vector3::x();
+        let up = frames.base_from_link[0].rotation * Vector3::z();
+        let plane = |v: Vector3<f64>| (v.dot(&ahead), v.dot(&up));
+        let (arm_x, arm_z) = plane(frames.origin(2) - shoulder);
+        let (to_x, to_z) = plane(wrist - shoulder);
+        (wrist.dot(&ahead) < 0.0, arm_z * to_x - arm_x * to_z < 0.0)
+    }
+}
+
+/// Newton's polish of serial joint angles onto a pose of the last link, for chains without an explicit inverse
+/// or off the nominal one. `at` gives the frames at serial joint angles (rad).
+///
+/// # Errors
+/// It did not converge: the seed is too far or the pose cannot be reached.
+pub fn polish(at: &impl Fn(&Joints) -> Frames, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
+    // Newton doubles its digits: 50 rounds are reached only where it wanders.
+    const ROUNDS: usize = 50;
+    // m and rad: two orders above f64 noise over 4 m, four below a printed digit.
+    const DONE: f64 = 1e-13;
+    const GOOD_ENOUGH: f64 = 1e-10;
+    // Largest joint step, rad: keeps Newton in its basin.
+    const STRIDE: f64 = 0.5;
+    let mut joints = *seed;
+    let mut best = (f64::INFINITY, joints);
+    for _ in 0..ROUNDS {
+        let frames = at(&joints);
+        let gap = pose_gap(frames.base_from_flange(), base_from_last);
+        let size = gap.norm();
+        if !size.is_finite() {
+            break;
+        }
+        let stalled = best.0 < GOOD_ENOUGH && size >= 0.5 * best.0;
+        if size < best.0 {
+            best = (size, joints);
+        }
+        if size < DONE || stalled {
+            break;
+        }
+        let mut jacobian = nalgebra::Matrix6::zeros();
+        for i in 0..6 {
+            let axis = frames.axis(i);
+            let arm = frames.base_from_flange().translation.vector - frames.origin(i);
+            jacobian.fixed_view_mut::<3, 1>(0, i).copy_from(&axis.cross(&arm));
+            jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
+        }
+        // Damped least squares close to singular poses: a little damping costs rounds, not exactness.
+        let damping = 1e-12 + 1e-6 * size * size;
+        let normal = jacobian.transpose() * jacobian + nalgebra::Matrix6::identity() * damping;
+        let Some(step) = normal.cholesky().map(|c| c.solve(&(jacobian.transpose() * gap))) else { break };
+        let scale = (STRIDE / step.amax()).min(1.0);
+        joints += step * scale;
+    }
+    if best.0 < GOOD_ENOUGH { Ok(best.1) } else { Err(Unreachable::NotConverged { left_mm: 1e3 * best.0 }) }
+}
+
+/// What is left to go from one pose to another: (shift, rotation vector) in base axes, m and rad.
+#[must_use]
+pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
+    let shift = to.translation.vector - from.translation.vector;
+    let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
+    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+/// Rotation vector of a rotation, exact for small angles too, rad.
+#[must_use]
+pub(crate) fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    // Through the quaternion: the matrix form's acos gives NaN or loses half the digits near identity.
+    nalgebra::UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::BUILTIN;
+
+    fn deg(values: [f64; 6]) -> Joints {
+        Vector6::from(values.map(f64::to_radians))
+    }
+
+    #[test]
+    fn every_branch_reaches_the_pose_and_one_is_the_start() {
+        let robot = BUILTIN[0].robot();
+        for motor in [deg([10.0, 20.0, 15.0, 30.0, 40.0, -60.0]), deg([-35.0, -20.0, 35.0, -110.0, 75.0, 120.0])] {
+            let pose = robot.forward(&motor);
+            let solutions = robot.inverse(&pose, &motor).unwrap();
+            for solution in solutions.iter().flatten() {
+                assert!(pose_gap(&robot.forward(solution), &pose).norm() < 1e-12);
+            }
+            assert!((robot.inverse_near(&pose, &motor).unwrap() - motor).norm() < 1e-12);
+            for (cfx, solution) in solutions.iter().enumerate() {
+                if let Some(motor) = solution {
+                    assert_eq!(crate::robot::conf_of(&robot, motor).cfx as usize, cfx);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_independent_solver_agrees_at_p2() {
+        // PHYSICS.md, vectors, "IK of FK(P2, tool A)": second shoulder-front, elbow-down solution.
+        let robot = BUILTIN[0].robot();
+        let motor = deg([10.0, 20.0, 15.0, 30.0, 40.0, -60.0]);
+        let other = robot.inverse(&robot.forward(&motor), &motor).unwrap()[2].unwrap();
+        let expected = [10.0, 98.616_001_962_803, -41.566_382_672_018, 18.764_813_870_298, 92.435_078_487_965];
+        for (i, want) in expected.into_iter().enumerate() {
+            assert!((other[i].to_degrees() - want).abs() < 1e-9, "axis {}: {}", i + 1, other[i].to_degrees());
+        }
+    }
+}

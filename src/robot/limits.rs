@@ -1,0 +1,76 @@
+use super::{Joints, Robot};
+
+/// Axis limits at the motors, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Least motor angles.
+    pub min: Joints,
+    /// Largest motor angles.
+    pub max: Joints,
+    /// Parallelogram: least and largest motor 3 − motor 2.
+    pub elbow: Option<(f64, f64)>,
+}
+
+/// A motor angle beyond its limit.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{name} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°", name = self.name())]
+pub struct LimitViolation {
+    /// Axis 0 to 5; 6 is the parallelogram's own motor 3 − motor 2.
+    pub axis: usize,
+    /// Where it would be, degrees.
+    pub value_deg: f64,
+    /// The limit that it passes, degrees.
+    pub limit_deg: f64,
+    /// By how much, degrees, positive.
+    pub by_deg: f64,
+}
+
+impl LimitViolation {
+    fn name(&self) -> String {
+        if self.axis < 6 { format!("axis {}", self.axis + 1) } else { "elbow (axis 3 − axis 2)".to_owned() }
+    }
+}
+
+/// Angles this far beyond a limit are still taken as at it: printed programs are rounded.
+const LIMIT_SLACK: f64 = 1e-9;
+
+impl Robot {
+    /// The worst limit violation at motor angles (rad), if any.
+    #[must_use]
+    pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
+        let limits = &self.limits;
+        let mut rows: Vec<(usize, f64, f64, f64)> =
+            (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i])).collect();
+        if let Some((min, max)) = limits.elbow.filter(|_| self.parallelogram) {
+            rows.push((6, motor[2] - motor[1], min, max));
+        }
+        rows.into_iter()
+            .filter_map(|(axis, value, min, max)| {
+                let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };
+                (by > LIMIT_SLACK).then(|| LimitViolation {
+                    axis,
+                    value_deg: value.to_degrees(),
+                    limit_deg: limit.to_degrees(),
+                    by_deg: by.to_degrees(),
+                })
+            })
+            .max_by(|a, b| a.by_deg.total_cmp(&b.by_deg))
+    }
+
+    /// Moves revolute axes by whole turns to come nearest to `near`, inside the limits where possible.
+    #[must_use]
+    pub fn nearest_turns(&self, motor: &Joints, near: &Joints) -> Joints {
+        use std::f64::consts::TAU;
+        let mut out = *motor;
+        for i in [0, 1, 2, 3, 4, 5] {
+            let nearest = motor[i] + ((near[i] - motor[i]) / TAU).round() * TAU;
+            let inside = |v: f64| v >= self.limits.min[i] - LIMIT_SLACK && v <= self.limits.max[i] + LIMIT_SLACK;
+            out[i] = [nearest, nearest - TAU, nearest + TAU]
+                .into_iter()
+                .filter(|&v| inside(v))
+                .min_by(|a, b| (a - near[i]).abs().total_cmp(&(b - near[i]).abs()))
+                .unwrap_or(nearest);
+        }
+        out
+    }
+}
