@@ -6,8 +6,10 @@
 
 pub mod cl;
 pub mod rapid;
+mod round_trip;
 mod target;
 
+pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 
 use crate::text::{Diagnostic, Edit, Source, Span};
@@ -46,6 +48,8 @@ pub struct Program {
     pub literal_targets: usize,
     /// Arcs among the executed motions.
     pub arcs: usize,
+    /// The cutter, as far as the text says (CL `CUTTER`, `TLDATA`): the first one that cuts.
+    pub cutter: Option<CutterInfo>,
     /// What was noticed while reading: notes and warnings (errors refuse the program).
     pub diagnostics: Vec<Diagnostic>,
     /// Where the front end finds its number tokens again.
@@ -83,6 +87,15 @@ pub struct ToolData {
     pub mass_kg: f64,
     /// Centre of gravity in tool0, mm.
     pub cog_mm: [f64; 3],
+}
+
+/// A cutter's shape as far as a CL file tells it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutterInfo {
+    /// Diameter, mm.
+    pub diameter_mm: f64,
+    /// Corner radius, mm.
+    pub corner_radius_mm: f64,
 }
 
 /// A work object that the program uses.

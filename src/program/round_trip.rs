@@ -1,0 +1,125 @@
+//! The proof that a program survives a write: nothing in, nothing changed; a shift in, a shift out.
+
+use super::{Change, Editable, Goal, Program, RewriteOptions};
+use crate::text::{Diagnostic, Source, apply};
+
+/// What a write in memory showed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RoundTrip {
+    /// Writing without a change gives the same bytes.
+    pub identical: bool,
+    /// Writing every target shifted and reading it back gives the shifted targets, and nothing else changed.
+    pub shifted_ok: bool,
+    /// The first thing that differed, for people.
+    pub why: Option<String>,
+}
+
+impl RoundTrip {
+    /// Both writes came out right.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.identical && self.shifted_ok
+    }
+}
+
+/// The constant shift, mm: exact in four decimals and different along each axis.
+const SHIFT_MM: [f64; 3] = [0.25, -0.5, 0.125];
+
+/// Half of the last digit printed (four decimals), along each of three rotated axes, and as much
+/// again for what was read.
+const TOLERANCE_MM: f64 = 2e-4;
+
+/// Writes `program` unchanged and with every target shifted, reads the second back with `reread`
+/// (which gets the written sources, then the context sources), and compares.
+pub fn round_trip(
+    program: &Program,
+    reread: impl FnOnce(Vec<Source>, Vec<Source>) -> Result<Program, Vec<Diagnostic>>,
+) -> RoundTrip {
+    let options = RewriteOptions { allow_clones: false, ..RewriteOptions::default() };
+    let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &options);
+    let identical = written(program, &unchanged.edits).iter().zip(&program.sources).all(|(a, b)| a.bytes == b.bytes);
+
+    let changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
+    let rewritten = program.rewrite(&changes, &[], &options);
+    let mut sources = written(program, &rewritten.edits);
+    let context = sources.split_off(program.written.min(sources.len()));
+    let why = match reread(sources, context) {
+        Err(errors) => Some(errors.first().map_or_else(|| "not read back".to_owned(), ToString::to_string)),
+        Ok(again) => difference(program, &again, &changes, &rewritten.kept),
+    };
+    let why = why.or_else(|| (!identical).then(|| "bytes differ without a change".to_owned()));
+    RoundTrip { identical, shifted_ok: identical && why.is_none(), why }
+}
+
+fn shifted(goal: &Goal) -> Option<Change> {
+    let (Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. }) = goal else { return None };
+    let position_mm = std::array::from_fn(|i| position_mm[i] + SHIFT_MM[i]);
+    Some(Change { position_mm, quat: None, conf: None })
+}
+
+/// The sources with `edits` applied; sources without edits as they are.
+fn written(program: &Program, edits: &[Vec<crate::text::Edit>]) -> Vec<Source> {
+    let none = Vec::new();
+    let write = |(i, source): (usize, &Source)| {
+        let mut bytes = Vec::with_capacity(source.bytes.len());
+        // Writing to a Vec cannot fail.
+        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
+        Source { bytes, ..source.clone() }
+    };
+    program.sources.iter().enumerate().map(write).collect()
+}
+
+/// The first difference between what was wanted and what was read back.
+fn difference(
+    program: &Program,
+    again: &Program,
+    changes: &[Option<Change>],
+    kept: &[(usize, &'static str)],
+) -> Option<String> {
+    if again.targets.len() != program.targets.len() {
+        return Some(format!("{} targets became {}", program.targets.len(), again.targets.len()));
+    }
+    if again.literal_targets != program.literal_targets || again.arcs != program.arcs {
+        return Some("another number of literal targets or arcs".to_owned());
+    }
+    if again.kept.len() != program.kept.len() || again.tools != program.tools || again.wobjs != program.wobjs {
+        return Some("another reading of what was not edited".to_owned());
+    }
+    let mut unwritten = vec![None; program.targets.len()];
+    for &(at, reason) in kept {
+        unwritten[at] = Some(reason);
+    }
+    for (at, (was, is)) in program.targets.iter().zip(&again.targets).enumerate() {
+        let fault = |what: &str| Some(format!("line {}: {what}", was.line));
+        if let (Some(reason), false) = (unwritten[at], matches!(was.editable, Editable::No(_))) {
+            return fault(&format!("editable, yet not written: {reason}"));
+        }
+        let change = changes[at].as_ref().filter(|_| unwritten[at].is_none());
+        if !same(&was.goal, &is.goal, change) {
+            return fault(&format!("wanted {:?} with {change:?}, read back {:?}", was.goal, is.goal));
+        }
+        if (was.role, was.ordinal, was.motion, was.rapid) != (is.role, is.ordinal, is.motion, is.rapid) {
+            return fault("another motion");
+        }
+    }
+    None
+}
+
+/// Whether `is` is `was`, moved as `change` says.
+fn same(was: &Goal, is: &Goal, change: Option<&Change>) -> bool {
+    let near = |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
+    match (was, is) {
+        (
+            Goal::Pose { position_mm: p, quat: q, conf: c },
+            Goal::Pose { position_mm: again, quat: q_again, conf: c_again },
+        ) => {
+            let wanted = change.map_or(p, |c| &c.position_mm);
+            near(wanted, again, TOLERANCE_MM) && near(q, q_again, 0.0) && c == c_again
+        }
+        (Goal::Axis { position_mm: p, axis }, Goal::Axis { position_mm: again, axis: axis_again }) => {
+            let wanted = change.map_or(p, |c| &c.position_mm);
+            near(wanted, again, TOLERANCE_MM) && near(axis, axis_again, 0.0)
+        }
+        _ => was == is,
+    }
+}
