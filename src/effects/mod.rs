@@ -1,1 +1,148 @@
-//! effects.
+//! What makes the real arm differ from the one that the controller believes in.
+//!
+//! One file is one physical effect. An effect adds **loads** (to the cutting force or as weights), or
+//! turns loads into motion (**yields**), or moves the geometry whatever the load (**offsets**): the last two
+//! through one [`Distortion`]. Nothing outside this folder knows an effect by name; [`KINDS`] is the only list.
+
+mod distortion;
+mod gravity;
+mod joint_stiffness;
+mod state;
+
+pub use distortion::{Distortion, Twist};
+pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
+
+use std::fmt::Debug;
+
+/// One physical effect with its parameters.
+///
+/// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
+pub trait Effect: Debug + Send + Sync {
+    /// Name in the cell file, one of [`KINDS`].
+    fn kind(&self) -> &'static str;
+
+    /// Adds to the loads. Called before [`Effect::distort`] of any effect, in the order of the cell file.
+    fn load(&self, state: &State, load: &mut Load) {
+        let _ = (state, load);
+    }
+
+    /// Adds what yields to `load` (all loads known, motor torques filled in) and what is off whatever the load.
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        let _ = (state, load, out);
+    }
+
+    /// Whether [`Effect::distort`] depends on the **commanded** motor angles: the inverse then iterates.
+    fn follows_command(&self) -> bool {
+        false
+    }
+
+    /// What must be declared or measured for the effect to act.
+    fn needs(&self) -> &'static [Need] {
+        &[]
+    }
+
+    /// Which of `[controller] compensates` covers it, if any.
+    fn covered_by(&self) -> Option<Covered> {
+        None
+    }
+
+    /// Every number that may be fitted, in a fixed order. Values are in the unit named, as in the cell file.
+    fn parameters(&self) -> Vec<Parameter>;
+
+    /// The same effect with other numbers, in the order of [`Effect::parameters`].
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
+
+    /// The `[[effect]]` table of the cell file, `kind` included.
+    fn to_table(&self) -> toml::Table;
+}
+
+/// One number of an effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// As in the cell file, with its index: `half_gap_rad[0]`.
+    pub name: String,
+    /// Value, in `unit`.
+    pub value: f64,
+    /// Unit, as INTERFACE writes it: `rad`, `mm/N`, `kg·m`, …
+    pub unit: &'static str,
+    /// Typical size on a real robot: standard deviation of the physical prior about `neutral`, in `unit`.
+    pub typical: f64,
+    /// The value at which the effect does nothing (0, or 1 for factors).
+    pub neutral: f64,
+    /// Physical bounds, in `unit`: a half gap is not negative.
+    pub bounds: (f64, f64),
+}
+
+/// What an effect needs beyond the command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// `[robot.stiffness]`.
+    Stiffness,
+    /// A cutting force that is not zero everywhere.
+    Force,
+    /// Time, measured or from path length over feed.
+    Time,
+    /// Measured temperature.
+    Temperature,
+    /// Programmed speed.
+    Speed,
+}
+
+/// What a controller may correct by itself (`[controller] compensates`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Covered {
+    /// Weight of links, tool and payload.
+    Gravity,
+    /// Joint zeros, link lengths and twists.
+    Geometry,
+}
+
+/// An entry of the registry.
+pub struct Kind {
+    /// Name in the cell file.
+    pub name: &'static str,
+    /// One line for people: what happens physically.
+    pub summary: &'static str,
+    /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
+    pub read: fn(toml::Table) -> Result<Box<dyn Effect>, toml::de::Error>,
+}
+
+/// Every effect that deflex knows, in the order of INTERFACE.md. Adding an effect is adding a file and a line.
+pub static KINDS: &[Kind] = &[joint_stiffness::KIND, gravity::KIND];
+
+/// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.
+#[must_use]
+pub fn declared_springs() -> Box<dyn Effect> {
+    Box::new(joint_stiffness::JointStiffness::declared())
+}
+
+/// The registry's entry of a name.
+#[must_use]
+pub fn kind(name: &str) -> Option<&'static Kind> {
+    KINDS.iter().find(|kind| kind.name == name)
+}
+
+/// The `[[effect]]` table of anything that serialises to its keys.
+pub(crate) fn table_of(kind: &str, keys: &impl serde::Serialize) -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("kind".to_owned(), kind.into());
+    // Effects are flat structs of numbers, which always serialise.
+    if let Ok(rest) = toml::Table::try_from(keys) {
+        table.extend(rest);
+    }
+    table
+}
+
+/// Six parameters `name[0]` to `name[5]`.
+pub(crate) fn per_joint(
+    name: &str,
+    values: &[f64; 6],
+    unit: &'static str,
+    typical: f64,
+    neutral: f64,
+    bounds: (f64, f64),
+) -> Vec<Parameter> {
+    let one =
+        |(i, &value): (usize, &f64)| Parameter { name: format!("{name}[{i}]"), value, unit, typical, neutral, bounds };
+    values.iter().enumerate().map(one).collect()
+}

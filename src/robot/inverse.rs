@@ -192,14 +192,22 @@ impl Robot {
     /// # Errors
     /// The pose is out of reach, or is reached beyond an axis limit.
     pub fn inverse_near(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
+        let motor = self.inverse_near_unlimited(base_from_flange, near)?;
+        self.limit_violation(&motor).map_or(Ok(motor), |violation| Err(violation.into()))
+    }
+
+    /// [`Robot::inverse_near`], axis limits not looked at.
+    ///
+    /// # Errors
+    /// The pose is out of reach.
+    pub fn inverse_near_unlimited(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
         let solutions = self.inverse(base_from_flange, near)?;
-        let motor = solutions
+        solutions
             .iter()
             .flatten()
             .map(|motor| self.nearest_turns(motor, near))
             .min_by(|a, b| (a - near).norm_squared().total_cmp(&(b - near).norm_squared()))
-            .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })?;
-        self.limit_violation(&motor).map_or(Ok(motor), |violation| Err(violation.into()))
+            .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })
     }
 
     /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.
@@ -270,6 +278,12 @@ pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
     let shift = to.translation.vector - from.translation.vector;
     let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+/// Angle of a rotation, rad, exact for small angles too.
+#[must_use]
+pub(crate) fn rotation_angle(rotation: &Rotation3<f64>) -> f64 {
+    rotation_vector(rotation).norm()
 }
 
 /// Rotation vector of a rotation, exact for small angles too, rad.

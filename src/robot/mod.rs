@@ -16,6 +16,7 @@ pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_of, quarter_turn};
 pub use forward::{Frames, chain};
 pub use inverse::{Branch, Solutions, Unreachable, polish};
+pub(crate) use inverse::{pose_gap, rotation_angle, rotation_vector};
 pub use limits::{LimitViolation, Limits};
 pub use model::{DhRow, Robot};
 

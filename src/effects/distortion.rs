@@ -1,0 +1,106 @@
+use crate::robot::{DhRow, Joints, Pose};
+use nalgebra::{Rotation3, Translation3, Vector3};
+
+/// A small motion: shift (m) and rotation vector (rad), exact for finite ones too.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Twist {
+    /// Shift, m.
+    pub shift: Vector3<f64>,
+    /// Rotation vector, rad.
+    pub turn: Vector3<f64>,
+}
+
+impl Default for Twist {
+    fn default() -> Self {
+        Self { shift: Vector3::zeros(), turn: Vector3::zeros() }
+    }
+}
+
+impl Twist {
+    /// Whether it moves nothing.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        self.shift == Vector3::zeros() && self.turn == Vector3::zeros()
+    }
+
+    /// [`Twist::pose`], without the trigonometry where nothing moves.
+    pub(crate) fn pose_or_identity(&self) -> Pose {
+        if self.is_zero() { Pose::identity() } else { self.pose() }
+    }
+
+    /// The motion as a pose: turn, then shift, in the axes it is given in.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose::from_parts(Translation3::from(self.shift), Rotation3::from_scaled_axis(self.turn))
+    }
+}
+
+/// Everything by which the real arm differs from the nominal one at one target; effects add to it.
+///
+/// ```text
+/// base_from_tcp = T(lag) · base · chain(rows, actual joints, tilt) · flange · flange_from_tcp · tcp
+/// seen          = (base_from_wobj · wobj)⁻¹ · T(part)⁻¹ · base_from_tcp
+/// actual joints = commanded + joints − travel ∘ lost
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Distortion {
+    /// Actual minus commanded motor angles, but for lost motion, rad.
+    pub joints: Joints,
+    /// Lost motion: half of what the joint gives when its travel turns, rad, not negative.
+    pub lost: Joints,
+    /// Added to the modified-DH rows (rad, m).
+    pub rows: [DhRow; 6],
+    /// Turn of each link about x and y of its own frame, rad.
+    pub tilt: [[f64; 2]; 6],
+    /// Motion of the base, in base axes about the base origin.
+    pub base: Twist,
+    /// Motion at the flange, in the flange frame.
+    pub flange: Twist,
+    /// Motion of the TCP, in the TCP frame.
+    pub tcp: Twist,
+    /// Work object: actual frame in the declared one.
+    pub wobj: Twist,
+    /// Shift of the TCP whatever the arm does, base axes, m.
+    pub lag: Vector3<f64>,
+    /// Shift of the workpiece, base axes, m.
+    pub part: Vector3<f64>,
+}
+
+impl Distortion {
+    /// Whether the chain's links themselves differ: the explicit inverse then is a seed only.
+    #[must_use]
+    pub fn bends_links(&self) -> bool {
+        self.rows != [DhRow::default(); 6] || self.tilt != [[0.0; 2]; 6]
+    }
+
+    /// Whether only joint angles differ: the nominal inverse is then exact.
+    #[must_use]
+    pub fn joints_only(&self) -> bool {
+        !self.bends_links()
+            && [self.base, self.flange, self.tcp, self.wobj].iter().all(Twist::is_zero)
+            && self.lag == Vector3::zeros()
+            && self.part == Vector3::zeros()
+    }
+
+    /// A share of the way to another distortion.
+    pub(crate) fn towards(&self, other: &Self, share: f64) -> Self {
+        let twist =
+            |a: Twist, b: Twist| Twist { shift: a.shift.lerp(&b.shift, share), turn: a.turn.lerp(&b.turn, share) };
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        Self {
+            joints: self.joints.lerp(&other.joints, share),
+            lost: self.lost.lerp(&other.lost, share),
+            rows: std::array::from_fn(|i| {
+                let (a, b) = (self.rows[i], other.rows[i]);
+                DhRow { alpha: mix(a.alpha, b.alpha), a: mix(a.a, b.a), d: mix(a.d, b.d), theta: mix(a.theta, b.theta) }
+            }),
+            tilt: std::array::from_fn(|i| std::array::from_fn(|k| mix(self.tilt[i][k], other.tilt[i][k]))),
+            base: twist(self.base, other.base),
+            flange: twist(self.flange, other.flange),
+            tcp: twist(self.tcp, other.tcp),
+            wobj: twist(self.wobj, other.wobj),
+            lag: self.lag.lerp(&other.lag, share),
+            part: self.part.lerp(&other.part, share),
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
+
+use super::{Distortion, Effect, Kind, Load, Need, Parameter, State, per_joint, table_of};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "joint_stiffness",
+    summary: "declared joint stiffness is off by a factor",
+    read: |table| Ok(Box::new(table.try_into::<JointStiffness>()?)),
+};
+
+/// Joint springs of `scale` times the declared stiffness, in motor coordinates.
+///
+/// A cell with `[robot.stiffness]` and no such effect has one with all factors 1.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct JointStiffness {
+    scale: [f64; 6],
+}
+
+impl JointStiffness {
+    /// Springs as declared.
+    #[must_use]
+    pub(super) fn declared() -> Self {
+        Self { scale: [1.0; 6] }
+    }
+}
+
+impl Effect for JointStiffness {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        if let Some(stiffness) = state.stiffness {
+            for i in 0..6 {
+                out.joints[i] += load.torque[i] / (stiffness[i] * self.scale[i]);
+            }
+        }
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Stiffness]
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // Declared values are off by 20 to 50 % on real robots; a spring that gives nothing back is none.
+        per_joint("scale", &self.scale, "1", 0.3, 1.0, (0.05, 20.0))
+    }
+
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { scale: std::array::from_fn(|i| values[i]) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

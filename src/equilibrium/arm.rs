@@ -1,0 +1,130 @@
+use crate::effects::{Cutting, Distortion, Effect, Load, Situation, State};
+use crate::robot::{Frames, Joints, Pose, Robot, chain};
+use nalgebra::{Translation3, Vector3};
+
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+
+/// The arm of a cell: what the controller believes in, and the effects that make it differ.
+#[derive(Debug)]
+pub struct Arm {
+    /// Nominal geometry: what the controller computes with.
+    pub robot: Robot,
+    /// Declared joint stiffness at the motors, N·m/rad.
+    pub stiffness: Option<Joints>,
+    /// In the order of the cell file.
+    pub effects: Vec<Box<dyn Effect>>,
+}
+
+/// The arm looked at in one state: where it is, what acts on it, what that does to it.
+pub(super) struct Look {
+    pub(super) load: Load,
+    pub(super) distortion: Distortion,
+    /// The TCP as seen from the actual work object, under the distortion that was put in.
+    pub(super) seen: Pose,
+}
+
+impl Arm {
+    /// Whether any effect depends on the commanded angles themselves.
+    #[must_use]
+    pub fn follows_command(&self) -> bool {
+        self.effects.iter().any(|effect| effect.follows_command())
+    }
+
+    /// Frames of the links under a distortion, at actual motor angles.
+    pub(super) fn frames(&self, motor: &Joints, distortion: &Distortion) -> Frames {
+        let serial = self.robot.serial_from_motor(motor);
+        let mut frames = if distortion.bends_links() {
+            chain(&self.bent_rows(distortion), &serial, Some(&distortion.tilt))
+        } else {
+            chain(&self.robot.rows, &serial, None)
+        };
+        if !distortion.base.is_zero() {
+            let base = distortion.base.pose();
+            for i in 0..6 {
+                frames.base_from_link[i] = base * frames.base_from_link[i];
+                frames.axes[i] = base.rotation * frames.axes[i];
+            }
+        }
+        frames
+    }
+
+    /// Modified-DH rows with a distortion added.
+    pub(super) fn bent_rows(&self, distortion: &Distortion) -> [crate::robot::DhRow; 6] {
+        std::array::from_fn(|i| {
+            let (row, add) = (self.robot.rows[i], distortion.rows[i]);
+            crate::robot::DhRow {
+                alpha: row.alpha + add.alpha,
+                a: row.a + add.a,
+                d: row.d + add.d,
+                theta: row.theta + add.theta,
+            }
+        })
+    }
+
+    /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`.
+    pub(super) fn look(
+        &self,
+        situation: &Situation,
+        motor_commanded: &Joints,
+        motor: &Joints,
+        distortion: &Distortion,
+    ) -> Look {
+        let frames = self.frames(motor, distortion);
+        let at_flange = frames.base_from_flange() * distortion.flange.pose_or_identity();
+        let mut base_from_tcp = at_flange * situation.tool.flange_from_tcp * distortion.tcp.pose_or_identity();
+        base_from_tcp.translation.vector += distortion.lag;
+        let base_from_wobj = situation.base_from_wobj * distortion.wobj.pose_or_identity();
+        let mut in_part = base_from_tcp;
+        in_part.translation.vector -= distortion.part;
+        let seen = base_from_wobj.inv_mul(&in_part);
+
+        let state = State {
+            robot: &self.robot,
+            stiffness: self.stiffness.as_ref(),
+            motor_commanded,
+            motor,
+            frames: &frames,
+            base_from_tcp: &base_from_tcp,
+            gravity: self.robot.world_from_base.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY),
+            situation,
+        };
+        let mut load = Load { cut: cutting_force(situation, &seen), ..Load::default() };
+        for effect in &self.effects {
+            effect.load(&state, &mut load);
+        }
+        load.fill_torque(&self.robot, &frames, &base_from_tcp.translation.vector);
+        let mut out = Distortion::default();
+        for effect in &self.effects {
+            effect.distort(&state, &load, &mut out);
+        }
+        Look { load, distortion: out, seen }
+    }
+
+    /// The chain pose (base to link 6, base motion taken off) that puts the TCP on `wobj_from_tcp` under a
+    /// distortion: the inverse of the composition in [`Distortion`].
+    pub(super) fn chain_pose(&self, situation: &Situation, wobj_from_tcp: &Pose, distortion: &Distortion) -> Pose {
+        let mut base_from_tcp = situation.base_from_wobj * distortion.wobj.pose_or_identity() * wobj_from_tcp;
+        base_from_tcp.translation =
+            Translation3::from(base_from_tcp.translation.vector + distortion.part - distortion.lag);
+        let flange_from_tcp =
+            distortion.flange.pose_or_identity() * situation.tool.flange_from_tcp * distortion.tcp.pose_or_identity();
+        distortion.base.pose_or_identity().inv_mul(&(base_from_tcp * flange_from_tcp.inverse()))
+    }
+}
+
+/// Cutting force on the tool where the TCP is seen, base axes, N.
+fn cutting_force(situation: &Situation, seen: &Pose) -> Vector3<f64> {
+    let in_wobj = match &situation.cutting {
+        Cutting::Air => return Vector3::zeros(),
+        Cutting::Constant(force) => *force,
+        Cutting::Law { law, wobj_from_feed } => {
+            let shift = seen.translation.vector - situation.wobj_from_tcp.translation.vector;
+            // The tool axis, tip to spindle, is −z of the TCP frame.
+            let axis = -(seen.rotation * Vector3::z());
+            let into_feed = wobj_from_feed.inverse();
+            wobj_from_feed * law.force(&(into_feed * shift), &(into_feed * axis))
+        }
+    };
+    situation.base_from_wobj.rotation * in_wobj
+}

@@ -1,0 +1,84 @@
+use super::{Arm, EquilibriumError};
+use crate::effects::{Distortion, Load, Situation};
+use crate::robot::{Joints, Pose, chain, polish};
+
+/// The command that ends up where it should.
+#[derive(Clone, Debug)]
+pub struct Command {
+    /// Actual motor angles at the wanted pose, rad.
+    pub motor: Joints,
+    /// Commanded motor angles but for lost motion, rad.
+    pub free: Joints,
+    /// Lost motion to add in the direction of travel, rad, not negative.
+    pub lost: Joints,
+    /// What the arm carries at the wanted pose.
+    pub load: Load,
+}
+
+impl Command {
+    /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
+    #[must_use]
+    pub fn commanded(&self, travel: &Joints) -> Joints {
+        self.free + travel.component_mul(&self.lost)
+    }
+}
+
+/// Commands that change less than this a round are found, rad: 1e-9 mm at 3 m.
+const FOUND: f64 = 3e-13;
+
+/// Rounds for effects that depend on the command or bend the links; each gains three digits or more.
+const ROUNDS: usize = 50;
+
+impl Arm {
+    /// Inverse equilibrium: the command that puts the loaded TCP on `wobj_from_tcp`.
+    ///
+    /// Not an iteration where only joints yield: at equilibrium the **actual** joints carry the load, so with
+    /// q_a = IK(wanted) the torque is known and q_c = q_a − K⁻¹ τ(q_a), exact for finite deflections and for any joint
+    /// curve. Effects that bend links or depend on the command take a few rounds from there. `near` chooses the
+    /// branch, rad. Limits are the caller's to check, on the command.
+    ///
+    /// # Errors
+    /// The pose is not reached, or no command settles.
+    pub fn command(
+        &self,
+        situation: &Situation,
+        wobj_from_tcp: &Pose,
+        near: &Joints,
+        travel: &Joints,
+    ) -> Result<Command, EquilibriumError> {
+        let mut distortion = Distortion::default();
+        let mut motor = *near;
+        let mut commanded: Option<Joints> = None;
+        let mut change = f64::INFINITY;
+        let mut axis = 0;
+        for round in 0..ROUNDS {
+            let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
+            if !wanted.translation.vector.iter().all(|v| v.is_finite()) {
+                return Err(EquilibriumError::NotFinite);
+            }
+            if distortion.bends_links() {
+                let rows = self.bent_rows(&distortion);
+                let at = |serial: &Joints| chain(&rows, serial, Some(&distortion.tilt));
+                motor = self.robot.motor_from_serial(&polish(&at, &wanted, &self.robot.serial_from_motor(&motor))?);
+            } else if round == 0 || !distortion.joints_only() {
+                motor = self.robot.inverse_near_unlimited(&wanted, &motor)?;
+            }
+            let guess = commanded.unwrap_or(motor);
+            let look = self.look(situation, &guess, &motor, &distortion);
+            let free = motor - look.distortion.joints;
+            let next = free + travel.component_mul(&look.distortion.lost);
+            let gap = next - guess;
+            (change, axis) = (gap.amax(), gap.iamax() + 1);
+            if !change.is_finite() {
+                return Err(EquilibriumError::NotFinite);
+            }
+            let explicit = look.distortion.joints_only() && !self.follows_command();
+            if explicit || (commanded.is_some() && change < FOUND) {
+                return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
+            }
+            commanded = Some(next);
+            distortion = look.distortion;
+        }
+        Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * change, axis })
+    }
+}

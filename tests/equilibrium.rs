@@ -1,0 +1,147 @@
+//! The two questions put to a cell, against each other and against hand-made figures.
+
+use approx::assert_abs_diff_eq;
+use deflex::effects::{Cutting, Situation, ToolFrame, declared_springs, kind};
+use deflex::equilibrium::Arm;
+use deflex::robot::{BUILTIN, Joints, Pose};
+use nalgebra::{Rotation3, Translation3, Vector3};
+use proptest::prelude::*;
+
+/// Independent forward and inverse meet to the rounding of f64 over an arm of 2 m.
+const SAME_POSE: f64 = 1e-11;
+
+fn deg(values: [f64; 6]) -> Joints {
+    Joints::from(values.map(f64::to_radians))
+}
+
+fn tool() -> ToolFrame {
+    ToolFrame {
+        flange_from_tcp: Pose::from_parts(
+            Translation3::new(0.06, -0.02, 0.31),
+            Rotation3::from_euler_angles(0.1, 0.4, -0.2),
+        ),
+        mass: 18.0,
+        cog: Vector3::new(0.0, 0.0, 0.12),
+    }
+}
+
+fn arm(effects: &[&str]) -> Arm {
+    let mut all = vec![declared_springs()];
+    for text in effects {
+        let mut table: toml::Table = text.parse().unwrap();
+        let name = table.remove("kind").unwrap();
+        all.push((kind(name.as_str().unwrap()).unwrap().read)(table).unwrap());
+    }
+    Arm {
+        robot: BUILTIN[0].robot(),
+        stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])),
+        effects: all,
+    }
+}
+
+fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
+    let tool = tool();
+    let base_from_wobj =
+        Pose::from_parts(Translation3::new(1.0, -0.4, 0.7), Rotation3::from_euler_angles(0.0, 0.02, 0.3));
+    Situation {
+        base_from_wobj,
+        wobj_from_tcp: base_from_wobj.inv_mul(&(arm.robot.forward(motor) * tool.flange_from_tcp)),
+        tool,
+        cutting: Cutting::Constant(force),
+        normal: Vector3::z(),
+        velocity: Vector3::zeros(),
+        cut_length: 0.0,
+        time: 0.0,
+        temperature: None,
+        payload: 0.0,
+    }
+}
+
+const GRAVITY: &str = r#"
+kind = "gravity"
+mass_kg = [120, 60, 70, 15, 8, 12]
+first_moment_kg_m = [[6, 0, -24], [20, 0, 1.2], [3.5, 2.1, 0], [0.1, 0, -5.9], [0, 0.16, 0], [0, 0, 0.42]]
+tool = true
+"#;
+
+fn round_trip(arm: &Arm, motor: &Joints, force: Vector3<f64>) {
+    let situation = situation(arm, motor, force);
+    let none = Joints::zeros();
+    let command = arm.command(&situation, &situation.wobj_from_tcp, motor, &none).unwrap();
+    let there = arm.predict(&situation, &command.commanded(&none), &none).unwrap();
+    let gap = there.wobj_from_tcp.inv_mul(&situation.wobj_from_tcp);
+    assert!(gap.translation.vector.norm() < SAME_POSE, "{gap:?}");
+    assert!((gap.rotation.matrix() - nalgebra::Matrix3::identity()).amax() < SAME_POSE);
+    // The energy check: K (q_actual − q_commanded) = Jᵀ F + weights.
+    let stiffness = arm.stiffness.unwrap();
+    let spring = stiffness.component_mul(&(there.motor - command.commanded(&none)));
+    assert_abs_diff_eq!(spring, there.load.torque, epsilon = 1e-6 * there.load.torque.norm().max(1.0));
+}
+
+#[test]
+fn the_linear_form_of_the_paper_is_the_small_force_limit() {
+    // Tang et al., Eq. 5: D = J K⁻¹ Jᵀ F.
+    let arm = arm(&[]);
+    let motor = deg([10.0, 20.0, 15.0, 30.0, 40.0, -60.0]);
+    let force = Vector3::new(-0.3, 1.3, 1.8);
+    let situation = situation(&arm, &motor, force);
+    let none = Joints::zeros();
+    let there = arm.predict(&situation, &motor, &none).unwrap();
+    let shift = situation.base_from_wobj.rotation
+        * (there.wobj_from_tcp.translation.vector - situation.wobj_from_tcp.translation.vector);
+    let frames = arm.robot.frames(&motor);
+    let tcp = (arm.robot.forward(&motor) * situation.tool.flange_from_tcp).translation.vector;
+    let jacobian = arm.robot.jacobian(&frames, &tcp);
+    let load = situation.base_from_wobj.rotation * force;
+    let wrench = nalgebra::Vector6::new(load.x, load.y, load.z, 0.0, 0.0, 0.0);
+    let linear = jacobian * (jacobian.transpose() * wrench).component_div(&arm.stiffness.unwrap());
+    // Second order: the deflection squared over a lever of a metre.
+    assert_abs_diff_eq!(shift, linear.fixed_rows::<3>(0).into_owned(), epsilon = 2.0 * shift.norm_squared());
+    assert!(shift.norm() > 1e-6);
+}
+
+#[test]
+fn a_runaway_load_is_refused() {
+    struct Pull;
+    impl deflex::effects::ForceLaw for Pull {
+        fn force(&self, shift: &Vector3<f64>, _: &Vector3<f64>) -> Vector3<f64> {
+            // Stiffer than the arm, and it pulls the tool in.
+            Vector3::new(0.0, 0.0, -100.0 + 5e6 * shift.z)
+        }
+    }
+    let arm = arm(&[]);
+    let motor = deg([0.0, 20.0, 15.0, 10.0, 40.0, 0.0]);
+    let mut situation = situation(&arm, &motor, Vector3::zeros());
+    situation.cutting = Cutting::Law { law: &Pull, wobj_from_feed: Rotation3::identity() };
+    let error = arm.predict(&situation, &motor, &Joints::zeros()).unwrap_err().to_string();
+    assert!(error.contains("no equilibrium"), "{error}");
+}
+
+#[test]
+fn strong_negative_feedback_settles() {
+    struct Wall;
+    impl deflex::effects::ForceLaw for Wall {
+        fn force(&self, shift: &Vector3<f64>, _: &Vector3<f64>) -> Vector3<f64> {
+            Vector3::new(0.0, 0.0, 100.0 - 5e6 * shift.z)
+        }
+    }
+    let arm = arm(&[]);
+    let motor = deg([0.0, 20.0, 15.0, 10.0, 40.0, 0.0]);
+    let mut situation = situation(&arm, &motor, Vector3::zeros());
+    situation.cutting = Cutting::Law { law: &Wall, wobj_from_feed: Rotation3::identity() };
+    let there = arm.predict(&situation, &motor, &Joints::zeros()).unwrap();
+    // It rests where the wall's force is small: within 100 N / 5e6 N/m of the surface.
+    let lift = there.wobj_from_tcp.translation.z - situation.wobj_from_tcp.translation.z;
+    assert!((0.0..2e-5).contains(&lift), "{lift}");
+}
+
+proptest! {
+    #[test]
+    fn forward_of_inverse_is_identity(
+        q in prop::array::uniform6(-0.3f64..0.3), f in prop::array::uniform3(-2000.0f64..2000.0), heavy: bool
+    ) {
+        let motor = deg([10.0, 25.0, 20.0, 30.0, 45.0, -60.0]) + Joints::from(q);
+        let arm = if heavy { arm(&[GRAVITY]) } else { arm(&[]) };
+        round_trip(&arm, &motor, Vector3::from(f));
+    }
+}
