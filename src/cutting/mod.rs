@@ -1,1 +1,101 @@
-//! cutting.
+//! The mean milling force: cutter and engagement in, force on the tool out.
+//!
+//! Frames. The **feed frame** F stands at the cutter's tip: x along the feed, z along the surface
+//! normal (out of the part), y = z × x. The **cutter frame** C has z along the tool axis, tip to
+//! spindle, and is turned from F by `Rx(tilt) · Ry(lead)`: positive lead leans the tool into the
+//! feed. The spindle turns clockwise seen from above. Lengths are metres, forces newtons, angles
+//! radians, coefficients N/m² (cutting) and N/m (edge).
+//!
+//! Source: Tang et al., Eqs. 6, 12 and 13, with the matrix inside the sum and the integral, edge
+//! forces added, and the integral taken along the profile angle κ so that the tip is regular.
+//!
+//! What the mean over a revolution does not see: helix and lag shift a tooth's angle only, and
+//! runout trades chip between teeth, so both drop out as long as every tooth keeps cutting.
+
+mod contact;
+mod frame;
+pub mod materials;
+mod milling;
+mod patch;
+mod quadrature;
+mod silhouette;
+
+pub use contact::ContactPoint;
+pub use frame::feed_frame;
+pub use milling::{ForceParts, Milling};
+
+/// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cutter {
+    /// Diameter, m.
+    pub diameter: f64,
+    /// Radius of the rounded corner, m.
+    pub corner_radius: f64,
+    /// Number of teeth.
+    pub teeth: u32,
+    /// Helix angle, rad; drops out of the mean force.
+    pub helix: f64,
+}
+
+/// Which part of the cutter's width is in the material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Material on both sides; the width plays no part.
+    Slot,
+    /// Conventional milling: material to the left of the feed, at +y.
+    Up,
+    /// Climb milling: material to the right of the feed, at −y.
+    Down,
+}
+
+/// How the cutter meets the material at the programmed pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Engagement {
+    /// Slot, up or down milling.
+    pub mode: Mode,
+    /// Depth along the surface normal from the stock's top to the cutter's lowest point, m.
+    pub depth: f64,
+    /// Radial width, m, from the line at half a diameter beside the tip, on the material's side,
+    /// to the stock's edge. Used in up and down milling.
+    pub width: f64,
+    /// Feed per tooth, m.
+    pub feed_per_tooth: f64,
+    /// Lead, rad: positive leans the tool axis into the feed.
+    pub lead: f64,
+    /// Tilt, rad: positive leans the tool axis towards −y.
+    pub tilt: f64,
+}
+
+/// Force per chip area (N/m²) and per edge length (N/m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients {
+    /// Cutting, tangential: against the tooth's motion.
+    pub ktc: f64,
+    /// Cutting, radial: along the surface normal of the envelope, into the tool.
+    pub krc: f64,
+    /// Cutting, axial: down along the profile's meridian, towards the tip.
+    pub kac: f64,
+    /// Edge, tangential.
+    pub kte: f64,
+    /// Edge, radial.
+    pub kre: f64,
+    /// Edge, axial.
+    pub kae: f64,
+}
+
+/// An impossible cut: the field that makes it so, as the cell file spells it without its unit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{field}: {message}")]
+pub struct CuttingError {
+    /// Name of the offending field.
+    pub field: &'static str,
+    /// What is wrong and what was expected.
+    pub message: String,
+}
+
+impl Cutter {
+    /// Half the diameter, m.
+    pub fn radius(&self) -> f64 {
+        0.5 * self.diameter
+    }
+}

@@ -1,0 +1,53 @@
+//! Where the cutter touches the finished surface.
+
+use super::Cutter;
+use nalgebra::{Unit, Vector3};
+
+/// Below this sine the axis is square to the surface: rounding of a unit vector, not a lean.
+const SQUARE_SINE: f64 = 1e-9;
+
+/// The lowest point of the cutter's envelope, in the feed frame, from the tip (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ContactPoint {
+    /// One point.
+    Point(Vector3<f64>),
+    /// The axis is the normal and the cutter has a flat: the whole disk touches, no one point.
+    FlatDisk,
+    /// The tool leans back and its flat drags behind the point given (or lies over entirely):
+    /// the surface is cut by the heel, which the force model does not cover.
+    Heel(Vector3<f64>),
+}
+
+impl ContactPoint {
+    /// Support point of the envelope against the surface normal. Equals Tang et al. Eqs. 12 and 13
+    /// for positive lead and stays right for zero and negative lead, where those fail.
+    pub(super) fn of(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Self {
+        let flat = cutter.radius() - cutter.corner_radius;
+        let Some(point) = support(cutter, axis) else {
+            return ContactPoint::FlatDisk;
+        };
+        if axis.z <= 0.0 || (axis.x < 0.0 && flat > 0.0) {
+            ContactPoint::Heel(point)
+        } else {
+            ContactPoint::Point(point)
+        }
+    }
+}
+
+fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
+    let (r, flat) = (cutter.corner_radius, cutter.radius() - cutter.corner_radius);
+    let corner = (axis.into_inner() - Vector3::z()) * r;
+    if flat <= 0.0 {
+        return Some(corner);
+    }
+    let sine = axis.x.hypot(axis.y);
+    let up_the_disk = (Vector3::z() - axis.into_inner() * axis.z) / sine;
+    (sine > SQUARE_SINE).then(|| corner - up_the_disk * flat)
+}
+
+/// Height of the tip above the cutter's lowest point, m (Tang et al. Eq. 12 with
+/// LEAD the angle between axis and normal).
+pub(super) fn tip_height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> f64 {
+    let (r, flat) = (cutter.corner_radius, cutter.radius() - cutter.corner_radius);
+    flat * axis.x.hypot(axis.y) + r * (1.0 - axis.z)
+}

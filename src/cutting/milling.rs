@@ -1,0 +1,214 @@
+//! The mean milling force (Tang et al. Eq. 6, integral inside, along the profile angle).
+
+use super::patch::{HalfSpace, Moments, Patch, Ring};
+use super::{
+    Coefficients, ContactPoint, Cutter, CuttingError, Engagement, Mode, contact, frame, quadrature::integrate,
+};
+use nalgebra::{Unit, Vector3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Lead and tilt stay below this: beyond, the shank is in the surface.
+const STEEPEST: f64 = 80.0 * std::f64::consts::PI / 180.0;
+
+/// One cut condition: cutter, engagement and coefficients that fit together.
+#[derive(Clone, Debug)]
+pub struct Milling {
+    cutter: Cutter,
+    engagement: Engagement,
+    coefficients: Coefficients,
+    axis: Unit<Vector3<f64>>,
+    /// Height of the tip over the stock's top at the programmed pose, m.
+    tip_z: f64,
+}
+
+/// A mean force that is linear in the feed per tooth, in the feed frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ForceParts {
+    /// Edge force, N.
+    pub edge: Vector3<f64>,
+    /// Cutting force over feed per tooth, N/m.
+    pub cutting: Vector3<f64>,
+}
+
+impl ForceParts {
+    /// The force at a feed per tooth (m), N.
+    pub fn at(&self, feed_per_tooth: f64) -> Vector3<f64> {
+        self.edge + self.cutting * feed_per_tooth
+    }
+}
+
+impl Milling {
+    /// Checks that cutter, engagement and coefficients make a cut that the model covers.
+    ///
+    /// # Errors
+    /// The first field that is not finite, out of range or at odds with the others; a tool that
+    /// leans back so far that its flat bottom would cut (heel cutting).
+    pub fn new(cutter: Cutter, engagement: Engagement, coefficients: Coefficients) -> Result<Self, CuttingError> {
+        check(&cutter, &engagement, &coefficients)?;
+        let axis = frame::axis(engagement.lead, engagement.tilt);
+        let tip_z = contact::tip_height(&cutter, &axis) - engagement.depth;
+        let flat = cutter.radius() - cutter.corner_radius;
+        // Lowest point of the flat's rim over the cutter's lowest point.
+        let rim = cutter.corner_radius * (1.0 - axis.z);
+        if axis.x < 0.0 && flat > 0.0 && engagement.depth > rim {
+            return Err(error(
+                "lead",
+                "the tool leans back and would cut with its flat bottom, which the force model \
+                 does not cover: expected a lead of zero or more, or a ball end",
+            ));
+        }
+        Ok(Milling { cutter, engagement, coefficients, axis, tip_z })
+    }
+
+    /// The cutter.
+    pub fn cutter(&self) -> &Cutter {
+        &self.cutter
+    }
+
+    /// The programmed engagement.
+    pub fn engagement(&self) -> &Engagement {
+        &self.engagement
+    }
+
+    /// Tool axis, tip to spindle, in the feed frame for the programmed lead and tilt.
+    pub fn axis_in_feed(&self) -> Unit<Vector3<f64>> {
+        self.axis
+    }
+
+    /// Mean force on the tool over a revolution, N, in the feed frame.
+    ///
+    /// `shift` is the tip's displacement from the programmed one (m, feed frame; along the feed
+    /// it changes nothing, along y only up and down milling), `axis` the tool axis where it really
+    /// is, tip to spindle. Zero out of the material.
+    pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
+        self.force_parts(shift, axis).at(self.engagement.feed_per_tooth)
+    }
+
+    /// [`Milling::mean_force`] split for use at any feed per tooth.
+    pub fn force_parts(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> ForceParts {
+        let feed_across = axis.y.hypot(axis.z);
+        if axis.z <= 0.0 || feed_across <= 0.0 {
+            return ForceParts::default();
+        }
+        // Columns of the cutter frame in the feed frame: y square to axis and feed.
+        let y = Vector3::new(0.0, axis.z, -axis.y) / feed_across;
+        let x = y.cross(axis);
+        let to_cutter = |v: Vector3<f64>| Vector3::new(x.dot(&v), y.dot(&v), axis.dot(&v));
+
+        let radius = self.cutter.radius();
+        // Distance of the stock's edge from the tip, towards the open side.
+        let edge = self.engagement.width - radius;
+        let side = match self.engagement.mode {
+            Mode::Slot => None,
+            Mode::Down => Some(HalfSpace::new(to_cutter(Vector3::y()), shift.y - edge)),
+            Mode::Up => Some(HalfSpace::new(to_cutter(-Vector3::y()), -shift.y - edge)),
+        };
+        let patch = Patch {
+            radius,
+            corner: self.cutter.corner_radius,
+            feed_across,
+            feed_along: axis.x,
+            top: HalfSpace::new(to_cutter(Vector3::z()), self.tip_z + shift.z),
+            side,
+        };
+        let parts = self.integrate(&patch);
+        let to_feed = |f: Vector3<f64>| x * f.x + y * f.y + axis.into_inner() * f.z;
+        ForceParts { edge: to_feed(parts.edge), cutting: to_feed(parts.cutting) }
+    }
+
+    /// The cutter's lowest point with its axis turned to `axis`.
+    pub fn contact_point(&self, axis: &Unit<Vector3<f64>>) -> ContactPoint {
+        ContactPoint::of(&self.cutter, axis)
+    }
+
+    /// Sums over corner and cylinder, in the cutter frame.
+    fn integrate(&self, patch: &Patch) -> ForceParts {
+        let mut sum = ForceParts::default();
+        if patch.corner > 0.0 {
+            for (lo, hi) in patch.corner_breaks().pieces() {
+                if patch.moments(&patch.corner_ring(0.5 * (lo + hi))).is_none() {
+                    continue;
+                }
+                integrate(lo, hi, |kappa, weight| {
+                    self.add(&mut sum, patch, &patch.corner_ring(kappa), weight * patch.corner);
+                });
+            }
+        }
+        if let Some(breaks) = patch.cylinder_breaks() {
+            for (lo, hi) in breaks.pieces() {
+                if patch.moments(&patch.cylinder_ring(0.5 * (lo + hi))).is_none() {
+                    continue;
+                }
+                integrate(lo, hi, |height, weight| {
+                    self.add(&mut sum, patch, &patch.cylinder_ring(height), weight);
+                });
+            }
+        }
+        let teeth_per_angle = f64::from(self.cutter.teeth) / TAU;
+        sum.edge *= teeth_per_angle;
+        sum.cutting *= teeth_per_angle;
+        sum
+    }
+
+    /// Adds one ring of the given width (m).
+    #[inline]
+    fn add(&self, sum: &mut ForceParts, patch: &Patch, ring: &Ring, width: f64) {
+        let Some(m) = patch.moments(ring) else { return };
+        let k = &self.coefficients;
+        // Chip thickness over feed per tooth is a·cos − b around the ring.
+        let (a, b) = (patch.feed_across * ring.sin, patch.feed_along * ring.cos);
+        let chip = (a * m.cos - b * m.one, a * m.cos_cos - b * m.cos, a * m.sin_cos - b * m.sin);
+        sum.edge += ring_force([k.kte, k.kre, k.kae], ring, (m.one, m.cos, m.sin)) * width;
+        sum.cutting += ring_force([k.ktc, k.krc, k.kac], ring, chip) * width;
+    }
+}
+
+/// Force of a ring from its load integrals (1, cos, sin): tangential against the clockwise motion,
+/// radial against the outward normal, axial down the meridian.
+#[inline]
+fn ring_force(k: [f64; 3], ring: &Ring, (one, cos, sin): (f64, f64, f64)) -> Vector3<f64> {
+    let [kt, kr, ka] = k;
+    let inward = kr * ring.sin + ka * ring.cos;
+    Vector3::new(-kt * sin - inward * cos, kt * cos - inward * sin, (kr * ring.cos - ka * ring.sin) * one)
+}
+
+fn error(field: &'static str, message: impl Into<String>) -> CuttingError {
+    CuttingError { field, message: message.into() }
+}
+
+fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingError> {
+    for (field, value) in [("diameter", c.diameter), ("depth", e.depth), ("feed_per_tooth", e.feed_per_tooth)] {
+        if !value.is_finite() || value <= 0.0 {
+            return Err(error(field, format!("expected a number above zero, found {value}")));
+        }
+    }
+    if !(0.0..=c.radius()).contains(&c.corner_radius) {
+        return Err(error("corner_radius", "expected 0 (flat) to half the diameter (ball)"));
+    }
+    if c.teeth == 0 {
+        return Err(error("teeth", "expected at least one tooth"));
+    }
+    if !(c.helix.abs() < FRAC_PI_2) {
+        return Err(error("helix", "expected an angle within ±90°"));
+    }
+    if e.mode != Mode::Slot && !(e.width > 0.0 && e.width <= c.diameter) {
+        return Err(error("width", "expected a radial width above zero, at most the diameter"));
+    }
+    for (field, angle) in [("lead", e.lead), ("tilt", e.tilt)] {
+        if !(angle.abs() <= STEEPEST) {
+            return Err(error(field, "expected an angle within ±80°"));
+        }
+    }
+    let coefficients = [("ktc", k.ktc), ("krc", k.krc), ("kac", k.kac), ("kte", k.kte), ("kre", k.kre), ("kae", k.kae)];
+    for (field, value) in coefficients {
+        if !value.is_finite() {
+            return Err(error(field, format!("expected a finite number, found {value}")));
+        }
+    }
+    for (field, value) in [("ktc", k.ktc), ("kte", k.kte)] {
+        if value < 0.0 {
+            return Err(error(field, "expected zero or more: a tooth does not pull itself along"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,223 @@
+//! Where the set of cutting arcs changes its make-up along the profile.
+//!
+//! Between these breaks the arc integrals are smooth in κ (or in height) but for square roots at
+//! the breaks themselves, which is what the quadrature is made for. An arc appears, vanishes or
+//! closes where a ring touches a condition's boundary; the binding condition changes where two
+//! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
+
+use super::patch::{HalfSpace, Patch, Ring};
+use nalgebra::Vector3;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Most breaks a profile can have: its two ends, 2 × 4 of two stock conditions, 1 of the facing
+/// condition, 2 × 2 + 1 of the pairs.
+const MOST: usize = 16;
+
+/// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
+const OFF_PATCH: f64 = 1e-9;
+
+/// Pieces shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
+const NO_PIECE: f64 = 1e-12;
+
+/// Sorted break positions.
+pub(super) struct Breaks {
+    at: [f64; MOST],
+    len: usize,
+    range: (f64, f64),
+}
+
+impl Breaks {
+    fn new(lo: f64, hi: f64) -> Self {
+        let mut breaks = Breaks { at: [0.0; MOST], len: 0, range: (lo, hi) };
+        breaks.push(lo);
+        breaks.push(hi);
+        breaks
+    }
+
+    fn holds(&self, at: f64) -> bool {
+        at > self.range.0 && at < self.range.1
+    }
+
+    fn push(&mut self, at: f64) {
+        if self.len < MOST {
+            self.at[self.len] = at;
+            self.len += 1;
+        }
+    }
+
+    /// The pieces between the breaks.
+    pub(super) fn pieces(mut self) -> impl Iterator<Item = (f64, f64)> {
+        self.at[..self.len].sort_unstable_by(f64::total_cmp);
+        let (at, len, shortest) = (self.at, self.len, NO_PIECE * (self.range.1 - self.range.0));
+        (1..len).map(move |i| (at[i - 1], at[i])).filter(move |(lo, hi)| hi - lo > shortest)
+    }
+}
+
+impl Patch {
+    /// Breaks in κ along the corner.
+    pub(super) fn corner_breaks(&self) -> Breaks {
+        let mut breaks = Breaks::new(0.0, FRAC_PI_2);
+        let flat = self.radius - self.corner;
+        for space in self.stock() {
+            for (sign, angle) in [(1.0, opposite(space.inward)), (-1.0, space.inward)] {
+                // offset + g·r(1 − cos κ) ± slope·(flat + r sin κ) = 0.
+                let (c, s) = (-space.direction.z * self.corner, sign * space.slope * self.corner);
+                let rest = space.offset + space.direction.z * self.corner + sign * space.slope * flat;
+                let cosine = -rest / c.hypot(s);
+                if cosine.abs() > 1.0 {
+                    continue;
+                }
+                let (mid, half) = (s.atan2(c), cosine.acos());
+                for kappa in [mid - half, mid + half].map(|a| a.rem_euclid(TAU)) {
+                    if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
+                        breaks.push(kappa);
+                    }
+                }
+            }
+        }
+        // The foremost (or rearmost) point of the ring starts (or stops) to face the feed.
+        let kappa = (self.feed_along.abs() / self.feed_across).atan();
+        let angle = (self.feed_along.signum(), 0.0);
+        if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
+            breaks.push(kappa);
+        }
+        for space in self.stock() {
+            for side in [1.0, -1.0] {
+                if let Some((kappa, point)) = self.silhouette_crossing(space, side)
+                    && breaks.holds(kappa)
+                    && self.in_stock(&point)
+                {
+                    breaks.push(kappa);
+                }
+            }
+        }
+        if let Some(kappa) = self.edge_crossing_on_corner()
+            && breaks.holds(kappa)
+        {
+            breaks.push(kappa);
+        }
+        breaks
+    }
+
+    /// Breaks in height along the cylinder above the corner; `None` where it is out of the stock.
+    pub(super) fn cylinder_breaks(&self) -> Option<Breaks> {
+        let highest = (self.top.slope * self.radius - self.top.offset) / self.top.direction.z;
+        if highest <= self.corner {
+            return None;
+        }
+        let mut breaks = Breaks::new(self.corner, highest);
+        for space in self.stock() {
+            // Rings that touch the boundary, then the boundary at the silhouette (±90° off feed).
+            let extremes = [(opposite(space.inward), space.slope), (space.inward, -space.slope)];
+            let silhouette = [((0.0, 1.0), space.direction.y), ((0.0, -1.0), -space.direction.y)];
+            for (angle, reach) in extremes.into_iter().chain(silhouette) {
+                let height = -(space.offset + reach * self.radius) / space.direction.z;
+                if breaks.holds(height) && self.cuts(&self.cylinder_ring(height), angle) {
+                    breaks.push(height);
+                }
+            }
+        }
+        if let Some((origin, feed)) = self.stock_edge() {
+            // |(origin + x feed) across the axis| = radius, the foremost of the two points.
+            let (a, b) = (self.feed_across * self.feed_across, self.feed_across * origin.x);
+            let c = origin.x * origin.x + origin.y * origin.y - self.radius * self.radius;
+            let x = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
+            let height = (origin + feed * x).z;
+            if breaks.holds(height) {
+                breaks.push(height);
+            }
+        }
+        Some(breaks)
+    }
+
+    /// Does this point of a ring lie on the cutting patch or its rim?
+    fn cuts(&self, ring: &Ring, angle: (f64, f64)) -> bool {
+        self.facing(ring, angle.0) > -OFF_PATCH && self.in_stock(&ring.point(angle))
+    }
+
+    fn in_stock(&self, point: &Vector3<f64>) -> bool {
+        self.stock().all(|space| space.value(point) < OFF_PATCH)
+    }
+
+    /// Crossing of the silhouette seen along the feed (h = 0) with a stock boundary, on one side.
+    ///
+    /// The silhouette of a convex body is a convex curve, so that its distance from the boundary
+    /// only grows with the angle between its normal and the way into the material.
+    fn silhouette_crossing(&self, space: &HalfSpace, side: f64) -> Option<(f64, Vector3<f64>)> {
+        let feed = Vector3::new(self.feed_across, 0.0, self.feed_along);
+        let beside = feed.cross(&space.direction) * side;
+        let normal = |theta: f64| beside * theta.sin() - space.direction * theta.cos();
+        let point = |n: &Vector3<f64>| {
+            let reach = (self.radius - self.corner) / n.x.hypot(n.y) + self.corner;
+            Vector3::new(reach * n.x, reach * n.y, self.corner * (1.0 + n.z))
+        };
+        let theta = increasing_root(0.0, PI, |theta| space.value(&point(&normal(theta))))?;
+        let n = normal(theta);
+        (n.z < 0.0).then(|| ((-n.z).min(1.0).acos(), point(&n)))
+    }
+
+    /// The line where the stock's top meets its side: the point nearest the tip, and the feed.
+    fn stock_edge(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let side = self.side?;
+        let origin = -self.top.direction * self.top.offset - side.direction * side.offset;
+        Some((origin, Vector3::new(self.feed_across, 0.0, self.feed_along)))
+    }
+
+    /// Profile angle where the stock's edge leaves the corner at the front.
+    ///
+    /// The corner is the surface at distance r from a disk; distance is convex along a line, so
+    /// Newton from far ahead comes down to the foremost point and never passes it.
+    fn edge_crossing_on_corner(&self) -> Option<f64> {
+        let (origin, feed) = self.stock_edge()?;
+        let flat = self.radius - self.corner;
+        let mut x = origin.norm() + 2.0 * self.radius;
+        for _ in 0..64 {
+            let p = origin + feed * x;
+            let (across, up) = (p.x.hypot(p.y), p.z - self.corner);
+            let out = (across - flat).max(0.0);
+            let distance = out.hypot(up);
+            let slope = (out * p.x * feed.x / across + up * feed.z) / distance;
+            if slope.is_nan() || slope <= 0.0 {
+                return None;
+            }
+            let step = (distance - self.corner) / slope;
+            x -= step;
+            if step.abs() <= 1e-15 * self.radius.max(x.abs()) {
+                return Some(out.atan2(-up));
+            }
+        }
+        None
+    }
+}
+
+fn opposite((cos, sin): (f64, f64)) -> (f64, f64) {
+    (-cos, -sin)
+}
+
+/// Root of an increasing function by false position (Anderson–Björck) with bisection as a guard.
+fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
+    let (mut f_lo, mut f_hi) = (f(lo), f(hi));
+    if f_lo.is_nan() || f_hi.is_nan() || f_lo >= 0.0 || f_hi <= 0.0 {
+        return None;
+    }
+    for pass in 0..200 {
+        let secant = hi - f_hi * (hi - lo) / (f_hi - f_lo);
+        let mid = 0.5 * (lo + hi);
+        // Every fourth step halves, so that a jump cannot stall the secant.
+        let at = if pass % 4 == 3 || secant <= lo || secant >= hi { mid } else { secant };
+        let value = f(at);
+        if value == 0.0 || at <= lo || at >= hi || hi - lo < 1e-14 {
+            return Some(at);
+        }
+        if value < 0.0 {
+            let keep = 1.0 - value / f_lo;
+            f_hi *= if keep > 0.0 { keep } else { 0.5 };
+            (lo, f_lo) = (at, value);
+        } else {
+            let keep = 1.0 - value / f_hi;
+            f_lo *= if keep > 0.0 { keep } else { 0.5 };
+            (hi, f_hi) = (at, value);
+        }
+    }
+    Some(0.5 * (lo + hi))
+}
