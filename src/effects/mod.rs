@@ -52,6 +52,12 @@ pub trait Effect: Debug + Send + Sync {
     /// The same effect with other numbers, in the order of [`Effect::parameters`].
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
 
+    /// A copy.
+    fn clone_box(&self) -> Box<dyn Effect> {
+        let values: Vec<f64> = self.parameters().iter().map(|parameter| parameter.value).collect();
+        self.with_values(&values)
+    }
+
     /// The `[[effect]]` table of the cell file, `kind` included.
     fn to_table(&self) -> toml::Table;
 }

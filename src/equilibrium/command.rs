@@ -16,6 +16,12 @@ pub struct Command {
 }
 
 impl Command {
+    /// A command that nothing corrects.
+    #[must_use]
+    pub fn held(motor: &Joints) -> Self {
+        Self { motor: *motor, free: *motor, lost: Joints::zeros(), load: Load::default() }
+    }
+
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
     #[must_use]
     pub fn commanded(&self, travel: &Joints) -> Joints {
@@ -80,5 +86,46 @@ impl Arm {
             distortion = look.distortion;
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * change, axis })
+    }
+
+    /// Inverse equilibrium of the TCP alone: `programmed` keeps its orientation as commanded, and the command's
+    /// position is found that lands the loaded TCP on the situation's wanted point.
+    ///
+    /// An iteration, since the command's orientation is held instead of the actual one; a round gains the ratio of
+    /// deflection to arm, three digits.
+    ///
+    /// # Errors
+    /// The pose is not reached, or no command settles.
+    pub fn command_position(
+        &self,
+        situation: &Situation,
+        programmed: &Pose,
+        near: &Joints,
+        travel: &Joints,
+    ) -> Result<Command, EquilibriumError> {
+        // 1e-9 mm, like the explicit inverse.
+        const LANDED: f64 = 1e-12;
+        let wanted = situation.wobj_from_tcp.translation.vector;
+        let tcp_from_flange = situation.tool.flange_from_tcp.inverse();
+        let mut aim = *programmed;
+        let mut motor = *near;
+        let mut gap = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            motor = self.robot.inverse_near_unlimited(&(situation.base_from_wobj * aim * tcp_from_flange), &motor)?;
+            let there = self.predict(situation, &motor, travel)?;
+            let miss = there.wobj_from_tcp.translation.vector - wanted;
+            gap = miss.norm();
+            if gap < LANDED {
+                let lost = there.distortion.lost;
+                return Ok(Command {
+                    motor: there.motor,
+                    free: motor - travel.component_mul(&lost),
+                    lost,
+                    load: there.load,
+                });
+            }
+            aim.translation.vector -= miss;
+        }
+        Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * gap, axis: 0 })
     }
 }

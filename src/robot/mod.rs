@@ -11,14 +11,16 @@ mod forward;
 mod inverse;
 mod limits;
 mod model;
+mod start;
 
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_of, quarter_turn};
 pub use forward::{Frames, chain};
 pub use inverse::{Branch, Solutions, Unreachable, polish};
-pub(crate) use inverse::{pose_gap, rotation_angle, rotation_vector};
+pub(crate) use inverse::{rotation_angle, rotation_vector};
 pub use limits::{LimitViolation, Limits};
 pub use model::{DhRow, Robot};
+pub use start::{Start, StartedFrom};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
 pub type Joints = nalgebra::Vector6<f64>;

@@ -1,1 +1,0 @@
-//! A program and a cell in, corrected poses and report rows out.

@@ -1,0 +1,107 @@
+//! Tools and work objects of a program, from the program itself or from the cell, in SI.
+
+use super::Options;
+use crate::cell::Cell;
+use crate::effects::ToolFrame;
+use crate::program::{Program, ToolData, WobjData};
+use crate::robot::Pose;
+use crate::text::Diagnostic;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+
+/// Pose from millimetres and a quaternion, scalar first.
+pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(quat[0], quat[1], quat[2], quat[3]));
+    let [x, y, z] = position_mm.map(|v| 1e-3 * v);
+    Pose::from_parts(Translation3::new(x, y, z), rotation.to_rotation_matrix())
+}
+
+/// Millimetres and a quaternion, scalar first, from a pose.
+pub(super) fn millimetres(pose: &Pose) -> ([f64; 3], [f64; 4]) {
+    let quat = UnitQuaternion::from_rotation_matrix(&pose.rotation);
+    ((pose.translation.vector * 1e3).into(), [quat.w, quat.i, quat.j, quat.k])
+}
+
+fn tool_frame(data: &ToolData) -> ToolFrame {
+    ToolFrame {
+        flange_from_tcp: pose(data.tcp_mm, data.tcp_quat),
+        mass: data.mass_kg,
+        cog: Vector3::from(data.cog_mm) * 1e-3,
+    }
+}
+
+fn object_frame(data: &WobjData) -> Pose {
+    pose(data.uframe_mm, data.uframe_quat) * pose(data.oframe_mm, data.oframe_quat)
+}
+
+/// Every tool of the program by its index; a tool that no target uses may be missing.
+pub(super) fn tools(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+) -> Result<Vec<Option<ToolFrame>>, Vec<Diagnostic>> {
+    let find = |name: &str| cell.tools.get(&name.to_ascii_uppercase()).copied();
+    if let Some(name) = &options.tool {
+        let Some(tool) = find(name) else {
+            let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
+            return Err(vec![
+                Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
+                    .help(format!("declared: {known}")),
+            ]);
+        };
+        return Ok(vec![Some(tool); program.tools.len()]);
+    }
+    let mut errors = Vec::new();
+    let tools = program.tools.iter().enumerate().map(|(i, tool)| {
+        let frame = tool.data.as_ref().map(tool_frame).or_else(|| find(&tool.name));
+        if frame.is_none() {
+            errors.extend(first_use(program, |t| usize::from(t.tool) == i).map(|diagnostic| {
+                diagnostic(
+                    "cell.unknown-tool",
+                    format!("tool `{}` is declared neither in the program nor in the cell", tool.name),
+                    format!(
+                        "add [tools.{}] to the cell, or give the module that declares it with --context",
+                        tool.name
+                    ),
+                )
+            }));
+        }
+        frame
+    });
+    let tools = tools.collect();
+    if errors.is_empty() { Ok(tools) } else { Err(errors) }
+}
+
+/// Every work object of the program by its index, as the object frame in the robot's base.
+pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Pose>>, Vec<Diagnostic>> {
+    let base_from_world = cell.arm.robot.world_from_base.inverse();
+    let mut errors = Vec::new();
+    let wobjs = program.wobjs.iter().enumerate().map(|(i, wobj)| {
+        let frame = wobj.data.as_ref().map(object_frame);
+        let frame = frame.or_else(|| cell.wobjs.get(&wobj.name.to_ascii_uppercase()).copied());
+        if frame.is_none() {
+            errors.extend(first_use(program, |t| usize::from(t.wobj) == i).map(|diagnostic| {
+                diagnostic(
+                    "cell.unknown-wobj",
+                    format!("work object `{}` is declared neither in the program nor in the cell", wobj.name),
+                    format!(
+                        "add [wobjs.{}] to the cell, or give the module that declares it with --context",
+                        wobj.name
+                    ),
+                )
+            }));
+        }
+        frame.map(|world_from_wobj| base_from_world * world_from_wobj)
+    });
+    let wobjs = wobjs.collect();
+    if errors.is_empty() { Ok(wobjs) } else { Err(errors) }
+}
+
+/// A maker of diagnostics at the first target that uses something; `None` where nothing does.
+fn first_use(
+    program: &Program,
+    uses: impl Fn(&crate::program::Target) -> bool,
+) -> Option<impl Fn(&'static str, String, String) -> Diagnostic> {
+    let target = program.targets.iter().find(|t| uses(t) && !matches!(t.editable, crate::program::Editable::No(_)))?;
+    let source = &program.sources[usize::from(target.source)];
+    Some(move |code, message, help| Diagnostic::error(code, "", message).at(source, target.span).help(help))
+}

@@ -1,0 +1,343 @@
+//! The line from targets to rows: compensate and predict.
+
+use super::path::{self, Point};
+use super::row::{Row, Status, difference};
+use super::solve::{self, Solved, Wish};
+use super::{Options, Prepared, frames, sigma, subdivide};
+use crate::cell::Cell;
+use crate::equilibrium::{Equilibrium, EquilibriumError};
+use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
+use crate::robot::{Joints, Pose, conf_of};
+use crate::text::{Diagnostic, Severity};
+use nalgebra::Vector3;
+
+/// A corrected program.
+#[derive(Debug)]
+pub struct Corrected {
+    /// One row an executed motion, in running order. Targets that failed have none.
+    pub rows: Vec<Row>,
+    /// Targets that have no answer or pass a limit: a program with any of these is not written.
+    pub failures: Vec<Diagnostic>,
+    /// Notes and warnings of the run.
+    pub notes: Vec<Diagnostic>,
+    /// RAPID input: the edits, and what was written.
+    pub rewritten: Option<Rewritten>,
+    /// CL input: what to post, one a point of the program.
+    pub posted: Vec<Posted>,
+}
+
+/// A corrected point for a program that is written anew (CL to RAPID).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posted {
+    /// Corrected position, work object axes, mm.
+    pub position_mm: [f64; 3],
+    /// Corrected orientation, scalar first.
+    pub quat: [f64; 4],
+    /// Configuration of the commanded joints.
+    pub conf: Conf,
+    /// Commanded motor angles, degrees.
+    pub motor_deg: [f64; 6],
+}
+
+/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
+pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
+
+/// Corrections up to this size do not count as a change, mm and degrees: rounding of f64.
+const NO_CHANGE: f64 = 1e-9;
+
+/// Predicts what the cell would make of a program, without correcting it.
+///
+/// `against`, the original of a corrected program, is what errors are counted from; it defines depth and force too.
+///
+/// # Errors
+/// What [`Prepared::new`] refuses; an original that does not have the same targets.
+pub fn predict(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    against: Option<&Program>,
+) -> Result<Corrected, Vec<Diagnostic>> {
+    let mut prepared = Prepared::new(program, cell, options)?;
+    if let Some(original) = against {
+        let original = &Prepared::new(original, cell, options)?;
+        prepared.judge_against(original, program)?;
+    }
+    let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
+    let there = solve::forward(&cell.arm, &prepared, &commands);
+    let mut out = Collected::new(program, cell, &prepared);
+    for (i, there) in there.into_iter().enumerate() {
+        match there {
+            Ok(there) => out.row(i, &there),
+            Err(error) => out.fail(i, &error),
+        }
+    }
+    sigma::fill(&mut out.rows, cell, &prepared, &commands);
+    Ok(out.finish(None, Vec::new()))
+}
+
+/// Corrects a program: the command whose loaded TCP lands on each programmed target.
+///
+/// `remaining_mm` comes from the forward model on the numbers as written, never from the inverse.
+///
+/// # Errors
+/// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
+pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
+    let prepared = Prepared::new(program, cell, options)?;
+    let arm = &cell.arm;
+    let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
+    let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
+    let uncorrected = solve::forward(arm, &prepared, &as_programmed);
+    let solved = solve::commands(cell, &prepared, &wishes);
+
+    let mut out = Collected::new(program, cell, &prepared);
+    let mut changes: Vec<Option<Change>> = vec![None; program.targets.len()];
+    let mut motors: Vec<Joints> = prepared.points.iter().map(|p| p.motor).collect();
+    for (i, solved) in solved.iter().enumerate() {
+        match solved {
+            Ok(solved) => {
+                if let Some(violation) = arm.robot.limit_violation(&solved.motor).filter(|_| wishes[i] != Wish::Keep) {
+                    out.fail(i, &EquilibriumError::Unreachable(violation.into()));
+                }
+                motors[i] = solved.motor;
+                changes[i] = change(&program.targets[i], &prepared.points[i], solved, wishes[i], cell);
+            }
+            Err(error) => out.fail(i, error),
+        }
+    }
+    let inserts = match options.subdivide {
+        Some(tolerance) => subdivide::inserts(program, cell, &prepared, &motors, &wishes, tolerance),
+        None => Vec::new(),
+    };
+    let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
+    let (rewritten, written) = if program.language == Language::Rapid {
+        let rewritten = program.rewrite(&changes, &inserts, &rewrite);
+        let written = rewritten.written.clone();
+        (Some(rewritten), written)
+    } else {
+        let printed = |(i, point): (usize, &Point)| {
+            let pose = solved[i].as_ref().map_or(point.wobj_from_tcp, |s| s.wobj_from_tcp);
+            solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
+        };
+        (None, prepared.points.iter().enumerate().map(printed).collect())
+    };
+
+    // What the controller will really hold, run forward.
+    let mut reached = Vec::with_capacity(motors.len());
+    for (i, point) in prepared.points.iter().enumerate() {
+        let unchanged = changes[i].is_none() && program.language == Language::Rapid;
+        let motor =
+            if unchanged { Ok(point.motor) } else { solve::controller_joints(arm, point, &written[i], &motors[i]) };
+        reached.push(motor.unwrap_or_else(|error| {
+            out.fail(i, &error.into());
+            motors[i]
+        }));
+    }
+    let after = solve::forward(arm, &prepared, &solve::travels(reached.iter().copied()));
+
+    let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
+    for (i, uncorrected) in uncorrected.iter().enumerate() {
+        let uncorrected = match uncorrected {
+            Ok(uncorrected) => uncorrected,
+            Err(error) => {
+                out.fail(i, error);
+                continue;
+            }
+        };
+        out.row(i, uncorrected);
+        let point = &prepared.points[i];
+        let corrected = frames::pose(written[i].0, written[i].1);
+        if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| path::is_end(&program.targets[i])), &after[i]) {
+            let changed = changes[i].is_some() || program.language == Language::Cl;
+            if changed {
+                (row.correction_mm, row.correction_deg) = difference(&point.wobj_from_tcp, &corrected);
+            }
+            let left = after.wobj_from_tcp.translation.vector - point.reference.translation.vector;
+            row.remaining_mm = 1e3 * left.norm();
+            let reason = kept.iter().find(|(target, _)| *target == i).map(|(_, reason)| *reason);
+            let reason = reason.or(match program.targets[i].editable {
+                Editable::No(reason) => Some(reason),
+                _ => None,
+            });
+            if let Some(reason) = reason {
+                row.status = Status::Kept(reason);
+                (row.correction_mm, row.correction_deg) = ([0.0; 3], [0.0; 3]);
+            }
+        }
+        if let Err(error) = &after[i] {
+            out.fail(i, error);
+        }
+    }
+    check_limits(&mut out, cell, &prepared, &written, &changes);
+    sigma::fill(&mut out.rows, cell, &prepared, &as_programmed);
+    let posted = if program.language == Language::Cl {
+        let post = |(i, (position_mm, quat)): (usize, &([f64; 3], [f64; 4]))| Posted {
+            position_mm: *position_mm,
+            quat: *quat,
+            conf: conf_of(&arm.robot, &reached[i]),
+            motor_deg: reached[i].map(f64::to_degrees).into(),
+        };
+        written.iter().enumerate().map(post).collect()
+    } else {
+        Vec::new()
+    };
+    Ok(out.finish(rewritten, posted))
+}
+
+/// The change of a target, or `None` where nothing is to be changed.
+fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Cell) -> Option<Change> {
+    let (shift, turn) = difference(&point.wobj_from_tcp, &solved.wobj_from_tcp);
+    let still = |v: [f64; 3]| Vector3::from(v).norm() < NO_CHANGE;
+    if wish == Wish::Keep || (still(shift) && still(turn)) {
+        return None;
+    }
+    let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
+    let robot = &cell.arm.robot;
+    // confdata follow only where they were true: posts write dummies.
+    let was = conf_of(robot, &point.motor);
+    let now = conf_of(robot, &solved.motor);
+    let conf = path::written_conf(target).filter(|written| *written == was && now != was).map(|_| now);
+    Some(Change { position_mm, quat: (wish == Wish::Pose && !still(turn)).then_some(quat), conf })
+}
+
+/// Corrections that would surprise the machine: too large, or too different from the neighbour's.
+fn check_limits(
+    out: &mut Collected,
+    cell: &Cell,
+    prepared: &Prepared,
+    written: &[([f64; 3], [f64; 4])],
+    changes: &[Option<Change>],
+) {
+    let mut last: Option<Vector3<f64>> = None;
+    for (i, point) in prepared.points.iter().enumerate() {
+        let corrected = changes[i].is_some() || out.program.language == Language::Cl;
+        let shift = if corrected {
+            let to = frames::pose(written[i].0, written[i].1).translation.vector;
+            point.base_from_wobj.rotation * (to - point.wobj_from_tcp.translation.vector)
+        } else {
+            Vector3::zeros()
+        };
+        let size = shift.norm();
+        let limits = &cell.limits;
+        if size > limits.max_correction {
+            out.refuse(
+                i,
+                "limits.max-correction",
+                format!("correction of {:.3} mm, more than max_correction_mm = {}", 1e3 * size, 1e3 * limits.max_correction),
+                "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant",
+            );
+        }
+        let step = last.map_or(0.0, |last| (shift - last).norm());
+        if step > limits.max_step {
+            out.refuse(
+                i,
+                "limits.max-step",
+                format!(
+                    "the correction steps by {:.3} mm from the target before, more than max_step_mm = {}",
+                    1e3 * step,
+                    1e3 * limits.max_step
+                ),
+                "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant",
+            );
+        }
+        last = Some(shift);
+    }
+}
+
+/// Rows and failures as they come.
+struct Collected<'a> {
+    program: &'a Program,
+    cell: &'a Cell,
+    prepared: &'a Prepared,
+    rows: Vec<Row>,
+    failures: Vec<Diagnostic>,
+    /// Points with a failure already: one message a point.
+    failed: Vec<bool>,
+}
+
+impl<'a> Collected<'a> {
+    fn new(program: &'a Program, cell: &'a Cell, prepared: &'a Prepared) -> Self {
+        let failed = vec![false; program.targets.len()];
+        Self { program, cell, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
+    }
+
+    fn row(&mut self, i: usize, there: &Equilibrium) {
+        let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
+        if !path::is_end(target) {
+            return;
+        }
+        let normal = point.normal_error(&self.prepared.laws, &there.wobj_from_tcp);
+        let force = point.base_from_wobj.rotation.inverse() * there.load.cut;
+        let mut row = Row::new(target, point, &there.wobj_from_tcp, normal, force);
+        if let Editable::No(reason) = target.editable {
+            row.status = Status::Kept(reason);
+        }
+        self.rows.push(row);
+    }
+
+    fn fail(&mut self, i: usize, error: &EquilibriumError) {
+        let help = match error {
+            EquilibriumError::Unreachable(_) => "move the work object or the start branch, or change the program there",
+            EquilibriumError::NoEquilibrium { .. } => {
+                "check `[robot.stiffness]` and `[cut]`: the cut is stiffer than the arm"
+            }
+            EquilibriumError::NotFinite => "check the cell's numbers",
+        };
+        self.refuse(i, "target.unsolved", error.to_string(), help);
+    }
+
+    fn refuse(&mut self, i: usize, code: &'static str, message: String, help: &str) {
+        if std::mem::replace(&mut self.failed[i], true) {
+            return;
+        }
+        let target = &self.program.targets[i];
+        let name = target.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
+        let source = &self.program.sources[usize::from(target.source)];
+        let message = format!("target {}{name}: {message}", target.ordinal);
+        self.failures.push(Diagnostic::error(code, "", message).at(source, target.span).help(help));
+    }
+
+    fn finish(self, rewritten: Option<Rewritten>, posted: Vec<Posted>) -> Corrected {
+        let mut notes = self.program.diagnostics.clone();
+        if self.prepared.started == crate::robot::StartedFrom::NearestHome && !self.program.targets.is_empty() {
+            let source = &self.program.sources[usize::from(self.program.targets[0].source)];
+            let how = "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say how the arm stands at the first target: \
+                       the branch nearest home is taken";
+            notes.push(
+                Diagnostic::error("robot.start", "", how)
+                    .at(source, self.program.targets[0].span)
+                    .severity(Severity::Note)
+                    .help("give `[robot] start_deg` in the cell"),
+            );
+        }
+        for kind in &self.cell.controller.left_out {
+            let message =
+                format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
+            notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
+        }
+        Corrected { rows: self.rows, failures: self.failures, notes, rewritten, posted }
+    }
+}
+
+impl Prepared {
+    /// Counts errors from the targets of `original`: they define depth, force and the wanted poses.
+    fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
+        if original.points.len() != self.points.len() {
+            let name = program.sources.first().map_or("", |s| s.name.as_str());
+            let message = format!("{} targets, but the original has {}", self.points.len(), original.points.len());
+            return Err(vec![
+                Diagnostic::error("against.count", name, message)
+                    .help("--against takes the program that this one was corrected from"),
+            ]);
+        }
+        for (point, original) in self.points.iter_mut().zip(&original.points) {
+            let commanded: (Pose, Joints, Joints) = (point.wobj_from_tcp, point.motor, point.travel);
+            *point = original.clone();
+            (point.wobj_from_tcp, point.motor, point.travel) = commanded;
+        }
+        self.laws.clone_from(&original.laws);
+        Ok(())
+    }
+}
+
+/// Inserted points keep the type in one place.
+pub(super) type Inserts = Vec<Insert>;

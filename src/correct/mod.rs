@@ -1,0 +1,82 @@
+//! The forward line: a program and a cell in, corrected poses and report rows out.
+//!
+//! ```text
+//! targets → frames (tools, work objects) → path (poses, joints, feed, what cuts)
+//!         → solve (uncorrected error, command) → rewrite → verify (forward, on the numbers as written)
+//! ```
+//! Each stage is a pass over all points in running order. What depends on the neighbour before (branch, feed,
+//! travel) is a cheap ordered pass; equilibria are solved in parallel and collected in order, so that the same
+//! program gives the same bytes for any number of threads.
+
+mod forces;
+mod frames;
+mod line;
+mod path;
+mod row;
+mod sigma;
+mod solve;
+mod subdivide;
+
+pub use forces::{ForceRow, Forces};
+pub use line::{Corrected, Posted, compensate, predict};
+pub use path::Point;
+pub use row::{Row, Status, Summary};
+
+use crate::cell::Cell;
+use crate::effects::Situation;
+use crate::program::Program;
+use crate::robot::StartedFrom;
+use crate::text::Diagnostic;
+
+/// What of a target is corrected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Correct {
+    /// Position and orientation.
+    #[default]
+    Pose,
+    /// Position only: orientation tokens stay, and the TCP is landed all the same.
+    Position,
+}
+
+/// How the line is run.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Pose or position.
+    pub correct: Correct,
+    /// Forces, times, temperatures and payloads by target; overrides `[cut]`.
+    pub forces: Option<Forces>,
+    /// A tool of the cell to use for every target instead of the program's.
+    pub tool: Option<String>,
+    /// Declared targets used with different corrections may get clones.
+    pub allow_clones: bool,
+    /// Insert targets where the correction bends by more than this between targets, m.
+    pub subdivide: Option<f64>,
+}
+
+/// A program with everything solved before its equilibria: for callers that have questions of their own, such as
+/// the alignment of measured rows.
+#[derive(Debug)]
+pub struct Prepared {
+    /// One point a target of the program, in running order.
+    pub points: Vec<Point>,
+    /// How the first target's branch was chosen.
+    pub started: StartedFrom,
+    /// Laws that the points' cuts refer to.
+    laws: Vec<path::Law>,
+}
+
+impl Prepared {
+    /// Works out poses, joints, feed and cut of every target.
+    ///
+    /// # Errors
+    /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
+    pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
+        path::prepare(program, cell, options)
+    }
+
+    /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.
+    #[must_use]
+    pub fn situation(&self, i: usize) -> Situation<'_> {
+        self.points[i].situation(&self.laws)
+    }
+}

@@ -1,0 +1,461 @@
+//! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
+
+use super::frames::{self, pose};
+use super::{Options, Prepared};
+use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
+use crate::cutting::{ContactPoint, Milling, feed_frame};
+use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
+use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
+use crate::robot::{Joints, Pose, StartedFrom};
+use crate::text::Diagnostic;
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+
+/// Everything known of one target before its equilibrium.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Declared work object in the base.
+    pub base_from_wobj: Pose,
+    /// Where the program sends the TCP.
+    pub wobj_from_tcp: Pose,
+    /// Where errors are counted from, and what defines depth and force: the same, but for `--against`.
+    pub reference: Pose,
+    /// Declared tool.
+    pub tool: ToolFrame,
+    /// Nominal motor angles at `wobj_from_tcp`, rad.
+    pub motor: Joints,
+    /// Direction of travel into the target with the joints as programmed, −1, 0, 1.
+    pub travel: Joints,
+    /// Surface normal, out of the material, work object axes.
+    pub normal: Vector3<f64>,
+    /// Programmed velocity, m/s, work object axes.
+    pub velocity: Vector3<f64>,
+    /// Length cut up to here, m.
+    pub cut_length: f64,
+    /// Time since the start, s.
+    pub time: f64,
+    /// Temperature, °C.
+    pub temperature: Option<f64>,
+    /// Payload besides the tool, kg.
+    pub payload: f64,
+    /// The cut.
+    pub(super) load: PointLoad,
+}
+
+/// The cut of a [`Point`], without borrowing.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PointLoad {
+    Air,
+    /// N, work object axes.
+    Constant(Vector3<f64>),
+    /// Index into the laws, and the feed frame in the work object.
+    Law(usize, Rotation3<f64>),
+}
+
+/// A mechanistic force law for one feed per tooth.
+#[derive(Clone, Debug)]
+pub(super) struct Law {
+    milling: Milling,
+    feed_per_tooth: f64,
+}
+
+impl ForceLaw for Law {
+    fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
+        self.milling.force_parts(shift, &Unit::new_unchecked(*axis)).at(self.feed_per_tooth)
+    }
+}
+
+impl Law {
+    /// Contact point from the tip, feed frame, m, for a tool axis in the feed frame.
+    fn contact(&self, axis: &Vector3<f64>) -> Option<Vector3<f64>> {
+        match self.milling.contact_point(&Unit::new_normalize(*axis)) {
+            ContactPoint::Point(point) => Some(point),
+            ContactPoint::FlatDisk | ContactPoint::Heel(_) => None,
+        }
+    }
+}
+
+impl Point {
+    pub(super) fn situation<'a>(&self, laws: &'a [Law]) -> Situation<'a> {
+        let cutting = match self.load {
+            PointLoad::Air => Cutting::Air,
+            PointLoad::Constant(force) => Cutting::Constant(force),
+            PointLoad::Law(law, wobj_from_feed) => Cutting::Law { law: &laws[law], wobj_from_feed },
+        };
+        Situation {
+            base_from_wobj: self.base_from_wobj,
+            wobj_from_tcp: self.reference,
+            tool: self.tool,
+            cutting,
+            normal: self.normal,
+            velocity: self.velocity,
+            cut_length: self.cut_length,
+            time: self.time,
+            temperature: self.temperature,
+            payload: self.payload,
+        }
+    }
+
+    /// Whether a cutting force acts.
+    #[must_use]
+    pub fn cuts(&self) -> bool {
+        !matches!(self.load, PointLoad::Air)
+    }
+
+    /// Error at the contact point along the surface normal, m (Tang et al., Eq. 15), for the actual pose.
+    pub(super) fn normal_error(&self, laws: &[Law], actual: &Pose) -> f64 {
+        let shift = actual.translation.vector - self.reference.translation.vector;
+        let mut error = shift.dot(&self.normal);
+        if let PointLoad::Law(law, wobj_from_feed) = self.load {
+            let contact = |pose: &Pose| laws[law].contact(&(wobj_from_feed.inverse() * tool_axis(pose)));
+            if let (Some(now), Some(wanted)) = (contact(actual), contact(&self.reference)) {
+                error += (now - wanted).z;
+            }
+        }
+        error
+    }
+}
+
+/// Tool axis, tip to spindle: −z of the TCP frame.
+pub(super) fn tool_axis(pose: &Pose) -> Vector3<f64> {
+    -(pose.rotation * Vector3::z())
+}
+
+/// Directions of commanded motion smaller than this are stops, rad (INTERFACE.md).
+pub(super) const TRAVEL_THRESHOLD: f64 = 1e-7;
+
+/// Direction of travel from one commanded position to the next, held through stops.
+pub(super) fn travel(previous: &Joints, now: &Joints, held: &Joints) -> Joints {
+    Joints::from_fn(|i, _| {
+        let step = now[i] - previous[i];
+        if step.abs() > TRAVEL_THRESHOLD { step.signum() } else { held[i] }
+    })
+}
+
+/// Chords shorter than this give no direction, m: printed digits.
+const CHORD: f64 = 1e-6;
+
+pub(super) fn prepare(program: &Program, cell: &Cell, options: &Options) -> Result<Prepared, Vec<Diagnostic>> {
+    let tools = frames::tools(program, cell, options);
+    let wobjs = frames::wobjs(program, cell);
+    let (tools, wobjs) = match (tools, wobjs) {
+        (Ok(tools), Ok(wobjs)) => (tools, wobjs),
+        (tools, wobjs) => return Err([tools.err(), wobjs.err()].into_iter().flatten().flatten().collect()),
+    };
+    let mut walk = Walk {
+        program,
+        cell,
+        options,
+        laws: Laws::new(cell)?,
+        errors: Vec::new(),
+        points: Vec::with_capacity(program.targets.len()),
+        started: StartedFrom::NearestHome,
+        near: None,
+        spun: None,
+    };
+    for (i, target) in program.targets.iter().enumerate() {
+        let tool = tools[usize::from(target.tool)].unwrap_or(NO_TOOL);
+        let base_from_wobj = wobjs[usize::from(target.wobj)].unwrap_or_else(Pose::identity);
+        walk.step(i, target, &tool, &base_from_wobj);
+    }
+    if walk.errors.is_empty() {
+        let Walk { points, laws, started, .. } = walk;
+        Ok(Prepared { points, started, laws: laws.laws })
+    } else {
+        Err(walk.errors)
+    }
+}
+
+/// For kept targets whose tool nobody declares: they are not solved.
+const NO_TOOL: ToolFrame = ToolFrame { flange_from_tcp: IDENTITY, mass: 0.0, cog: Vector3::new(0.0, 0.0, 0.0) };
+const IDENTITY: Pose = Pose {
+    rotation: Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+    translation: nalgebra::Translation3::new(0.0, 0.0, 0.0),
+};
+
+struct Walk<'a> {
+    program: &'a Program,
+    cell: &'a Cell,
+    options: &'a Options,
+    laws: Laws<'a>,
+    errors: Vec<Diagnostic>,
+    points: Vec<Point>,
+    started: StartedFrom,
+    near: Option<Joints>,
+    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
+    spun: Option<Vector3<f64>>,
+}
+
+impl Walk<'_> {
+    fn step(&mut self, i: usize, target: &Target, tool: &ToolFrame, base_from_wobj: &Pose) {
+        let chord = self.chord(i, target, base_from_wobj);
+        let wobj_from_tcp = match target.goal {
+            Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
+            Goal::Axis { position_mm, axis } => match self.spin(position_mm, axis, chord) {
+                Some(pose) => pose,
+                None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
+            },
+            Goal::Joints { deg } => {
+                let motor = Joints::from(deg.map(f64::to_radians));
+                base_from_wobj.inv_mul(&(self.cell.arm.robot.forward(&motor) * tool.flange_from_tcp))
+            }
+        };
+        let motor = match self.joints(target, &(base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse())) {
+            Ok(motor) => motor,
+            Err(error) => {
+                let message = format!("target {} is not reached: {error}", target.ordinal);
+                return self.refuse(
+                    target,
+                    "robot.unreachable",
+                    &message,
+                    "check work object, tool and `[robot]` of the cell, or the program",
+                );
+            }
+        };
+        let previous = self.points.last();
+        let held = previous.map_or_else(Joints::zeros, |p| p.travel);
+        let travel = self.near.map_or(held, |near| travel(&near, &motor, &held));
+        self.near = Some(motor);
+
+        let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
+        let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
+        let direction = chord.try_normalize(CHORD);
+        let length = if previous.is_some() { chord.norm() } else { 0.0 };
+        let lag = match (feed, length) {
+            (Some(feed), length) if feed > 0.0 => length / feed,
+            _ => 0.0,
+        };
+        let axis = tool_axis(&wobj_from_tcp);
+        let frame = direction.and_then(|d| self.laws.feed_frame(&axis, &d));
+        let frame = frame.or_else(|| {
+            previous.and_then(|p| match p.load {
+                PointLoad::Law(_, frame) => Some(frame),
+                _ => None,
+            })
+        });
+        let load = match self.laws.load(
+            target,
+            row.and_then(|r| r.force),
+            frame,
+            &wobj_from_tcp,
+            self.options.forces.is_some(),
+        ) {
+            Ok(load) => load,
+            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+        };
+        let cuts = !matches!(load, PointLoad::Air);
+        let point = Point {
+            base_from_wobj: *base_from_wobj,
+            wobj_from_tcp,
+            reference: wobj_from_tcp,
+            tool: *tool,
+            motor,
+            travel,
+            normal: match (self.laws.has_engagement(), frame) {
+                (true, Some(frame)) => frame * Vector3::z(),
+                _ => axis,
+            },
+            velocity: direction.zip(feed).map_or_else(Vector3::zeros, |(d, feed)| d * feed),
+            cut_length: previous.map_or(0.0, |p| p.cut_length) + if cuts { length } else { 0.0 },
+            time: row.and_then(|r| r.time).unwrap_or_else(|| previous.map_or(0.0, |p| p.time) + lag),
+            temperature: row.and_then(|r| r.temperature),
+            payload: row.and_then(|r| r.payload).unwrap_or(0.0),
+            load,
+        };
+        self.points.push(point);
+    }
+
+    fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
+        let source = &self.program.sources[usize::from(target.source)];
+        self.errors.push(Diagnostic::error(code, "", message).at(source, target.span).help(help));
+    }
+
+    /// Chord into the target, out of it at the first, work object axes, m. Zero-length moves hold the last.
+    fn chord(&self, i: usize, target: &Target, base_from_wobj: &Pose) -> Vector3<f64> {
+        let targets = &self.program.targets;
+        let at = |t: &Target| match t.goal {
+            Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(position_mm) * 1e-3),
+            Goal::Joints { .. } => None,
+        };
+        let Some(here) = at(target) else { return Vector3::zeros() };
+        if let Some(previous) = self.points.last() {
+            let into = base_from_wobj.inv_mul(&(previous.base_from_wobj * previous.wobj_from_tcp));
+            return here - into.translation.vector;
+        }
+        let same = |t: &&Target| t.wobj == target.wobj;
+        let out = targets[i + 1..].iter().take_while(same).filter_map(at).map(|next| next - here);
+        out.into_iter().find(|chord| chord.norm() > CHORD).unwrap_or_else(Vector3::zeros)
+    }
+
+    /// Motor angles at a flange pose: joint moves go to their configuration, linear moves take the nearest.
+    fn joints(&mut self, target: &Target, base_from_flange: &Pose) -> Result<Joints, crate::robot::Unreachable> {
+        let robot = &self.cell.arm.robot;
+        let conf = match target.goal {
+            Goal::Joints { deg } => {
+                if self.near.is_none() {
+                    self.started = StartedFrom::JointTarget;
+                }
+                return Ok(Joints::from(deg.map(f64::to_radians)));
+            }
+            Goal::Pose { conf, .. } => conf,
+            Goal::Axis { .. } => None,
+        };
+        let Some(near) = self.near else {
+            let start = robot.start(base_from_flange, conf, self.cell.start.as_ref())?;
+            self.started = start.how;
+            return Ok(start.motor);
+        };
+        match (target.motion, conf) {
+            (Motion::Joint, Some(conf)) => robot.inverse_conf(base_from_flange, conf, &near),
+            _ => robot.inverse_near(base_from_flange, &near),
+        }
+    }
+
+    /// Pose of a CL target: the turn about the tool axis is the cell's `spin` rule.
+    fn spin(&mut self, position_mm: [f64; 3], axis: [f64; 3], chord: Vector3<f64>) -> Option<Pose> {
+        let spin = self.cell.cl.as_ref().map_or(Spin { rule: SpinRule::Fixed, turn: 0.0 }, |cl| cl.spin);
+        let axis = Vector3::from(axis);
+        let position = Vector3::from(position_mm) * 1e-3;
+        let reference = match spin.rule {
+            SpinRule::Fixed => Vector3::x(),
+            SpinRule::Feed => chord,
+            SpinRule::Towards(point) => point - position,
+        };
+        /// Sine below which a direction is parallel to the tool axis.
+        const PARALLEL: f64 = 1e-4;
+        let across = |v: Vector3<f64>| v - axis * v.dot(&axis);
+        let x = reference.try_normalize(CHORD).and_then(|r| across(r).try_normalize(PARALLEL));
+        let x = x.or_else(|| self.spun.and_then(|held| across(held).try_normalize(PARALLEL)))?;
+        self.spun = Some(x);
+        let x = Rotation3::from_axis_angle(&Unit::new_normalize(axis), spin.turn) * x;
+        let z = -axis;
+        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
+        Some(Pose::from_parts(position.into(), rotation))
+    }
+}
+
+/// The force laws of a cell, made as feeds turn up.
+struct Laws<'a> {
+    cut: Option<&'a Cut>,
+    milling: Option<Milling>,
+    laws: Vec<Law>,
+}
+
+/// Code, message, help.
+type Refusal = (&'static str, String, String);
+
+impl<'a> Laws<'a> {
+    fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
+        let cut = cell.cut.as_ref();
+        let milling = match cut.map(|cut| &cut.force) {
+            Some(CutForce::Mechanistic { cutter, engagement, coefficients, .. }) => {
+                Some(Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
+                    vec![Diagnostic::error("cell.cut", "", format!("[cut] {}: {}", error.field, error.message))]
+                })?)
+            }
+            _ => None,
+        };
+        Ok(Self { cut, milling, laws: Vec::new() })
+    }
+
+    fn has_engagement(&self) -> bool {
+        self.milling.is_some()
+    }
+
+    /// Feed frame in the work object.
+    fn feed_frame(&self, axis: &Vector3<f64>, feed: &Vector3<f64>) -> Option<Rotation3<f64>> {
+        let (lead, tilt) = self.milling.as_ref().map_or((0.0, 0.0), |m| (m.engagement().lead, m.engagement().tilt));
+        feed_frame(&Unit::new_normalize(*axis), feed, lead, tilt)
+    }
+
+    fn load(
+        &mut self,
+        target: &Target,
+        given: Option<Vector3<f64>>,
+        frame: Option<Rotation3<f64>>,
+        wobj_from_tcp: &Pose,
+        has_table: bool,
+    ) -> Result<PointLoad, Refusal> {
+        if !self.may_cut(target) {
+            return Ok(PointLoad::Air);
+        }
+        // A table overrides [cut]: a nonzero row cuts, a zero or absent row is air.
+        if has_table {
+            return Ok(given.filter(|f| *f != Vector3::zeros()).map_or(PointLoad::Air, PointLoad::Constant));
+        }
+        match self.cut.map(|cut| &cut.force) {
+            None => Err((
+                "cell.no-cut",
+                "the cell has no [cut] section, and no table of forces was given".to_owned(),
+                "add [cut] to the cell (force = \"none\" for no force), or give --forces".to_owned(),
+            )),
+            Some(CutForce::None) => Ok(PointLoad::Air),
+            Some(CutForce::Table) => Err((
+                "cell.no-forces",
+                "[cut] force = \"table\" needs a table of forces".to_owned(),
+                "give --forces CSV with `target` and `fx_n,fy_n,fz_n`".to_owned(),
+            )),
+            Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
+                (ForceFrame::Wobj, _) => PointLoad::Constant(*force),
+                (ForceFrame::Tool, _) => PointLoad::Constant(wobj_from_tcp.rotation * force),
+                (ForceFrame::Feed, Some(frame)) => PointLoad::Constant(frame * force),
+                (ForceFrame::Feed, None) => PointLoad::Air,
+            }),
+            Some(CutForce::Mechanistic { feed_from_program, spindle_rpm, engagement, cutter, .. }) => {
+                let Some(frame) = frame else { return Ok(PointLoad::Air) };
+                let feed_per_tooth = if *feed_from_program {
+                    let rpm = target.spindle_rpm.or(*spindle_rpm).filter(|rpm| *rpm > 0.0);
+                    let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
+                        return Err((
+                            "cell.no-feed-per-tooth",
+                            "the feed per tooth is not known: the target has no feed, or nobody says the spindle speed"
+                                .to_owned(),
+                            "give feed_per_tooth_mm or spindle_rpm in [cut.engagement]".to_owned(),
+                        ));
+                    };
+                    1e-3 * feed * 60.0 / (rpm * f64::from(cutter.teeth))
+                } else {
+                    engagement.feed_per_tooth
+                };
+                Ok(PointLoad::Law(self.law(feed_per_tooth), frame))
+            }
+        }
+    }
+
+    /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
+    fn may_cut(&self, target: &Target) -> bool {
+        match target.mark {
+            Some(Mark::Air) => false,
+            Some(Mark::Cut) => true,
+            None => {
+                let limit = self.cut.and_then(|cut| cut.max_cutting_feed);
+                let fast = limit.is_some_and(|limit| target.feed_mm_s.is_none_or(|feed| 1e-3 * feed > limit));
+                !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint) && !fast
+            }
+        }
+    }
+
+    /// Index of the law of a feed per tooth. Programs have few feeds: a linear search.
+    fn law(&mut self, feed_per_tooth: f64) -> usize {
+        let same = |law: &Law| law.feed_per_tooth.to_bits() == feed_per_tooth.to_bits();
+        if let Some(index) = self.laws.iter().position(same) {
+            return index;
+        }
+        if let Some(milling) = &self.milling {
+            self.laws.push(Law { milling: milling.clone(), feed_per_tooth });
+        }
+        self.laws.len() - 1
+    }
+}
+
+/// Whether a target is an executed motion's end: one report row.
+pub(super) fn is_end(target: &Target) -> bool {
+    target.role == Role::End
+}
+
+/// confdata as written.
+pub(super) fn written_conf(target: &Target) -> Option<Conf> {
+    match target.goal {
+        Goal::Pose { conf, .. } => conf,
+        _ => None,
+    }
+}

@@ -1,0 +1,138 @@
+use super::path::Point;
+use crate::program::Target;
+use crate::robot::{Pose, rotation_vector};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// What happened to a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// A cutting force acts; corrected where a correction was asked for.
+    Ok,
+    /// No cutting force.
+    Air,
+    /// Not changed, for this reason.
+    Kept(&'static str),
+}
+
+/// One row of the report: a target, its predicted error, its correction and what remains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Ordinal of the motion, from 1.
+    pub target: u32,
+    /// Line of the instruction.
+    pub line: u32,
+    /// Name of the declared robtarget.
+    pub name: Option<Arc<str>>,
+    /// What happened.
+    pub status: Status,
+    /// Programmed position, work object axes, mm.
+    pub position_mm: [f64; 3],
+    /// Predicted error without correction, work object axes, mm.
+    pub error_mm: [f64; 3],
+    /// Its rotation vector, degrees.
+    pub error_deg: [f64; 3],
+    /// Along the surface normal at the contact point, out of the material, mm.
+    pub error_normal_mm: f64,
+    /// Commanded minus programmed, mm.
+    pub correction_mm: [f64; 3],
+    /// Its rotation vector, degrees.
+    pub correction_deg: [f64; 3],
+    /// Predicted from the numbers as written, by the forward model, mm.
+    pub remaining_mm: f64,
+    /// Force on the tool, work object axes, N.
+    pub force_n: [f64; 3],
+    /// Standard uncertainty of the predicted error, per axis, mm.
+    pub sigma_mm: Option<f64>,
+}
+
+impl Row {
+    /// Size of the predicted error, mm.
+    #[must_use]
+    pub fn error_norm_mm(&self) -> f64 {
+        Vector3::from(self.error_mm).norm()
+    }
+
+    /// Size of the correction, mm.
+    #[must_use]
+    pub fn correction_norm_mm(&self) -> f64 {
+        Vector3::from(self.correction_mm).norm()
+    }
+
+    /// A row with the predicted error of `actual`, and nothing corrected.
+    pub(super) fn new(target: &Target, point: &Point, actual: &Pose, error_normal: f64, force: Vector3<f64>) -> Self {
+        let (error_mm, error_deg) = difference(&point.reference, actual);
+        Self {
+            target: target.ordinal,
+            line: target.line,
+            name: target.name.clone(),
+            status: if point.cuts() { Status::Ok } else { Status::Air },
+            position_mm: (point.wobj_from_tcp.translation.vector * 1e3).into(),
+            error_mm,
+            error_deg,
+            error_normal_mm: 1e3 * error_normal,
+            correction_mm: [0.0; 3],
+            correction_deg: [0.0; 3],
+            remaining_mm: Vector3::from(error_mm).norm(),
+            force_n: force.into(),
+            sigma_mm: None,
+        }
+    }
+}
+
+/// `to` minus `from`: mm, and the rotation vector of R_to·R_fromᵀ in degrees, both in the common frame's axes.
+pub(super) fn difference(from: &Pose, to: &Pose) -> ([f64; 3], [f64; 3]) {
+    let shift = (to.translation.vector - from.translation.vector) * 1e3;
+    let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
+    (shift.into(), turn.map(f64::to_degrees).into())
+}
+
+/// Counts and sizes over a program, for the summary line.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Report rows.
+    pub targets: usize,
+    /// Targets whose numbers changed.
+    pub corrected: usize,
+    /// Without cutting force.
+    pub air: usize,
+    /// Not changed, by reason, in the order first met.
+    pub kept: Vec<(&'static str, usize)>,
+    /// Largest predicted error without correction, mm.
+    pub max_error_mm: f64,
+    /// Root mean square of it over cutting targets, mm.
+    pub rms_error_mm: f64,
+    /// Largest correction, mm.
+    pub max_correction_mm: f64,
+    /// Largest remaining error of a cutting target that is not kept, mm.
+    pub max_remaining_mm: f64,
+}
+
+impl Summary {
+    /// Counts rows.
+    #[must_use]
+    pub fn of(rows: &[Row]) -> Self {
+        let mut sum = Self { targets: rows.len(), ..Self::default() };
+        let mut squares = (0.0, 0usize);
+        for row in rows {
+            match row.status {
+                Status::Ok => {
+                    sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_mm);
+                    squares = (squares.0 + row.error_norm_mm().powi(2), squares.1 + 1);
+                }
+                Status::Air => sum.air += 1,
+                Status::Kept(reason) => match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
+                    Some((_, count)) => *count += 1,
+                    None => sum.kept.push((reason, 1)),
+                },
+            }
+            sum.max_error_mm = sum.max_error_mm.max(row.error_norm_mm());
+            sum.max_correction_mm = sum.max_correction_mm.max(row.correction_norm_mm());
+            sum.corrected += usize::from(row.correction_norm_mm() > 0.0 || row.correction_deg != [0.0; 3]);
+        }
+        if squares.1 > 0 {
+            sum.rms_error_mm = (squares.0 / squares.1 as f64).sqrt();
+        }
+        sum
+    }
+}

@@ -1,0 +1,76 @@
+//! Uncertainty of the predicted error from the covariance of the effects' parameters.
+
+use super::{Prepared, Row};
+use crate::cell::Cell;
+use crate::equilibrium::Arm;
+use crate::robot::Joints;
+use nalgebra::{DMatrix, Vector3};
+use rayon::prelude::*;
+
+/// Step of a parameter for its derivative, in standard deviations: the model is smooth on that scale.
+const STEP: f64 = 0.5;
+
+/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter.
+pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands: &[(Joints, Joints)]) {
+    let known: Vec<(usize, &DMatrix<f64>)> =
+        cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
+    if known.is_empty() || rows.len() != prepared.points.len() {
+        return;
+    }
+    let mut variance = vec![0.0; rows.len()];
+    for (effect, covariance) in known {
+        let base: Vec<f64> = cell.arm.effects[effect].parameters().iter().map(|p| p.value).collect();
+        let columns: Vec<Option<Vec<Vector3<f64>>>> = (0..base.len())
+            .map(|k| {
+                let step = STEP * covariance[(k, k)].max(0.0).sqrt();
+                (step > 0.0).then(|| column(cell, effect, &base, k, step, prepared, commands))
+            })
+            .collect();
+        for (a, left) in columns.iter().enumerate() {
+            for (b, right) in columns.iter().enumerate() {
+                let (Some(left), Some(right)) = (left, right) else { continue };
+                for (sum, (x, y)) in variance.iter_mut().zip(left.iter().zip(right)) {
+                    *sum += covariance[(a, b)] * x.dot(y);
+                }
+            }
+        }
+    }
+    for (row, variance) in rows.iter_mut().zip(variance) {
+        row.sigma_mm = Some(1e3 * (variance.max(0.0) / 3.0).sqrt());
+    }
+}
+
+/// Change of every predicted position with one parameter, m per unit.
+fn column(
+    cell: &Cell,
+    effect: usize,
+    base: &[f64],
+    k: usize,
+    step: f64,
+    prepared: &Prepared,
+    commands: &[(Joints, Joints)],
+) -> Vec<Vector3<f64>> {
+    let at = |value: f64| {
+        let mut values = base.to_vec();
+        values[k] = value;
+        let with = |i: usize| {
+            let effect_now = &cell.arm.effects[i];
+            if i == effect { effect_now.with_values(&values) } else { effect_now.clone_box() }
+        };
+        let arm = Arm {
+            robot: cell.arm.robot.clone(),
+            stiffness: cell.arm.stiffness,
+            effects: (0..cell.arm.effects.len()).map(with).collect(),
+        };
+        let place = |(i, (motor, travel)): (usize, &(Joints, Joints))| {
+            arm.predict(&prepared.situation(i), motor, travel).map(|e| e.wobj_from_tcp.translation.vector).ok()
+        };
+        commands.par_iter().enumerate().map(place).collect::<Vec<_>>()
+    };
+    let (up, down) = (at(base[k] + step), at(base[k] - step));
+    let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {
+        (Some(up), Some(down)) => (up - down) / (2.0 * step),
+        _ => Vector3::zeros(),
+    };
+    up.into_iter().zip(down).map(slope).collect()
+}

@@ -1,0 +1,171 @@
+//! Commands for every point: equilibria in parallel, directions of travel in order.
+
+use super::path::{Point, TRAVEL_THRESHOLD, travel};
+use super::{Correct, Prepared, frames};
+use crate::cell::Cell;
+use crate::equilibrium::{Arm, Command, Equilibrium, EquilibriumError};
+use crate::program::Editable;
+use crate::robot::{Joints, Pose, Unreachable};
+use crate::text::number;
+use rayon::prelude::*;
+
+/// A solved command.
+#[derive(Clone, Debug)]
+pub(super) struct Solved {
+    /// Commanded motor angles, rad.
+    pub(super) motor: Joints,
+    /// What the controller's own nominal model makes of them: the corrected target.
+    pub(super) wobj_from_tcp: Pose,
+}
+
+/// What to solve for at each point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wish {
+    /// Leave the command as it is.
+    Keep,
+    /// Land the whole pose.
+    Pose,
+    /// Land the TCP, hold the command's orientation.
+    Position,
+}
+
+impl Wish {
+    pub(super) fn of(editable: Editable, correct: Correct) -> Self {
+        match (editable, correct) {
+            (Editable::No(_), _) => Self::Keep,
+            (Editable::Position, _) | (_, Correct::Position) => Self::Position,
+            (Editable::Pose, Correct::Pose) => Self::Pose,
+        }
+    }
+}
+
+/// Forward equilibria of given commands, in order.
+pub(super) fn forward(
+    arm: &Arm,
+    prepared: &Prepared,
+    commands: &[(Joints, Joints)],
+) -> Vec<Result<Equilibrium, EquilibriumError>> {
+    commands
+        .par_iter()
+        .enumerate()
+        .map(|(i, (motor, travel))| arm.predict(&prepared.situation(i), motor, travel))
+        .collect()
+}
+
+/// Directions of travel along a sequence of commanded motor angles.
+pub(super) fn travels(commands: impl Iterator<Item = Joints>) -> Vec<(Joints, Joints)> {
+    let mut last: Option<(Joints, Joints)> = None;
+    commands
+        .map(|motor| {
+            let travel = last.map_or_else(Joints::zeros, |(previous, held)| travel(&previous, &motor, &held));
+            last = Some((motor, travel));
+            (motor, travel)
+        })
+        .collect()
+}
+
+/// Corrected commands of every point.
+pub(super) fn commands(cell: &Cell, prepared: &Prepared, wishes: &[Wish]) -> Vec<Result<Solved, EquilibriumError>> {
+    let arm = &cell.arm;
+    // Travel as programmed decides first; where lost motion changes it, the ordered pass corrects it.
+    let first: Vec<Result<Command, EquilibriumError>> = prepared
+        .points
+        .par_iter()
+        .zip(wishes)
+        .enumerate()
+        .map(|(i, (point, wish))| one(arm, prepared, i, point, *wish, &point.travel))
+        .collect();
+    let travels = settle_travel(prepared, &first);
+    let follows = arm.follows_command();
+    first
+        .into_par_iter()
+        .zip(&travels)
+        .enumerate()
+        .map(|(i, (command, travel))| {
+            let point = &prepared.points[i];
+            let mut command = command?;
+            let again = wishes[i] == Wish::Position && command.lost != Joints::zeros();
+            if (follows || again) && *travel != point.travel {
+                command = one(arm, prepared, i, point, wishes[i], travel)?;
+            }
+            let motor = command.commanded(travel);
+            let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
+            let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
+            match wishes[i] {
+                Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
+                Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
+                Wish::Pose => {}
+            }
+            Ok(Solved { motor, wobj_from_tcp })
+        })
+        .collect()
+}
+
+fn one(
+    arm: &Arm,
+    prepared: &Prepared,
+    i: usize,
+    point: &Point,
+    wish: Wish,
+    travel: &Joints,
+) -> Result<Command, EquilibriumError> {
+    let situation = prepared.situation(i);
+    match wish {
+        Wish::Keep => Ok(Command::held(&point.motor)),
+        Wish::Pose => arm.command(&situation, &point.reference, &point.motor, travel),
+        Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel),
+    }
+}
+
+/// Directions of the **corrected** motion, in order: lost motion is added in the direction of travel, and the
+/// direction follows from what is commanded. A direction holds if the command made with it moves that way; of two
+/// that hold, the joint keeps the one it has.
+fn settle_travel(prepared: &Prepared, commands: &[Result<Command, EquilibriumError>]) -> Vec<Joints> {
+    let mut last: Option<(Joints, Joints)> = None;
+    commands
+        .iter()
+        .zip(&prepared.points)
+        .map(|(command, point)| {
+            let Ok(command) = command else { return point.travel };
+            let Some((previous, held)) = last else {
+                last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
+                return Joints::zeros();
+            };
+            let travel = Joints::from_fn(|i, _| {
+                let step = |sign: f64| command.free[i] + sign * command.lost[i] - previous[i];
+                let holds = |sign: f64| sign * step(sign) > TRAVEL_THRESHOLD;
+                if step(held[i]).abs() <= TRAVEL_THRESHOLD {
+                    return held[i];
+                }
+                let other = if held[i] == 0.0 { point.travel[i] } else { -held[i] };
+                [held[i], other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(point.travel[i])
+            });
+            last = Some((command.commanded(&travel), travel));
+            travel
+        })
+        .collect()
+}
+
+/// Motor angles that the controller reaches for numbers as it holds them, near known ones.
+pub(super) fn controller_joints(
+    arm: &Arm,
+    point: &Point,
+    written: &([f64; 3], [f64; 4]),
+    near: &Joints,
+) -> Result<Joints, Unreachable> {
+    let pose = frames::pose(written.0, written.1);
+    arm.robot.inverse_near(&(point.base_from_wobj * pose * point.tool.flange_from_tcp.inverse()), near)
+}
+
+/// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.
+pub(super) fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
+    let round = |value: f64, decimals: usize| {
+        let mut text = Vec::with_capacity(16);
+        number::write_fixed(&mut text, value, decimals);
+        #[allow(clippy::cast_possible_truncation)]
+        let single = number::read(&text).unwrap_or(value) as f32;
+        f64::from(single)
+    };
+    let (position, quat) = frames::millimetres(pose);
+    (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
+}

@@ -1,0 +1,94 @@
+use super::{Branch, Joints, Pose, Robot, Unreachable, conf_of};
+use crate::program::Conf;
+
+/// Where a program starts, and why there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Motor angles, rad.
+    pub motor: Joints,
+    /// What decided.
+    pub how: StartedFrom,
+}
+
+/// What decided the first target's branch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartedFrom {
+    /// A joint target (MoveAbsJ) before it.
+    JointTarget,
+    /// `[robot] start_deg`.
+    StartDeg,
+    /// confdata of the first target, which fits one of the branches.
+    Confdata,
+    /// Nothing said: the branch nearest home (all motor angles zero).
+    NearestHome,
+}
+
+impl Robot {
+    /// Motor angles (rad) at a program's first flange pose: nearest to `start`, else the branch that `conf` names,
+    /// else nearest home, inside the limits where any branch is.
+    ///
+    /// `conf` counts only where it fits the branch that its cfx names in all three quarter turns: posts write dummies.
+    ///
+    /// # Errors
+    /// The pose is out of reach, or every branch is beyond a limit.
+    pub fn start(
+        &self,
+        base_from_flange: &Pose,
+        conf: Option<Conf>,
+        start: Option<&Joints>,
+    ) -> Result<Start, Unreachable> {
+        if let Some(start) = start {
+            return Ok(Start { motor: self.inverse_near(base_from_flange, start)?, how: StartedFrom::StartDeg });
+        }
+        let home = Joints::zeros();
+        if let Some(motor) = conf.and_then(|conf| self.branch_of_conf(base_from_flange, conf, &home)) {
+            return Ok(Start { motor, how: StartedFrom::Confdata });
+        }
+        let mut best: Option<Joints> = None;
+        let mut violation = None;
+        for motor in self.inverse(base_from_flange, &home)?.iter().flatten() {
+            let motor = self.nearest_turns(motor, &home);
+            match self.limit_violation(&motor) {
+                Some(found) => violation = violation.or(Some(found)),
+                None if best.is_none_or(|best| motor.norm_squared() < best.norm_squared()) => best = Some(motor),
+                None => {}
+            }
+        }
+        match (best, violation) {
+            (Some(motor), _) => Ok(Start { motor, how: StartedFrom::NearestHome }),
+            (None, Some(violation)) => Err(violation.into()),
+            (None, None) => Err(Unreachable::OutOfReach { by_mm: 0.0 }),
+        }
+    }
+
+    /// Motor angles (rad) of a joint move to a pose with a configuration: the branch that it names where it fits one,
+    /// else the nearest to `near`.
+    ///
+    /// # Errors
+    /// The pose is out of reach, or beyond an axis limit.
+    pub fn inverse_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Result<Joints, Unreachable> {
+        match self.branch_of_conf(base_from_flange, conf, near) {
+            Some(motor) => Ok(motor),
+            None => self.inverse_near(base_from_flange, near),
+        }
+    }
+
+    /// The branch that a configuration names, if its quarter turns fit it and it lies inside the limits.
+    fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
+        let index = usize::try_from(conf.cfx).ok().filter(|cfx| *cfx < Branch::ALL.len())?;
+        let motor = self.inverse(base_from_flange, near).ok()?[index]?;
+        // Whole turns that the quarter indices ask for; within a turn they must agree.
+        let turned = Joints::from_fn(|i, _| {
+            let now = conf_of(self, &motor);
+            let (wanted, has) = match i {
+                0 => (conf.cf1, now.cf1),
+                3 => (conf.cf4, now.cf4),
+                5 => (conf.cf6, now.cf6),
+                _ => (0, 0),
+            };
+            motor[i] + f64::from((wanted - has).div_euclid(4)) * std::f64::consts::TAU
+        });
+        let fits = conf_of(self, &turned) == conf;
+        (fits && self.limit_violation(&turned).is_none()).then_some(turned)
+    }
+}
