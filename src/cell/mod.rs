@@ -2,6 +2,17 @@
 //!
 //! Numbers here are as the file has them converted to SI; the file's own units stand in its keys.
 
+mod check;
+mod extend;
+mod nearest;
+mod raw;
+mod read;
+mod template;
+
+pub use extend::{NewEffect, extended};
+pub use nearest::nearest;
+pub use template::template;
+
 use crate::cutting::{Coefficients, Cutter, Engagement};
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;

@@ -1,6 +1,6 @@
 //! The mean milling force (Tang et al. Eq. 6, integral inside, along the profile angle).
 
-use super::patch::{HalfSpace, Moments, Patch, Ring};
+use super::patch::{HalfSpace, Patch, Ring};
 use super::{
     Coefficients, ContactPoint, Cutter, CuttingError, Engagement, Mode, contact, frame, quadrature::integrate,
 };

@@ -1,1 +1,5 @@
-//! measured.
+//! Measured rows: what a tracker, a gauge or a dynamometer said, aligned to targets.
+
+mod table;
+
+pub use table::{MeasuredRow, Table, TargetRef};

@@ -5,10 +5,12 @@
 //! the number tokens stand) is its own and stays behind [`Program::rewrite`].
 
 pub mod cl;
+mod detect;
 pub mod rapid;
 mod round_trip;
 mod target;
 
+pub use detect::detect;
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 

@@ -118,7 +118,7 @@ impl Sink {
 
 /// The line around a span, cut to a readable length, and the marked bytes within it.
 fn snippet(source: &Source, span: Span) -> (String, std::ops::Range<usize>) {
-    const AROUND: usize = 60; // a terminal line, both sides
+    const AROUND: usize = 4000; // longer lines are not text that anybody reads
     let bytes = &source.bytes;
     let ends = |b: &u8| matches!(b, b'\n' | b'\r');
     let start = (span.start as usize).min(bytes.len());

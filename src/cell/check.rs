@@ -1,0 +1,104 @@
+//! Checks of values with messages at the key's place in the file.
+
+use super::nearest;
+use crate::text::{Diagnostic, Source, Span};
+use toml_edit::{Document, Item, TableLike};
+
+/// How far a declared quaternion's norm may be off before it is refused: 4 printed decimals.
+const QUAT_NORM: f64 = 1e-3;
+
+/// Collects errors about one cell file.
+pub(super) struct Check<'a> {
+    pub(super) source: &'a Source,
+    document: Option<Document<String>>,
+    pub(super) errors: Vec<Diagnostic>,
+}
+
+impl<'a> Check<'a> {
+    pub(super) fn new(source: &'a Source, text: &str) -> Self {
+        Self { source, document: Document::parse(text.to_owned()).ok(), errors: Vec::new() }
+    }
+
+    /// An error at a key such as `cut.engagement.depth_mm`; `effect.2.kind` counts from 0. The nearest parent that
+    /// the file has is marked.
+    pub(super) fn error(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
+        let diagnostic = Diagnostic::error("cell.value", &self.source.name, message).help(help);
+        let diagnostic = match self.span(key) {
+            Some(span) => diagnostic.at(self.source, span),
+            None => diagnostic,
+        };
+        self.errors.push(diagnostic);
+    }
+
+    fn span(&self, key: &str) -> Option<Span> {
+        let document = self.document.as_ref()?;
+        let mut span = None;
+        let mut table: &dyn TableLike = document.as_table();
+        let mut parts = key.split('.').peekable();
+        while let Some(part) = parts.next() {
+            let item = table.get(part)?;
+            span = item.span().or(span);
+            let next = match item {
+                Item::ArrayOfTables(tables) => {
+                    let index: usize = parts.next()?.parse().ok()?;
+                    let inner = tables.get(index)?;
+                    span = inner.span().or(span);
+                    Some(inner as &dyn TableLike)
+                }
+                item => item.as_table_like(),
+            };
+            match next {
+                Some(next) if parts.peek().is_some() => table = next,
+                _ => break,
+            }
+        }
+        // A byte order mark, if any, was taken off before parsing.
+        span.map(|range| Span::new(range.start, range.end))
+    }
+
+    pub(super) fn finite(&mut self, key: &str, values: &[f64]) {
+        if values.iter().any(|value| !value.is_finite()) {
+            self.error(key, format!("{key} is not finite"), "expected numbers, not inf or nan");
+        }
+    }
+
+    pub(super) fn positive(&mut self, key: &str, values: &[f64]) {
+        if values.iter().any(|value| !(value.is_finite() && *value > 0.0)) {
+            self.error(key, format!("{key} must be greater than 0"), "check the value and its unit");
+        }
+    }
+
+    pub(super) fn quat(&mut self, key: &str, quat: [f64; 4]) {
+        let norm = quat.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if norm.is_nan() || (norm - 1.0).abs() > QUAT_NORM {
+            self.error(
+                key,
+                format!("{key} has norm {norm:.6}, expected 1"),
+                "a quaternion is [q1, q2, q3, q4], scalar first",
+            );
+        }
+    }
+
+    /// One of some words.
+    pub(super) fn word<T: Copy>(&mut self, key: &str, word: &str, known: &[(&str, T)]) -> Option<T> {
+        let found = known.iter().find(|(name, _)| *name == word).map(|(_, value)| *value);
+        if found.is_none() {
+            let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+            let meant = nearest(word, names.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`? "));
+            self.error(
+                key,
+                format!("{key} = \"{word}\" is not known"),
+                format!("{meant}expected one of {}", names.join(", ")),
+            );
+        }
+        found
+    }
+
+    /// A value that the run needs.
+    pub(super) fn need<T>(&mut self, parent: &str, key: &str, value: Option<T>, why: &str) -> Option<T> {
+        if value.is_none() {
+            self.error(parent, format!("{parent}.{key} is missing: {why}"), format!("add `{key} = …` to [{parent}]"));
+        }
+        value
+    }
+}

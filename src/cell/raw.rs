@@ -1,0 +1,149 @@
+//! The cell file as it is typed: keys of INTERFACE.md, units in the names.
+
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Cell {
+    pub(super) robot: Robot,
+    pub(super) limits: Option<Limits>,
+    pub(super) controller: Option<Controller>,
+    #[serde(default)]
+    pub(super) tools: BTreeMap<String, Tool>,
+    #[serde(default)]
+    pub(super) wobjs: BTreeMap<String, Wobj>,
+    pub(super) cl: Option<Cl>,
+    pub(super) cut: Option<Cut>,
+    #[serde(default)]
+    pub(super) effect: Vec<toml::Table>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Robot {
+    pub(super) model: String,
+    pub(super) start_deg: Option<[f64; 6]>,
+    pub(super) base_mm: Option<[f64; 3]>,
+    pub(super) base_quat: Option<[f64; 4]>,
+    pub(super) kinematics: Option<Kinematics>,
+    pub(super) stiffness: Option<Stiffness>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Kinematics {
+    pub(super) parallelogram: bool,
+    pub(super) links: Vec<Link>,
+    pub(super) axis_min_deg: [f64; 6],
+    pub(super) axis_max_deg: [f64; 6],
+    pub(super) elbow_min_deg: Option<f64>,
+    pub(super) elbow_max_deg: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Link {
+    pub(super) alpha_deg: f64,
+    pub(super) a_mm: f64,
+    pub(super) d_mm: f64,
+    pub(super) theta_deg: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Stiffness {
+    pub(super) joint_nm_per_rad: [f64; 6],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Limits {
+    pub(super) max_correction_mm: Option<f64>,
+    pub(super) max_step_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Controller {
+    pub(super) compensates: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tool {
+    pub(super) tcp_mm: [f64; 3],
+    pub(super) tcp_quat: [f64; 4],
+    #[serde(default)]
+    pub(super) mass_kg: f64,
+    #[serde(default)]
+    pub(super) cog_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wobj {
+    pub(super) uframe_mm: [f64; 3],
+    pub(super) uframe_quat: [f64; 4],
+    pub(super) oframe_mm: Option<[f64; 3]>,
+    pub(super) oframe_quat: Option<[f64; 4]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Cl {
+    pub(super) tool: String,
+    pub(super) wobj: String,
+    pub(super) units: Option<String>,
+    pub(super) point: Option<String>,
+    pub(super) spin: String,
+    pub(super) spin_deg: Option<f64>,
+    pub(super) towards_mm: Option<[f64; 3]>,
+    pub(super) arc_tolerance_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Cut {
+    pub(super) force: String,
+    pub(super) max_cutting_feed_mm_s: Option<f64>,
+    pub(super) force_n: Option<[f64; 3]>,
+    pub(super) frame: Option<String>,
+    pub(super) cutter: Option<CutterKeys>,
+    pub(super) engagement: Option<EngagementKeys>,
+    pub(super) coefficients: Option<CoefficientKeys>,
+    pub(super) material: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CutterKeys {
+    pub(super) diameter_mm: f64,
+    pub(super) corner_radius_mm: f64,
+    pub(super) teeth: u32,
+    pub(super) helix_deg: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EngagementKeys {
+    pub(super) mode: String,
+    pub(super) depth_mm: f64,
+    pub(super) width_mm: Option<f64>,
+    pub(super) feed_per_tooth_mm: Option<f64>,
+    pub(super) spindle_rpm: Option<f64>,
+    pub(super) lead_deg: f64,
+    pub(super) tilt_deg: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CoefficientKeys {
+    pub(super) material: Option<String>,
+    pub(super) ktc_n_mm2: Option<f64>,
+    pub(super) krc_n_mm2: Option<f64>,
+    pub(super) kac_n_mm2: Option<f64>,
+    pub(super) kte_n_mm: Option<f64>,
+    pub(super) kre_n_mm: Option<f64>,
+    pub(super) kae_n_mm: Option<f64>,
+}

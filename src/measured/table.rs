@@ -1,0 +1,289 @@
+use crate::cell::nearest;
+use crate::correct::{ForceRow, Forces};
+use crate::text::{Diagnostic, Source};
+use nalgebra::Vector3;
+
+/// Which target a row belongs to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TargetRef {
+    /// 1-based ordinal among the executed motions.
+    Ordinal(u32),
+    /// Name of a declared robtarget visited once, as written.
+    Name(String),
+}
+
+/// One measured row, in the file's units; absent columns and empty cells are `None`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeasuredRow {
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// Target.
+    pub target: Option<TargetRef>,
+    /// TCP, mm.
+    pub position_mm: Option<[f64; 3]>,
+    /// Orientation, scalar first.
+    pub quat: Option<[f64; 4]>,
+    /// Error along the surface normal, mm.
+    pub normal_mm: Option<f64>,
+    /// Motor angles, degrees.
+    pub motor_deg: Option<[f64; 6]>,
+    /// Length from the device's fixed point, mm.
+    pub distance_mm: Option<f64>,
+    /// Force on the tool, N.
+    pub force_n: Option<[f64; 3]>,
+    /// Time, s.
+    pub time_s: Option<f64>,
+    /// Temperature, °C.
+    pub temperature_c: Option<f64>,
+    /// Payload, kg.
+    pub payload_kg: Option<f64>,
+    /// Standard deviation of the position, per axis, mm.
+    pub sigma_mm: Option<f64>,
+    /// Run that the row belongs to.
+    pub run: Option<String>,
+    /// Never fitted, only scored.
+    pub holdout: Option<bool>,
+}
+
+/// A measured file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// File name, for messages.
+    pub file: String,
+    /// Rows in the order of the file.
+    pub rows: Vec<MeasuredRow>,
+}
+
+/// Columns of INTERFACE.md.
+const COLUMNS: [&str; 26] = [
+    "target",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "qw",
+    "qx",
+    "qy",
+    "qz",
+    "normal_mm",
+    "q1_deg",
+    "q2_deg",
+    "q3_deg",
+    "q4_deg",
+    "q5_deg",
+    "q6_deg",
+    "distance_mm",
+    "fx_n",
+    "fy_n",
+    "fz_n",
+    "time_s",
+    "temperature_c",
+    "payload_kg",
+    "sigma_mm",
+    "run",
+    "holdout",
+    "",
+];
+
+/// Messages about one file before the rest is only counted.
+const MESSAGES: usize = 20;
+
+impl Table {
+    /// Reads a measured file.
+    ///
+    /// # Errors
+    /// Unknown columns (with the nearest known one), cells that are not finite numbers, groups given in part.
+    pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
+        let error = |line: u64, message: String, help: String| {
+            let mut diagnostic = Diagnostic::error("measured.csv", &source.name, message).help(help);
+            (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
+            diagnostic
+        };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(false).from_reader(&source.bytes[..]);
+        let header = match reader.byte_headers() {
+            Ok(header) => header.clone(),
+            Err(reason) => {
+                return Err(vec![error(1, format!("not a CSV file: {reason}"), "expected a header row".into())]);
+            }
+        };
+        let mut errors = Vec::new();
+        let mut place = [None; COLUMNS.len()];
+        for (at, name) in header.iter().enumerate() {
+            let name = String::from_utf8_lossy(name);
+            let name = name.trim_start_matches('\u{feff}');
+            match COLUMNS.iter().position(|known| *known == name && !name.is_empty()) {
+                Some(column) if place[column].is_some() => {
+                    errors.push(error(1, format!("column `{name}` stands twice"), "remove one of them".into()));
+                }
+                Some(column) => place[column] = Some(at),
+                None => {
+                    let help = nearest(name, COLUMNS).filter(|n| !n.is_empty()).map_or_else(
+                        || format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", ")),
+                        |near| format!("did you mean `{near}`?"),
+                    );
+                    errors.push(error(1, format!("unknown column `{name}`"), help));
+                }
+            }
+        }
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        let mut rows = Vec::new();
+        for record in reader.byte_records() {
+            let record = match record {
+                Ok(record) => record,
+                Err(reason) => {
+                    let line = reason.position().map_or(0, csv::Position::line);
+                    errors.push(error(
+                        line,
+                        format!("row not read: {reason}"),
+                        "every row has the header's columns".into(),
+                    ));
+                    break;
+                }
+            };
+            let line = record.position().map_or(0, csv::Position::line);
+            let cells = Cells { record: &record, place: &place };
+            match cells.row(line) {
+                Ok(row) => rows.push(row),
+                Err((message, help)) => errors.push(error(line, message, help)),
+            }
+            if errors.len() >= MESSAGES {
+                break;
+            }
+        }
+        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows }) } else { Err(errors) }
+    }
+
+    /// Forces and covariates by target, for `--forces`.
+    #[must_use]
+    pub fn forces(&self) -> Forces {
+        let mut forces = Forces::default();
+        for row in &self.rows {
+            let entry = ForceRow {
+                force: row.force_n.map(Vector3::from),
+                time: row.time_s,
+                temperature: row.temperature_c,
+                payload: row.payload_kg,
+            };
+            match &row.target {
+                Some(TargetRef::Ordinal(ordinal)) => {
+                    forces.by_ordinal.insert(*ordinal, entry);
+                }
+                Some(TargetRef::Name(name)) => {
+                    forces.by_name.insert(name.to_ascii_uppercase(), entry);
+                }
+                None => {}
+            }
+        }
+        forces
+    }
+}
+
+struct Cells<'a> {
+    record: &'a csv::ByteRecord,
+    place: &'a [Option<usize>; COLUMNS.len()],
+}
+
+type CellError = (String, String);
+
+impl Cells<'_> {
+    fn text(&self, column: usize) -> Option<String> {
+        let text = self.record.get(self.place[column]?)?;
+        (!text.is_empty()).then(|| String::from_utf8_lossy(text).into_owned())
+    }
+
+    fn number(&self, column: usize) -> Result<Option<f64>, CellError> {
+        let Some(text) = self.text(column) else { return Ok(None) };
+        match text.parse::<f64>().ok().filter(|value| value.is_finite()) {
+            Some(value) => Ok(Some(value)),
+            None => {
+                Err((format!("{} is `{text}`", COLUMNS[column]), "expected a finite number, or an empty cell".into()))
+            }
+        }
+    }
+
+    /// Columns that stand together: all or none.
+    fn group<const N: usize>(&self, first: usize) -> Result<Option<[f64; N]>, CellError> {
+        let mut values = [0.0; N];
+        let mut given = 0;
+        for (i, value) in values.iter_mut().enumerate() {
+            if let Some(number) = self.number(first + i)? {
+                *value = number;
+                given += 1;
+            }
+        }
+        match given {
+            0 => Ok(None),
+            n if n == N => Ok(Some(values)),
+            _ => Err((
+                format!("{} are given in part", COLUMNS[first..first + N].join(", ")),
+                "give all of them or none".into(),
+            )),
+        }
+    }
+
+    fn row(&self, line: u64) -> Result<MeasuredRow, CellError> {
+        let target = match self.text(0) {
+            None => None,
+            Some(text) => Some(match text.parse::<f64>() {
+                Ok(ordinal) if ordinal >= 1.0 && ordinal.fract() == 0.0 && ordinal <= f64::from(u32::MAX) =>
+                {
+                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                    TargetRef::Ordinal(ordinal as u32)
+                }
+                Ok(_) => return Err((format!("target is `{text}`"), "expected an ordinal from 1, or a name".into())),
+                Err(_) => TargetRef::Name(text),
+            }),
+        };
+        let holdout = match self.text(24).as_deref() {
+            None => None,
+            Some("0") => Some(false),
+            Some("1") => Some(true),
+            Some(text) => return Err((format!("holdout is `{text}`"), "expected 0 or 1".into())),
+        };
+        Ok(MeasuredRow {
+            line,
+            target,
+            position_mm: self.group::<3>(1)?,
+            quat: self.group::<4>(4)?,
+            normal_mm: self.number(8)?,
+            motor_deg: self.group::<6>(9)?,
+            distance_mm: self.number(15)?,
+            force_n: self.group::<3>(16)?,
+            time_s: self.number(19)?,
+            temperature_c: self.number(20)?,
+            payload_kg: self.number(21)?,
+            sigma_mm: self.number(22)?,
+            run: self.text(23),
+            holdout,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Table, Vec<Diagnostic>> {
+        Table::read(&Source::new("m.csv", text.as_bytes()))
+    }
+
+    #[test]
+    fn reads_columns_in_any_order_and_empty_cells() {
+        let table = read("fx_n,target,fy_n,fz_n,time_s\n1,3,2,3,\n,p10,,,4.5\n").unwrap();
+        assert_eq!(table.rows[0].target, Some(TargetRef::Ordinal(3)));
+        assert_eq!(table.rows[0].force_n, Some([1.0, 2.0, 3.0]));
+        assert_eq!(table.rows[1].target, Some(TargetRef::Name("p10".into())));
+        assert_eq!((table.rows[1].force_n, table.rows[1].time_s), (None, Some(4.5)));
+    }
+
+    #[test]
+    fn names_what_is_wrong_with_its_line() {
+        let unknown = &read("target,x_m\n1,2\n").unwrap_err()[0];
+        assert_eq!(unknown.help.as_deref(), Some("did you mean `x_mm`?"));
+        let nan = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2,nan,2,3\n").unwrap_err()[0];
+        assert_eq!((nan.line, nan.message.as_str()), (3, "x_mm is `nan`"));
+        let part = &read("target,x_mm,y_mm,z_mm\n1,1,2,\n").unwrap_err()[0];
+        assert!(part.message.contains("in part"));
+    }
+}

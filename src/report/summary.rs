@@ -1,0 +1,110 @@
+use crate::correct::{Corrected, Summary};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// What one program came to, for `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct FileSummary {
+    /// Program, as the user typed it.
+    pub path: String,
+    /// Executed motions.
+    pub targets: usize,
+    /// Targets whose numbers changed.
+    pub corrected: usize,
+    /// Without cutting force.
+    pub air: usize,
+    /// Not changed, by reason.
+    pub kept: Vec<KeptCount>,
+    /// Largest predicted error without correction, mm.
+    pub max_error_mm: f64,
+    /// Root mean square of it over cutting targets, mm.
+    pub rms_error_mm: f64,
+    /// Largest correction, mm.
+    pub max_correction_mm: f64,
+    /// Largest error that remains on a cutting target, mm.
+    pub max_remaining_mm: f64,
+    /// Targets without an answer or over a limit.
+    pub failures: Vec<FailureLine>,
+}
+
+/// How many targets were kept for a reason.
+#[derive(Clone, Debug, Serialize)]
+pub struct KeptCount {
+    /// Reason.
+    pub reason: &'static str,
+    /// Targets.
+    pub count: usize,
+}
+
+/// A failed target.
+#[derive(Clone, Debug, Serialize)]
+pub struct FailureLine {
+    /// Line in the program.
+    pub line: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+impl FileSummary {
+    /// Sums up a run.
+    #[must_use]
+    pub fn new(path: &str, corrected: &Corrected) -> Self {
+        let sum = Summary::of(&corrected.rows);
+        Self {
+            path: path.to_owned(),
+            targets: sum.targets,
+            corrected: sum.corrected,
+            air: sum.air,
+            kept: sum.kept.iter().map(|&(reason, count)| KeptCount { reason, count }).collect(),
+            max_error_mm: sum.max_error_mm,
+            rms_error_mm: sum.rms_error_mm,
+            max_correction_mm: sum.max_correction_mm,
+            max_remaining_mm: sum.max_remaining_mm,
+            failures: corrected
+                .failures
+                .iter()
+                .map(|f| FailureLine { line: f.line, message: f.message.clone() })
+                .collect(),
+        }
+    }
+}
+
+/// `1,236 targets: 1,211 corrected, 20 air, 5 kept: 3 computed at run time, 2 …`
+#[must_use]
+pub fn summary_line(summary: &FileSummary) -> String {
+    let mut line = format!(
+        "{} targets: {} corrected, {} air",
+        grouped(summary.targets),
+        grouped(summary.corrected),
+        grouped(summary.air)
+    );
+    let kept: usize = summary.kept.iter().map(|kept| kept.count).sum();
+    if kept > 0 {
+        // Writing to a String cannot fail.
+        let _ = write!(line, ", {} kept: ", grouped(kept));
+        let reasons: Vec<String> = summary.kept.iter().map(|k| format!("{} {}", grouped(k.count), k.reason)).collect();
+        line += &reasons.join(", ");
+    }
+    line
+}
+
+/// A count with thousands set apart.
+fn grouped(count: usize) -> String {
+    let digits = count.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn thousands_are_set_apart() {
+        assert_eq!([super::grouped(7), super::grouped(1236), super::grouped(1_000_000)], ["7", "1,236", "1,000,000"]);
+    }
+}
