@@ -1,0 +1,131 @@
+//! Arcs and helices as chords.
+
+use super::vector::{add, cross, dot, norm, scale, sub, unit};
+use std::f64::consts::TAU;
+
+/// An arc from a start to an end, counter-clockwise about its axis (right-hand rule).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Arc {
+    centre: [f64; 3],
+    /// Unit vectors: towards the start, a quarter turn on, and the axis.
+    frame: [[f64; 3]; 3],
+    /// Distance from the axis at the start and at the end.
+    radius: [f64; 2],
+    /// Height along the axis at the start and at the end.
+    height: [f64; 2],
+    /// Angle travelled, radians.
+    pub(super) sweep: f64,
+}
+
+/// What a text says about an arc, besides its ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Circle {
+    pub(super) centre: [f64; 3],
+    /// Any length; the travel is counter-clockwise about it.
+    pub(super) axis: [f64; 3],
+    /// Where the text gives one.
+    pub(super) radius: Option<f64>,
+    /// Turns of a helix; 1 for an arc.
+    pub(super) turns: f64,
+}
+
+/// More chords than this are no tool path but a wrong number: a full circle of 34 m radius to 0.01 mm
+/// has 4,096.
+const MAX_CHORDS: f64 = 16_384.0;
+
+/// How far the ends may lie off the circle, as a part of its radius; printed digits and CAM tolerances
+/// stay a hundred times below on real files.
+const OFF_CIRCLE: f64 = 0.02;
+
+/// Angles below this are the printed start point again: a full turn.
+const SAME_ANGLE: f64 = 1e-9;
+
+impl Arc {
+    /// The arc, or why it is none; lengths in any one unit.
+    pub(super) fn new(circle: &Circle, start: [f64; 3], end: [f64; 3]) -> Result<Self, &'static str> {
+        let n = unit(circle.axis).ok_or("arc without an axis")?;
+        let (a, b) = (sub(start, circle.centre), sub(end, circle.centre));
+        let (height_a, height_b) = (dot(a, n), dot(b, n));
+        let (flat_a, flat_b) = (sub(a, scale(n, height_a)), sub(b, scale(n, height_b)));
+        let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
+        let x = unit(flat_a).ok_or("arc of no radius")?;
+        let y = cross(n, x);
+        let radius = circle.radius.map_or(radius_a, f64::abs);
+        let off = (radius_a - radius).abs().max((radius_b - radius).abs());
+        if !(off <= OFF_CIRCLE * radius) {
+            return Err("arc whose ends are not on its circle");
+        }
+        let mut sweep = dot(flat_b, y).atan2(dot(flat_b, x)).rem_euclid(TAU);
+        if sweep < SAME_ANGLE {
+            sweep = TAU;
+        }
+        sweep += TAU * (circle.turns.max(1.0) - 1.0);
+        Ok(Self {
+            centre: circle.centre,
+            frame: [x, y, n],
+            radius: [radius_a, radius_b],
+            height: [height_a, height_b],
+            sweep,
+        })
+    }
+
+    /// Number of equal chords that stay within `tolerance` of the arc.
+    pub(super) fn chords(&self, tolerance: f64) -> Result<usize, &'static str> {
+        let radius = self.radius[0].max(self.radius[1]);
+        // The sagitta of a chord over the angle a is r·(1 − cos(a/2)).
+        let angle = 2.0 * (1.0 - tolerance / radius).max(0.0).acos();
+        let chords = (self.sweep / angle).ceil();
+        if !(chords <= MAX_CHORDS) {
+            return Err("arc too long to be cut into chords");
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        Ok(chords.max(1.0) as usize)
+    }
+
+    /// The point at the part `t` of the way; radius and height change evenly (helix, spiral).
+    pub(super) fn point(&self, t: f64) -> [f64; 3] {
+        let between = |[a, b]: [f64; 2]| a + (b - a) * t;
+        let (sin, cos) = (self.sweep * t).sin_cos();
+        let r = between(self.radius);
+        let [x, y, n] = self.frame;
+        add(add(self.centre, scale(n, between(self.height))), add(scale(x, r * cos), scale(y, r * sin)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUARTER: Circle = Circle { centre: [0.0; 3], axis: [0.0, 0.0, 2.0], radius: Some(10.0), turns: 1.0 };
+
+    #[test]
+    fn quarter_turns_left_about_its_axis_and_three_quarters_the_other_way() {
+        let (start, end) = ([10.0, 0.0, 0.0], [0.0, 10.0, 0.0]);
+        let left = Arc::new(&QUARTER, start, end).unwrap();
+        assert!((left.sweep - TAU / 4.0).abs() < 1e-12);
+        let right = Arc::new(&Circle { axis: [0.0, 0.0, -1.0], ..QUARTER }, start, end).unwrap();
+        assert!((right.sweep - 3.0 * TAU / 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn chords_stay_within_the_tolerance_and_end_on_the_end() {
+        let arc = Arc::new(&QUARTER, [10.0, 0.0, 0.0], [10.0, 0.0, 5.0]).unwrap();
+        assert!((arc.sweep - TAU).abs() < 1e-12, "the start again is a full turn");
+        let n = arc.chords(0.01).unwrap();
+        let mid = |i: usize| {
+            let [a, b] = [i, i + 1].map(|k| arc.point(k as f64 / n as f64));
+            norm([(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0, 0.0])
+        };
+        assert!((0..n).all(|i| 10.0 - mid(i) <= 0.01 + 1e-12));
+        assert!(10.0 - mid(0) > 0.008, "not more chords than needed");
+        assert!(norm(sub(arc.point(1.0), [10.0, 0.0, 5.0])) < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_arc_is_said() {
+        assert!(Arc::new(&QUARTER, [10.0, 0.0, 0.0], [0.0, 12.0, 0.0]).is_err());
+        assert!(Arc::new(&Circle { axis: [0.0; 3], ..QUARTER }, [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]).is_err());
+        let huge = Circle { radius: Some(1e12), ..QUARTER };
+        assert!(Arc::new(&huge, [1e12, 0.0, 0.0], [-1e12, 0.0, 0.0]).unwrap().chords(0.01).is_err());
+    }
+}

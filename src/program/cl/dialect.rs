@@ -1,0 +1,69 @@
+//! Who wrote the file, and what that changes.
+
+/// CAM systems told apart, because their arcs, axes or frames differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dialect {
+    Nx,
+    Makino,
+    Catia,
+    Creo,
+    SolidWorks,
+    CamWorks,
+    Autodesk,
+    Unknown,
+}
+
+/// What each system leaves in its files, most telling first.
+const TRACES: [(&[u8], Dialect); 16] = [
+    (b"APTCL-SPEC,MAKINO", Dialect::Makino),
+    (b"CATIA APT VERSION", Dialect::Catia),
+    (b"$$*CATIA0", Dialect::Catia),
+    (b"PRO/CLFILE", Dialect::Creo),
+    (b"$$-> ", Dialect::Creo),
+    (b"REMARK -> ", Dialect::Creo),
+    (b"OPFEATSTART", Dialect::CamWorks),
+    (b"CSI_", Dialect::SolidWorks),
+    (b"TRNTYP", Dialect::SolidWorks),
+    (b"MOVARC", Dialect::Autodesk),
+    (b"AUTODESK", Dialect::Autodesk),
+    (b"TOOL PATH/", Dialect::Nx),
+    (b"END-OF-PATH", Dialect::Nx),
+    (b"TLDATA/", Dialect::Nx),
+    (b"PAINT/", Dialect::Nx),
+    (b"TLON,GOFWD/", Dialect::Catia),
+];
+
+/// Where traces are looked for: the head of a file tells its maker.
+const HEAD: usize = 16 * 1024;
+
+impl Dialect {
+    pub(super) fn detect(bytes: &[u8]) -> Self {
+        let head = bytes[..bytes.len().min(HEAD)].to_ascii_uppercase();
+        let found = |trace: &[u8]| head.windows(trace.len()).any(|w| w == trace);
+        TRACES.iter().find(|(trace, _)| found(trace)).map_or(Self::Unknown, |&(_, dialect)| dialect)
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Nx => "nx",
+            Self::Makino => "makino",
+            Self::Catia => "catia",
+            Self::Creo => "creo",
+            Self::SolidWorks => "solidworks",
+            Self::CamWorks => "camworks",
+            Self::Autodesk => "autodesk",
+            Self::Unknown => "cl",
+        }
+    }
+
+    /// `CIRCLE` prints the axis for clockwise travel: NX and MAKINO by name, and any file with their
+    /// eleven values (tolerances and cutter behind the radius).
+    pub(super) fn clockwise(self, values: usize) -> bool {
+        matches!(self, Self::Nx | Self::Makino) || values >= 11
+    }
+
+    /// Positions are printed in the frame last named (`MSYS`, CATIA matrix), not in one for the file.
+    pub(super) fn positions_follow_frame(self) -> bool {
+        matches!(self, Self::Nx | Self::Catia)
+    }
+}

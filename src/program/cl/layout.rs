@@ -1,0 +1,64 @@
+//! Where the number tokens of positions stand.
+
+use super::frame::Frame;
+use super::modal::Xyz;
+
+/// Where the number tokens of positions stand.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    /// Frames that positions are printed in.
+    pub(super) frames: Vec<Frame>,
+    /// One a target.
+    pub(super) slots: Vec<Slot>,
+    /// Arcs, in order.
+    pub(super) arcs: Vec<ArcSlot>,
+    /// The file is a deck of cards: nothing may grow past column 72.
+    pub(super) cards: bool,
+}
+
+impl Layout {
+    /// Index of a frame, added where it is new.
+    pub(super) fn frame(&mut self, frame: Frame) -> u16 {
+        let at = self.frames.iter().position(|f| *f == frame).unwrap_or_else(|| {
+            self.frames.push(frame);
+            self.frames.len() - 1
+        });
+        u16::try_from(at).unwrap_or(u16::MAX)
+    }
+}
+
+/// What of the text makes one target.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Slot {
+    /// Three numbers.
+    Point { xyz: Xyz, frame: u16 },
+    /// Three increments from the target before.
+    Step { xyz: Xyz, frame: u16 },
+    /// One increment along the tool axis.
+    AlongAxis { frame: u16 },
+    /// Nothing of its own: a point on an arc.
+    OnArc { arc: u32 },
+    /// The end of an arc.
+    ArcEnd { xyz: Xyz, frame: u16, arc: u32 },
+}
+
+impl Slot {
+    pub(super) fn arc(&self) -> Option<u32> {
+        match self {
+            Self::OnArc { arc } | Self::ArcEnd { arc, .. } => Some(*arc),
+            _ => None,
+        }
+    }
+}
+
+/// The numbers that an arc moves with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ArcSlot {
+    /// Its first target.
+    pub(super) first: usize,
+    /// Its centre, as often as printed.
+    pub(super) centres: [Option<Xyz>; 2],
+    /// Its start, where `FROM` printed it.
+    pub(super) from: Option<Xyz>,
+    pub(super) frame: u16,
+}

@@ -1,0 +1,299 @@
+//! Bytes to records: lines, continuation, comments, cards, free text; and records to tokens.
+//!
+//! Total: every byte belongs to a record, a comment or the blanks between them, and no input fails.
+
+use super::cards::Cards;
+use crate::text::Span;
+use nom::{
+    IResult, Parser,
+    branch::alt,
+    bytes::complete::{take_till, take_while, take_while1},
+    character::complete::{char, digit0, digit1, one_of},
+    combinator::{all_consuming, opt, recognize},
+    sequence::{delimited, preceded, terminated},
+};
+
+/// What a token is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Number,
+    Word,
+    Text,
+    Comma,
+    Slash,
+    Open,
+    Close,
+    Equals,
+}
+
+/// A token; a number cut in half by a continuation spans the cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Token {
+    pub(super) kind: Kind,
+    pub(super) span: Span,
+    /// The number's value, 0 for all else.
+    pub(super) value: f64,
+}
+
+/// What a record is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RecordKind {
+    /// `$$ …`
+    Comment,
+    /// `PPRINT …` and its like: the rest of the line is text.
+    FreeText,
+    /// A statement, in tokens.
+    Statement,
+}
+
+/// One logical record, continuation lines joined.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Record {
+    pub(super) kind: RecordKind,
+    /// First to last significant byte.
+    pub(super) span: Span,
+    /// Line of the first byte, from 1.
+    pub(super) line: usize,
+}
+
+/// Words whose statement is text to the end of the line: `$` and `/` mean nothing there.
+const FREE_TEXT: [&[u8]; 7] = [b"PARTNO", b"REMARK", b"PPRINT", b"INSERT", b"LETTER", b"TITLES", b"TPRINT"];
+
+/// Longest number token, both halves of a cut one together; longer ones are words.
+const MAX_NUMBER: usize = 64;
+
+/// Reads records one by one.
+pub(super) struct Lexer<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+    cards: Cards,
+}
+
+impl<'a> Lexer<'a> {
+    pub(super) fn new(bytes: &'a [u8], lines_before: usize) -> Self {
+        let at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+        Self { bytes, at, line: lines_before + 1, cards: Cards::detect(bytes) }
+    }
+
+    /// The next record, its tokens in `tokens` (which is reused).
+    pub(super) fn next(&mut self, tokens: &mut Vec<Token>) -> Option<Record> {
+        tokens.clear();
+        self.skip_blank();
+        if self.at >= self.bytes.len() {
+            return None;
+        }
+        let (start, line) = (self.at, self.line);
+        let rest = &self.bytes[start..];
+        let kind = if rest.starts_with(b"$$") {
+            self.comment();
+            RecordKind::Comment
+        } else if FREE_TEXT.iter().any(|word| starts_with(rest, word)) {
+            self.at = self.line_end();
+            RecordKind::FreeText
+        } else {
+            self.statement(tokens);
+            RecordKind::Statement
+        };
+        let end = self.at;
+        self.at = self.physical_line_end();
+        Some(Record { kind, span: Span::new(start, trimmed(self.bytes, start, end)), line })
+    }
+
+    fn skip_blank(&mut self) {
+        while let Some(&byte) = self.bytes.get(self.at) {
+            match byte {
+                b'\n' | b'\r' => self.newline(),
+                b if is_blank(b) => self.at += 1,
+                _ => break,
+            }
+        }
+    }
+
+    /// Steps over one line-end byte and counts lines as [`Source::line_column`](crate::text::Source) does.
+    fn newline(&mut self) {
+        let cr_before_more = self.bytes[self.at] == b'\r' && matches!(self.bytes.get(self.at + 1), Some(b'\n' | b'\r'));
+        if !cr_before_more {
+            self.line += 1;
+        }
+        self.at += 1;
+    }
+
+    fn physical_line_end(&self) -> usize {
+        let rest = &self.bytes[self.at..];
+        self.at + rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(rest.len())
+    }
+
+    /// Where the significant columns of this line end.
+    fn line_end(&self) -> usize {
+        let end = self.physical_line_end();
+        if self.cards.is_cards() { self.cards.significant_end(self.bytes, self.at, end) } else { end }
+    }
+
+    /// To the next line, whatever its line end; false at the end of the file.
+    fn next_line(&mut self) -> bool {
+        self.at = self.physical_line_end();
+        while matches!(self.bytes.get(self.at), Some(b'\r' | b'\n')) {
+            let line = self.line;
+            self.newline();
+            if self.line > line {
+                break;
+            }
+        }
+        self.at < self.bytes.len()
+    }
+
+    /// A comment line; `$$-> … $` goes on over the rows below it (Creo).
+    fn comment(&mut self) {
+        let continues = self.bytes[self.at..].starts_with(b"$$->");
+        loop {
+            let end = self.line_end();
+            let line = trim_end(&self.bytes[self.at..end]);
+            self.at = end;
+            let goes_on = continues && line.ends_with(b"$") && !line.ends_with(b"$$");
+            if !goes_on || !self.next_line() {
+                return;
+            }
+        }
+    }
+
+    /// Tokens up to the end of a line that does not continue.
+    fn statement(&mut self, tokens: &mut Vec<Token>) {
+        let mut end = self.line_end();
+        loop {
+            let line = &self.bytes[self.at..end];
+            let Some(&first) = line.first() else { return };
+            let (kind, len) = match first {
+                b'$' if line.get(1) == Some(&b'$') => return,
+                b'$' => {
+                    let cut = self.at;
+                    if !self.next_line() {
+                        return;
+                    }
+                    end = self.line_end();
+                    self.join(tokens, cut, end);
+                    continue;
+                }
+                b',' => (Kind::Comma, 1),
+                b'/' => (Kind::Slash, 1),
+                b'(' => (Kind::Open, 1),
+                b')' => (Kind::Close, 1),
+                b'=' => (Kind::Equals, 1),
+                b'\'' | b'"' => match quoted(line) {
+                    Ok((rest, _)) => (Kind::Text, line.len() - rest.len()),
+                    Err(_) => (Kind::Word, 1),
+                },
+                b if is_blank(b) => {
+                    self.at += line.len() - blanks(line).map_or(line.len(), |(rest, _)| rest.len());
+                    continue;
+                }
+                _ => (Kind::Word, chunk(line).map_or(1, |(rest, _)| line.len() - rest.len())),
+            };
+            let span = Span::new(self.at, self.at + len);
+            self.at += len;
+            tokens.push(classify(kind, span, &self.bytes[span.range()]));
+        }
+    }
+
+    /// Joins a number that a `$` at `cut` has cut in half: `…, 0$` with `.752602` in the first
+    /// column of the next line is 0.752602.
+    fn join(&mut self, tokens: &mut [Token], cut: usize, end: usize) {
+        let Some(last) = tokens.last_mut() else { return };
+        let (head, line) = (last.span, &self.bytes[self.at..end]);
+        let half = last.kind == Kind::Number || matches!(self.bytes[head.range()], [b'+' | b'-']);
+        if !half || head.end as usize != cut {
+            return;
+        }
+        let Ok((rest, tail)) = chunk(line) else { return };
+        let mut joined = [0; MAX_NUMBER];
+        let Some(text) = concatenate(&mut joined, &self.bytes[head.range()], tail) else { return };
+        if let Some(value) = number(text) {
+            let len = line.len() - rest.len();
+            *last = Token { kind: Kind::Number, span: Span::new(head.start as usize, self.at + len), value };
+            self.at += len;
+        }
+    }
+}
+
+/// The two pieces of a token that a continuation has cut, or the whole token and nothing.
+pub(super) fn pieces(bytes: &[u8], span: Span) -> [Span; 2] {
+    let (start, end) = (span.start as usize, span.end as usize);
+    let text = &bytes[span.range()];
+    match text.iter().position(|&b| b == b'$') {
+        None => [span, Span::new(end, end)],
+        Some(cut) => {
+            let line = text.iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(text.len(), |p| p + 1);
+            [Span::new(start, start + cut), Span::new(start + line, end)]
+        }
+    }
+}
+
+fn classify(kind: Kind, span: Span, text: &[u8]) -> Token {
+    let value = if kind == Kind::Word { number(text) } else { None };
+    match value {
+        Some(value) => Token { kind: Kind::Number, span, value },
+        None => Token { kind, span, value: 0.0 },
+    }
+}
+
+/// Reads a CL number: `5`, `5.`, `.5`, `1.E-3`, FORTRAN `1.D+03`; never infinite.
+pub(super) fn number(text: &[u8]) -> Option<f64> {
+    // Most chunks are words: look before parsing.
+    if !matches!(text.first(), Some(b'0'..=b'9' | b'.' | b'+' | b'-')) || text.len() > MAX_NUMBER {
+        return None;
+    }
+    let (_, text) = all_consuming(recognize(decimal)).parse(text).ok()?;
+    if let Some(d) = text.iter().position(|b| matches!(b, b'd' | b'D')) {
+        let mut plain = [0; MAX_NUMBER];
+        plain[..text.len()].copy_from_slice(text);
+        plain[d] = b'E';
+        return crate::text::number::read(&plain[..text.len()]);
+    }
+    crate::text::number::read(text)
+}
+
+fn decimal(input: &[u8]) -> IResult<&[u8], ()> {
+    let mantissa = alt((recognize((digit1, opt(preceded(char('.'), digit0)))), recognize(preceded(char('.'), digit1))));
+    let exponent = (one_of("eEdD"), opt(one_of("+-")), digit1);
+    (opt(one_of("+-")), mantissa, opt(exponent)).map(|_| ()).parse(input)
+}
+
+/// A word or a number: bytes up to a separator.
+fn chunk(input: &[u8]) -> IResult<&[u8], &[u8]> {
+    take_while1(|b: u8| !is_blank(b) && !matches!(b, b',' | b'/' | b'(' | b')' | b'=' | b'$' | b'\'' | b'"'))
+        .parse(input)
+}
+
+fn blanks(input: &[u8]) -> IResult<&[u8], &[u8]> {
+    take_while(is_blank).parse(input)
+}
+
+fn quoted(input: &[u8]) -> IResult<&[u8], &[u8]> {
+    let single = delimited(char('\''), take_till(|b| b == b'\''), char('\''));
+    let double = terminated(preceded(char('"'), take_till(|b| b == b'"')), char('"'));
+    alt((single, double)).parse(input)
+}
+
+fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\x0B' | b'\x0C' | b'\0' | b'\x1A')
+}
+
+fn starts_with(bytes: &[u8], word: &[u8]) -> bool {
+    bytes.len() >= word.len() && bytes[..word.len()].eq_ignore_ascii_case(word)
+}
+
+fn concatenate<'b>(buffer: &'b mut [u8; MAX_NUMBER], a: &[u8], b: &[u8]) -> Option<&'b [u8]> {
+    let len = a.len() + b.len();
+    buffer.get_mut(..a.len())?.copy_from_slice(a);
+    buffer.get_mut(a.len()..len)?.copy_from_slice(b);
+    Some(&buffer[..len])
+}
+
+fn trimmed(bytes: &[u8], start: usize, end: usize) -> usize {
+    start + trim_end(&bytes[start..end]).len()
+}
+
+fn trim_end(line: &[u8]) -> &[u8] {
+    let len = line.iter().rposition(|&b| !is_blank(b)).map_or(0, |p| p + 1);
+    &line[..len]
+}

@@ -1,0 +1,227 @@
+//! Wanted positions to edits on number tokens.
+
+use super::layout::{ArcSlot, Layout, Slot};
+use super::lex::{number, pieces};
+use super::modal::Xyz;
+use super::vector::{add, norm, scale, sub};
+use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
+use crate::text::{Edit, Source, Span, number as text_number};
+
+/// Two corrections this close, mm, are one: below the last printed digit.
+const SAME_MM: f64 = 1e-6;
+
+/// Significant columns of a card.
+const CARD_COLUMNS: usize = 72;
+
+/// See [`Program::rewrite`]. An arc moves as a whole where its points all move alike; the tool axis
+/// is left as printed, and nothing is inserted: corrected CL programs are posted as RAPID instead.
+pub(in crate::program) fn rewrite(
+    program: &Program,
+    layout: &Layout,
+    changes: &[Option<Change>],
+    inserts: &[Insert],
+    options: &RewriteOptions,
+) -> Rewritten {
+    let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
+    let Some(source) = program.sources.first() else { return out };
+    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default() };
+    // What each target was moved by, mm in the work object, after refusals.
+    let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
+    for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
+        let Goal::Axis { position_mm, .. } = target.goal else { continue };
+        let wanted = change.as_ref().map_or([0.0; 3], |c| sub(c.position_mm, position_mm));
+        let before = at.checked_sub(1).map_or([0.0; 3], |b| moved[b]);
+        let result = if change.as_ref().is_some_and(|c| c.quat.is_some()) {
+            Err("tool axis is left as printed")
+        } else {
+            writer.write(program, changes, at, wanted, before)
+        };
+        match result {
+            Ok(()) => moved.push(wanted),
+            Err(reason) => {
+                // An increment counts on from wherever the target before it went.
+                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::AlongAxis { .. });
+                moved.push(if follows { before } else { [0.0; 3] });
+                out.kept.push((at, reason));
+            }
+        }
+        out.written.push((add(position_mm, moved[at]), [1.0, 0.0, 0.0, 0.0]));
+    }
+    out.inserted = inserts.iter().map(|i| (i.position_mm, i.quat)).collect();
+    writer.edits.sort_by_key(|e| e.span);
+    if let Some(first) = out.edits.first_mut() {
+        *first = writer.edits;
+    }
+    out
+}
+
+struct Writer<'a> {
+    source: &'a Source,
+    layout: &'a Layout,
+    options: &'a RewriteOptions,
+    edits: Vec<Edit>,
+    grown: Grown,
+}
+
+/// How many bytes each card has grown by.
+type Grown = std::collections::BTreeMap<usize, usize>;
+
+impl Writer<'_> {
+    fn write(
+        &mut self,
+        program: &Program,
+        changes: &[Option<Change>],
+        at: usize,
+        wanted: [f64; 3],
+        before: [f64; 3],
+    ) -> Result<(), &'static str> {
+        match self.layout.slots[at] {
+            Slot::Point { xyz, frame } => self.shift(&[xyz], frame, wanted),
+            Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before)),
+            Slot::AlongAxis { .. } if norm(sub(wanted, before)) <= SAME_MM => Ok(()),
+            Slot::AlongAxis { .. } => Err("increment along the tool axis"),
+            Slot::OnArc { arc } => self.rigid(program, changes, arc, at, wanted, before),
+            Slot::ArcEnd { xyz, frame, arc } => {
+                let slot = self.layout.arcs[arc as usize];
+                self.rigid(program, changes, arc, at, wanted, before)?;
+                if norm(wanted) <= 0.0 {
+                    return Ok(());
+                }
+                let ArcSlot { centres, from, .. } = slot;
+                let all: Vec<Xyz> = [Some(xyz), centres[0], centres[1], from].into_iter().flatten().collect();
+                self.shift(&all, frame, wanted)
+            }
+        }
+    }
+
+    /// An arc stays one where its start, its way and its end move alike.
+    fn rigid(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        arc: u32,
+        at: usize,
+        wanted: [f64; 3],
+        before: [f64; 3],
+    ) -> Result<(), &'static str> {
+        let slot = self.layout.arcs[arc as usize];
+        let starts_free = slot.from.is_some() && at == slot.first;
+        let like_before = starts_free || norm(sub(wanted, before)) <= SAME_MM;
+        let next_on_arc = self.layout.slots.get(at + 1).and_then(Slot::arc) == Some(arc);
+        let like_next = !next_on_arc || {
+            let next = match (&changes[at + 1], program.targets[at + 1].goal) {
+                (Some(c), Goal::Axis { position_mm, .. }) => sub(c.position_mm, position_mm),
+                _ => [0.0; 3],
+            };
+            norm(sub(wanted, next)) <= SAME_MM
+        };
+        if like_before && like_next { Ok(()) } else { Err("correction varies along an arc") }
+    }
+
+    /// Moves printed positions by an offset in the work object, mm; all of them or none.
+    fn shift(&mut self, positions: &[Xyz], frame: u16, offset_mm: [f64; 3]) -> Result<(), &'static str> {
+        let frame = &self.layout.frames[frame as usize];
+        let offset = scale(frame.back(offset_mm), 1.0 / frame.mm_per_unit);
+        // An inch needs more digits than a millimetre for the same step.
+        let more = if frame.mm_per_unit > 1.0 { 2 } else { 0 };
+        let edits_before = self.edits.len();
+        let grown_before = if self.layout.cards { Some(self.grown.clone()) } else { None };
+        for xyz in positions {
+            for (span, by) in xyz.iter().zip(offset) {
+                if let Err(reason) = self.number(*span, by, more) {
+                    self.edits.truncate(edits_before);
+                    self.grown = grown_before.unwrap_or_default();
+                    return Err(reason);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn number(&mut self, token: Span, by: f64, more: usize) -> Result<(), &'static str> {
+        if by == 0.0 {
+            return Ok(());
+        }
+        let bytes = &self.source.bytes;
+        let [head, tail] = pieces(bytes, token);
+        let mut text = bytes[head.range()].to_vec();
+        text.extend_from_slice(&bytes[tail.range()]);
+        let Some(was) = number(&text) else { return Err("number cannot be read again") };
+        let decimals = decimals(&text).max(self.options.position_decimals + more);
+        let mut new = Vec::with_capacity(text.len() + 4);
+        text_number::write_fixed(&mut new, was + by, decimals);
+        if number(&new) == Some(was) || number(&new) == number(&rounded(was, decimals)) {
+            return Ok(());
+        }
+        if tail.is_empty() { self.whole(token, new) } else { self.cut(head, tail, new) }
+    }
+
+    /// A token in one piece: right-aligned in its field as long as the blanks before it last.
+    fn whole(&mut self, token: Span, mut new: Vec<u8>) -> Result<(), &'static str> {
+        let bytes = &self.source.bytes;
+        let start = token.start as usize;
+        let blanks = bytes[..start].iter().rev().take_while(|b| **b == b' ').count();
+        // One blank stays: it may be all that separates two numbers.
+        let room = blanks.saturating_sub(1);
+        let taken = new.len().saturating_sub(token.len()).min(room);
+        let width = token.len() + taken;
+        if blanks > 0 && new.len() < width {
+            let pad = width - new.len();
+            new.splice(0..0, std::iter::repeat_n(b' ', pad));
+        }
+        if self.layout.cards {
+            while new.len() < width {
+                new.insert(0, b' ');
+            }
+            if new.len() > width {
+                self.grow_card(token.end as usize, new.len() - width)?;
+            }
+        }
+        self.edits.push(Edit { span: Span::new(start - taken, token.end as usize), content: new });
+        Ok(())
+    }
+
+    /// A token cut by a continuation: its first piece keeps its length.
+    fn cut(&mut self, head: Span, tail: Span, new: Vec<u8>) -> Result<(), &'static str> {
+        if self.layout.cards {
+            return Err("number goes over two cards");
+        }
+        let at = head.len().min(new.len() - 1);
+        self.edits.push(Edit { span: head, content: new[..at].to_vec() });
+        self.edits.push(Edit { span: tail, content: new[at..].to_vec() });
+        Ok(())
+    }
+
+    /// Takes blanks before column 73 of a card away for what grew on it.
+    fn grow_card(&mut self, at: usize, by: usize) -> Result<(), &'static str> {
+        let bytes = &self.source.bytes;
+        let start = bytes[..at].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
+        let end = start + CARD_COLUMNS;
+        let grown = self.grown.get(&start).copied().unwrap_or(0);
+        let free = bytes[at..end.max(at)].iter().rev().take_while(|b| **b == b' ').count();
+        if free < grown + by {
+            return Err("no room on the card");
+        }
+        self.grown.insert(start, grown + by);
+        self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Vec::new() });
+        Ok(())
+    }
+}
+
+/// Digits that a token prints behind the point, its exponent counted in.
+fn decimals(token: &[u8]) -> usize {
+    /// More digits than a double holds.
+    const MOST: i64 = 17;
+    let exponent = token
+        .iter()
+        .position(|b| matches!(b, b'e' | b'E' | b'd' | b'D'))
+        .and_then(|at| std::str::from_utf8(&token[at + 1..]).ok()?.parse::<i64>().ok());
+    let printed = i64::try_from(text_number::decimals(token)).unwrap_or(MOST);
+    usize::try_from((printed - exponent.unwrap_or(0)).clamp(0, MOST)).unwrap_or(0)
+}
+
+fn rounded(value: f64, decimals: usize) -> Vec<u8> {
+    let mut out = Vec::new();
+    text_number::write_fixed(&mut out, value, decimals);
+    out
+}

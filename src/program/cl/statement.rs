@@ -1,0 +1,122 @@
+//! Tokens of one record to a statement: its major word and its items.
+
+use super::lex::{Kind, Token};
+
+/// `[seqno] [label)] major [/ items]`
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Statement<'a> {
+    bytes: &'a [u8],
+    /// First word.
+    pub(super) major: &'a [u8],
+    /// Whether `=` follows the first word, or the index in brackets after it: a definition, not CL.
+    pub(super) defines: bool,
+    /// All behind the major word and its slash.
+    pub(super) items: &'a [Token],
+}
+
+impl<'a> Statement<'a> {
+    /// `None` where no word starts the record.
+    pub(super) fn parse(bytes: &'a [u8], tokens: &'a [Token]) -> Option<Self> {
+        let tokens = unnumbered(bytes, unlabelled(tokens));
+        let (first, rest) = tokens.split_first()?;
+        if first.kind != Kind::Word {
+            return None;
+        }
+        let defines = match rest {
+            [Token { kind: Kind::Equals, .. }, ..] => true,
+            [Token { kind: Kind::Open, .. }, _, Token { kind: Kind::Close, .. }, after, ..] => {
+                after.kind == Kind::Equals
+            }
+            _ => false,
+        };
+        // `TOOL PATH/…`: the words up to the slash are one major word, known by the first.
+        let words = rest.iter().take_while(|t| t.kind == Kind::Word).count();
+        let items = match rest.get(words) {
+            Some(Token { kind: Kind::Slash, .. }) => &rest[words + 1..],
+            _ => rest,
+        };
+        Some(Self { bytes, major: &bytes[first.span.range()], defines, items })
+    }
+
+    /// The items where all of them are numbers; commas are as blanks.
+    pub(super) fn numbers(&self) -> Option<Numbers<'a>> {
+        let plain = self.items.iter().all(|t| matches!(t.kind, Kind::Number | Kind::Comma));
+        plain.then(|| Numbers::new(self.items))
+    }
+
+    /// The numbers among the items, in order.
+    pub(super) fn number_items(&self) -> Numbers<'a> {
+        Numbers::new(self.items)
+    }
+
+    /// The words among the items, in order.
+    pub(super) fn words(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let bytes = self.bytes;
+        self.items.iter().filter(|t| t.kind == Kind::Word).map(move |t| &bytes[t.span.range()])
+    }
+
+    /// Whether `word` is among the items, in any case.
+    pub(super) fn has(&self, word: &[u8]) -> bool {
+        self.words().any(|w| w.eq_ignore_ascii_case(word))
+    }
+
+    /// The numbers behind `(word/` up to the closing bracket.
+    pub(super) fn nested(&self, word: &[u8]) -> Option<Numbers<'a>> {
+        let at = self
+            .items
+            .iter()
+            .position(|t| t.kind == Kind::Word && self.bytes[t.span.range()].eq_ignore_ascii_case(word))?;
+        let rest = &self.items[at + 1..];
+        let end = rest.iter().position(|t| t.kind == Kind::Close).unwrap_or(rest.len());
+        Some(Numbers::new(&rest[..end]))
+    }
+}
+
+/// Numbers among tokens.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers<'a>(&'a [Token]);
+
+impl<'a> Numbers<'a> {
+    fn new(tokens: &'a [Token]) -> Self {
+        Self(tokens)
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &'a Token> + use<'a> {
+        self.0.iter().filter(|t| t.kind == Kind::Number)
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.iter().count()
+    }
+
+    /// The first `N` numbers, where there are so many.
+    pub(super) fn first<const N: usize>(&self) -> Option<[f64; N]> {
+        let mut values = self.iter().map(|t| t.value);
+        let mut out = [0.0; N];
+        for slot in &mut out {
+            *slot = values.next()?;
+        }
+        Some(out)
+    }
+}
+
+fn unlabelled(tokens: &[Token]) -> &[Token] {
+    match tokens {
+        [Token { kind: Kind::Word | Kind::Number, .. }, Token { kind: Kind::Close, .. }, rest @ ..] => rest,
+        _ => tokens,
+    }
+}
+
+/// Drops `120` or `N120` before a word.
+fn unnumbered<'a>(bytes: &[u8], tokens: &'a [Token]) -> &'a [Token] {
+    let [first, second, ..] = tokens else { return tokens };
+    let text = &bytes[first.span.range()];
+    let numbered = match first.kind {
+        Kind::Number => true,
+        Kind::Word => {
+            matches!(text, [b'N' | b'n', digits @ ..] if !digits.is_empty() && digits.iter().all(u8::is_ascii_digit))
+        }
+        _ => false,
+    };
+    if numbered && second.kind == Kind::Word { &tokens[1..] } else { tokens }
+}
