@@ -16,6 +16,13 @@ impl Default for Twist {
     }
 }
 
+impl std::ops::AddAssign for Twist {
+    fn add_assign(&mut self, other: Self) {
+        self.shift += other.shift;
+        self.turn += other.turn;
+    }
+}
+
 impl Twist {
     /// Whether it moves nothing.
     #[must_use]

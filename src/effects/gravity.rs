@@ -1,14 +1,26 @@
 //! Weight of links, tool and payload.
 
-use super::{Covered, Distortion, Effect, Kind, Load, Parameter, State, per_joint, table_of};
+use super::{
+    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, Survey, checked, indexed, table_of,
+    take,
+};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "gravity",
     summary: "weight of links, tool and payload bends the arm",
-    read: |table| Ok(Box::new(table.try_into::<Gravity>()?)),
+    read: |table| checked(table.try_into::<Gravity>()?),
+    candidates,
 };
+
+/// Compliance of a joint of a 100 kg class arm, rad/(N·m): where a fit without a declared stiffness starts.
+const TYPICAL_COMPLIANCE: f64 = 3e-6;
+
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    let compliance_rad_per_nm = (!survey.stiffness_declared).then_some([TYPICAL_COMPLIANCE; 6]);
+    vec![Box::new(Gravity { compliance_rad_per_nm, ..Gravity::default() })]
+}
 
 /// Weights as base parameters: mass and first moment of each link in its modified-DH frame.
 ///
@@ -67,26 +79,23 @@ impl Effect for Gravity {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
-        let mut all = per_joint("mass_kg", &self.mass_kg, "kg", 100.0, 0.0, ANY);
+        let mut all = indexed("mass_kg", &self.mass_kg, "kg", 100.0, 0.0, ANY);
         for (i, moment) in self.first_moment_kg_m.iter().enumerate() {
-            for (axis, &value) in moment.iter().enumerate() {
-                let name = format!("first_moment_kg_m[{i}][{axis}]");
-                all.push(Parameter { name, value, unit: "kg·m", typical: 30.0, neutral: 0.0, bounds: ANY });
-            }
+            all.extend(indexed(&format!("first_moment_kg_m[{i}]"), moment, "kg·m", 30.0, 0.0, ANY));
         }
         if let Some(compliance) = &self.compliance_rad_per_nm {
-            all.extend(per_joint("compliance_rad_per_nm", compliance, "rad/(N·m)", 3e-6, 0.0, (0.0, f64::INFINITY)));
+            let key = "compliance_rad_per_nm";
+            all.extend(indexed(key, compliance, "rad/(N·m)", TYPICAL_COMPLIANCE, 0.0, NOT_NEGATIVE));
         }
         all
     }
 
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
         Box::new(Self {
-            mass_kg: std::array::from_fn(|i| values[i]),
-            first_moment_kg_m: std::array::from_fn(|i| std::array::from_fn(|k| values[6 + 3 * i + k])),
+            mass_kg: take(&mut values),
+            first_moment_kg_m: std::array::from_fn(|_| take(&mut values)),
             tool: self.tool,
-            compliance_rad_per_nm: self.compliance_rad_per_nm.map(|_| std::array::from_fn(|i| values[24 + i])),
+            compliance_rad_per_nm: self.compliance_rad_per_nm.map(|_| take(&mut values)),
         })
     }
 

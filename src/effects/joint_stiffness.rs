@@ -1,12 +1,13 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
-use super::{Distortion, Effect, Kind, Load, Need, Parameter, State, per_joint, table_of};
+use super::{Distortion, Effect, FACTOR, Kind, Load, Need, Parameter, State, checked, indexed, table_of, take};
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "joint_stiffness",
     summary: "declared joint stiffness is off by a factor",
-    read: |table| Ok(Box::new(table.try_into::<JointStiffness>()?)),
+    read: |table| checked(table.try_into::<JointStiffness>()?),
+    candidates: |survey| if survey.stiffness_declared { vec![super::declared_springs()] } else { vec![] },
 };
 
 /// Joint springs of `scale` times the declared stiffness, in motor coordinates.
@@ -45,11 +46,11 @@ impl Effect for JointStiffness {
 
     fn parameters(&self) -> Vec<Parameter> {
         // Declared values are off by 20 to 50 % on real robots; a spring that gives nothing back is none.
-        per_joint("scale", &self.scale, "1", 0.3, 1.0, (0.05, 20.0))
+        indexed("scale", &self.scale, "1", 0.3, 1.0, FACTOR)
     }
 
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { scale: std::array::from_fn(|i| values[i]) })
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { scale: take(&mut values) })
     }
 
     fn to_table(&self) -> toml::Table {

@@ -4,15 +4,34 @@
 //! turns loads into motion (**yields**), or moves the geometry whatever the load (**offsets**): the last two
 //! through one [`Distortion`]. Nothing outside this folder knows an effect by name; [`KINDS`] is the only list.
 
+mod backlash;
+mod base_compliance;
+mod bearing_compliance;
 mod distortion;
+mod force_scale;
+mod gear_harmonic;
 mod gravity;
+mod hysteresis;
 mod joint_stiffness;
+mod link_geometry;
 mod state;
+mod stiffness_curve;
+mod survey;
+mod table;
+mod tool_compliance;
+mod tool_frame;
+mod tool_wear;
+mod work_object_frame;
+mod zero_offset;
 
 pub use distortion::{Distortion, Twist};
+pub use gear_harmonic::gear_harmonic;
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
+pub use survey::Survey;
 
+use crate::robot::Joints;
 use std::fmt::Debug;
+use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, scalar, table_of, take};
 
 /// One physical effect with its parameters.
 ///
@@ -46,6 +65,13 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// Whether the effect was seen in these circumstances (commanded motor angles, rad): a fitted curve or map holds
+    /// only where its data were. Outside it acts as its own file says, and the caller says so.
+    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
+        let _ = (motor_commanded, situation);
+        true
+    }
+
     /// Every number that may be fitted, in a fixed order. Values are in the unit named, as in the cell file.
     fn parameters(&self) -> Vec<Parameter>;
 
@@ -73,7 +99,8 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Typical size on a real robot: standard deviation of the physical prior about `neutral`, in `unit`.
     pub typical: f64,
-    /// The value at which the effect does nothing (0, or 1 for factors).
+    /// The value at which the effect does nothing (0, or 1 for factors), and the prior's mean. A shape (a time constant,
+    /// a width) does nothing whatever its value while the sizes beside it are neutral.
     pub neutral: f64,
     /// Physical bounds, in `unit`: a half gap is not negative.
     pub bounds: (f64, f64),
@@ -111,10 +138,29 @@ pub struct Kind {
     pub summary: &'static str,
     /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
     pub read: fn(toml::Table) -> Result<Box<dyn Effect>, toml::de::Error>,
+    /// Variants that do nothing yet, to be fitted to data of this kind; empty where the data cannot show the effect, or
+    /// where a search builds them (`gear_harmonic`).
+    pub candidates: fn(&Survey) -> Vec<Box<dyn Effect>>,
 }
 
 /// Every effect that deflex knows, in the order of INTERFACE.md. Adding an effect is adding a file and a line.
-pub static KINDS: &[Kind] = &[joint_stiffness::KIND, gravity::KIND];
+pub static KINDS: &[Kind] = &[
+    joint_stiffness::KIND,
+    stiffness_curve::KIND,
+    gravity::KIND,
+    backlash::KIND,
+    hysteresis::KIND,
+    gear_harmonic::KIND,
+    zero_offset::KIND,
+    link_geometry::KIND,
+    tool_frame::KIND,
+    work_object_frame::KIND,
+    base_compliance::KIND,
+    bearing_compliance::KIND,
+    tool_compliance::KIND,
+    force_scale::KIND,
+    tool_wear::KIND,
+];
 
 /// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.
 #[must_use]
@@ -126,29 +172,4 @@ pub fn declared_springs() -> Box<dyn Effect> {
 #[must_use]
 pub fn kind(name: &str) -> Option<&'static Kind> {
     KINDS.iter().find(|kind| kind.name == name)
-}
-
-/// The `[[effect]]` table of anything that serialises to its keys.
-pub(crate) fn table_of(kind: &str, keys: &impl serde::Serialize) -> toml::Table {
-    let mut table = toml::Table::new();
-    table.insert("kind".to_owned(), kind.into());
-    // Effects are flat structs of numbers, which always serialise.
-    if let Ok(rest) = toml::Table::try_from(keys) {
-        table.extend(rest);
-    }
-    table
-}
-
-/// Six parameters `name[0]` to `name[5]`.
-pub(crate) fn per_joint(
-    name: &str,
-    values: &[f64; 6],
-    unit: &'static str,
-    typical: f64,
-    neutral: f64,
-    bounds: (f64, f64),
-) -> Vec<Parameter> {
-    let one =
-        |(i, &value): (usize, &f64)| Parameter { name: format!("{name}[{i}]"), value, unit, typical, neutral, bounds };
-    values.iter().enumerate().map(one).collect()
 }

@@ -1,0 +1,44 @@
+//! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
+
+use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, checked, indexed, table_of, take};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "backlash",
+    summary: "lost motion turns with the direction of travel",
+    read: |table| checked(table.try_into::<Backlash>()?),
+    candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6] })],
+};
+
+/// Actual = commanded − travel · half gap.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Backlash {
+    /// Half of what the joint loses when its motor turns back, rad.
+    half_gap_rad: [f64; 6],
+}
+
+impl Effect for Backlash {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
+        for i in 0..6 {
+            out.lost[i] += self.half_gap_rad[i];
+        }
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // Makers quote up to an arc minute; 10 to 20 arc seconds are usual.
+        indexed("half_gap_rad", &self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { half_gap_rad: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

@@ -1,0 +1,49 @@
+//! A pedestal or foundation that yields under everything that the arm carries.
+
+use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, Twist, checked, indexed, table_of, take};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "base_compliance",
+    summary: "the pedestal or foundation yields",
+    read: |table| checked(table.try_into::<BaseCompliance>()?),
+    candidates: |_| vec![Box::new(BaseCompliance::default())],
+};
+
+/// Motion of the base along and about its axes, at its origin.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct BaseCompliance {
+    mm_per_n: [f64; 3],
+    rad_per_nm: [f64; 3],
+}
+
+impl Effect for BaseCompliance {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        let wrench = load.beyond(0, &state.base_from_tcp.translation.vector);
+        out.base += Twist {
+            shift: 1e-3 * Vector3::from(self.mm_per_n).component_mul(&wrench.force),
+            turn: Vector3::from(self.rad_per_nm).component_mul(&wrench.moment),
+        };
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // Foundations measure 1e6 to 5e7 N·m/rad; a pedestal on a plate is softer than a cast floor.
+        let mut all = indexed("mm_per_n", &self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);
+        all.extend(indexed("rad_per_nm", &self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE));
+        all
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { mm_per_n: take(&mut values), rad_per_nm: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

@@ -1,0 +1,46 @@
+//! A cutting force that is off by a factor: another alloy, a dynamometer out of calibration.
+
+use super::{Effect, FACTOR, Kind, Load, Need, Parameter, State, checked, scalar, table_of, take};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "force_scale",
+    summary: "the cutting force is off by a factor",
+    read: |table| checked(table.try_into::<ForceScale>()?),
+    candidates: |survey| if survey.has_force { vec![Box::new(ForceScale { factor: 1.0 })] } else { vec![] },
+};
+
+/// Force = factor · given force.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ForceScale {
+    factor: f64,
+}
+
+impl Effect for ForceScale {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn load(&self, _: &State, load: &mut Load) {
+        load.cut *= self.factor;
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Force]
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // Coefficients from tables are off by 10 to 30 %.
+        vec![scalar("factor", self.factor, "1", 0.2, 1.0, FACTOR)]
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        let [factor] = take(&mut values);
+        Box::new(Self { factor })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

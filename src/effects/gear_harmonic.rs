@@ -1,0 +1,87 @@
+//! Periodic error of a gear: a few clean harmonics of the motor angle.
+
+use super::{ANY, Distortion, Effect, Kind, Load, Parameter, State, checked, scalar, table_of};
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "gear_harmonic",
+    summary: "periodic transmission error, a few clean harmonics",
+    read,
+    // Joints times orders are too many to list: a search builds them with `gear_harmonic`.
+    candidates: |_| vec![],
+};
+
+/// Actual = commanded + Σ (cos_rad · cos(order · angle) + sin_rad · sin(order · angle)), angle as commanded: the motor
+/// is where the controller holds it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GearHarmonic {
+    terms: Vec<Term>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Term {
+    /// 1 to 6.
+    joint: usize,
+    /// Periods a turn of the joint.
+    order: f64,
+    cos_rad: f64,
+    sin_rad: f64,
+}
+
+fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
+    let effect: GearHarmonic = table.try_into()?;
+    for (i, term) in effect.terms.iter().enumerate() {
+        if !(1..=6).contains(&term.joint) {
+            return Err(Error::custom(format!("`terms[{i}].joint` is {}, expected 1 to 6", term.joint)));
+        }
+        if !(term.order > 0.0 && term.order.is_finite()) {
+            return Err(Error::custom(format!("`terms[{i}].order` is {}, expected a number above 0", term.order)));
+        }
+    }
+    checked(effect)
+}
+
+/// Harmonics of these joints (1 to 6) and orders, all of size 0, to be fitted.
+#[must_use]
+pub fn gear_harmonic(joints_and_orders: &[(usize, f64)]) -> Box<dyn Effect> {
+    let term = |&(joint, order)| Term { joint, order, cos_rad: 0.0, sin_rad: 0.0 };
+    Box::new(GearHarmonic { terms: joints_and_orders.iter().map(term).collect() })
+}
+
+impl Effect for GearHarmonic {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
+        for term in &self.terms {
+            let (sin, cos) = (term.order * state.motor_commanded[term.joint - 1]).sin_cos();
+            out.joints[term.joint - 1] += term.cos_rad * cos + term.sin_rad * sin;
+        }
+    }
+
+    fn follows_command(&self) -> bool {
+        true
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // 10 to 60 arc seconds peak to peak.
+        let of = |(i, term): (usize, &Term)| {
+            [("cos_rad", term.cos_rad), ("sin_rad", term.sin_rad)]
+                .map(|(key, value)| scalar(&format!("terms[{i}].{key}"), value, "rad", 7e-5, 0.0, ANY))
+        };
+        self.terms.iter().enumerate().flat_map(of).collect()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        let with = |(term, pair): (&Term, &[f64])| Term { cos_rad: pair[0], sin_rad: pair[1], ..*term };
+        Box::new(Self { terms: self.terms.iter().zip(values.chunks_exact(2)).map(with).collect() })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

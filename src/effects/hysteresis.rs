@@ -1,0 +1,52 @@
+//! Friction in the gears: lost motion that grows with the torque they carry.
+
+use super::{Distortion, Effect, Kind, Load, Need, Parameter, State, checked, indexed, table_of, take};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "hysteresis",
+    summary: "gear friction: lost motion grows with torque",
+    read: |table| checked(table.try_into::<Hysteresis>()?),
+    candidates: |survey| {
+        if survey.stiffness_declared { vec![Box::new(Hysteresis { fraction: [0.0; 6] })] } else { vec![] }
+    },
+};
+
+/// Actual = commanded + spring − travel · fraction · |τ| / k, with the declared stiffness k.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Hysteresis {
+    /// Share of the torque that friction holds back.
+    fraction: [f64; 6],
+}
+
+impl Effect for Hysteresis {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        if let Some(stiffness) = state.stiffness {
+            for i in 0..6 {
+                out.lost[i] += self.fraction[i] * load.torque[i].abs() / stiffness[i];
+            }
+        }
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Stiffness]
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // 5 to 20 % of the drives' deflection; friction that holds all of it would not move.
+        indexed("fraction", &self.fraction, "1", 0.12, 0.0, (0.0, 1.0))
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { fraction: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

@@ -1,0 +1,138 @@
+//! Gears whose torque-deflection curve is not a straight line: soft while the teeth take up load, or hardening.
+//!
+//! The declared spring stays in the cell; this effect adds what the curve deflects beyond it.
+
+use super::{
+    ANY, Distortion, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, Survey, checked, indexed,
+    table_of, take,
+};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "stiffness_curve",
+    summary: "the joints' torque-deflection curve is not a straight line",
+    read: |table| checked(table.try_into::<StiffnessCurve>()?),
+    candidates,
+};
+
+/// Deflection within which a gear is soft, rad: typical, and where a fit starts.
+const TYPICAL_WIDTH: f64 = 2e-4;
+
+/// Steps of Newton's method: monotone and, near the root, quadratic; a hardening of 1e6 times takes 40.
+const STEPS: usize = 60;
+
+/// Curve of every joint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "form", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum StiffnessCurve {
+    /// `ratio` times the declared slope up to a deflection of `width_rad` either side, the declared slope beyond.
+    TwoSlope { width_rad: [f64; 6], ratio: [f64; 6] },
+    /// τ = k (δ + c δ³): hardening where c > 0.
+    Cubic { c_per_rad2: [f64; 6] },
+}
+
+use StiffnessCurve::{Cubic, TwoSlope};
+
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    if !survey.stiffness_declared {
+        return vec![];
+    }
+    vec![
+        Box::new(TwoSlope { width_rad: [TYPICAL_WIDTH; 6], ratio: [1.0; 6] }),
+        Box::new(Cubic { c_per_rad2: [0.0; 6] }),
+    ]
+}
+
+/// What a two-slope spring deflects beyond a straight one, both in torque over declared stiffness, rad.
+fn two_slope_excess(straight: f64, width: f64, ratio: f64) -> f64 {
+    let inside = straight.abs().min(ratio * width);
+    (inside / ratio - inside).copysign(straight)
+}
+
+/// What δ + c δ³ = `straight` deflects beyond `straight`, rad; NaN where a softening spring (c < 0) gives way.
+fn cubic_excess(straight: f64, c: f64) -> f64 {
+    // From `straight`, Newton's method nears the root from one side only, whatever the sign of c.
+    let mut excess = 0.0;
+    for _ in 0..STEPS {
+        let delta = straight + excess;
+        let slope = 1.0 + 3.0 * c * delta * delta;
+        if slope <= 0.0 {
+            return f64::NAN;
+        }
+        let step = (excess + c * delta.powi(3)) / slope;
+        excess -= step;
+        if step.abs() <= 1e-15 * straight.abs() {
+            break;
+        }
+    }
+    excess
+}
+
+impl Effect for StiffnessCurve {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        let Some(stiffness) = state.stiffness else { return };
+        for i in 0..6 {
+            let straight = load.torque[i] / stiffness[i];
+            out.joints[i] += match self {
+                TwoSlope { width_rad, ratio } => two_slope_excess(straight, width_rad[i], ratio[i]),
+                Cubic { c_per_rad2 } => cubic_excess(straight, c_per_rad2[i]),
+            };
+        }
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Stiffness]
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        match self {
+            // Gears are about twice as soft below some 3 % of their rated torque.
+            TwoSlope { width_rad, ratio } => {
+                let mut all = indexed("width_rad", width_rad, "rad", 1e-4, TYPICAL_WIDTH, NOT_NEGATIVE);
+                all.extend(indexed("ratio", ratio, "1", 0.4, 1.0, FACTOR));
+                all
+            }
+            // A third stiffer at a deflection of 4e-4 rad.
+            Cubic { c_per_rad2 } => indexed("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, ANY),
+        }
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(match self {
+            TwoSlope { .. } => TwoSlope { width_rad: take(&mut values), ratio: take(&mut values) },
+            Cubic { .. } => Cubic { c_per_rad2: take(&mut values) },
+        })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn two_slopes_meet_at_the_width() {
+        // Half as stiff up to 1e-4 rad: 0.4e-4 gives 0.8e-4; 2e-4 gives 1e-4 + (2e-4 − 0.5e-4).
+        assert_relative_eq!(two_slope_excess(0.4e-4, 1e-4, 0.5), 0.4e-4, max_relative = 1e-14);
+        assert_relative_eq!(two_slope_excess(2e-4, 1e-4, 0.5), 0.5e-4, max_relative = 1e-14);
+        assert_relative_eq!(two_slope_excess(-2e-4, 1e-4, 0.5), -0.5e-4, max_relative = 1e-14);
+    }
+
+    #[test]
+    fn the_cubic_is_solved_exactly() {
+        // δ = 1e-3, c = 1e6: straight = 1e-3 + 1e-3.
+        assert_relative_eq!(cubic_excess(2e-3, 1e6), -1e-3, max_relative = 1e-14);
+        assert_relative_eq!(cubic_excess(-2e-3, 1e6), 1e-3, max_relative = 1e-14);
+        // Softening: δ = 5e-4, c = −1e6: straight = 5e-4 − 1.25e-4; beyond 2/3 of 1/√3 it gives way.
+        assert_relative_eq!(cubic_excess(3.75e-4, -1e6), 1.25e-4, max_relative = 1e-13);
+        assert!(cubic_excess(4e-4, -1e6).is_nan());
+    }
+}

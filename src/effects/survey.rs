@@ -1,0 +1,29 @@
+use crate::robot::{Joints, Robot};
+use nalgebra::Vector3;
+
+/// What measured data offer: which effects they can show at all, and over which range.
+#[derive(Clone, Debug)]
+pub struct Survey<'a> {
+    /// The nominal robot.
+    pub robot: &'a Robot,
+    /// Whether the cell declares a joint stiffness.
+    pub stiffness_declared: bool,
+    /// Whether any row cuts.
+    pub has_force: bool,
+    /// Whether any row carries a payload besides its tool.
+    pub has_payload: bool,
+    /// Whether programmed speeds are known.
+    pub has_speed: bool,
+    /// First and last time, s, where rows have one.
+    pub time: Option<(f64, f64)>,
+    /// Lowest and highest temperature, °C, where measured.
+    pub temperature: Option<(f64, f64)>,
+    /// Least commanded motor angles, rad.
+    pub motor_min: Joints,
+    /// Largest commanded motor angles, rad.
+    pub motor_max: Joints,
+    /// Least wanted position in the work object, m.
+    pub position_min: Vector3<f64>,
+    /// Largest wanted position in the work object, m.
+    pub position_max: Vector3<f64>,
+}

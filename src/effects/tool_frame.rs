@@ -1,0 +1,45 @@
+//! A TCP that was taught or measured wrong.
+
+use super::{ANY, Distortion, Effect, Kind, Load, Parameter, State, Twist, checked, indexed, table_of, take};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "tool_frame",
+    summary: "the TCP is not where tooldata says",
+    read: |table| checked(table.try_into::<ToolFrameError>()?),
+    candidates: |_| vec![Box::new(ToolFrameError::default())],
+};
+
+/// Actual TCP = declared TCP ∘ (d), in the declared tool frame.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct ToolFrameError {
+    d_mm: [f64; 3],
+    /// Rotation vector.
+    d_rad: [f64; 3],
+}
+
+impl Effect for ToolFrameError {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
+        out.tcp += Twist { shift: 1e-3 * Vector3::from(self.d_mm), turn: Vector3::from(self.d_rad) };
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut all = indexed("d_mm", &self.d_mm, "mm", 0.2, 0.0, ANY);
+        all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+        all
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { d_mm: take(&mut values), d_rad: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

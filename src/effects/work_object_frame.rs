@@ -1,0 +1,45 @@
+//! A work object that does not lie where it was declared; a base that stands wrong looks the same.
+
+use super::{ANY, Distortion, Effect, Kind, Load, Parameter, State, Twist, checked, indexed, table_of, take};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "work_object_frame",
+    summary: "the work object (or the base) is not where it was declared",
+    read: |table| checked(table.try_into::<WorkObjectFrame>()?),
+    candidates: |_| vec![Box::new(WorkObjectFrame::default())],
+};
+
+/// Actual work object = declared work object ∘ (d).
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct WorkObjectFrame {
+    d_mm: [f64; 3],
+    /// Rotation vector.
+    d_rad: [f64; 3],
+}
+
+impl Effect for WorkObjectFrame {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
+        out.wobj += Twist { shift: 1e-3 * Vector3::from(self.d_mm), turn: Vector3::from(self.d_rad) };
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let mut all = indexed("d_mm", &self.d_mm, "mm", 0.3, 0.0, ANY);
+        all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+        all
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { d_mm: take(&mut values), d_rad: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}

@@ -1,0 +1,46 @@
+//! Joint zeros that are off: resolvers synchronised at the wrong angle.
+
+use super::{ANY, Covered, Distortion, Effect, Kind, Load, Parameter, State, checked, indexed, table_of, take};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "zero_offset",
+    summary: "joint zero positions are off",
+    read: |table| checked(table.try_into::<ZeroOffset>()?),
+    candidates: |_| vec![Box::new(ZeroOffset { offset_rad: [0.0; 6] })],
+};
+
+/// Actual = commanded + offset.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ZeroOffset {
+    offset_rad: [f64; 6],
+}
+
+impl Effect for ZeroOffset {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
+        for i in 0..6 {
+            out.joints[i] += self.offset_rad[i];
+        }
+    }
+
+    fn covered_by(&self) -> Option<Covered> {
+        Some(Covered::Geometry)
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        indexed("offset_rad", &self.offset_rad, "rad", 3e-4, 0.0, ANY)
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        Box::new(Self { offset_rad: take(&mut values) })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}
