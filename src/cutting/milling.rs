@@ -188,14 +188,14 @@ fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingErro
     if c.teeth == 0 {
         return Err(error("teeth", "expected at least one tooth"));
     }
-    if !(c.helix.abs() < FRAC_PI_2) {
+    if c.helix.is_nan() || c.helix.abs() >= FRAC_PI_2 {
         return Err(error("helix", "expected an angle within ±90°"));
     }
     if e.mode != Mode::Slot && !(e.width > 0.0 && e.width <= c.diameter) {
         return Err(error("width", "expected a radial width above zero, at most the diameter"));
     }
     for (field, angle) in [("lead", e.lead), ("tilt", e.tilt)] {
-        if !(angle.abs() <= STEEPEST) {
+        if angle.is_nan() || angle.abs() > STEEPEST {
             return Err(error(field, "expected an angle within ±80°"));
         }
     }
