@@ -6,6 +6,7 @@
 
 pub mod cl;
 mod detect;
+pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;

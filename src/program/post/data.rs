@@ -1,0 +1,108 @@
+//! Declarations, as RAPID aggregates.
+
+use super::names::predefined_speed;
+use crate::program::{Conf, ToolData, WobjData};
+use crate::text::number::write_fixed;
+
+/// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).
+const MM: usize = 4;
+/// Decimals of quaternion components: 3e-6 mm at 300 mm.
+const QUAT: usize = 8;
+/// Lightest tool that a controller takes, kg: that of its own tool0.
+const LEAST_MASS_KG: f64 = 0.001;
+
+/// `[a,b,c]`
+pub(super) fn list(out: &mut Vec<u8>, values: &[f64], decimals: usize) {
+    out.push(b'[');
+    for (i, value) in values.iter().enumerate() {
+        if i > 0 {
+            out.push(b',');
+        }
+        write_fixed(out, *value, decimals);
+    }
+    out.push(b']');
+}
+
+/// `[[x,y,z],[q1,q2,q3,q4]]`
+fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
+    out.push(b'[');
+    list(out, mm, MM);
+    out.push(b',');
+    list(out, quat, QUAT);
+    out.push(b']');
+}
+
+/// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
+pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Conf) {
+    out.push(b'[');
+    list(out, mm, MM);
+    out.push(b',');
+    list(out, quat, QUAT);
+    out.push(b',');
+    list(out, &[conf.cf1, conf.cf4, conf.cf6, conf.cfx].map(f64::from), 0);
+    out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");
+}
+
+pub(super) fn tooldata(out: &mut Vec<u8>, name: &str, data: &ToolData) {
+    // A controller refuses a massless tool: then mass and centre of gravity are those of tool0.
+    let massless = data.mass_kg <= 0.0;
+    let (mass, cog) = if massless { (LEAST_MASS_KG, [0.0, 0.0, 0.001]) } else { (data.mass_kg, data.cog_mm) };
+    out.extend_from_slice(format!("  PERS tooldata {name}:=[{},", truth(data.robhold)).as_bytes());
+    frame(out, &data.tcp_mm, &data.tcp_quat);
+    out.extend_from_slice(b",[");
+    write_fixed(out, mass, MM);
+    out.push(b',');
+    list(out, &cog, MM);
+    out.extend_from_slice(b",[1,0,0,0],0,0,0]];\n");
+}
+
+pub(super) fn wobjdata(out: &mut Vec<u8>, name: &str, data: &WobjData) {
+    out.extend_from_slice(
+        format!("  PERS wobjdata {name}:=[{},{},\"\",", truth(data.robhold), truth(data.fixed)).as_bytes(),
+    );
+    frame(out, &data.uframe_mm, &data.uframe_quat);
+    out.push(b',');
+    frame(out, &data.oframe_mm, &data.oframe_quat);
+    out.extend_from_slice(b"];\n");
+}
+
+/// `[v_tcp,500,5000,1000]`, the other three as in every predefined speed.
+pub(super) fn speeddata(out: &mut Vec<u8>, mm_s: f64) {
+    out.push(b'[');
+    write_fixed(out, mm_s, MM);
+    out.extend_from_slice(b",500,5000,1000]");
+}
+
+/// Declares those of `speeds` that have no predefined name, each once; the result maps speeds to names.
+pub(super) fn speeds(out: &mut Vec<u8>, speeds: &[f64]) -> Vec<(f64, String)> {
+    let mut named: Vec<(f64, String)> = Vec::new();
+    for &mm_s in speeds {
+        let known = |(v, _): &(f64, String)| (v - mm_s).abs() < super::names::SAME_SPEED;
+        if predefined_speed(mm_s).is_some() || named.iter().any(known) || !(mm_s > 0.0) {
+            continue;
+        }
+        let name = format!("vFeed{}", named.len() + 1);
+        out.extend_from_slice(format!("  CONST speeddata {name}:=").as_bytes());
+        speeddata(out, mm_s);
+        out.extend_from_slice(b";\n");
+        named.push((mm_s, name));
+    }
+    named
+}
+
+fn truth(value: bool) -> &'static str {
+    if value { "TRUE" } else { "FALSE" }
+}
+
+/// What a controller holds of a printed number.
+pub(super) fn held(value: f64, decimals: usize) -> f64 {
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    let printed = std::str::from_utf8(&text).ok().and_then(|t| t.parse::<f32>().ok());
+    printed.map_or(value, f64::from)
+}
+
+/// See [`super::as_written`].
+pub(super) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
+    (mm.map(|v| held(v, MM)), quat.map(|v| held(v, QUAT)))
+}

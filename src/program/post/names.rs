@@ -1,0 +1,129 @@
+//! Identifiers and predefined names.
+
+/// Longest RAPID identifier.
+const LONGEST: usize = 32;
+
+/// Words that cannot be a module's name, in upper case, and `MAIN`, which is the program's entry.
+const TAKEN: [&str; 75] = [
+    "ALIAS",
+    "AND",
+    "BACKWARD",
+    "CASE",
+    "CONNECT",
+    "CONST",
+    "DEFAULT",
+    "DIV",
+    "DO",
+    "ELSE",
+    "ELSEIF",
+    "ENDFOR",
+    "ENDFUNC",
+    "ENDIF",
+    "ENDMODULE",
+    "ENDPROC",
+    "ENDRECORD",
+    "ENDTEST",
+    "ENDTRAP",
+    "ENDWHILE",
+    "ERROR",
+    "EXIT",
+    "FALSE",
+    "FOR",
+    "FROM",
+    "FUNC",
+    "GOTO",
+    "IF",
+    "INOUT",
+    "LOCAL",
+    "MOD",
+    "MODULE",
+    "NOSTEPIN",
+    "NOT",
+    "NOVIEW",
+    "OR",
+    "PERS",
+    "PROC",
+    "RAISE",
+    "READONLY",
+    "RECORD",
+    "RETRY",
+    "RETURN",
+    "STEP",
+    "SYSMODULE",
+    "TASK",
+    "TEST",
+    "THEN",
+    "TO",
+    "TRAP",
+    "TRUE",
+    "TRYNEXT",
+    "UNDO",
+    "VAR",
+    "VIEWONLY",
+    "WHILE",
+    "WITH",
+    "XOR",
+    "MAIN",
+    "BASE",
+    "USER",
+    "BOOL",
+    "NUM",
+    "STRING",
+    "POS",
+    "ORIENT",
+    "POSE",
+    "CONFDATA",
+    "ROBTARGET",
+    "TOOLDATA",
+    "WOBJDATA",
+    "SPEEDDATA",
+    "ZONEDATA",
+    "TOOL0",
+    "WOBJ0",
+];
+
+/// A valid RAPID identifier made of `name`, leaving `reserve` characters for an ending.
+#[must_use]
+pub fn identifier(name: &str, reserve: usize) -> String {
+    let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if !out.starts_with(|c: char| c.is_ascii_alphabetic()) || TAKEN.contains(&out.to_ascii_uppercase().as_str()) {
+        out.insert_str(0, "m_");
+    }
+    out.truncate(LONGEST.saturating_sub(reserve).max(1));
+    out
+}
+
+/// TCP speeds of the predefined `v5` … `v7000`, mm/s.
+const SPEEDS: [u32; 25] = [
+    5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
+    6000, 7000,
+];
+
+/// Speeds print with four decimals: closer than half of the last, they are one.
+pub(super) const SAME_SPEED: f64 = 0.5e-4;
+
+/// The predefined speed that prints as `mm_s`.
+pub(super) fn predefined_speed(mm_s: f64) -> Option<u32> {
+    SPEEDS.into_iter().find(|&v| (f64::from(v) - mm_s).abs() < SAME_SPEED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_file_name_becomes_an_identifier() {
+        for (name, expected) in
+            [("part", "part"), ("12-öse", "m_12__se"), ("Main", "m_Main"), ("", "m_"), ("a.b", "a_b")]
+        {
+            assert_eq!(identifier(name, 0), expected);
+        }
+        assert_eq!(identifier(&"x".repeat(40), 4).len(), 28);
+    }
+
+    #[test]
+    fn there_is_no_v25() {
+        assert_eq!(predefined_speed(25.0), None);
+        assert_eq!(predefined_speed(50.000_01), Some(50));
+    }
+}
