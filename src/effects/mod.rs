@@ -8,24 +8,31 @@ mod backlash;
 mod base_compliance;
 mod bearing_compliance;
 mod distortion;
+mod empirical;
 mod force_scale;
 mod gear_harmonic;
 mod gravity;
 mod hysteresis;
+mod joint_error_curve;
 mod joint_stiffness;
 mod link_geometry;
+mod spline;
 mod state;
 mod stiffness_curve;
 mod survey;
 mod table;
+mod thermal_growth;
 mod tool_compliance;
 mod tool_frame;
 mod tool_wear;
+mod tracking_lag;
 mod work_object_frame;
+mod workpiece_compliance;
 mod zero_offset;
 
 pub use distortion::{Distortion, Twist};
 pub use gear_harmonic::gear_harmonic;
+pub use joint_error_curve::joint_error_curve;
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
 pub use survey::Survey;
 
@@ -151,6 +158,7 @@ pub static KINDS: &[Kind] = &[
     backlash::KIND,
     hysteresis::KIND,
     gear_harmonic::KIND,
+    joint_error_curve::KIND,
     zero_offset::KIND,
     link_geometry::KIND,
     tool_frame::KIND,
@@ -158,8 +166,12 @@ pub static KINDS: &[Kind] = &[
     base_compliance::KIND,
     bearing_compliance::KIND,
     tool_compliance::KIND,
+    workpiece_compliance::KIND,
+    thermal_growth::KIND,
     force_scale::KIND,
     tool_wear::KIND,
+    tracking_lag::KIND,
+    empirical::KIND,
 ];
 
 /// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.

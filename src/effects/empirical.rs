@@ -1,0 +1,201 @@
+//! No named effect explains it: a smooth map of what is left, used only in the domain where it was seen to hold.
+//!
+//! Over the position in the work object it shifts the TCP in the work object's axes; over the commanded motor angles, in
+//! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
+
+use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of};
+use crate::robot::Joints;
+use nalgebra::Vector3;
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "empirical",
+    summary: "no named effect explains it: a smooth map, only where it holds",
+    read: |table| checked(Empirical::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
+    candidates,
+};
+
+/// Share of the half range, from the middle, where the map acts in full.
+const FULL: f64 = 0.9;
+
+/// A map over a domain narrower than this would only fit noise: mm, or degrees.
+const LEAST_WIDTH: f64 = 1.0;
+
+/// Highest total degree: beyond it a polynomial follows noise between the data.
+const MAX_DEGREE: usize = 5;
+
+/// A polynomial shift of the TCP.
+#[derive(Clone, Debug)]
+pub(super) struct Empirical {
+    over: Over,
+    /// Least and largest of each variable, mm or degrees.
+    domain: Vec<[f64; 2]>,
+    /// Total degree in Chebyshev polynomials of the variables scaled to −1 … 1.
+    degree: usize,
+    /// Shift along x, y, z by each of [`Empirical::basis`], mm.
+    shift_mm: [Vec<f64>; 3],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Over {
+    Position,
+    Motor,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    /// Of x, y, z in the work object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    domain_mm: Option<[[f64; 2]; 3]>,
+    /// Of the commanded motor angles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    domain_deg: Option<[[f64; 2]; 6]>,
+    degree: usize,
+    x_mm: Vec<f64>,
+    y_mm: Vec<f64>,
+    z_mm: Vec<f64>,
+}
+
+impl TryFrom<Keys> for Empirical {
+    type Error = String;
+
+    fn try_from(keys: Keys) -> Result<Self, String> {
+        let (over, domain) = match (keys.domain_mm, keys.domain_deg) {
+            (Some(domain), None) => (Over::Position, domain.to_vec()),
+            (None, Some(domain)) => (Over::Motor, domain.to_vec()),
+            _ => return Err("expected one of `domain_mm` (of x, y, z) and `domain_deg` (of the six motors)".to_owned()),
+        };
+        if !domain.iter().all(|[min, max]| min.is_finite() && max.is_finite() && min < max) {
+            return Err("each pair of the domain must be finite, the least before the largest".to_owned());
+        }
+        if keys.degree > MAX_DEGREE {
+            return Err(format!("`degree` is {}, expected 0 to {MAX_DEGREE}", keys.degree));
+        }
+        let terms = exponents(domain.len(), keys.degree).len();
+        for (key, values) in [("x_mm", &keys.x_mm), ("y_mm", &keys.y_mm), ("z_mm", &keys.z_mm)] {
+            if values.len() != terms {
+                return Err(format!("`{key}` has {} values, expected {terms} at this degree", values.len()));
+            }
+        }
+        Ok(Self { over, domain, degree: keys.degree, shift_mm: [keys.x_mm, keys.y_mm, keys.z_mm] })
+    }
+}
+
+/// Exponents of all terms up to a total degree, the first variable's changing slowest.
+fn exponents(variables: usize, degree: usize) -> Vec<Vec<usize>> {
+    if variables == 0 {
+        return vec![vec![]];
+    }
+    let with = |first: usize| {
+        exponents(variables - 1, degree - first).into_iter().map(move |rest| [vec![first], rest].concat())
+    };
+    (0..=degree).flat_map(with).collect()
+}
+
+/// A map of size 0 that acts in full between `min` and `max`.
+fn flat(over: Over, min: &[f64], max: &[f64], degree: usize) -> Box<dyn Effect> {
+    let padded = |(&min, &max): (&f64, &f64)| {
+        let (middle, half) = (0.5 * (min + max), 0.5 * (max - min).max(LEAST_WIDTH) / FULL);
+        [middle - half, middle + half]
+    };
+    let terms = exponents(min.len(), degree).len();
+    let domain = min.iter().zip(max).map(padded).collect();
+    Box::new(Empirical { over, domain, degree, shift_mm: std::array::from_fn(|_| vec![0.0; terms]) })
+}
+
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    let (low, high) = (1e3 * survey.position_min, 1e3 * survey.position_max);
+    let (least, most) = (survey.motor_min.map(f64::to_degrees), survey.motor_max.map(f64::to_degrees));
+    vec![
+        flat(Over::Position, low.as_slice(), high.as_slice(), 2),
+        flat(Over::Position, low.as_slice(), high.as_slice(), 4),
+        flat(Over::Motor, least.as_slice(), most.as_slice(), 2),
+    ]
+}
+
+impl Empirical {
+    /// Each variable scaled so that its domain is −1 … 1.
+    fn scaled(&self, motor_commanded: &Joints, situation: &Situation) -> Vec<f64> {
+        let at = match self.over {
+            Over::Position => (1e3 * situation.wobj_from_tcp.translation.vector).as_slice().to_vec(),
+            Over::Motor => motor_commanded.map(f64::to_degrees).as_slice().to_vec(),
+        };
+        at.iter().zip(&self.domain).map(|(x, [min, max])| (2.0 * x - min - max) / (max - min)).collect()
+    }
+
+    /// The terms at scaled variables, in the order of the coefficients.
+    fn basis(&self, scaled: &[f64]) -> Vec<f64> {
+        let powers: Vec<Vec<f64>> = scaled
+            .iter()
+            .map(|u| {
+                let mut chebyshev = vec![1.0, *u];
+                for k in 2..=self.degree {
+                    chebyshev.push(2.0 * u * chebyshev[k - 1] - chebyshev[k - 2]);
+                }
+                chebyshev
+            })
+            .collect();
+        let term = |term: Vec<usize>| term.iter().zip(&powers).map(|(k, p)| p[*k]).product();
+        exponents(scaled.len(), self.degree).into_iter().map(term).collect()
+    }
+}
+
+/// 1 in the full part of the domain, 0 outside, smooth between.
+fn fade(scaled: &[f64]) -> f64 {
+    let of = |u: &f64| {
+        let left = ((1.0 - u.abs()) / (1.0 - FULL)).clamp(0.0, 1.0);
+        left * left * (3.0 - 2.0 * left)
+    };
+    scaled.iter().map(of).product()
+}
+
+impl Effect for Empirical {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
+        let scaled = self.scaled(state.motor_commanded, state.situation);
+        let weight = fade(&scaled);
+        if weight > 0.0 {
+            let basis = self.basis(&scaled);
+            let along = |c: &Vec<f64>| 1e-3 * weight * c.iter().zip(&basis).map(|(c, b)| c * b).sum::<f64>();
+            let shift = Vector3::from_iterator(self.shift_mm.iter().map(along));
+            out.lag += match self.over {
+                Over::Position => state.situation.base_from_wobj.rotation * shift,
+                Over::Motor => shift,
+            };
+        }
+    }
+
+    fn follows_command(&self) -> bool {
+        self.over == Over::Motor
+    }
+
+    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
+        // Rounding of the padding must not put the outermost row outside.
+        self.scaled(motor_commanded, situation).iter().all(|u| u.abs() <= FULL + 1e-9)
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let of = |(key, values): (&str, &Vec<f64>)| indexed(key, values, "mm", 0.05, 0.0, ANY);
+        ["x_mm", "y_mm", "z_mm"].into_iter().zip(&self.shift_mm).flat_map(of).collect()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        let terms = self.shift_mm[0].len();
+        let shift_mm = std::array::from_fn(|i| values[i * terms..(i + 1) * terms].to_vec());
+        Box::new(Self { shift_mm, domain: self.domain.clone(), ..*self })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        let [x_mm, y_mm, z_mm] = self.shift_mm.clone();
+        let (domain_mm, domain_deg) = match self.over {
+            Over::Position => (self.domain.clone().try_into().ok(), None),
+            Over::Motor => (None, self.domain.clone().try_into().ok()),
+        };
+        table_of(KIND.name, &Keys { domain_mm, domain_deg, degree: self.degree, x_mm, y_mm, z_mm })
+    }
+}

@@ -1,0 +1,140 @@
+//! A joint's own error as a smooth curve of its angle, where no few harmonics describe it.
+//!
+//! Valid only where it was seen: beyond its first and last knot the curve holds their value, and
+//! [`Effect::covers`] says so.
+
+use super::spline::Spline;
+use super::{
+    ANY, Covered, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of,
+};
+use crate::robot::Joints;
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "joint_error_curve",
+    summary: "a joint's own error, a smooth curve of its angle",
+    read: |table| checked(JointErrorCurve::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
+    candidates,
+};
+
+/// Knot spacings to choose from, degrees: finer curves follow a gear's waves, coarser ones need fewer data.
+const SPACINGS_DEG: [f64; 3] = [4.0, 8.0, 20.0];
+
+/// A joint that moved less shows no curve, degrees.
+const LEAST_RANGE_DEG: f64 = 4.0;
+
+/// Actual = commanded + curve(commanded), by natural cubic splines through the knots.
+#[derive(Clone, Debug)]
+pub(super) struct JointErrorCurve {
+    /// Joint (0 to 5) and error (rad) over commanded motor angle (degrees, as in the cell file).
+    curves: Vec<(usize, Spline)>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    curves: Vec<Curve>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Curve {
+    /// 1 to 6.
+    joint: usize,
+    angle_deg: Vec<f64>,
+    error_rad: Vec<f64>,
+}
+
+impl TryFrom<Keys> for JointErrorCurve {
+    type Error = String;
+
+    fn try_from(keys: Keys) -> Result<Self, String> {
+        let curve = |(i, Curve { joint, angle_deg, error_rad }): (usize, Curve)| {
+            let (knots, values) = (angle_deg.len(), error_rad.len());
+            if !(1..=6).contains(&joint) {
+                return Err(format!("`curves[{i}].joint` is {joint}, expected 1 to 6"));
+            }
+            if knots < 2 || knots != values {
+                return Err(format!(
+                    "`curves[{i}]` has {knots} `angle_deg` and {values} `error_rad`, expected as many of both, at least 2"
+                ));
+            }
+            if !angle_deg.iter().all(|angle| angle.is_finite()) || !angle_deg.is_sorted_by(|a, b| a < b) {
+                return Err(format!("`curves[{i}].angle_deg` must be finite and rise from each to the next"));
+            }
+            Ok((joint - 1, Spline::new(angle_deg, error_rad)))
+        };
+        Ok(Self { curves: keys.curves.into_iter().enumerate().map(curve).collect::<Result<_, _>>()? })
+    }
+}
+
+/// A flat curve of a joint (1 to 6) over a range (degrees), with knots about `spacing_deg` apart, to be fitted.
+#[must_use]
+pub fn joint_error_curve(joint: usize, from_deg: f64, to_deg: f64, spacing_deg: f64) -> Box<dyn Effect> {
+    // As many as the range holds, but three at least: two are a scale of the joint, which gears do not have.
+    let steps = ((to_deg - from_deg) / spacing_deg).round().max(2.0);
+    let knots: Vec<f64> = (0..=steps as usize).map(|i| from_deg + (to_deg - from_deg) * i as f64 / steps).collect();
+    let values = vec![0.0; knots.len()];
+    Box::new(JointErrorCurve { curves: vec![(joint - 1, Spline::new(knots, values))] })
+}
+
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    let mut all = Vec::new();
+    for i in 0..6 {
+        let (min, max) = (survey.motor_min[i].to_degrees(), survey.motor_max[i].to_degrees());
+        if max - min >= LEAST_RANGE_DEG {
+            all.extend(SPACINGS_DEG.map(|spacing| joint_error_curve(i + 1, min, max, spacing)));
+        }
+    }
+    all
+}
+
+impl Effect for JointErrorCurve {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
+        for (joint, curve) in &self.curves {
+            out.joints[*joint] += curve.at(state.motor_commanded[*joint].to_degrees());
+        }
+    }
+
+    fn follows_command(&self) -> bool {
+        true
+    }
+
+    fn covered_by(&self) -> Option<Covered> {
+        Some(Covered::Geometry)
+    }
+
+    fn covers(&self, motor_commanded: &Joints, _: &Situation) -> bool {
+        self.curves.iter().all(|(joint, curve)| curve.covers(motor_commanded[*joint].to_degrees()))
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let of = |(i, (_, curve)): (usize, &(usize, Spline))| {
+            indexed(&format!("curves[{i}].error_rad"), curve.values(), "rad", 1.5e-4, 0.0, ANY)
+        };
+        self.curves.iter().enumerate().flat_map(of).collect()
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        let with = |(joint, curve): &(usize, Spline)| {
+            let (own, rest) = values.split_at(curve.knots().len());
+            values = rest;
+            (*joint, Spline::new(curve.knots().to_vec(), own.to_vec()))
+        };
+        Box::new(Self { curves: self.curves.iter().map(with).collect() })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        let curve = |(joint, curve): &(usize, Spline)| Curve {
+            joint: joint + 1,
+            angle_deg: curve.knots().to_vec(),
+            error_rad: curve.values().to_vec(),
+        };
+        table_of(KIND.name, &Keys { curves: self.curves.iter().map(curve).collect() })
+    }
+}

@@ -1,0 +1,77 @@
+/// Natural cubic spline through knots: smooth to the second derivative, linear in its values, held constant beyond the
+/// first and last knot.
+#[derive(Clone, Debug)]
+pub(super) struct Spline {
+    knots: Vec<f64>,
+    values: Vec<f64>,
+    /// Second derivatives at the knots.
+    bends: Vec<f64>,
+}
+
+impl Spline {
+    /// Through at least two knots, strictly rising, as many values.
+    pub(super) fn new(knots: Vec<f64>, values: Vec<f64>) -> Self {
+        let last = knots.len().saturating_sub(1);
+        let mut bends = vec![0.0; knots.len()];
+        // Tridiagonal elimination (Thomas); the system is diagonally dominant, so no pivots are needed.
+        let mut upper = vec![0.0; knots.len()];
+        let step = |i: usize| knots[i + 1] - knots[i];
+        let slope = |i: usize| (values[i + 1] - values[i]) / step(i);
+        for i in 1..last {
+            let pivot = 2.0 * (step(i - 1) + step(i)) - step(i - 1) * upper[i - 1];
+            upper[i] = step(i) / pivot;
+            bends[i] = (6.0 * (slope(i) - slope(i - 1)) - step(i - 1) * bends[i - 1]) / pivot;
+        }
+        for i in (1..last).rev() {
+            bends[i] -= upper[i] * bends[i + 1];
+        }
+        Self { knots, values, bends }
+    }
+
+    pub(super) fn knots(&self) -> &[f64] {
+        &self.knots
+    }
+
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Whether `x` lies between the first and the last knot.
+    pub(super) fn covers(&self, x: f64) -> bool {
+        self.knots.first().is_some_and(|first| *first <= x) && self.knots.last().is_some_and(|last| x <= *last)
+    }
+
+    pub(super) fn at(&self, x: f64) -> f64 {
+        let x = x.clamp(self.knots[0], self.knots[self.knots.len() - 1]);
+        let i = self.knots.partition_point(|knot| *knot <= x).clamp(1, self.knots.len() - 1) - 1;
+        let step = self.knots[i + 1] - self.knots[i];
+        let (a, b) = ((self.knots[i + 1] - x) / step, (x - self.knots[i]) / step);
+        let bend = (a.powi(3) - a) * self.bends[i] + (b.powi(3) - b) * self.bends[i + 1];
+        a * self.values[i] + b * self.values[i + 1] + bend * step * step / 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn three_knots_by_hand() {
+        // Knots 0, 1, 2 with values 0, 1, 0: M₁ = 6·(−2)/4 = −3, so s(½) = ½ + (⅛ − ½)·(−3)/6 = 11/16.
+        let spline = Spline::new(vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 0.0]);
+        assert_relative_eq!(spline.at(0.5), 11.0 / 16.0, max_relative = 1e-15);
+        assert_relative_eq!(spline.at(1.5), 11.0 / 16.0, max_relative = 1e-15);
+        assert_relative_eq!(spline.at(1.0), 1.0);
+        assert_relative_eq!(spline.at(-7.0), 0.0);
+        assert!(spline.covers(2.0) && !spline.covers(2.1));
+    }
+
+    #[test]
+    fn a_line_stays_a_line() {
+        let spline = Spline::new(vec![0.0, 0.3, 1.0, 4.0], vec![1.0, 1.6, 3.0, 9.0]);
+        for x in [0.1, 0.5, 2.0, 3.9] {
+            assert_relative_eq!(spline.at(x), 1.0 + 2.0 * x, max_relative = 1e-14);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Links that grow as the robot warms up: by time from a cold start, or by measured temperature.
+
+use super::{ANY, Distortion, Effect, Kind, Load, Need, Parameter, State, Survey, checked, scalar, table_of, take};
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "thermal_growth",
+    summary: "links grow as the robot warms up",
+    read: |table| checked(ThermalGrowth::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
+    candidates,
+};
+
+/// Time constant of an arm, s: typical, and the prior's mean.
+const TYPICAL_TAU: f64 = 1500.0;
+
+/// Growth of the rows that are the column (d of row 1), the upper arm (a of row 3) and the forearm (d of row 4).
+#[derive(Clone, Debug)]
+pub(super) struct ThermalGrowth {
+    /// Column, upper arm, forearm: mm at the end of warming, or mm/K.
+    growth: [f64; 3],
+    by: By,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum By {
+    /// 1 − exp(−t/τ), s.
+    Time { tau: f64 },
+    /// Temperature above this one, °C.
+    Temperature { reference: f64 },
+}
+
+/// As in the cell file: by time, or by temperature.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tau_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    column_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    upper_arm_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    forearm_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference_c: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    column_mm_per_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    upper_arm_mm_per_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    forearm_mm_per_k: Option<f64>,
+}
+
+impl TryFrom<Keys> for ThermalGrowth {
+    type Error = &'static str;
+
+    fn try_from(keys: Keys) -> Result<Self, &'static str> {
+        let by_time = [keys.column_mm, keys.upper_arm_mm, keys.forearm_mm];
+        let by_temperature = [keys.column_mm_per_k, keys.upper_arm_mm_per_k, keys.forearm_mm_per_k];
+        let given = |growth: [Option<f64>; 3]| growth.iter().any(Option::is_some);
+        match (keys.tau_s, keys.reference_c) {
+            (Some(tau), None) if !given(by_temperature) => {
+                Ok(Self { growth: by_time.map(Option::unwrap_or_default), by: By::Time { tau } })
+            }
+            (None, Some(reference)) if !given(by_time) && reference.is_finite() => {
+                Ok(Self { growth: by_temperature.map(Option::unwrap_or_default), by: By::Temperature { reference } })
+            }
+            _ => Err("expected either `tau_s` with `column_mm`, `upper_arm_mm`, `forearm_mm`, or `reference_c` (the \
+                      temperature at which the declared lengths hold) with `column_mm_per_k`, `upper_arm_mm_per_k`, \
+                      `forearm_mm_per_k`"),
+        }
+    }
+}
+
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    let mut all: Vec<Box<dyn Effect>> = Vec::new();
+    if let Some((first, last)) = survey.time
+        && last > first
+    {
+        // Starts for the search of the time constant: quick, middling and slow against the run.
+        let starts = [0.2, 0.6, 2.0].map(|share| share * (last - first));
+        all.extend(starts.map(|tau| -> Box<dyn Effect> {
+            Box::new(ThermalGrowth { growth: [0.0; 3], by: By::Time { tau: tau.max(1.0) } })
+        }));
+    }
+    if let Some((reference, highest)) = survey.temperature
+        && highest > reference
+    {
+        all.push(Box::new(ThermalGrowth { growth: [0.0; 3], by: By::Temperature { reference } }));
+    }
+    all
+}
+
+impl Effect for ThermalGrowth {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
+        let share = match self.by {
+            By::Time { tau } => -(-state.situation.time / tau).exp_m1(),
+            By::Temperature { reference } => state.situation.temperature.map_or(0.0, |now| now - reference),
+        };
+        let [column, upper_arm, forearm] = self.growth.map(|growth| 1e-3 * growth * share);
+        out.rows[0].d += column;
+        out.rows[2].a += upper_arm;
+        out.rows[3].d += forearm;
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        match self.by {
+            By::Time { .. } => &[Need::Time],
+            By::Temperature { .. } => &[Need::Temperature],
+        }
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        let [column, upper_arm, forearm] = self.growth;
+        match self.by {
+            // 1.9 m of steel and aluminium by 10 K: 0.2 mm and more; time constants of 10 minutes to 2 hours.
+            By::Time { tau } => vec![
+                scalar("tau_s", tau, "s", 1000.0, TYPICAL_TAU, (1.0, 1e6)),
+                scalar("column_mm", column, "mm", 0.15, 0.0, ANY),
+                scalar("upper_arm_mm", upper_arm, "mm", 0.15, 0.0, ANY),
+                scalar("forearm_mm", forearm, "mm", 0.15, 0.0, ANY),
+            ],
+            By::Temperature { .. } => vec![
+                scalar("column_mm_per_k", column, "mm/K", 0.015, 0.0, ANY),
+                scalar("upper_arm_mm_per_k", upper_arm, "mm/K", 0.015, 0.0, ANY),
+                scalar("forearm_mm_per_k", forearm, "mm/K", 0.015, 0.0, ANY),
+            ],
+        }
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        let by = match self.by {
+            By::Time { .. } => {
+                let [tau] = take(&mut values);
+                By::Time { tau }
+            }
+            temperature @ By::Temperature { .. } => temperature,
+        };
+        Box::new(Self { growth: take(&mut values), by })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        let [column, upper_arm, forearm] = self.growth.map(Some);
+        let keys = match self.by {
+            By::Time { tau } => Keys {
+                tau_s: Some(tau),
+                column_mm: column,
+                upper_arm_mm: upper_arm,
+                forearm_mm: forearm,
+                ..Keys::default()
+            },
+            By::Temperature { reference } => Keys {
+                reference_c: Some(reference),
+                column_mm_per_k: column,
+                upper_arm_mm_per_k: upper_arm,
+                forearm_mm_per_k: forearm,
+                ..Keys::default()
+            },
+        };
+        table_of(KIND.name, &keys)
+    }
+}

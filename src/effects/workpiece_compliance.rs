@@ -1,0 +1,99 @@
+//! A workpiece or fixture that yields along the surface normal: thin walls, soft clamps.
+
+use super::{
+    ANY, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, checked, indexed, scalar, table_of, take,
+};
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "workpiece_compliance",
+    summary: "the workpiece or its fixture yields",
+    read: |table| checked(table.try_into::<WorkpieceCompliance>()?),
+    candidates: |survey| {
+        if !survey.has_force {
+            return vec![];
+        }
+        let alike = WorkpieceCompliance { mm_per_n: Compliance::Alike(0.0) };
+        let varying = WorkpieceCompliance { mm_per_n: Compliance::Polynomial([0.0; 6]) };
+        vec![Box::new(alike), Box::new(varying)]
+    },
+};
+
+/// The tool's force F pushes the part by −c (F·n) along its normal n, so that the tool stands c (F·n) too far out.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WorkpieceCompliance {
+    mm_per_n: Compliance,
+}
+
+/// Compliance along the normal, mm/N.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a number, or six: the coefficients of 1, x, y, x², xy, y² with x and y in mm")]
+enum Compliance {
+    /// The same everywhere.
+    Alike(f64),
+    /// Coefficients of 1, x, y, x², xy, y², with x and y of the work object in mm.
+    Polynomial([f64; 6]),
+}
+
+/// Units of the polynomial's coefficients, and the typical size of each over a part of some 200 mm.
+const TERMS: [(&str, f64); 6] = [
+    ("mm/N", 3e-4),
+    ("mm/(N·mm)", 1.5e-6),
+    ("mm/(N·mm)", 1.5e-6),
+    ("mm/(N·mm²)", 7e-9),
+    ("mm/(N·mm²)", 7e-9),
+    ("mm/(N·mm²)", 7e-9),
+];
+
+impl Effect for WorkpieceCompliance {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
+        let situation = state.situation;
+        let mm_per_n = match &self.mm_per_n {
+            Compliance::Alike(compliance) => *compliance,
+            Compliance::Polynomial(c) => {
+                let at = 1e3 * situation.wobj_from_tcp.translation.vector;
+                let (x, y) = (at.x, at.y);
+                c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y
+            }
+        };
+        let normal = situation.base_from_wobj.rotation * situation.normal;
+        out.part -= 1e-3 * mm_per_n * load.cut.dot(&normal) * normal;
+    }
+
+    fn needs(&self) -> &'static [Need] {
+        &[Need::Force]
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        match &self.mm_per_n {
+            Compliance::Alike(value) => vec![scalar("mm_per_n", *value, "mm/N", 3e-4, 0.0, NOT_NEGATIVE)],
+            Compliance::Polynomial(values) => {
+                let mut all = indexed("mm_per_n", values, "mm/N", 0.0, 0.0, ANY);
+                for (parameter, (unit, typical)) in all.iter_mut().zip(TERMS) {
+                    (parameter.unit, parameter.typical) = (unit, typical);
+                }
+                all
+            }
+        }
+    }
+
+    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
+        let mm_per_n = match self.mm_per_n {
+            Compliance::Alike(_) => {
+                let [value] = take(&mut values);
+                Compliance::Alike(value)
+            }
+            Compliance::Polynomial(_) => Compliance::Polynomial(take(&mut values)),
+        };
+        Box::new(Self { mm_per_n })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}
