@@ -52,7 +52,7 @@ impl Arc {
         let y = cross(n, x);
         let radius = circle.radius.map_or(radius_a, f64::abs);
         let off = (radius_a - radius).abs().max((radius_b - radius).abs());
-        if !(off <= OFF_CIRCLE * radius) {
+        if off.is_nan() || off > OFF_CIRCLE * radius {
             return Err("arc whose ends are not on its circle");
         }
         let mut sweep = dot(flat_b, y).atan2(dot(flat_b, x)).rem_euclid(TAU);
@@ -75,7 +75,7 @@ impl Arc {
         // The sagitta of a chord over the angle a is r·(1 − cos(a/2)).
         let angle = 2.0 * (1.0 - tolerance / radius).max(0.0).acos();
         let chords = (self.sweep / angle).ceil();
-        if !(chords <= MAX_CHORDS) {
+        if chords.is_nan() || chords > MAX_CHORDS {
             return Err("arc too long to be cut into chords");
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -35,7 +35,7 @@ pub(super) enum Slot {
     /// Three increments from the target before.
     Step { xyz: Xyz, frame: u16 },
     /// One increment along the tool axis.
-    AlongAxis { frame: u16 },
+    AlongAxis,
     /// Nothing of its own: a point on an arc.
     OnArc { arc: u32 },
     /// The end of an arc.
@@ -60,5 +60,4 @@ pub(super) struct ArcSlot {
     pub(super) centres: [Option<Xyz>; 2],
     /// Its start, where `FROM` printed it.
     pub(super) from: Option<Xyz>,
-    pub(super) frame: u16,
 }

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `lex`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
-//! | `read`, `modal`, `frame`, `arc`, `dialect`, `words` | statements | targets |
+//! | `read`, `setup`, `motion`, `modal`, `frame`, `arc`, `dialect`, `words` | statements | targets |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
@@ -15,8 +15,10 @@ mod frame;
 mod layout;
 mod lex;
 mod modal;
+mod motion;
 mod read;
 mod rewrite;
+mod setup;
 mod spin;
 mod statement;
 mod vector;
@@ -83,14 +85,14 @@ pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnost
             .help("set `corner_radius_mm` under [cut.cutter] in the cell file"),
         ]);
     }
-    if !(options.arc_tolerance_mm > 0.0) {
+    if options.arc_tolerance_mm.is_nan() || options.arc_tolerance_mm <= 0.0 {
         return Err(vec![Diagnostic::error("cl.arc-tolerance", "", "the arc tolerance must be above 0 mm")]);
     }
     let mut reader = read::Reader::new(&source, options);
-    let refusal = reader.run().err();
-    if let Some(refusal) =
-        source_language(&reader, &source).or(refusal.map(|r| r.0)).or_else(|| foreign(&reader, &source))
-    {
+    reader.run();
+    let refusal =
+        source_language(&reader, &source).or_else(|| reader.refusal.take()).or_else(|| foreign(&reader, &source));
+    if let Some(refusal) = refusal {
         return Err(vec![refusal]);
     }
     let read::Reader { dialect, targets, kept, diagnostics, mut layout, literal_targets, arcs, cutter, .. } = reader;

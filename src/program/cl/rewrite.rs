@@ -40,7 +40,7 @@ pub(in crate::program) fn rewrite(
             Ok(()) => moved.push(wanted),
             Err(reason) => {
                 // An increment counts on from wherever the target before it went.
-                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::AlongAxis { .. });
+                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::AlongAxis);
                 moved.push(if follows { before } else { [0.0; 3] });
                 out.kept.push((at, reason));
             }
@@ -78,8 +78,8 @@ impl Writer<'_> {
         match self.layout.slots[at] {
             Slot::Point { xyz, frame } => self.shift(&[xyz], frame, wanted),
             Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before)),
-            Slot::AlongAxis { .. } if norm(sub(wanted, before)) <= SAME_MM => Ok(()),
-            Slot::AlongAxis { .. } => Err("increment along the tool axis"),
+            Slot::AlongAxis if norm(sub(wanted, before)) <= SAME_MM => Ok(()),
+            Slot::AlongAxis => Err("increment along the tool axis"),
             Slot::OnArc { arc } => self.rigid(program, changes, arc, at, wanted, before),
             Slot::ArcEnd { xyz, frame, arc } => {
                 let slot = self.layout.arcs[arc as usize];

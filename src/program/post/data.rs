@@ -78,7 +78,7 @@ pub(super) fn speeds(out: &mut Vec<u8>, speeds: &[f64]) -> Vec<(f64, String)> {
     let mut named: Vec<(f64, String)> = Vec::new();
     for &mm_s in speeds {
         let known = |(v, _): &(f64, String)| (v - mm_s).abs() < super::names::SAME_SPEED;
-        if predefined_speed(mm_s).is_some() || named.iter().any(known) || !(mm_s > 0.0) {
+        if predefined_speed(mm_s).is_some() || named.iter().any(known) || mm_s.is_nan() || mm_s <= 0.0 {
             continue;
         }
         let name = format!("vFeed{}", named.len() + 1);

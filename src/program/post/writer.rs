@@ -247,17 +247,14 @@ where
     }
 
     fn zone_at(&self, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
-        match (&self.before, next) {
-            // The tool arrives before it enters the material, and before the next part is loaded.
-            (Some(before), Some(next)) if !point.stop && !(point.rapid && !next.rapid) && !self.ends_part() => zone(
-                before.position_mm,
-                point.position_mm,
-                next.position_mm,
-                point.rapid && next.rapid,
-                self.plan.corner_tolerance_mm,
-            ),
-            _ => FINE,
+        let (Some(before), Some(next)) = (&self.before, next) else { return FINE };
+        // The tool arrives before it enters the material.
+        let enters = point.rapid && !next.rapid;
+        if point.stop || enters || self.ends_part() {
+            return FINE;
         }
+        let [q, p, n] = [before, point, next].map(|p| p.position_mm);
+        zone(q, p, n, point.rapid, self.plan.corner_tolerance_mm)
     }
 }
 

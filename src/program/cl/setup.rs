@@ -1,0 +1,182 @@
+//! Statements that say how positions are meant: units, frames, cutter, cycles, compensation.
+
+use super::dialect::Dialect;
+use super::frame::Frame;
+use super::lex::Record;
+use super::modal::INCH_MM;
+use super::read::{Outcome, Reader};
+use super::statement::Statement;
+use super::vector::cross;
+use super::{ClOptions, Units};
+use crate::program::CutterInfo;
+use crate::text::Diagnostic;
+
+/// Where the unit is looked for before the first statement; further down it counts from there on.
+const HEAD: usize = 16 * 1024;
+
+impl Reader<'_> {
+    pub(super) fn units(&mut self, s: &Statement) -> Outcome {
+        let unit = s.words().find_map(unit_of).ok_or("unit not known")?;
+        self.set_units(unit);
+        Ok(())
+    }
+
+    pub(super) fn set_units(&mut self, mm: f64) {
+        if self.units == Some(mm) {
+            return;
+        }
+        self.units = Some(mm);
+        let now = self.layout.frames.get(self.frame as usize).copied();
+        let frame = Frame { mm_per_unit: mm, ..now.unwrap_or(Frame::identity(mm)) };
+        self.frame = self.layout.frame(frame);
+    }
+
+    pub(super) fn mm_per_unit(&self) -> f64 {
+        self.units.unwrap_or(1.0)
+    }
+
+    /// A position needs a unit: the file's, else the options', else the file is refused.
+    pub(super) fn ensure_units(&mut self, record: Record) -> Outcome {
+        if self.units.is_some() {
+            return Ok(());
+        }
+        match unit_further_down(&self.source.bytes[record.span.start as usize..]) {
+            Some(mm) => {
+                self.set_units(mm);
+                Ok(())
+            }
+            None => {
+                let message = "no UNITS statement, and no `units` in [cl]: expected millimetres or inches";
+                let help = "set `units = \"mm\"` or `units = \"inch\"` under [cl] in the cell file";
+                let name = &self.source.name;
+                self.refusal =
+                    Some(Diagnostic::error("cl.no-unit", name, message).at(self.source, record.span).help(help));
+                Err("position without a unit")
+            }
+        }
+    }
+
+    pub(super) fn read_cutter(&mut self, s: &Statement) {
+        let mm = self.mm_per_unit();
+        let mut numbers = s.number_items().iter();
+        if let Some(diameter) = numbers.next().filter(|d| d.value > 0.0) {
+            let corner = numbers.next().map_or(0.0, |r| r.value.max(0.0));
+            self.modal.cutter = Some(CutterInfo { diameter_mm: diameter.value * mm, corner_radius_mm: corner * mm });
+        }
+    }
+
+    pub(super) fn cycle(&mut self, s: &Statement) -> Outcome {
+        self.modal.cycle = !(s.has(b"OFF") || s.has(b"INIT") || s.has(b"NOMORE") || s.items.is_empty());
+        let drills = self.modal.cycle && !(s.has(b"ON") && s.items.len() == 1);
+        if drills { Err("drilling cycle: its hole points are read, its own moves are not") } else { Ok(()) }
+    }
+
+    pub(super) fn cutcom(&mut self, s: &Statement) -> Outcome {
+        if s.has(b"LEFT") || s.has(b"RIGHT") {
+            self.modal.cutcom = true;
+        } else if s.has(b"OFF") {
+            self.modal.cutcom = false;
+        }
+        if self.modal.cutcom { Err("radius compensation, which a robot's controller has not") } else { Ok(()) }
+    }
+
+    pub(super) fn msys(&mut self, s: &Statement) -> Outcome {
+        let mm = self.mm_per_unit();
+        match s.number_items().first().map(|m| Frame::from_msys(m, mm)) {
+            Some(Some(frame)) => {
+                self.set_frame(frame, self.dialect.positions_follow_frame() || self.dialect == Dialect::Unknown);
+                Ok(())
+            }
+            _ => self.block("in a frame that is not read", "MSYS is no frame"),
+        }
+    }
+
+    pub(super) fn csys(&mut self, s: &Statement) -> Outcome {
+        let mm = self.mm_per_unit();
+        match s.number_items().first().map(|m| Frame::from_rows(m, mm)) {
+            Some(Some(frame)) => {
+                self.setup_axis = if self.local { [0.0, 0.0, 1.0] } else { frame.z_axis() };
+                self.set_frame(frame, self.local);
+                Ok(())
+            }
+            _ => Err("CSYS is no frame"),
+        }
+    }
+
+    pub(super) fn origin(&mut self, s: &Statement) -> Outcome {
+        let Some(origin) = s.number_items().first::<3>() else { return Err("origin is not given by numbers") };
+        let mm = self.mm_per_unit();
+        let (x, z) = match s.number_items().first::<9>() {
+            Some(m) => ([m[3], m[4], m[5]], [m[6], m[7], m[8]]),
+            None => ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        };
+        let [y0, y1, y2] = cross(z, x);
+        let m = Frame::from_msys([origin[0], origin[1], origin[2], x[0], x[1], x[2], y0, y1, y2], mm);
+        match m {
+            Some(frame) if self.base.is_none_or(|base| same_frame(&base, &frame)) => {
+                self.set_frame(frame, false);
+                Ok(())
+            }
+            // Whether positions follow a second origin depends on the post processor.
+            _ => self.block("behind a second ORIGIN", "a second ORIGIN"),
+        }
+    }
+
+    /// A frame is named. The first one of the file is the work object; where positions follow frames,
+    /// a further one is seen from it.
+    pub(super) fn set_frame(&mut self, frame: Frame, follow: bool) {
+        let base = *self.base.get_or_insert(frame);
+        if follow {
+            let mm = frame.mm_per_unit;
+            let frame = if same_frame(&base, &frame) { Frame::identity(mm) } else { frame.seen_from(&base) };
+            let before = self.frame;
+            self.frame = self.layout.frame(frame);
+            if self.frame != before {
+                self.modal.position = None;
+                self.say(
+                    "cl.several-frames",
+                    "positions in several frames: all are taken into the first, the work object",
+                );
+            }
+        } else if !same_frame(&base, &frame) && self.dialect == Dialect::Creo {
+            self.say("cl.several-frames", "several CSYS: positions are taken as printed, in the operation's own frame");
+        }
+    }
+}
+
+/// The unit that the file's head names, else the options'.
+pub(super) fn unit_at_start(bytes: &[u8], options: &ClOptions) -> Option<f64> {
+    unit_further_down(&bytes[..bytes.len().min(HEAD)]).or(options.units.map(mm_per_unit))
+}
+
+fn mm_per_unit(units: Units) -> f64 {
+    match units {
+        Units::Millimetre => 1.0,
+        Units::Inch => INCH_MM,
+    }
+}
+
+fn unit_of(word: &[u8]) -> Option<f64> {
+    match word.to_ascii_uppercase().as_slice() {
+        b"MM" | b"MILLIMETERS" | b"MILLIMETRES" | b"METRIC" => Some(1.0),
+        b"INCHES" | b"INCH" | b"IN" => Some(INCH_MM),
+        b"CM" => Some(10.0),
+        _ => None,
+    }
+}
+
+/// The unit of the first `UNITS` statement in what is left of a file.
+fn unit_further_down(rest: &[u8]) -> Option<f64> {
+    rest.split(|b| matches!(b, b'\n' | b'\r')).find_map(|line| {
+        let line = line.trim_ascii_start();
+        let head = line.get(..4)?;
+        if !head.eq_ignore_ascii_case(b"UNIT") {
+            return None;
+        }
+        line.split(|b| !b.is_ascii_alphabetic()).skip(1).find_map(unit_of)
+    })
+}
+
+fn same_frame(a: &Frame, b: &Frame) -> bool {
+    *a == Frame { mm_per_unit: a.mm_per_unit, ..*b }
+}
