@@ -17,6 +17,8 @@ pub struct ForceRow {
 /// A force table: by ordinal of the motion, or by name of the declared robtarget (upper case).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Forces {
+    /// Whether forces were measured at all; without, `[cut]` says them and the rows only carry covariates.
+    pub forces_given: bool,
     /// Rows by ordinal, from 1.
     pub by_ordinal: BTreeMap<u32, ForceRow>,
     /// Rows by name, upper case.
@@ -28,11 +30,5 @@ impl Forces {
     #[must_use]
     pub fn of(&self, ordinal: u32, name: Option<&str>) -> Option<&ForceRow> {
         self.by_ordinal.get(&ordinal).or_else(|| self.by_name.get(&name?.to_ascii_uppercase()))
-    }
-
-    /// Whether any row carries a force.
-    #[must_use]
-    pub fn has_force(&self) -> bool {
-        self.by_ordinal.values().chain(self.by_name.values()).any(|row| row.force.is_some())
     }
 }

@@ -25,8 +25,13 @@ pub use row::{Row, Status, Summary};
 use crate::cell::Cell;
 use crate::effects::Situation;
 use crate::program::Program;
-use crate::robot::StartedFrom;
+use crate::robot::{Joints, StartedFrom};
 use crate::text::Diagnostic;
+
+/// Direction of travel into motor angles from the ones before and the direction there.
+pub(crate) fn travel_into(previous: Option<(Joints, Joints)>, motor: &Joints) -> Joints {
+    previous.map_or_else(Joints::zeros, |(before, held)| path::travel(&before, motor, &held))
+}
 
 /// What of a target is corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,6 +77,16 @@ impl Prepared {
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         path::prepare(program, cell, options)
+    }
+
+    /// Points that were measured without a program.
+    pub(crate) fn of_points(points: Vec<Point>) -> Self {
+        Self { points, started: StartedFrom::JointTarget, laws: Vec::new() }
+    }
+
+    /// Error at the contact point of point `i` along its surface normal, m.
+    pub(crate) fn normal_error(&self, i: usize, actual: &crate::robot::Pose) -> f64 {
+        self.points[i].normal_error(&self.laws, actual)
     }
 
     /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.

@@ -95,6 +95,38 @@ impl Point {
         }
     }
 
+    /// A point that was measured with its motor angles, without a program; its work object is the measuring device.
+    pub(crate) fn measured(base_from_tcp: Pose, tool: ToolFrame, motor: Joints, travel: Joints) -> Self {
+        Self {
+            base_from_wobj: IDENTITY,
+            wobj_from_tcp: base_from_tcp,
+            reference: base_from_tcp,
+            tool,
+            motor,
+            travel,
+            normal: tool_axis(&base_from_tcp),
+            velocity: Vector3::zeros(),
+            cut_length: 0.0,
+            time: 0.0,
+            temperature: None,
+            payload: 0.0,
+            load: PointLoad::Air,
+        }
+    }
+
+    /// Moves the work object's frame under a point that stays where it is in the base.
+    pub(crate) fn place_in(&mut self, base_from_wobj: &Pose) {
+        let base_from_tcp = self.base_from_wobj * self.wobj_from_tcp;
+        self.base_from_wobj = *base_from_wobj;
+        self.wobj_from_tcp = base_from_wobj.inv_mul(&base_from_tcp);
+        self.reference = self.wobj_from_tcp;
+    }
+
+    /// A measured force, base axes while the point is still placed there, N.
+    pub(crate) fn set_force(&mut self, force: Vector3<f64>) {
+        self.load = PointLoad::Constant(force);
+    }
+
     /// Whether a cutting force acts.
     #[must_use]
     pub fn cuts(&self) -> bool {

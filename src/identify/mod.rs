@@ -1,1 +1,19 @@
-//! identify.
+//! Which effect does the cell lack? From measured rows to the extended cell.
+//!
+//! ```text
+//! rows → residual → candidates' columns → whitening → evidence of sets → refit → (again about the fit)
+//!      → gate: does anything unlisted remain → errors before and after, on rows that no fit has seen
+//! ```
+
+mod candidates;
+mod data;
+mod engine;
+mod noise;
+mod outcome;
+mod score;
+mod search;
+
+pub use engine::{Input, identify};
+pub use outcome::{
+    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
+};

@@ -157,7 +157,8 @@ impl Table {
     /// Forces and covariates by target, for `--forces`.
     #[must_use]
     pub fn forces(&self) -> Forces {
-        let mut forces = Forces::default();
+        let mut forces =
+            Forces { forces_given: self.rows.iter().any(|row| row.force_n.is_some()), ..Forces::default() };
         for row in &self.rows {
             let entry = ForceRow {
                 force: row.force_n.map(Vector3::from),

@@ -1,0 +1,390 @@
+//! What may be added to a cell, and the change that each of its numbers makes to every row.
+
+use super::data::{Observation, Problem};
+use crate::effects::{Effect, KINDS, Survey};
+use crate::equilibrium::Arm;
+use crate::robot::Joints;
+use nalgebra::{DMatrix, DVector, Vector3};
+use rayon::prelude::*;
+
+/// Where a candidate's numbers live.
+#[derive(Clone, Debug)]
+pub(super) enum Home {
+    /// An effect that the cell has: its numbers are fitted anew.
+    Declared(usize),
+    /// A new effect, appended.
+    New(Shape),
+    /// No effect at all: a smooth pattern that stands for anything nobody lists.
+    Pattern(Pattern),
+}
+
+/// A prototype that can be copied.
+#[derive(Debug)]
+pub(super) struct Shape(pub(super) Box<dyn Effect>);
+
+impl Clone for Shape {
+    fn clone(&self) -> Self {
+        Self(self.0.clone_box())
+    }
+}
+
+/// What an unexplained remainder may follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pattern {
+    /// The place in the work object.
+    Place,
+    /// One joint's angle.
+    Joint(usize),
+    /// Time.
+    Time,
+    /// The force.
+    Force,
+    /// A jump from one row on.
+    Jump,
+}
+
+/// A candidate with its current numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub(super) kind: String,
+    pub(super) home: Home,
+    /// Current values, in the cell file's units; the prototype's where it is not in the cell yet.
+    pub(super) values: Vec<f64>,
+    pub(super) neutral: Vec<f64>,
+    pub(super) typical: Vec<f64>,
+    pub(super) bounds: Vec<(f64, f64)>,
+    /// Index of the first of its columns in the design.
+    pub(super) first: usize,
+    /// How many variants were looked at: the look-elsewhere price is its logarithm.
+    pub(super) variants: f64,
+}
+
+impl Candidate {
+    pub(super) fn new(effect: &dyn Effect, home: Home, variants: f64) -> Self {
+        let parameters = effect.parameters();
+        Self {
+            kind: effect.kind().to_owned(),
+            home,
+            values: parameters.iter().map(|p| p.value).collect(),
+            neutral: parameters.iter().map(|p| p.neutral).collect(),
+            typical: parameters.iter().map(|p| p.typical).collect(),
+            bounds: parameters.iter().map(|p| p.bounds).collect(),
+            first: 0,
+            variants,
+        }
+    }
+
+    fn pattern(pattern: Pattern, size: usize) -> Self {
+        /// Patterns of this size are looked for, mm.
+        const TYPICAL_MM: f64 = 0.05;
+        Self {
+            kind: String::new(),
+            home: Home::Pattern(pattern),
+            values: vec![0.0; size],
+            neutral: vec![0.0; size],
+            typical: vec![TYPICAL_MM; size],
+            bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); size],
+            first: 0,
+            variants: 1.0,
+        }
+    }
+
+    pub(super) fn columns(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.values.len()
+    }
+
+    pub(super) fn is_pattern(&self) -> bool {
+        matches!(self.home, Home::Pattern(_))
+    }
+}
+
+/// Time constants that are tried, as shares of the run's length.
+const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
+
+/// Every candidate that the data can show.
+pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
+    let survey = survey(arm, problem);
+    let mut found: Vec<Candidate> = Vec::new();
+    for (slot, effect) in arm.effects.iter().enumerate() {
+        // A device frame of its own swallows the work object's.
+        if !(effect.parameters().is_empty() || problem.free_device && effect.kind() == "work_object_frame") {
+            found.push(Candidate::new(effect.as_ref(), Home::Declared(slot), 1.0));
+        }
+    }
+    for kind in KINDS {
+        let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
+        if declared || problem.free_device && kind.name == "work_object_frame" {
+            continue;
+        }
+        let mut variants = (kind.candidates)(&survey);
+        if kind.name == "thermal_growth" {
+            variants = time_constants(variants, &survey);
+        }
+        let count = variants.len().max(1) as f64;
+        let new =
+            |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
+        found.extend(variants.into_iter().map(new));
+    }
+    found.extend(patterns(&survey, problem));
+    found
+}
+
+/// Variants over time constants: the parameter named `tau_s` is searched, not fitted from nothing.
+fn time_constants(variants: Vec<Box<dyn Effect>>, survey: &Survey) -> Vec<Box<dyn Effect>> {
+    let length = survey.time.map_or(0.0, |(from, to)| to - from);
+    let mut out: Vec<Box<dyn Effect>> = Vec::new();
+    for effect in variants {
+        let parameters = effect.parameters();
+        match parameters.iter().position(|p| p.name == "tau_s") {
+            Some(at) if length > 0.0 => out.extend(TIME_CONSTANTS.iter().map(|share| {
+                let mut values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
+                values[at] = share * length;
+                effect.with_values(&values)
+            })),
+            Some(_) => {}
+            None => out.push(effect),
+        }
+    }
+    out
+}
+
+fn patterns(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
+    if problem.free_device {
+        return Vec::new();
+    }
+    let mut all = vec![Candidate::pattern(Pattern::Place, 3 * PLACE.len())];
+    all.extend((0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * HARMONICS)));
+    if survey.time.is_some_and(|(from, to)| to > from) {
+        all.push(Candidate::pattern(Pattern::Time, 3 * WAVES));
+    }
+    if survey.has_force {
+        all.push(Candidate::pattern(Pattern::Force, 3 * 9));
+    }
+    all.push(Candidate::pattern(Pattern::Jump, 3 * JUMPS));
+    all
+}
+
+/// Wave numbers over the area (in half periods along x, y) of the place pattern.
+const PLACE: [(i32, i32); 14] =
+    [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (3, 0), (0, 3), (2, 2), (3, 1), (1, 3), (4, 0), (0, 4)];
+const HARMONICS: usize = 4;
+const WAVES: usize = 8;
+const JUMPS: usize = 7;
+
+/// What the data offer.
+pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
+    let big = f64::INFINITY;
+    let mut survey = Survey {
+        robot: &arm.robot,
+        stiffness_declared: arm.stiffness.is_some(),
+        has_force: false,
+        has_payload: false,
+        has_speed: false,
+        time: None,
+        temperature: None,
+        motor_min: Joints::repeat(big),
+        motor_max: Joints::repeat(-big),
+        position_min: Vector3::repeat(big),
+        position_max: Vector3::repeat(-big),
+    };
+    let widen = |range: &mut Option<(f64, f64)>, value: f64| {
+        *range = Some(range.map_or((value, value), |(a, b)| (a.min(value), b.max(value))));
+    };
+    for row in &problem.rows {
+        let point = &problem.runs[row.run].points[row.point];
+        survey.has_force |= point.cuts();
+        survey.has_payload |= point.payload > 0.0;
+        survey.has_speed |= point.velocity != Vector3::zeros();
+        widen(&mut survey.time, point.time);
+        if let Some(temperature) = point.temperature {
+            widen(&mut survey.temperature, temperature);
+        }
+        survey.motor_min = survey.motor_min.inf(&row.motor);
+        survey.motor_max = survey.motor_max.sup(&row.motor);
+        survey.position_min = survey.position_min.inf(&point.reference.translation.vector);
+        survey.position_max = survey.position_max.sup(&point.reference.translation.vector);
+    }
+    survey.time = survey.time.filter(|(from, to)| to > from);
+    survey
+}
+
+/// The design of the `wanted` candidates: a column a number, mm per typical size, about the arm with the `chosen` ones
+/// in it (whose residual is `base`); then, for an unknown device, its six frame columns a run.
+pub(super) fn design(
+    declared: &Arm,
+    problem: &Problem,
+    candidates: &mut [Candidate],
+    chosen: &[usize],
+    wanted: &[usize],
+    base: &DVector<f64>,
+) -> (DMatrix<f64>, Vec<usize>) {
+    let now = |but: Option<usize>| {
+        let changes: Vec<(&Home, &[f64])> = chosen
+            .iter()
+            .filter(|&&c| Some(c) != but)
+            .map(|&c| (&candidates[c].home, &candidates[c].values[..]))
+            .collect();
+        with(declared, &changes)
+    };
+    let whole = now(None);
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    let mut firsts = Vec::new();
+    for &c in wanted {
+        firsts.push(columns.len());
+        let candidate = &candidates[c];
+        match &candidate.home {
+            Home::Pattern(pattern) => columns.extend(pattern_columns(problem, *pattern, candidate.values.len())),
+            home => {
+                let own = chosen.contains(&c).then(|| now(Some(c)));
+                let arm = own.as_ref().unwrap_or(&whole);
+                columns.extend((0..candidate.values.len()).map(|k| derivative(arm, problem, home, candidate, k, base)));
+            }
+        }
+    }
+    for (&c, first) in wanted.iter().zip(firsts) {
+        candidates[c].first = first;
+    }
+    let mut always = Vec::new();
+    if problem.free_device {
+        for run in 0..problem.runs.len() {
+            for axis in 0..6 {
+                always.push(columns.len());
+                columns.push(device_column(problem, run, axis));
+            }
+        }
+    }
+    if columns.is_empty() {
+        return (DMatrix::zeros(problem.scalars, 0), always);
+    }
+    (DMatrix::from_columns(&columns), always)
+}
+
+/// The arm with a candidate's numbers in place.
+pub(super) fn with(arm: &Arm, changes: &[(&Home, &[f64])]) -> Arm {
+    let mut effects: Vec<Box<dyn Effect>> = arm.effects.iter().map(|effect| effect.clone_box()).collect();
+    for (home, values) in changes {
+        match home {
+            Home::Declared(slot) => effects[*slot] = effects[*slot].with_values(values),
+            Home::New(shape) => effects.push(shape.0.with_values(values)),
+            Home::Pattern(_) => {}
+        }
+    }
+    Arm { robot: arm.robot.clone(), stiffness: arm.stiffness, effects }
+}
+
+/// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
+const STEP: f64 = 0.05;
+
+fn derivative(
+    arm: &Arm,
+    problem: &Problem,
+    home: &Home,
+    candidate: &Candidate,
+    k: usize,
+    base: &DVector<f64>,
+) -> DVector<f64> {
+    let mut values = candidate.values.clone();
+    let (low, high) = candidate.bounds[k];
+    let step = STEP * candidate.typical[k];
+    let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
+    values[k] += step;
+    let moved = problem.residual(&with(arm, &[(home, &values)]));
+    let scale = candidate.typical[k] / step;
+    // The residual falls by what the prediction grows.
+    let mut column = (base - moved) * scale;
+    column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
+    column
+}
+
+fn device_column(problem: &Problem, run: usize, axis: usize) -> DVector<f64> {
+    /// Prior of a free frame, mm and rad: anything that a registration may be off.
+    const FREE: (f64, f64) = (100.0, 0.1);
+    problem.stack(|row| {
+        if row.run != run {
+            return [0.0; 3];
+        }
+        let seen = problem.runs[run].points[row.point].wobj_from_tcp.translation.vector * 1e3;
+        let unit = Vector3::ith(axis % 3, 1.0);
+        // The device's frame moves: the point moves the other way in it.
+        let moved = if axis < 3 { -unit * FREE.0 } else { -unit.cross(&seen) * FREE.1 };
+        moved.into()
+    })
+}
+
+/// Sizes of the free frame's columns, mm and rad, in the order of [`design`].
+pub(super) const FREE_FRAME: [f64; 6] = [100.0, 100.0, 100.0, 0.1, 0.1, 0.1];
+
+fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVector<f64>> {
+    /// In mm, as the prior of [`Candidate::pattern`].
+    const TYPICAL_MM: f64 = 0.05;
+    let count = problem.rows.len().max(2);
+    let bounds = {
+        let mut low = Vector3::repeat(f64::INFINITY);
+        let mut high = -low;
+        let mut time = (f64::INFINITY, f64::NEG_INFINITY);
+        for row in &problem.rows {
+            let point = &problem.runs[row.run].points[row.point];
+            low = low.inf(&point.reference.translation.vector);
+            high = high.sup(&point.reference.translation.vector);
+            time = (time.0.min(point.time), time.1.max(point.time));
+        }
+        (low, high, time)
+    };
+    let force_size = problem
+        .rows
+        .iter()
+        .map(|row| match problem.runs[row.run].situation(row.point).cutting {
+            crate::effects::Cutting::Constant(force) => force.norm(),
+            _ => 0.0,
+        })
+        .fold(1.0, f64::max);
+    let value = |row: &Observation, index: usize, which: usize| {
+        use std::f64::consts::PI;
+        let point = &problem.runs[row.run].points[row.point];
+        match pattern {
+            Pattern::Place => {
+                let (low, high, _) = bounds;
+                let share = |k: usize| (point.reference.translation.vector[k] - low[k]) / (high[k] - low[k]).max(1e-6);
+                let (m, n) = PLACE[which];
+                (PI * f64::from(m) * share(0)).cos() * (PI * f64::from(n) * share(1)).cos()
+            }
+            Pattern::Joint(joint) => {
+                let order = (which / 2 + 1) as f64 * 3.0;
+                let angle = order * row.motor[joint];
+                if which % 2 == 0 { angle.cos() } else { angle.sin() }
+            }
+            Pattern::Time => {
+                let (_, _, (from, to)) = bounds;
+                (PI * (which + 1) as f64 * (point.time - from) / (to - from).max(1e-9)).cos()
+            }
+            Pattern::Force => match problem.runs[row.run].situation(row.point).cutting {
+                crate::effects::Cutting::Constant(force) => {
+                    let f = force / force_size;
+                    [f.x, f.y, f.z, f.x * f.x, f.y * f.y, f.z * f.z, f.x * f.y, f.y * f.z, f.x * f.z][which]
+                }
+                _ => 0.0,
+            },
+            Pattern::Jump => f64::from(u8::from(index * (JUMPS + 1) >= (which + 1) * count)),
+        }
+    };
+    let functions = size / 3;
+    let mut columns = Vec::with_capacity(size);
+    for which in 0..functions {
+        for axis in 0..3 {
+            let parts: Vec<(usize, usize, f64)> = problem
+                .rows
+                .par_iter()
+                .enumerate()
+                .map(|(index, row)| (row.offset, row.seen.len(), value(row, index, which)))
+                .collect();
+            let mut column = DVector::zeros(problem.scalars);
+            for (offset, len, value) in parts {
+                if axis < len {
+                    column[offset + axis] = TYPICAL_MM * value;
+                }
+            }
+            columns.push(column);
+        }
+    }
+    columns
+}

@@ -1,0 +1,357 @@
+//! Measured rows beside what the cell predicts for them.
+
+use super::noise::Series;
+use crate::cell::Cell;
+use crate::correct::{Options, Prepared};
+use crate::equilibrium::Arm;
+use crate::measured::{MeasuredRow, Table, TargetRef};
+use crate::program::{Program, Role};
+use crate::robot::{Joints, Pose};
+use crate::text::Diagnostic;
+use nalgebra::{DVector, Matrix3, Rotation3, Translation3, Vector3};
+use rayon::prelude::*;
+
+/// What an instrument said about one row.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Seen {
+    /// TCP in the target's work object (or in the device's frame), mm.
+    Position(Vector3<f64>),
+    /// Error along the surface normal, mm.
+    Normal(f64),
+}
+
+impl Seen {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Position(_) => 3,
+            Self::Normal(_) => 1,
+        }
+    }
+}
+
+/// One measured row, aligned.
+#[derive(Clone, Debug)]
+pub(super) struct Observation {
+    /// Index into the problem's prepared programs.
+    pub(super) run: usize,
+    /// Point of that program.
+    pub(super) point: usize,
+    /// Position in the run's order.
+    pub(super) order: usize,
+    pub(super) line: u64,
+    pub(super) motor: Joints,
+    pub(super) travel: Joints,
+    pub(super) seen: Seen,
+    /// Relative standard deviation.
+    pub(super) weight: f64,
+    pub(super) held_out: bool,
+    pub(super) block: usize,
+    pub(super) outlier: bool,
+    /// First of its scalars in stacked vectors.
+    pub(super) offset: usize,
+}
+
+/// Everything that is fitted to.
+#[derive(Debug)]
+pub(super) struct Problem {
+    pub(super) runs: Vec<Prepared>,
+    pub(super) rows: Vec<Observation>,
+    /// Scalars in all.
+    pub(super) scalars: usize,
+    /// Whether the frame of the measuring device is unknown (`--poses`).
+    pub(super) free_device: bool,
+}
+
+/// Blocks that a run is cut into; every fourth is held out.
+const BLOCKS: usize = 16;
+
+/// A measured point this far from its target does not belong to it, mm.
+const ELSEWHERE_MM: f64 = 50.0;
+
+impl Problem {
+    /// Aligns runs to their programs.
+    pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
+        let mut problem = Self { runs: Vec::new(), rows: Vec::new(), scalars: 0, free_device: false };
+        for (program, table) in runs {
+            let has_force = table.rows.iter().any(|row| row.force_n.is_some());
+            let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
+            let mut forces = table.forces();
+            forces.forces_given = has_force;
+            let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
+            let prepared = Prepared::new(program, cell, &options)?;
+            let run = problem.runs.len();
+            let mut errors = Vec::new();
+            let mut taken: Vec<(usize, &MeasuredRow, Seen)> = Vec::new();
+            for row in &table.rows {
+                match place(program, row) {
+                    Ok(point) => {
+                        let seen =
+                            row.position_mm.map(|p| Seen::Position(p.into())).or(row.normal_mm.map(Seen::Normal));
+                        taken.extend(seen.map(|seen| (point, row, seen)));
+                    }
+                    Err(message) => errors.push(at_line(table, row.line, message)),
+                }
+            }
+            belongs(&prepared, table, &taken, &mut errors);
+            if taken.is_empty() && errors.is_empty() {
+                errors.push(at_line(table, 1, "no row has a measured position or normal error".to_owned()));
+            }
+            if !errors.is_empty() {
+                errors.truncate(20);
+                return Err(errors);
+            }
+            let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
+            for (order, (point, row, seen)) in taken.into_iter().enumerate() {
+                let at = &prepared.points[point];
+                let (motor, travel) = (at.motor, at.travel);
+                problem.push(run, point, order, row, motor, travel, seen, &blocks);
+            }
+            problem.runs.push(prepared);
+        }
+        Ok(problem)
+    }
+
+    /// Aligns rows that carry their own motor angles; the device's pose is unknown.
+    pub(super) fn of_poses(cell: &Cell, tables: &[Table], tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
+        let tool = match (tool, cell.tools.len()) {
+            (Some(name), _) => cell.tools.get(&name.to_ascii_uppercase()).copied(),
+            (None, 1) => cell.tools.values().next().copied(),
+            (None, _) => None,
+        };
+        let Some(tool) = tool else {
+            let message = "--poses needs the one tool that carries the reflector";
+            return Err(vec![
+                Diagnostic::error("identify.tool", "", message).help("declare one [tools.NAME], or give --tool NAME"),
+            ]);
+        };
+        let mut problem = Self { runs: Vec::new(), rows: Vec::new(), scalars: 0, free_device: true };
+        for table in tables {
+            let mut points = Vec::new();
+            let mut pairs = Vec::new();
+            let mut taken = Vec::new();
+            let mut previous: Option<(Joints, Joints)> = None;
+            for row in &table.rows {
+                let (Some(deg), Some(position)) = (row.motor_deg, row.position_mm) else {
+                    let message = "a row of --poses needs q1_deg … q6_deg and x_mm, y_mm, z_mm".to_owned();
+                    return Err(vec![at_line(table, row.line, message)]);
+                };
+                let motor = Joints::from(deg.map(f64::to_radians));
+                let travel = crate::correct::travel_into(previous, &motor);
+                previous = Some((motor, travel));
+                let base_from_tcp = cell.arm.robot.forward(&motor) * tool.flange_from_tcp;
+                pairs.push((base_from_tcp.translation.vector, Vector3::from(position) * 1e-3));
+                let mut point = crate::correct::Point::measured(base_from_tcp, tool, motor, travel);
+                (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);
+                point.payload = row.payload_kg.unwrap_or(0.0);
+                if let Some(force) = row.force_n {
+                    point.set_force(force.into());
+                }
+                points.push(point);
+                taken.push((row, motor, travel, Seen::Position(position.into())));
+            }
+            let blocks = Blocks::of(&taken.iter().map(|(row, ..)| row.holdout).collect::<Vec<_>>());
+            let fitted: Vec<(Vector3<f64>, Vector3<f64>)> =
+                pairs.iter().enumerate().filter(|(i, _)| !blocks.held_out(*i)).map(|(_, pair)| *pair).collect();
+            let base_from_device = registration(&fitted);
+            for point in &mut points {
+                point.place_in(&base_from_device);
+            }
+            let run = problem.runs.len();
+            for (order, (row, motor, travel, seen)) in taken.into_iter().enumerate() {
+                problem.push(run, order, order, row, motor, travel, seen, &blocks);
+            }
+            problem.runs.push(Prepared::of_points(points));
+        }
+        Ok(problem)
+    }
+
+    #[allow(clippy::too_many_arguments)] // one row's fields, named at the only two callers
+    fn push(
+        &mut self,
+        run: usize,
+        point: usize,
+        order: usize,
+        row: &MeasuredRow,
+        motor: Joints,
+        travel: Joints,
+        seen: Seen,
+        blocks: &Blocks,
+    ) {
+        let offset = self.scalars;
+        self.scalars += seen.len();
+        self.rows.push(Observation {
+            run,
+            point,
+            order,
+            line: row.line,
+            motor,
+            travel,
+            seen,
+            weight: row.sigma_mm.unwrap_or(1.0),
+            held_out: blocks.held_out(order),
+            block: blocks.of_row(order),
+            outlier: false,
+            offset,
+        });
+    }
+
+    /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
+    pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
+        self.stack(|row| {
+            let prepared = &self.runs[row.run];
+            let there = arm.predict(&prepared.situation(row.point), &row.motor, &row.travel);
+            match (there, row.seen) {
+                (Ok(there), Seen::Position(seen)) => {
+                    let gap = seen - there.wobj_from_tcp.translation.vector * 1e3;
+                    [gap.x, gap.y, gap.z]
+                }
+                (Ok(there), Seen::Normal(seen)) => {
+                    [seen - 1e3 * prepared.normal_error(row.point, &there.wobj_from_tcp), 0.0, 0.0]
+                }
+                (Err(_), _) => [f64::NAN; 3],
+            }
+        })
+    }
+
+    /// A stacked vector from three numbers a row (one for normal errors).
+    pub(super) fn stack(&self, of: impl Fn(&Observation) -> [f64; 3] + Sync + Send) -> DVector<f64> {
+        let parts: Vec<[f64; 3]> = self.rows.par_iter().map(of).collect();
+        let mut out = DVector::zeros(self.scalars);
+        for (row, part) in self.rows.iter().zip(parts) {
+            for (k, value) in part.into_iter().enumerate().take(row.seen.len()) {
+                out[row.offset + k] = value;
+            }
+        }
+        out
+    }
+
+    /// Series of the rows that `keep` lets in: one a run and axis.
+    pub(super) fn series(&self, keep: impl Fn(&Observation) -> bool) -> Vec<Series> {
+        let mut series = vec![Series::default(); 3 * self.runs.len()];
+        for row in self.rows.iter().filter(|row| !row.outlier && keep(row)) {
+            for k in 0..row.seen.len() {
+                series[3 * row.run + k].samples.push((row.offset + k, row.order, row.weight));
+            }
+        }
+        series.retain(|series| !series.samples.is_empty());
+        series
+    }
+
+    /// Moves the device's frame by a small motion in its own axes (mm, rad).
+    pub(super) fn move_device(&mut self, run: usize, shift_mm: &Vector3<f64>, turn: &Vector3<f64>) {
+        let step = Pose::from_parts(Translation3::from(shift_mm * 1e-3), Rotation3::from_scaled_axis(*turn));
+        for point in &mut self.runs[run].points {
+            let base_from_device = point.base_from_wobj * step;
+            point.place_in(&base_from_device);
+        }
+    }
+}
+
+fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error("measured.row", &table.file, message)
+        .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
+    (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
+    diagnostic
+}
+
+/// Index of the target that a row belongs to.
+fn place(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
+    let ends = || program.targets.iter().enumerate().filter(|(_, t)| t.role == Role::End);
+    match &row.target {
+        None => Err("the row names no target".to_owned()),
+        Some(TargetRef::Ordinal(ordinal)) => {
+            // Programs without arcs have the ordinal's target at its own index.
+            let guess = *ordinal as usize - 1;
+            if program.targets.get(guess).is_some_and(|t| t.ordinal == *ordinal && t.role == Role::End) {
+                return Ok(guess);
+            }
+            ends().find(|(_, t)| t.ordinal == *ordinal).map(|(i, _)| i).ok_or_else(|| {
+                let count = ends().count();
+                format!("target {ordinal}: the program has {count} targets; this table belongs to another program")
+            })
+        }
+        Some(TargetRef::Name(name)) => {
+            let mut found = ends().filter(|(_, t)| t.name.as_deref().is_some_and(|n| n.eq_ignore_ascii_case(name)));
+            match (found.next(), found.next()) {
+                (Some((i, _)), None) => Ok(i),
+                (None, _) => Err(format!("target `{name}` is not visited by the program")),
+                (Some(_), Some(_)) => Err(format!("target `{name}` is visited more than once: give ordinals")),
+            }
+        }
+    }
+}
+
+/// Refuses tables whose points lie elsewhere, and says what would bring them here.
+fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Seen)], errors: &mut Vec<Diagnostic>) {
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = taken
+        .iter()
+        .filter_map(|(point, _, seen)| match seen {
+            Seen::Position(seen) => Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen)),
+            Seen::Normal(_) => None,
+        })
+        .collect();
+    let median = |change: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
+        let mut gaps: Vec<f64> = pairs.iter().map(|(target, seen)| (change(seen) - target).norm()).collect();
+        gaps.sort_by(f64::total_cmp);
+        gaps.get(gaps.len() / 2).copied().unwrap_or(0.0)
+    };
+    let off = median(&|v| *v);
+    if off < ELSEWHERE_MM {
+        return;
+    }
+    let hypotheses: [(&str, &dyn Fn(&Vector3<f64>) -> Vector3<f64>); 7] = [
+        ("they are inches: multiply by 25.4", &|v| v * 25.4),
+        ("they are metres: multiply by 1000", &|v| v * 1e3),
+        ("x and y are swapped", &|v| Vector3::new(v.y, v.x, v.z)),
+        ("y and z are swapped", &|v| Vector3::new(v.x, v.z, v.y)),
+        ("x and z are swapped", &|v| Vector3::new(v.z, v.y, v.x)),
+        ("x has the wrong sign", &|v| Vector3::new(-v.x, v.y, v.z)),
+        ("y has the wrong sign", &|v| Vector3::new(v.x, -v.y, v.z)),
+    ];
+    let reason = hypotheses
+        .iter()
+        .filter(|(_, change)| median(*change) < ELSEWHERE_MM.min(0.1 * off))
+        .map(|(reason, _)| *reason)
+        .next()
+        .unwrap_or("they are not in the work object's frame, or belong to another program");
+    errors.push(at_line(table, 0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")));
+}
+
+/// Contiguous blocks of a run and which are held out.
+struct Blocks {
+    length: usize,
+    given: Option<Vec<bool>>,
+}
+
+impl Blocks {
+    fn of(holdout: &[Option<bool>]) -> Self {
+        let given = holdout.iter().any(Option::is_some).then(|| holdout.iter().map(|h| h.unwrap_or(false)).collect());
+        Self { length: holdout.len().div_ceil(BLOCKS).max(1), given }
+    }
+
+    fn of_row(&self, order: usize) -> usize {
+        order / self.length
+    }
+
+    fn held_out(&self, order: usize) -> bool {
+        match &self.given {
+            Some(given) => given[order],
+            None => self.of_row(order) % 4 == 2,
+        }
+    }
+}
+
+/// Rigid registration of points in the base (first) to points in the device (second), m: Kabsch.
+fn registration(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Pose {
+    let n = pairs.len().max(1) as f64;
+    let mean =
+        |pick: fn(&(Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| pairs.iter().map(pick).sum::<Vector3<f64>>() / n;
+    let (base, device) = (mean(|p| p.0), mean(|p| p.1));
+    let spread: Matrix3<f64> = pairs.iter().map(|(b, d)| (b - base) * (d - device).transpose()).sum();
+    // Static 3×3 decomposition: sound on planes too.
+    let svd = spread.svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Pose::identity() };
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * vt).determinant().signum()));
+    let rotation = u * flip * vt;
+    Pose::from_parts(Translation3::from(base - rotation * device), Rotation3::from_matrix_unchecked(rotation))
+}

@@ -1,0 +1,144 @@
+use crate::cell::NewEffect;
+use serde::Serialize;
+
+/// The answer (INTERFACE.md, `identify --json`).
+#[derive(Clone, Debug, Serialize)]
+pub struct Identification {
+    /// Rows fitted and held out.
+    pub rows: usize,
+    /// Rows that no fit has seen.
+    pub held_out_rows: usize,
+    /// White noise, per axis, mm.
+    pub noise_mm: f64,
+    /// Wander of the noise, per axis, mm.
+    pub wander_mm: f64,
+    /// 3-D noise floor with the wander in it, mm.
+    pub noise_floor_rms_mm: f64,
+    /// Declared cell, on held-out rows.
+    pub before: Errors,
+    /// Extended cell, on held-out rows.
+    pub after: Errors,
+    /// 95 % interval of `after.rms_mm` by bootstrap over blocks, mm.
+    pub after_rms_ci95_mm: [f64; 2],
+    /// Effects added.
+    pub added: Vec<Added>,
+    /// Every kind of effect alone, best first.
+    pub ranking: Vec<Ranked>,
+    /// Rows that a fitted curve does not cover.
+    pub coverage: Coverage,
+    /// What is left over.
+    pub unexplained: Unexplained,
+    /// What to measure next, and why.
+    pub advice: Vec<Advice>,
+    /// Lines of the measured file whose rows were left out as outliers.
+    pub outliers: Vec<u64>,
+    /// The tables for the extended cell.
+    #[serde(skip)]
+    pub extended: Vec<NewEffect>,
+    /// Residuals, row by row.
+    #[serde(skip)]
+    pub residuals: Vec<ResidualRow>,
+}
+
+/// One piece of advice, as a sentence.
+pub type Advice = String;
+
+/// Sizes of the 3-D error, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Errors {
+    /// Root mean square.
+    pub rms_mm: f64,
+    /// Mean.
+    pub mean_mm: f64,
+    /// Largest.
+    pub max_mm: f64,
+}
+
+/// An effect that was added.
+#[derive(Clone, Debug, Serialize)]
+pub struct Added {
+    /// Kind.
+    pub kind: String,
+    /// Posterior against everything that could stand in its place.
+    pub posterior: f64,
+    /// Held-out error without it, the others kept, mm.
+    pub held_out_rms_before_mm: f64,
+    /// Held-out error with it, mm.
+    pub held_out_rms_after_mm: f64,
+    /// Its numbers.
+    pub parameters: Vec<FittedParameter>,
+    /// Kinds that explain the data nearly as well in its place.
+    pub not_told_apart_from: Vec<String>,
+}
+
+/// A fitted number.
+#[derive(Clone, Debug, Serialize)]
+pub struct FittedParameter {
+    /// As in the cell file.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: &'static str,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// One kind alone.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ranked {
+    /// Kind.
+    pub kind: String,
+    /// Held-out error with it alone added, linearised, mm.
+    pub held_out_rms_mm: f64,
+    /// −2 × log evidence against the declared cell: negative is better.
+    pub delta_bic: f64,
+}
+
+/// Rows outside what was seen.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Coverage {
+    /// Held-out rows outside the range that a curve was fitted on.
+    pub rows_outside: usize,
+    /// Their joints, from 1.
+    pub joints_outside: Vec<usize>,
+}
+
+/// What no effect explains.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Unexplained {
+    /// Whether it is more than noise.
+    pub significant: bool,
+    /// What it follows.
+    pub correlates: Vec<Correlate>,
+}
+
+/// Something that the remainder follows.
+#[derive(Clone, Debug, Serialize)]
+pub struct Correlate {
+    /// In words or as a formula.
+    pub with: String,
+    /// Share of the remainder's size that it describes.
+    pub r: f64,
+}
+
+/// One residual, for `--report`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ResidualRow {
+    /// Index of the run, from 1.
+    pub run: usize,
+    /// Line of the measured file.
+    pub line: u64,
+    /// Block.
+    pub block: usize,
+    /// Whether held out.
+    pub held_out: bool,
+    /// Whether left out as an outlier.
+    pub outlier: bool,
+    /// Measured minus predicted by the declared cell, mm.
+    pub prefit_mm: [f64; 3],
+    /// By the extended cell, mm.
+    pub postfit_mm: [f64; 3],
+    /// Whitened postfit residual, in standard deviations.
+    pub whitened: [f64; 3],
+}

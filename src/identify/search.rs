@@ -1,0 +1,172 @@
+//! Which set of effects the data speak for.
+//!
+//! Every candidate's columns are in one set of moments, so that the evidence of any set is a small problem. A set
+//! pays for each member what a name must gain, and for the variants that were tried. Sets are searched by adding,
+//! swapping and removing, from nothing and from the best pairs; what could stand in a member's place with nearly the
+//! same evidence is what it cannot be told apart from.
+
+use super::candidates::Candidate;
+use super::noise::Moments;
+use super::score::{Score, profiled, score};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+/// What a name must gain over none, nats.
+pub(super) const PRICE: f64 = 3.0;
+
+/// Searches over sets of candidates.
+pub(super) struct Search<'a> {
+    pub(super) candidates: &'a [Candidate],
+    pub(super) moments: &'a [Moments],
+    /// Columns that are in every set (the device's frame).
+    pub(super) always: &'a [usize],
+    /// Noise shapes worth trying, most promising first.
+    active: RefCell<Vec<usize>>,
+    known: RefCell<BTreeMap<Vec<usize>, f64>>,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(candidates: &'a [Candidate], moments: &'a [Moments], always: &'a [usize]) -> Self {
+        let all = (0..moments.len()).collect();
+        Self { candidates, moments, always, active: RefCell::new(all), known: RefCell::default() }
+    }
+
+    pub(super) fn columns(&self, set: &[usize]) -> Vec<usize> {
+        let own = set.iter().flat_map(|&c| self.candidates[c].columns());
+        self.always.iter().copied().chain(own).collect()
+    }
+
+    /// Evidence of a set over all noise shapes.
+    pub(super) fn full(&self, set: &[usize]) -> Score {
+        score(self.moments, &self.columns(set))
+    }
+
+    /// Evidence of a set less its price, nats, over the shapes worth trying.
+    pub(super) fn objective(&self, set: &[usize]) -> f64 {
+        let mut key = set.to_vec();
+        key.sort_unstable();
+        if let Some(known) = self.known.borrow().get(&key) {
+            return *known;
+        }
+        let columns = self.columns(&key);
+        let active = self.active.borrow();
+        let evidence = active.iter().map(|&s| profiled(&self.moments[s], &columns).0).fold(f64::NEG_INFINITY, f64::max);
+        let price: f64 = key.iter().map(|&c| PRICE + self.candidates[c].variants.ln()).sum();
+        let value = evidence - price;
+        self.known.borrow_mut().insert(key, value);
+        value
+    }
+
+    /// Whether a candidate may join a set: one variant of a kind.
+    fn joins(&self, set: &[usize], c: usize) -> bool {
+        !set.contains(&c)
+            && (self.candidates[c].kind == "gear_harmonic"
+                || self.candidates[c].is_pattern()
+                || set.iter().all(|&s| self.candidates[s].kind != self.candidates[c].kind))
+    }
+
+    /// The best set among candidates that `allowed` lets in, from a starting set.
+    pub(super) fn best(&self, start: &[usize], allowed: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
+        let pool: Vec<usize> = (0..self.candidates.len()).filter(|&c| allowed(&self.candidates[c])).collect();
+        self.narrow(&pool);
+        let mut best = self.climb(start.to_vec(), &pool);
+        // A pair can beat what single steps find: two effects whose sum a third imitates.
+        let mut singles: Vec<(f64, usize)> = pool.iter().map(|&c| (self.objective(&[c]), c)).collect();
+        singles.sort_by(|a, b| b.0.total_cmp(&a.0));
+        const PAIRED: usize = 12;
+        let mut pairs = Vec::new();
+        for (i, &(_, a)) in singles.iter().take(PAIRED).enumerate() {
+            for &(_, b) in singles.iter().take(PAIRED).skip(i + 1) {
+                if self.joins(&[a], b) {
+                    pairs.push((self.objective(&[a, b]), vec![a, b]));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, pair) in pairs.into_iter().take(3) {
+            let climbed = self.climb(pair, &pool);
+            if self.objective(&climbed) > self.objective(&best) {
+                best = climbed;
+            }
+        }
+        best
+    }
+
+    /// Keeps the noise shapes that are best for something.
+    fn narrow(&self, pool: &[usize]) {
+        let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
+        let mut wanted = Vec::new();
+        for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {
+            let columns = self.columns(&set);
+            let each: Vec<f64> = self.moments.iter().map(|m| profiled(m, &columns).0).collect();
+            let best = (0..each.len()).max_by(|&a, &b| each[a].total_cmp(&each[b])).unwrap_or(0);
+            votes[best] = votes[best].max(each[best]);
+        }
+        let mut order: Vec<usize> = (0..votes.len()).filter(|&s| votes[s].is_finite()).collect();
+        order.sort_by(|&a, &b| votes[b].total_cmp(&votes[a]));
+        wanted.extend(order.into_iter().take(5));
+        // White noise is always one of the questions.
+        if !wanted.contains(&0) {
+            wanted.push(0);
+        }
+        *self.active.borrow_mut() = wanted;
+        self.known.borrow_mut().clear();
+    }
+
+    fn climb(&self, start: Vec<usize>, pool: &[usize]) -> Vec<usize> {
+        let mut set = start;
+        let mut value = self.objective(&set);
+        // Each round gains; sets of more than eight effects are not what one table shows.
+        for _ in 0..16 {
+            let mut moves: Vec<Vec<usize>> = Vec::new();
+            if set.len() < 8 {
+                moves.extend(pool.iter().filter(|&&c| self.joins(&set, c)).map(|&c| [&set[..], &[c]].concat()));
+            }
+            for i in 0..set.len() {
+                let mut without = set.clone();
+                without.remove(i);
+                moves.extend(
+                    pool.iter()
+                        .filter(|&&c| c != set[i] && self.joins(&without, c))
+                        .map(|&c| [&without[..], &[c]].concat()),
+                );
+                moves.push(without);
+            }
+            let best = moves.into_iter().map(|m| (self.objective(&m), m)).max_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((better, chosen)) if better > value + 1e-9 => (value, set) = (better, chosen),
+                _ => break,
+            }
+        }
+        set
+    }
+
+    /// Posterior of a member against everything that could stand in its place, and those kinds, most likely first.
+    pub(super) fn rivals(
+        &self,
+        set: &[usize],
+        member: usize,
+        allowed: &dyn Fn(&Candidate) -> bool,
+    ) -> (f64, Vec<(String, f64)>) {
+        let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
+        let own = self.objective(set);
+        let mut weights: BTreeMap<String, f64> = BTreeMap::new();
+        let mut total = 1.0;
+        total += (self.objective(&without) - own).min(50.0).exp();
+        for (c, candidate) in self.candidates.iter().enumerate() {
+            if c == member
+                || !allowed(candidate)
+                || !self.joins(&without, c)
+                || candidate.kind == self.candidates[member].kind
+            {
+                continue;
+            }
+            let weight = (self.objective(&[&without[..], &[c]].concat()) - own).min(50.0).exp();
+            total += weight;
+            *weights.entry(candidate.kind.clone()).or_default() += weight;
+        }
+        let mut rivals: Vec<(String, f64)> = weights.into_iter().map(|(kind, w)| (kind, w / total)).collect();
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        (1.0 / total, rivals)
+    }
+}
