@@ -42,3 +42,19 @@ impl Effect for Backlash {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn the_gap_is_lost() {
+        let (_, out) = Bench::default().run(
+            r#"kind = "backlash"
+            half_gap_rad = [0, 7e-5, 0, 0, 2e-4, 0]"#,
+        );
+        assert_abs_diff_eq!(out.lost[1], 7e-5);
+        assert_abs_diff_eq!(out.lost[4], 2e-4);
+    }
+}

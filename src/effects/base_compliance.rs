@@ -47,3 +47,22 @@ impl Effect for BaseCompliance {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn it_sinks_and_nods_under_a_push_down() {
+        // 100 N down, 1.593 m in front: it sinks by 100 · 2e-5 mm and nods forward by 159.3 · 1e-6 rad.
+        let (_, out) = Bench::pushed(0.0, 0.0, -100.0).run(
+            r#"kind = "base_compliance"
+            mm_per_n = [0, 0, 2e-5]
+            rad_per_nm = [0, 1e-6, 0]"#,
+        );
+        assert_abs_diff_eq!(out.base.shift, Vector3::new(0.0, 0.0, -2e-6), epsilon = 1e-18);
+        assert_abs_diff_eq!(out.base.turn, Vector3::new(0.0, 1.593e-4, 0.0), epsilon = 1e-16);
+    }
+}

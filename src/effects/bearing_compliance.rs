@@ -50,3 +50,21 @@ impl Effect for BearingCompliance {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn each_link_feels_its_own_lever() {
+        // 100 N down: 159.3 N·m about y of link 1, 20 N·m about y of link 6 (0.2 m of tool).
+        let (_, out) = Bench::pushed(0.0, 0.0, -100.0).run(
+            r#"kind = "bearing_compliance"
+            rad_per_nm = [[1e-6, 1e-6], [0, 0], [0, 0], [0, 0], [0, 0], [1e-6, 1e-6]]"#,
+        );
+        assert_abs_diff_eq!(out.tilt[0][1], 1.593e-4, epsilon = 1e-16);
+        assert_abs_diff_eq!(out.tilt[5][1], 2e-5, epsilon = 1e-16);
+        assert_abs_diff_eq!(out.tilt[5][0], 0.0, epsilon = 1e-16);
+    }
+}

@@ -33,7 +33,9 @@ pub(super) struct Empirical {
     domain: Vec<[f64; 2]>,
     /// Total degree in Chebyshev polynomials of the variables scaled to −1 … 1.
     degree: usize,
-    /// Shift along x, y, z by each of [`Empirical::basis`], mm.
+    /// Degree of each variable in each term.
+    terms: Vec<Vec<usize>>,
+    /// Shift along x, y, z by each of `terms`, mm.
     shift_mm: [Vec<f64>; 3],
 }
 
@@ -73,13 +75,14 @@ impl TryFrom<Keys> for Empirical {
         if keys.degree > MAX_DEGREE {
             return Err(format!("`degree` is {}, expected 0 to {MAX_DEGREE}", keys.degree));
         }
-        let terms = exponents(domain.len(), keys.degree).len();
+        let terms = exponents(domain.len(), keys.degree);
         for (key, values) in [("x_mm", &keys.x_mm), ("y_mm", &keys.y_mm), ("z_mm", &keys.z_mm)] {
-            if values.len() != terms {
-                return Err(format!("`{key}` has {} values, expected {terms} at this degree", values.len()));
+            if values.len() != terms.len() {
+                let expected = terms.len();
+                return Err(format!("`{key}` has {} values, expected {expected} at this degree", values.len()));
             }
         }
-        Ok(Self { over, domain, degree: keys.degree, shift_mm: [keys.x_mm, keys.y_mm, keys.z_mm] })
+        Ok(Self { over, domain, degree: keys.degree, terms, shift_mm: [keys.x_mm, keys.y_mm, keys.z_mm] })
     }
 }
 
@@ -100,9 +103,10 @@ fn flat(over: Over, min: &[f64], max: &[f64], degree: usize) -> Box<dyn Effect> 
         let (middle, half) = (0.5 * (min + max), 0.5 * (max - min).max(LEAST_WIDTH) / FULL);
         [middle - half, middle + half]
     };
-    let terms = exponents(min.len(), degree).len();
+    let terms = exponents(min.len(), degree);
     let domain = min.iter().zip(max).map(padded).collect();
-    Box::new(Empirical { over, domain, degree, shift_mm: std::array::from_fn(|_| vec![0.0; terms]) })
+    let shift_mm = std::array::from_fn(|_| vec![0.0; terms.len()]);
+    Box::new(Empirical { over, domain, degree, terms, shift_mm })
 }
 
 fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
@@ -137,8 +141,8 @@ impl Empirical {
                 chebyshev
             })
             .collect();
-        let term = |term: Vec<usize>| term.iter().zip(&powers).map(|(k, p)| p[*k]).product();
-        exponents(scaled.len(), self.degree).into_iter().map(term).collect()
+        let term = |term: &Vec<usize>| term.iter().zip(&powers).map(|(k, p)| p[*k]).product();
+        self.terms.iter().map(term).collect()
     }
 }
 
@@ -185,9 +189,9 @@ impl Effect for Empirical {
     }
 
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let terms = self.shift_mm[0].len();
-        let shift_mm = std::array::from_fn(|i| values[i * terms..(i + 1) * terms].to_vec());
-        Box::new(Self { shift_mm, domain: self.domain.clone(), ..*self })
+        let count = self.terms.len();
+        let shift_mm = std::array::from_fn(|i| values[i * count..(i + 1) * count].to_vec());
+        Box::new(Self { shift_mm, ..self.clone() })
     }
 
     fn to_table(&self) -> toml::Table {
@@ -197,5 +201,34 @@ impl Effect for Empirical {
             Over::Motor => (None, self.domain.clone().try_into().ok()),
         };
         table_of(KIND.name, &Keys { domain_mm, domain_deg, degree: self.degree, x_mm, y_mm, z_mm })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    const MAP: &str = r#"kind = "empirical"
+        domain_mm = [[-100, 100], [0, 10], [0, 10]]
+        degree = 2
+        x_mm = [0, 0, 0, 0, 0, 0, 0.04, 0, 0, 0.08]
+        y_mm = [0.01, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+        z_mm = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"#;
+
+    fn at(x: f64, y: f64) -> Vector3<f64> {
+        let mut bench = Bench::default();
+        bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, y, 5e-3);
+        bench.run(MAP).1.lag
+    }
+
+    #[test]
+    fn chebyshev_in_the_middle_and_nothing_outside() {
+        // u = (½, 0, 0): 0.04 T₁ + 0.08 T₂ = 0.02 − 0.04 mm.
+        assert_abs_diff_eq!(at(0.05, 5e-3), Vector3::new(-2e-5, 1e-5, 0.0), epsilon = 1e-18);
+        assert_abs_diff_eq!(at(0.101, 5e-3), Vector3::zeros());
+        // u = 0.95 is halfway through the fade.
+        assert_abs_diff_eq!(at(0.095, 5e-3).y, 5e-6, epsilon = 1e-16);
     }
 }

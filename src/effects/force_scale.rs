@@ -44,3 +44,19 @@ impl Effect for ForceScale {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn force_and_torque_grow_alike() {
+        let (load, _) = Bench::pushed(0.0, 100.0, 0.0).run(
+            r#"kind = "force_scale"
+            factor = 1.2"#,
+        );
+        assert_abs_diff_eq!(load.cut.y, 120.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(load.torque[0], 191.16, epsilon = 1e-12);
+    }
+}

@@ -85,3 +85,21 @@ impl Effect for GearHarmonic {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn two_periods_a_turn_at_30_degrees() {
+        let mut bench = Bench::default();
+        bench.motor[0] = 30f64.to_radians();
+        let (_, out) = bench.run(
+            r#"kind = "gear_harmonic"
+            terms = [{ joint = 1, order = 2, cos_rad = 2e-4, sin_rad = 0 }, { joint = 1, order = 1, cos_rad = 0, sin_rad = -1e-4 }]"#,
+        );
+        // 2e-4 cos 60° − 1e-4 sin 30°.
+        assert_abs_diff_eq!(out.joints[0], 0.5e-4, epsilon = 1e-18);
+    }
+}

@@ -103,3 +103,36 @@ impl Effect for Gravity {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn a_flange_weight_lowers_the_forearm() {
+        // 10 kg at 10 m/s² on the flange, 1.093 m in front of axis 3, on 1e6 N·m/rad; the upper arm stands upright.
+        let (load, out) = Bench::default().run(
+            r#"kind = "gravity"
+            mass_kg = [0, 0, 0, 0, 0, 10]"#,
+        );
+        assert_abs_diff_eq!(load.torque[2], 109.3, epsilon = 1e-12);
+        assert_abs_diff_eq!(load.torque[1], 0.0, epsilon = 1e-12);
+        // The declared springs turn it into motion, not the weight itself.
+        assert_abs_diff_eq!(out.joints[2], 0.0);
+    }
+
+    #[test]
+    fn tool_and_payload_hang_on_the_tool() {
+        let mut bench = Bench::default();
+        bench.situation.tool.mass = 7.0;
+        bench.situation.payload = 3.0;
+        bench.situation.tool.cog = Vector3::new(0.0, 0.0, 0.1);
+        let (load, _) = bench.run(
+            r#"kind = "gravity"
+            tool = true"#,
+        );
+        assert_abs_diff_eq!(load.torque[2], 100.0 * 1.193, epsilon = 1e-12);
+    }
+}

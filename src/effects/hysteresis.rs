@@ -50,3 +50,21 @@ impl Effect for Hysteresis {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_tenth_of_the_twist_is_lost_whichever_way_it_is_loaded() {
+        // 100 N at 1.293 m in front of axis 3, on 1e6 N·m/rad.
+        for force in [100.0, -100.0] {
+            let (_, out) = Bench::pushed(0.0, 0.0, force).run(
+                r#"kind = "hysteresis"
+                fraction = [0, 0, 0.1, 0, 0, 0]"#,
+            );
+            assert_abs_diff_eq!(out.lost[2], 1.293e-5, epsilon = 1e-16);
+        }
+    }
+}

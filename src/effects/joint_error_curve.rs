@@ -138,3 +138,21 @@ impl Effect for JointErrorCurve {
         table_of(KIND.name, &Keys { curves: self.curves.iter().map(curve).collect() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn halfway_between_knots_and_beyond_them() {
+        let curve = r#"kind = "joint_error_curve"
+            curves = [{ joint = 2, angle_deg = [-10, 0, 10], error_rad = [0, 1e-4, 3e-5] }]"#;
+        // M₁ = 6·(−7e-6 − 1e-5)/40 = −2.55e-6, so s(5°) = 6.5e-5 + (⅛ − ½)·M₁·100/6.
+        let mut bench = Bench::default();
+        bench.motor[1] = 5f64.to_radians();
+        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 6.5e-5 + 1.593_75e-5, epsilon = 1e-18);
+        bench.motor[1] = 40f64.to_radians();
+        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 3e-5, epsilon = 1e-18);
+    }
+}

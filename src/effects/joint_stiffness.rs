@@ -57,3 +57,18 @@ impl Effect for JointStiffness {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_lever_of_the_reach_twists_the_first_axis() {
+        // 100 N sideways at 1.593 m: 159.3 N·m, on a spring of half of 1e6 N·m/rad.
+        let scale = r#"kind = "joint_stiffness"
+            scale = [0.5, 1, 1, 1, 1, 1]"#;
+        let (_, out) = Bench::pushed(0.0, 100.0, 0.0).run(scale);
+        assert_abs_diff_eq!(out.joints[0], 3.186e-4, epsilon = 1e-15);
+    }
+}

@@ -60,3 +60,20 @@ impl Effect for LinkGeometry {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn rows_differ_in_metres() {
+        let (_, out) = Bench::default().run(
+            r#"kind = "link_geometry"
+            d_a_mm = [0, 0, 0.5, 0, 0, 0]
+            d_theta_rad = [0, 0, 0, 0, 0, 1e-3]"#,
+        );
+        assert_abs_diff_eq!(out.rows[2].a, 5e-4, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.rows[5].theta, 1e-3);
+    }
+}

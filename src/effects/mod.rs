@@ -7,6 +7,8 @@
 mod backlash;
 mod base_compliance;
 mod bearing_compliance;
+#[cfg(test)]
+mod bench;
 mod distortion;
 mod empirical;
 mod force_scale;

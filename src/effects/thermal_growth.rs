@@ -165,3 +165,37 @@ impl Effect for ThermalGrowth {
         table_of(KIND.name, &keys)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn half_warm_after_ln_2_time_constants() {
+        let mut bench = Bench::default();
+        bench.situation.time = 500.0 * std::f64::consts::LN_2;
+        let (_, out) = bench.run(
+            r#"kind = "thermal_growth"
+            tau_s = 500
+            column_mm = 0.02
+            upper_arm_mm = 0.13
+            forearm_mm = 0.1"#,
+        );
+        assert_abs_diff_eq!(out.rows[0].d, 1e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.rows[2].a, 6.5e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.rows[3].d, 5e-5, epsilon = 1e-18);
+    }
+
+    #[test]
+    fn five_kelvin_over_the_reference() {
+        let mut bench = Bench::default();
+        bench.situation.temperature = Some(25.0);
+        let (_, out) = bench.run(
+            r#"kind = "thermal_growth"
+            reference_c = 20
+            forearm_mm_per_k = 0.01"#,
+        );
+        assert_abs_diff_eq!(out.rows[3].d, 5e-5, epsilon = 1e-18);
+    }
+}

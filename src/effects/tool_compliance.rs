@@ -69,3 +69,24 @@ impl Effect for ToolCompliance {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn along_and_across_the_tool() {
+        // The tool points along base x: 50 N push it in, 30 N sideways bend it, and turn the flange by 6 N·m about its
+        // −x (which points up).
+        let (_, out) = Bench::pushed(50.0, 30.0, 0.0).run(
+            r#"kind = "tool_compliance"
+            rad_per_nm = [1e-6, 1e-6]
+            axial_mm_per_n = 1e-4
+            radial_mm_per_n = 3e-4"#,
+        );
+        assert_abs_diff_eq!(out.tcp.shift, Vector3::new(0.0, 9e-6, 5e-6), epsilon = 1e-18);
+        assert_abs_diff_eq!(out.flange.turn, Vector3::new(-6e-6, 0.0, 0.0), epsilon = 1e-18);
+    }
+}

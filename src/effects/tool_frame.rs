@@ -43,3 +43,20 @@ impl Effect for ToolFrameError {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn millimetres_and_radians() {
+        let (_, out) = Bench::default().run(
+            r#"kind = "tool_frame"
+            d_mm = [0.1, 0, -0.3]
+            d_rad = [0, 2e-3, 0]"#,
+        );
+        assert_abs_diff_eq!(out.tcp.shift, nalgebra::Vector3::new(1e-4, 0.0, -3e-4), epsilon = 1e-18);
+        assert_abs_diff_eq!(out.tcp.turn.y, 2e-3);
+    }
+}

@@ -44,3 +44,20 @@ impl Effect for ToolWear {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn half_as_much_again_after_ten_metres() {
+        let mut bench = Bench::pushed(0.0, 100.0, 0.0);
+        bench.situation.cut_length = 10.0;
+        let (load, _) = bench.run(
+            r#"kind = "tool_wear"
+            per_m = 0.05"#,
+        );
+        assert_abs_diff_eq!(load.cut.y, 150.0, epsilon = 1e-12);
+    }
+}

@@ -45,3 +45,21 @@ impl Effect for TrackingLag {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn five_milliseconds_at_20_mm_a_second() {
+        let mut bench = Bench::default();
+        bench.situation.velocity = Vector3::new(0.02, 0.0, 0.0);
+        let (_, out) = bench.run(
+            r#"kind = "tracking_lag"
+            time_s = 5e-3"#,
+        );
+        assert_abs_diff_eq!(out.lag, Vector3::new(-1e-4, 0.0, 0.0), epsilon = 1e-18);
+    }
+}

@@ -97,3 +97,31 @@ impl Effect for WorkpieceCompliance {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn the_part_gives_way_along_its_normal() {
+        let (_, out) = Bench::pushed(10.0, 0.0, 100.0).run(
+            r#"kind = "workpiece_compliance"
+            mm_per_n = 1e-3"#,
+        );
+        assert_abs_diff_eq!(out.part, Vector3::new(0.0, 0.0, -1e-4), epsilon = 1e-18);
+    }
+
+    #[test]
+    fn more_so_at_its_free_end() {
+        // At x = 200 mm, y = 100 mm: 1e-4 + 200 · 1e-6 + 2e4 · 1e-8 = 5e-4 mm/N.
+        let mut bench = Bench::pushed(0.0, 0.0, 100.0);
+        bench.situation.wobj_from_tcp.translation.vector = Vector3::new(0.2, 0.1, 0.0);
+        let (_, out) = bench.run(
+            r#"kind = "workpiece_compliance"
+            mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]"#,
+        );
+        assert_abs_diff_eq!(out.part.z, -5e-5, epsilon = 1e-18);
+    }
+}

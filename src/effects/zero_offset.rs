@@ -44,3 +44,19 @@ impl Effect for ZeroOffset {
         table_of(KIND.name, self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn offsets_add() {
+        let (_, out) = Bench::default().run(
+            r#"kind = "zero_offset"
+            offset_rad = [0, 3e-4, 0, 0, -5e-4, 0]"#,
+        );
+        assert_abs_diff_eq!(out.joints[1], 3e-4);
+        assert_abs_diff_eq!(out.joints[4], -5e-4);
+    }
+}
