@@ -3,8 +3,8 @@
 //! The declared spring stays in the cell; this effect adds what the curve deflects beyond it.
 
 use super::{
-    ANY, Distortion, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, Survey, checked, indexed,
-    table_of, take,
+    Distortion, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, Survey, checked, indexed, table_of,
+    take,
 };
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ const STEPS: usize = 60;
 pub(super) enum StiffnessCurve {
     /// `ratio` times the declared slope up to a deflection of `width_rad` either side, the declared slope beyond.
     TwoSlope { width_rad: [f64; 6], ratio: [f64; 6] },
-    /// τ = k (δ + c δ³): hardening where c > 0.
+    /// τ = k (δ + c δ³): hardening.
     Cubic { c_per_rad2: [f64; 6] },
 }
 
@@ -96,8 +96,8 @@ impl Effect for StiffnessCurve {
                 all.extend(indexed("ratio", ratio, "1", 0.4, 1.0, FACTOR));
                 all
             }
-            // A third stiffer at a deflection of 4e-4 rad.
-            Cubic { c_per_rad2 } => indexed("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, ANY),
+            // A quarter stiffer at a deflection of 4e-4 rad. A softening cubic would let go under a finite torque.
+            Cubic { c_per_rad2 } => indexed("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, NOT_NEGATIVE),
         }
     }
 

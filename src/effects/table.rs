@@ -21,7 +21,7 @@ pub(super) fn checked<E: Effect + 'static>(effect: E) -> Result<Box<dyn Effect>,
         let expected = match (min.is_finite(), max.is_finite()) {
             (false, _) => "a finite number".to_owned(),
             (true, false) => format!("a finite number not below {min}"),
-            (true, true) => format!("a number from {min} to {max}"),
+            (true, true) => format!("a finite number from {min} to {max}"),
         };
         return Err(toml::de::Error::custom(format!("`{name}` is {value}, expected {expected} (unit {unit})")));
     }

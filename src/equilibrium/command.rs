@@ -56,6 +56,7 @@ impl Arm {
         let mut motor = *near;
         let mut commanded: Option<Joints> = None;
         let mut change = f64::INFINITY;
+        let mut settled = 0;
         let mut axis = 0;
         for round in 0..ROUNDS {
             let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
@@ -75,11 +76,13 @@ impl Arm {
             let next = free + travel.component_mul(&look.distortion.lost);
             let gap = next - guess;
             (change, axis) = (gap.amax(), gap.iamax() + 1);
-            if !change.is_finite() {
+            if !gap.iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
             }
             let explicit = look.distortion.joints_only() && !self.follows_command();
-            if explicit || (commanded.is_some() && change < FOUND) {
+            settled = if commanded.is_some() && change < FOUND { settled + 1 } else { 0 };
+            // Twice: the pose solved for follows the command one round late.
+            if explicit || settled == 2 {
                 return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
             }
             commanded = Some(next);

@@ -69,7 +69,8 @@ impl Arm {
                 step = (look.seen.translation.vector - last.translation.vector)
                     .norm()
                     .max(rotation_angle(&(look.seen.rotation * last.rotation.inverse())));
-                if !step.is_finite() {
+                // `max` passes over what is not a number, so the pose itself is looked at.
+                if !look.seen.translation.vector.iter().all(|v| v.is_finite()) {
                     return Err(EquilibriumError::NotFinite);
                 }
                 if step < STEP * share {
