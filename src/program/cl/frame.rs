@@ -79,6 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(clippy::float_cmp)] // quarter turns are exact
     fn seen_from_itself_is_the_identity_and_back_undoes_turn() {
         let msys = Frame::from_msys([10.0, 20.0, 30.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0], 1.0).unwrap();
         assert_eq!(msys.seen_from(&msys), Frame::identity(1.0));

@@ -12,6 +12,8 @@ pub(crate) struct Layout {
     pub(super) slots: Vec<Slot>,
     /// Arcs, in order.
     pub(super) arcs: Vec<ArcSlot>,
+    /// Starts printed by `FROM`, in order.
+    pub(super) starts: Vec<StartSlot>,
     /// The file is a deck of cards: nothing may grow past column 72.
     pub(super) cards: bool,
 }
@@ -58,6 +60,13 @@ pub(super) struct ArcSlot {
     pub(super) first: usize,
     /// Its centre, as often as printed.
     pub(super) centres: [Option<Xyz>; 2],
-    /// Its start, where `FROM` printed it.
-    pub(super) from: Option<Xyz>,
+}
+
+/// A start that `FROM` prints.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StartSlot {
+    /// The target that is first moved to from there.
+    pub(super) first: usize,
+    pub(super) xyz: Xyz,
+    pub(super) frame: u16,
 }

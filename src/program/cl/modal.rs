@@ -36,8 +36,8 @@ pub(super) type Xyz = [Span; 3];
 pub(super) struct Modal {
     /// Where the tool is, as printed; unknown before the first position and after what is not read.
     pub(super) position: Option<[f64; 3]>,
-    /// Where `FROM` printed it, if the tool has not moved since.
-    pub(super) from: Option<Xyz>,
+    /// Where `FROM` printed it and in which frame, if the tool has not moved since.
+    pub(super) from: Option<(Xyz, u16)>,
     /// Tool axis in printed axes, unit length.
     pub(super) axis: [f64; 3],
     /// Tangent of the next CATIA arc.

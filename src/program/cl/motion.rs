@@ -3,7 +3,7 @@
 use super::Point;
 use super::arc::{Arc, Circle};
 use super::dialect::Dialect;
-use super::layout::{ArcSlot, Slot};
+use super::layout::{ArcSlot, Slot, StartSlot};
 use super::lex::{Kind, Record};
 use super::modal::Xyz;
 use super::read::{Outcome, Reader};
@@ -27,10 +27,20 @@ pub(super) struct PendingArc {
 }
 
 impl Reader<'_> {
+    /// `GOTO/x,y,z[,i,j,k]`, or several positions (Creo).
     pub(super) fn goto(&mut self, record: Record, s: &Statement) -> Outcome {
-        let Some(numbers) = s.numbers() else {
+        let read = self.position(record, s);
+        if read.is_err() {
+            // The machine moves all the same: where to is unknown.
             self.modal.position = None;
+            self.modal.rapid = false;
             self.pending = None;
+        }
+        read
+    }
+
+    fn position(&mut self, record: Record, s: &Statement) -> Outcome {
+        let Some(numbers) = s.numbers() else {
             if s.items.first().is_some_and(|t| t.kind == Kind::Word) {
                 self.source_word(record);
             }
@@ -111,50 +121,44 @@ impl Reader<'_> {
         if end {
             self.ordinal += 1;
         }
-        let frame = self.frame;
         let slot = match arc {
             Some(arc) => self.arc_points(arc, position, !end, xyz),
-            None => None,
+            None => Slot::Point { xyz, frame: self.frame },
         };
         let role = if end { Role::End } else { Role::Interpolated };
-        if end && slot.is_some() {
-            self.arcs += 1;
-        }
-        let slot = slot.unwrap_or(Slot::Point { xyz, frame });
         self.push(record, position, self.modal.axis, role, u32::from(!end), slot);
         self.modal.position = Some(position);
-        self.modal.from = None;
         if end {
             self.modal.rapid = false;
         }
     }
 
-    /// Points on the way of an arc; the slot of its end, or `None` where it is no arc.
-    pub(super) fn arc_points(&mut self, pending: PendingArc, end: [f64; 3], ahead: bool, xyz: Xyz) -> Option<Slot> {
-        let mm = self.mm_per_unit();
-        let start = self.modal.position;
-        let path = start.ok_or("arc without a start").and_then(|start| {
+    /// Points on the way of an arc, and the slot of its end. What is no arc goes straight, yet its
+    /// centre moves along when its end does, so that it reads the same afterwards.
+    fn arc_points(&mut self, pending: PendingArc, end: [f64; 3], ahead: bool, xyz: Xyz) -> Slot {
+        let tolerance = self.options.arc_tolerance_mm / self.mm_per_unit();
+        let path = self.modal.position.ok_or("arc without a start").and_then(|start| {
             let arc = Arc::new(&pending.circle, start, end)?;
-            arc.chords(self.options.arc_tolerance_mm / mm).map(|n| (arc, n))
+            arc.chords(tolerance).map(|n| (arc, n))
         });
-        let (arc, chords) = match path {
-            Ok(path) => path,
-            Err(reason) => {
-                self.keep(pending.record, reason);
-                return None;
-            }
-        };
         let slot = u32::try_from(self.layout.arcs.len()).unwrap_or(u32::MAX);
-        self.layout.arcs.push(ArcSlot { first: self.targets.len(), centres: pending.centres, from: self.modal.from });
-        for i in 1..chords {
-            #[allow(clippy::cast_precision_loss)]
-            let point = arc.point(i as f64 / chords as f64);
-            let slot = Slot::OnArc { arc: slot };
-            self.push(pending.record, point, self.modal.axis, Role::Interpolated, u32::from(ahead), slot);
+        self.layout.arcs.push(ArcSlot { first: self.targets.len(), centres: pending.centres });
+        match path {
+            Ok((arc, chords)) => {
+                self.arcs += usize::from(!ahead);
+                for i in 1..chords {
+                    #[allow(clippy::cast_precision_loss)]
+                    let point = arc.point(i as f64 / chords as f64);
+                    let slot = Slot::OnArc { arc: slot };
+                    self.push(pending.record, point, self.modal.axis, Role::Interpolated, u32::from(ahead), slot);
+                }
+            }
+            Err(reason) => self.keep(pending.record, reason),
         }
-        Some(Slot::ArcEnd { xyz, frame: self.frame, arc: slot })
+        Slot::ArcEnd { xyz, frame: self.frame, arc: slot }
     }
 
+    /// `GODLTA/dx,dy,dz`, or `GODLTA/d` along the tool axis.
     pub(super) fn godlta(&mut self, record: Record, s: &Statement) -> Outcome {
         self.pending = None;
         let Some(numbers) = s.numbers() else {
@@ -177,7 +181,6 @@ impl Reader<'_> {
         let position = add(start, step);
         self.push(record, position, self.modal.axis, Role::End, 0, slot);
         self.modal.position = Some(position);
-        self.modal.from = None;
         self.modal.rapid = false;
         Ok(())
     }
@@ -192,7 +195,7 @@ impl Reader<'_> {
         }
         let mut spans = numbers.iter().map(|t| t.span);
         let mut next = || spans.next().unwrap_or_default();
-        self.modal.from = Some([next(), next(), next()]);
+        self.modal.from = Some(([next(), next(), next()], self.frame));
         self.modal.position = Some([x, y, z]);
         Ok(())
     }
@@ -301,6 +304,9 @@ impl Reader<'_> {
             None if self.modal.cutcom => Editable::No("under radius compensation (CUTCOM)"),
             None => Editable::Pose,
         };
+        if let Some((xyz, frame)) = self.modal.from.take() {
+            self.layout.starts.push(StartSlot { first: self.targets.len(), xyz, frame });
+        }
         self.layout.slots.push(slot);
         self.targets.push(Target {
             ordinal: self.ordinal + ahead,

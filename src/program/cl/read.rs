@@ -12,6 +12,9 @@ use super::{ClOptions, Layout};
 use crate::program::{CutterInfo, Editable, Kept, Mark, Target};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
+/// Why a statement is kept whose word the reader does not know.
+const UNKNOWN: &str = "statement not known";
+
 /// Everything that reading collects.
 pub(super) struct Reader<'a> {
     pub(super) source: &'a Source,
@@ -42,7 +45,7 @@ pub(super) struct Reader<'a> {
     /// Statements that only APT-360 source has, and the first of them.
     pub(super) source_words: usize,
     pub(super) first_source_word: Option<Span>,
-    /// Statements understood.
+    /// Statements that are CL, kept ones among them.
     pub(super) understood: usize,
     /// Why the file as a whole cannot be read; stops reading.
     pub(super) refusal: Option<Diagnostic>,
@@ -121,7 +124,10 @@ impl<'a> Reader<'a> {
         }
         match self.statement(record, &statement) {
             Ok(()) => self.understood += 1,
-            Err(reason) => self.keep(record, reason),
+            Err(reason) => {
+                self.understood += usize::from(reason != UNKNOWN);
+                self.keep(record, reason);
+            }
         }
     }
 
@@ -212,7 +218,7 @@ impl<'a> Reader<'a> {
                 Err("APT-360 source statement")
             }
             _ if is_without_motion(s.major) => Ok(()),
-            _ => Err("statement not known"),
+            _ => Err(UNKNOWN),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Wanted positions to edits on number tokens.
 
-use super::layout::{ArcSlot, Layout, Slot};
+use super::layout::{Layout, Slot};
 use super::lex::{number, pieces};
 use super::modal::Xyz;
 use super::vector::{add, norm, scale, sub};
@@ -24,7 +24,7 @@ pub(in crate::program) fn rewrite(
 ) -> Rewritten {
     let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
     let Some(source) = program.sources.first() else { return out };
-    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default() };
+    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default(), arc: Ok(()) };
     // What each target was moved by, mm in the work object, after refusals.
     let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
     for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
@@ -61,12 +61,15 @@ struct Writer<'a> {
     options: &'a RewriteOptions,
     edits: Vec<Edit>,
     grown: Grown,
+    /// Whether the arc that is being written stays one.
+    arc: Result<(), &'static str>,
 }
 
 /// How many bytes each card has grown by.
 type Grown = std::collections::BTreeMap<usize, usize>;
 
 impl Writer<'_> {
+    /// Moves the target `at` by `wanted`, the target before it having moved by `before`, mm.
     fn write(
         &mut self,
         program: &Program,
@@ -75,23 +78,28 @@ impl Writer<'_> {
         wanted: [f64; 3],
         before: [f64; 3],
     ) -> Result<(), &'static str> {
-        match self.layout.slots[at] {
-            Slot::Point { xyz, frame } => self.shift(&[xyz], frame, wanted),
-            Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before)),
-            Slot::AlongAxis if norm(sub(wanted, before)) <= SAME_MM => Ok(()),
-            Slot::AlongAxis => Err("increment along the tool axis"),
-            Slot::OnArc { arc } => self.rigid(program, changes, arc, at, wanted, before),
-            Slot::ArcEnd { xyz, frame, arc } => {
-                let slot = self.layout.arcs[arc as usize];
-                self.rigid(program, changes, arc, at, wanted, before)?;
-                if norm(wanted) <= 0.0 {
-                    return Ok(());
+        let slot = self.layout.slots[at];
+        let start = self.layout.starts.binary_search_by_key(&at, |s| s.first).ok().map(|i| self.layout.starts[i]);
+        // What counts on from a printed start takes the start along.
+        let before = if start.is_some() { wanted } else { before };
+        match slot {
+            Slot::Point { xyz, frame } => return self.shift(&[xyz], frame, wanted),
+            Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
+            Slot::AlongAxis if norm(sub(wanted, before)) > SAME_MM => return Err("increment along the tool axis"),
+            Slot::AlongAxis => {}
+            Slot::OnArc { arc } | Slot::ArcEnd { arc, .. } => {
+                if self.layout.arcs[arc as usize].first == at {
+                    self.arc = self.rigid(program, changes, arc, wanted, before);
                 }
-                let ArcSlot { centres, from, .. } = slot;
-                let all: Vec<Xyz> = [Some(xyz), centres[0], centres[1], from].into_iter().flatten().collect();
-                self.shift(&all, frame, wanted)
+                self.arc?;
             }
         }
+        if let Slot::ArcEnd { xyz, frame, arc } = slot {
+            let [a, b] = self.layout.arcs[arc as usize].centres;
+            let all: Vec<Xyz> = [Some(xyz), a, b].into_iter().flatten().collect();
+            self.shift(&all, frame, wanted)?;
+        }
+        start.map_or(Ok(()), |start| self.shift(&[start.xyz], start.frame, wanted))
     }
 
     /// An arc stays one where its start, its way and its end move alike.
@@ -100,22 +108,17 @@ impl Writer<'_> {
         program: &Program,
         changes: &[Option<Change>],
         arc: u32,
-        at: usize,
         wanted: [f64; 3],
         before: [f64; 3],
     ) -> Result<(), &'static str> {
-        let slot = self.layout.arcs[arc as usize];
-        let starts_free = slot.from.is_some() && at == slot.first;
-        let like_before = starts_free || norm(sub(wanted, before)) <= SAME_MM;
-        let next_on_arc = self.layout.slots.get(at + 1).and_then(Slot::arc) == Some(arc);
-        let like_next = !next_on_arc || {
-            let next = match (&changes[at + 1], program.targets[at + 1].goal) {
-                (Some(c), Goal::Axis { position_mm, .. }) => sub(c.position_mm, position_mm),
-                _ => [0.0; 3],
-            };
-            norm(sub(wanted, next)) <= SAME_MM
+        let first = self.layout.arcs[arc as usize].first;
+        let alike = |at: usize| match (&changes[at], program.targets[at].goal) {
+            (Some(c), Goal::Axis { position_mm, .. }) => norm(sub(sub(c.position_mm, position_mm), wanted)) <= SAME_MM,
+            _ => norm(wanted) <= SAME_MM,
         };
-        if like_before && like_next { Ok(()) } else { Err("correction varies along an arc") }
+        let mut on_arc = (first..changes.len()).take_while(|&at| self.layout.slots[at].arc() == Some(arc));
+        let rigid = norm(sub(wanted, before)) <= SAME_MM && on_arc.all(alike);
+        if rigid { Ok(()) } else { Err("correction varies along an arc") }
     }
 
     /// Moves printed positions by an offset in the work object, mm; all of them or none.

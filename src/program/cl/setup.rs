@@ -6,7 +6,7 @@ use super::lex::Record;
 use super::modal::INCH_MM;
 use super::read::{Outcome, Reader};
 use super::statement::Statement;
-use super::vector::cross;
+use super::vector::{cross, scale};
 use super::{ClOptions, Units};
 use crate::program::CutterInfo;
 use crate::text::Diagnostic;
@@ -25,6 +25,9 @@ impl Reader<'_> {
         if self.units == Some(mm) {
             return;
         }
+        // The tool stays where it is; its position is printed in other units from now on.
+        let ratio = self.units.unwrap_or(mm) / mm;
+        self.modal.position = self.modal.position.map(|p| scale(p, ratio));
         self.units = Some(mm);
         let now = self.layout.frames.get(self.frame as usize).copied();
         let frame = Frame { mm_per_unit: mm, ..now.unwrap_or(Frame::identity(mm)) };
@@ -133,6 +136,7 @@ impl Reader<'_> {
             self.frame = self.layout.frame(frame);
             if self.frame != before {
                 self.modal.position = None;
+                self.modal.from = None;
                 self.say(
                     "cl.several-frames",
                     "positions in several frames: all are taken into the first, the work object",
