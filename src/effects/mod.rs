@@ -182,16 +182,6 @@ pub fn declared_springs() -> Box<dyn Effect> {
     Box::new(joint_stiffness::JointStiffness::declared())
 }
 
-/// Adds an effect to those of a cell. Scaled springs take the place of the declared ones: a joint has one gear, not two
-/// in series.
-pub fn add(effects: &mut Vec<Box<dyn Effect>>, effect: Box<dyn Effect>) {
-    let springs = joint_stiffness::KIND.name;
-    match effects.iter_mut().find(|held| effect.kind() == springs && held.kind() == springs) {
-        Some(held) => *held = effect,
-        None => effects.push(effect),
-    }
-}
-
 /// The registry's entry of a name.
 #[must_use]
 pub fn kind(name: &str) -> Option<&'static Kind> {

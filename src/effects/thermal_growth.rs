@@ -78,11 +78,9 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     if let Some((first, last)) = survey.time
         && last > first
     {
-        // Starts for the search of the time constant: quick, middling and slow against the run.
-        let starts = [0.2, 0.6, 2.0].map(|share| share * (last - first));
-        all.extend(starts.map(|tau| -> Box<dyn Effect> {
-            Box::new(ThermalGrowth { growth: [0.0; 3], by: By::Time { tau: tau.max(1.0) } })
-        }));
+        // Where the search of the time constant starts.
+        let tau = (0.5 * (last - first)).max(1.0);
+        all.push(Box::new(ThermalGrowth { growth: [0.0; 3], by: By::Time { tau } }));
     }
     if let Some((reference, highest)) = survey.temperature
         && highest > reference
