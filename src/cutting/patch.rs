@@ -82,13 +82,14 @@ pub(super) struct Moments {
     pub(super) sin_cos: f64,
 }
 
-/// Three conditions leave at most three separate arcs of a circle, cut once more at ±π.
-const MOST_ARCS: usize = 4;
+/// From one end on to the other, the angle growing.
+type Arc = (End, End);
 
-/// Disjoint arcs within [−π, π].
-struct Arcs {
-    ends: [(End, End); MOST_ARCS],
-    len: usize,
+/// What a condition keeps of a ring.
+enum Kept {
+    Nothing,
+    Arc(Arc),
+    All,
 }
 
 impl Patch {
@@ -114,14 +115,21 @@ impl Patch {
     /// Moments over the cutting arcs; `None` where the ring does not cut.
     #[inline]
     pub(super) fn moments(&self, ring: &Ring) -> Option<Moments> {
-        let mut arcs = self.facing_arc(ring)?;
-        for space in self.stock() {
-            arcs.keep_inside(space, ring);
-        }
-        (arcs.len > 0).then(|| arcs.moments())
+        let facing = self.facing_arc(ring)?;
+        let top = self.top.arc(ring);
+        let side = self.side.as_ref().map_or(Kept::All, |side| side.arc(ring));
+        let (mut sum, mut any) = (Moments::default(), false);
+        overlaps(facing, &top, |arc| {
+            overlaps(arc, &side, |arc| {
+                any = true;
+                sum.add(&arc);
+            });
+        });
+        any.then_some(sum)
     }
 
-    fn facing_arc(&self, ring: &Ring) -> Option<Arcs> {
+    /// The arc with chip thickness, within [−π, π].
+    fn facing_arc(&self, ring: &Ring) -> Option<Arc> {
         let (level, amplitude) = (self.feed_along * ring.cos, self.feed_across * ring.sin);
         if level >= amplitude {
             return None;
@@ -133,63 +141,61 @@ impl Patch {
             (cos.acos(), cos)
         };
         let sin = sine(cos);
-        let arc = (End { angle: -angle, cos, sin: -sin }, End { angle, cos, sin });
-        Some(Arcs { ends: [arc; MOST_ARCS], len: 1 })
+        Some((End { angle: -angle, cos, sin: -sin }, End { angle, cos, sin }))
     }
 }
 
-impl Arcs {
-    /// Intersects with the arc of the ring inside a half-space.
+impl HalfSpace {
+    /// The ring's arc inside.
     #[inline]
-    fn keep_inside(&mut self, space: &HalfSpace, ring: &Ring) {
-        let level = space.offset + space.direction.z * ring.height;
-        let amplitude = space.slope * ring.radius;
+    fn arc(&self, ring: &Ring) -> Kept {
+        let level = self.offset + self.direction.z * ring.height;
+        let amplitude = self.slope * ring.radius;
         if level >= amplitude {
-            self.len = 0;
-            return;
+            return Kept::Nothing;
         }
         if level <= -amplitude {
-            return;
+            return Kept::All;
         }
         let cos = level / amplitude;
         let (half, sin) = (cos.acos(), sine(cos));
-        let (mid_cos, mid_sin) = space.inward;
-        let lo =
-            End { angle: space.angle - half, cos: mid_cos * cos + mid_sin * sin, sin: mid_sin * cos - mid_cos * sin };
-        let hi =
-            End { angle: space.angle + half, cos: mid_cos * cos - mid_sin * sin, sin: mid_sin * cos + mid_cos * sin };
-        let mut kept = Arcs { ends: self.ends, len: 0 };
-        for &(from, to) in &self.ends[..self.len] {
-            for turn in [-TAU, 0.0, TAU] {
-                let (lo, hi) = (lo.turned(turn), hi.turned(turn));
-                let from = if lo.angle > from.angle { lo } else { from };
-                let to = if hi.angle < to.angle { hi } else { to };
-                if to.angle > from.angle && kept.len < MOST_ARCS {
-                    kept.ends[kept.len] = (from, to);
-                    kept.len += 1;
-                }
-            }
-        }
-        *self = kept;
-    }
-
-    fn moments(&self) -> Moments {
-        let mut sum = Moments::default();
-        for (from, to) in &self.ends[..self.len] {
-            let span = to.angle - from.angle;
-            sum.one += span;
-            sum.cos += to.sin - from.sin;
-            sum.sin += from.cos - to.cos;
-            sum.cos_cos += 0.5 * (span + to.sin * to.cos - from.sin * from.cos);
-            sum.sin_cos += 0.5 * (to.sin * to.sin - from.sin * from.sin);
-        }
-        sum
+        let (mid_cos, mid_sin) = self.inward;
+        let from =
+            End { angle: self.angle - half, cos: mid_cos * cos + mid_sin * sin, sin: mid_sin * cos - mid_cos * sin };
+        let to =
+            End { angle: self.angle + half, cos: mid_cos * cos - mid_sin * sin, sin: mid_sin * cos + mid_cos * sin };
+        Kept::Arc((from, to))
     }
 }
 
-impl End {
-    fn turned(self, by: f64) -> End {
-        End { angle: self.angle + by, ..self }
+/// Calls `f` with each part of an arc within [−π, π] that is kept.
+#[inline]
+fn overlaps(arc: Arc, kept: &Kept, mut f: impl FnMut(Arc)) {
+    match kept {
+        Kept::Nothing => {}
+        Kept::All => f(arc),
+        Kept::Arc((lo, hi)) => {
+            for turn in [-TAU, 0.0, TAU] {
+                let (start, stop) = (lo.angle + turn, hi.angle + turn);
+                if start >= arc.1.angle || stop <= arc.0.angle {
+                    continue;
+                }
+                let from = if start > arc.0.angle { End { angle: start, ..*lo } } else { arc.0 };
+                let to = if stop < arc.1.angle { End { angle: stop, ..*hi } } else { arc.1 };
+                f((from, to));
+            }
+        }
+    }
+}
+
+impl Moments {
+    fn add(&mut self, (from, to): &Arc) {
+        let span = to.angle - from.angle;
+        self.one += span;
+        self.cos += to.sin - from.sin;
+        self.sin += from.cos - to.cos;
+        self.cos_cos += 0.5 * (span + to.sin * to.cos - from.sin * from.cos);
+        self.sin_cos += 0.5 * (to.sin * to.sin - from.sin * from.sin);
     }
 }
 

@@ -16,6 +16,9 @@ const MOST: usize = 16;
 /// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
 const OFF_PATCH: f64 = 1e-9;
 
+/// Where a break is off by this (rad), the integral is off by its square.
+const BREAK_WIDTH: f64 = 1e-10;
+
 /// Pieces shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
 const NO_PIECE: f64 = 1e-12;
 
@@ -148,7 +151,7 @@ impl Patch {
         let beside = feed.cross(&space.direction) * side;
         let normal = |theta: f64| beside * theta.sin() - space.direction * theta.cos();
         let point = |n: &Vector3<f64>| {
-            let reach = (self.radius - self.corner) / n.x.hypot(n.y) + self.corner;
+            let reach = (self.radius - self.corner) / (n.x * n.x + n.y * n.y).sqrt() + self.corner;
             Vector3::new(reach * n.x, reach * n.y, self.corner * (1.0 + n.z))
         };
         let theta = increasing_root(0.0, PI, |theta| space.value(&point(&normal(theta))))?;
@@ -194,29 +197,30 @@ fn opposite((cos, sin): (f64, f64)) -> (f64, f64) {
     (-cos, -sin)
 }
 
-/// Root of an increasing function by false position (Anderson–Björck) with bisection as a guard.
+/// Root of an increasing function by false position (Illinois) with bisection as a guard.
 fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
     let (mut f_lo, mut f_hi) = (f(lo), f(hi));
     if f_lo.is_nan() || f_hi.is_nan() || f_lo >= 0.0 || f_hi <= 0.0 {
         return None;
     }
-    for pass in 0..200 {
-        let secant = hi - f_hi * (hi - lo) / (f_hi - f_lo);
-        let mid = 0.5 * (lo + hi);
-        // Every fourth step halves, so that a jump cannot stall the secant.
-        let at = if pass % 4 == 3 || secant <= lo || secant >= hi { mid } else { secant };
-        let value = f(at);
-        if value == 0.0 || at <= lo || at >= hi || hi - lo < 1e-14 {
+    let (mut last, mut kept_lo, mut kept_hi) = (lo, false, false);
+    for pass in 0..100 {
+        // Every fifth step halves, so that a jump cannot stall the secant.
+        let at = if pass % 5 == 4 { 0.5 * (lo + hi) } else { hi - f_hi * (hi - lo) / (f_hi - f_lo) };
+        if (at - last).abs() < BREAK_WIDTH {
             return Some(at);
         }
+        last = at;
+        let value = f(at);
+        // An end kept twice running gets half its weight.
         if value < 0.0 {
-            let keep = 1.0 - value / f_lo;
-            f_hi *= if keep > 0.0 { keep } else { 0.5 };
             (lo, f_lo) = (at, value);
+            f_hi *= if kept_hi { 0.5 } else { 1.0 };
+            (kept_lo, kept_hi) = (false, true);
         } else {
-            let keep = 1.0 - value / f_hi;
-            f_lo *= if keep > 0.0 { keep } else { 0.5 };
             (hi, f_hi) = (at, value);
+            f_lo *= if kept_lo { 0.5 } else { 1.0 };
+            (kept_lo, kept_hi) = (true, false);
         }
     }
     Some(0.5 * (lo + hi))
