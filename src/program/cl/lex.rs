@@ -59,6 +59,11 @@ pub(super) struct Record {
 /// Words whose statement is text to the end of the line: `$` and `/` mean nothing there.
 const FREE_TEXT: [&[u8]; 7] = [b"PARTNO", b"REMARK", b"PPRINT", b"INSERT", b"LETTER", b"TITLES", b"TPRINT"];
 
+fn is_free_text(line: &[u8]) -> bool {
+    // Positions are what most lines are.
+    !matches!(line.first(), Some(b'G' | b'g')) && FREE_TEXT.iter().any(|word| starts_with(line, word))
+}
+
 /// Longest number token, both halves of a cut one together; longer ones are words.
 const MAX_NUMBER: usize = 64;
 
@@ -88,7 +93,7 @@ impl<'a> Lexer<'a> {
         let kind = if rest.starts_with(b"$$") {
             self.comment();
             RecordKind::Comment
-        } else if FREE_TEXT.iter().any(|word| starts_with(rest, word)) {
+        } else if is_free_text(rest) {
             self.at = self.line_end();
             RecordKind::FreeText
         } else {
@@ -242,6 +247,42 @@ pub(super) fn number(text: &[u8]) -> Option<f64> {
     if !matches!(text.first(), Some(b'0'..=b'9' | b'.' | b'+' | b'-')) || text.len() > MAX_NUMBER {
         return None;
     }
+    plain_number(text).or_else(|| any_number(text))
+}
+
+/// A number without an exponent whose digits a double holds exactly: the quotient of two exact
+/// numbers is the nearest double, the same that [`any_number`] gives.
+fn plain_number(text: &[u8]) -> Option<f64> {
+    /// Fifteen digits are below 2^53; ten to their count is exact as well.
+    const DIGITS: usize = 15;
+    const POWERS: [f64; DIGITS + 1] =
+        [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+    let (negative, digits) = match text {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        _ => (false, text),
+    };
+    let mut mantissa = 0u64;
+    let mut point = None;
+    for (at, &byte) in digits.iter().enumerate() {
+        match byte {
+            b'0'..=b'9' => mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(byte - b'0')),
+            b'.' if point.is_none() => point = Some(at),
+            _ => return None,
+        }
+    }
+    let count = digits.len() - usize::from(point.is_some());
+    if count == 0 || count > DIGITS {
+        return None;
+    }
+    let behind = point.map_or(0, |p| digits.len() - p - 1);
+    #[allow(clippy::cast_precision_loss)] // exact: fifteen digits
+    let value = mantissa as f64 / POWERS[behind];
+    Some(if negative { -value } else { value })
+}
+
+/// The reference: every form, exactly rounded.
+fn any_number(text: &[u8]) -> Option<f64> {
     let (_, text) = all_consuming(recognize(decimal)).parse(text).ok()?;
     if let Some(d) = text.iter().position(|b| matches!(b, b'd' | b'D')) {
         let mut plain = [0; MAX_NUMBER];
@@ -296,4 +337,56 @@ fn trimmed(bytes: &[u8], start: usize, end: usize) -> usize {
 fn trim_end(line: &[u8]) -> &[u8] {
     let len = line.iter().rposition(|&b| !is_blank(b)).map_or(0, |p| p + 1);
     &line[..len]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn kinds(text: &str) -> Vec<(Kind, String)> {
+        let mut tokens = Vec::new();
+        let mut lexer = Lexer::new(text.as_bytes(), 0);
+        lexer.next(&mut tokens).expect("a record");
+        tokens.iter().map(|t| (t.kind, text[t.span.range()].to_owned())).collect()
+    }
+
+    #[test]
+    fn a_continuation_cuts_numbers_and_nothing_else() {
+        let cut = kinds("GOTO/1, 0$ comment\n.752602,2$\n ,3");
+        let numbers: Vec<&str> = cut.iter().filter(|t| t.0 == Kind::Number).map(|t| t.1.as_str()).collect();
+        assert_eq!(numbers, ["1", "0$ comment\n.752602", "2", "3"]);
+        let apart = kinds("GOTO/1,2 $\n3");
+        assert_eq!(apart.iter().filter(|t| t.0 == Kind::Number).count(), 3);
+    }
+
+    #[test]
+    fn words_that_begin_with_digits_are_words() {
+        let tokens = kinds("CYCLE/1STPECK,5.,3DCOMP,1e,--2,1.2.3");
+        let numbers: Vec<&str> = tokens.iter().filter(|t| t.0 == Kind::Number).map(|t| t.1.as_str()).collect();
+        assert_eq!(numbers, ["5."]);
+    }
+
+    proptest! {
+        #[test]
+        fn the_fast_reading_of_numbers_is_the_reference(text in "[-+]?[0-9]{0,9}\\.?[0-9]{0,12}") {
+            let reference = any_number(text.as_bytes());
+            prop_assert_eq!(number(text.as_bytes()).map(f64::to_bits), reference.map(f64::to_bits));
+        }
+
+        #[test]
+        fn records_are_in_order_and_cover_all_that_is_not_blank(text in "[GO/1., \n\r'()=x]{0,80}") {
+            let mut tokens = Vec::new();
+            let mut lexer = Lexer::new(text.as_bytes(), 0);
+            let mut end = 0;
+            while let Some(record) = lexer.next(&mut tokens) {
+                let between = &text.as_bytes()[end..record.span.start as usize];
+                let blank = between.iter().all(|b| is_blank(*b) || matches!(b, b'\n' | b'\r'));
+                prop_assert!(blank);
+                let ordered = tokens.windows(2).all(|t| t[0].span.end <= t[1].span.start);
+                prop_assert!(ordered);
+                end = record.span.end as usize;
+            }
+        }
+    }
 }
