@@ -1,5 +1,7 @@
 //! Real CL files, where they are at hand: `DEFLEX_CL_CORPUS` names their folder. They are not ours to keep here.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)] // the table is what it is run for
+
 use deflex::program::cl::{ClOptions, Point, Units, read};
 use deflex::program::{Goal, Program, Role, round_trip};
 use deflex::text::Source;
