@@ -37,13 +37,18 @@ pub(super) fn score(moments: &[Moments], columns: &[usize]) -> Score {
 pub(super) fn profiled(moments: &Moments, columns: &[usize]) -> (f64, f64) {
     let gram = moments.gram.select_rows(columns).select_columns(columns);
     let cross = moments.cross.select_rows(columns);
-    let eigen = SymmetricEigen::new(gram);
-    let along = eigen.eigenvectors.tr_mul(&cross);
+    // An empty matrix has no decomposition.
+    let (values, along) = if columns.is_empty() {
+        (DVector::zeros(0), DVector::zeros(0))
+    } else {
+        let eigen = SymmetricEigen::new(gram);
+        (eigen.eigenvalues, eigen.eigenvectors.tr_mul(&cross))
+    };
     let n = moments.count as f64;
     let evidence = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
         let mut sum = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale;
-        for (value, b) in eigen.eigenvalues.iter().zip(along.iter()) {
+        for (value, b) in values.iter().zip(along.iter()) {
             let spread = 1.0 + value.max(0.0) * precision;
             sum += 0.5 * (b * precision).powi(2) / spread - 0.5 * spread.ln();
         }
