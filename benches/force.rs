@@ -1,7 +1,7 @@
-//! The mean milling force: reference integral.
+//! The mean milling force: the integral, the table, and building the table.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use deflex::cutting::{Cutter, Engagement, Milling, Mode, materials};
+use deflex::cutting::{Cutter, Engagement, ForceTable, Milling, Mode, materials};
 use nalgebra::Vector3;
 use std::hint::black_box;
 
@@ -27,6 +27,13 @@ fn force(c: &mut Criterion) {
         let (shift, axis) = (Vector3::new(1e-5, 2e-5, 1e-4), cut.axis_in_feed());
         c.bench_function(&format!("force/reference {name}"), |b| {
             b.iter(|| cut.mean_force(black_box(&shift), black_box(&axis)));
+        });
+        let table = ForceTable::new(cut.clone());
+        c.bench_function(&format!("force/table {name}"), |b| {
+            b.iter(|| table.mean_force(black_box(&shift), black_box(&axis), black_box(7e-5)));
+        });
+        c.bench_function(&format!("force/build {name}"), |b| {
+            b.iter(|| ForceTable::new(black_box(cut.clone())));
         });
     }
 }

@@ -1,0 +1,312 @@
+//! A table of the mean force about the programmed pose, for use inside an equilibrium.
+//!
+//! Along the depth: nodes joined by cubics through four of them. Across it (two small turns of the
+//! axis, and the tip's y shift in up and down milling): one polynomial a node, fitted on Chebyshev
+//! points. The result is continuous, also where it hands over to the integral, so that iterations
+//! on it settle.
+
+use super::{ForceParts, Milling, Mode};
+use nalgebra::{DMatrix, Unit, Vector3};
+use std::f64::consts::PI;
+
+/// Guaranteed error of a look-up over the force.
+pub const TABLE_BOUND: f64 = 1e-3;
+
+/// Error that construction allows at its check points; a tenth of the bound, for what lies between.
+const ALLOWED: f64 = 0.1 * TABLE_BOUND;
+
+/// Depth range, a share of the programmed depth either way.
+const DEPTH_SHARE: f64 = 0.5;
+
+/// First try of the other ranges, halved until the table is good enough: turn of the axis (rad),
+/// y shift as a share of the radial width. Joints yield by some 1e-4 rad in a cut.
+const TURN: f64 = 5e-3;
+const SIDE_SHARE: f64 = 0.1;
+const HALVINGS: usize = 5;
+
+/// Depth cells tried, coarse first.
+const CELLS: [usize; 2] = [16, 48];
+
+/// Feeds per tooth over the programmed one for which the bound is checked.
+const FEEDS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+
+/// From this share of a range on, the table fades into the integral.
+const FADE: f64 = 0.9;
+
+/// Smooth terms, and two that are used about a lead of zero.
+const SMOOTH: usize = 10;
+const TERMS: usize = SMOOTH + 2;
+
+/// Edge force (x, y, z), cutting force over feed (x, y, z).
+type Values = [f64; 6];
+
+/// Mean force by look-up; the integral itself outside the table's range.
+#[derive(Clone, Debug)]
+pub struct ForceTable {
+    milling: Milling,
+    grid: Option<Grid>,
+}
+
+/// The table and its coordinates.
+#[derive(Clone, Debug)]
+struct Grid {
+    /// Two directions square to the programmed axis, feed frame.
+    across: [Vector3<f64>; 2],
+    depth_range: f64,
+    turn_range: f64,
+    side_range: f64,
+    /// Whether the y shift is a coordinate.
+    side: bool,
+    /// Whether the lead passes zero within the range.
+    level: bool,
+    cells: usize,
+    /// Polynomials at the depths −1, 0 … cells, cells + 1 in units of a cell.
+    nodes: Vec<[Values; TERMS]>,
+    error: f64,
+}
+
+/// Place in the table: depth, turns and side in [−1, 1].
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    depth: f64,
+    turn: [f64; 2],
+    side: f64,
+    /// Sine of the lead there, in units of the turn range.
+    lead: f64,
+}
+
+impl ForceTable {
+    /// Builds the table, measures it against the integral between its nodes, and narrows its
+    /// range until the error is far below [`TABLE_BOUND`]. Where no range will do, every call is
+    /// the integral's.
+    pub fn new(milling: Milling) -> Self {
+        let mut share = 1.0;
+        for _ in 0..HALVINGS {
+            for cells in CELLS {
+                let mut grid = Grid::new(&milling, share, cells);
+                grid.error = grid.measured_error(&milling);
+                if grid.error <= ALLOWED {
+                    return ForceTable { milling, grid: Some(grid) };
+                }
+            }
+            share *= 0.5;
+        }
+        ForceTable { milling, grid: None }
+    }
+
+    /// The cut behind the table.
+    pub fn milling(&self) -> &Milling {
+        &self.milling
+    }
+
+    /// Largest error over the force found on construction; `None` where there is no table.
+    pub fn measured_error(&self) -> Option<f64> {
+        self.grid.as_ref().map(|grid| grid.error)
+    }
+
+    /// Ranges about the programmed pose: depth (m), turn of the axis (rad), y shift (m; 0 in a
+    /// slot, where it changes nothing).
+    pub fn ranges(&self) -> Option<[f64; 3]> {
+        let of = |g: &Grid| [g.depth_range, g.turn_range, if g.side { g.side_range } else { 0.0 }];
+        self.grid.as_ref().map(of)
+    }
+
+    /// [`Milling::mean_force`] at a feed per tooth (m), within [`TABLE_BOUND`] of it.
+    #[inline]
+    pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Vector3<f64> {
+        let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);
+        let Some(grid) = &self.grid else { return integral() };
+        let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
+        let place = grid.place(shift, axis);
+        let reach = place.reach();
+        // NaN goes to the integral too.
+        if !(FEEDS[0]..=FEEDS[4]).contains(&feed) || reach.is_nan() || reach >= 1.0 {
+            return integral();
+        }
+        let force = parts(&grid.values(&place)).at(feed_per_tooth);
+        if reach <= FADE {
+            return force;
+        }
+        let t = (reach - FADE) / (1.0 - FADE);
+        force.lerp(&integral(), t * t * (3.0 - 2.0 * t))
+    }
+}
+
+impl Place {
+    fn reach(&self) -> f64 {
+        let [u, v] = self.turn;
+        [self.depth, u, v, self.side].iter().fold(0.0, |reach, x| if x.abs() <= reach { reach } else { x.abs() })
+    }
+}
+
+impl Grid {
+    fn new(milling: &Milling, share: f64, cells: usize) -> Self {
+        let engagement = milling.engagement();
+        let axis = milling.axis_in_feed();
+        let y = axis.cross(&Vector3::x()).normalize();
+        let mut grid = Grid {
+            across: [y.cross(&axis), y],
+            depth_range: DEPTH_SHARE * engagement.depth,
+            turn_range: TURN * share,
+            side_range: SIDE_SHARE * share * engagement.width,
+            side: engagement.mode != Mode::Slot,
+            level: axis.x.abs() < 1.5 * TURN * share,
+            cells,
+            nodes: Vec::with_capacity(cells + 3),
+            error: f64::INFINITY,
+        };
+        let places = grid.fit_places(milling);
+        let fit = grid.least_squares(&places);
+        for node in 0..cells + 3 {
+            let depth = 2.0 * (node as f64 - 1.0) / cells as f64 - 1.0;
+            let rows: Vec<Values> = places.iter().map(|p| grid.integral(milling, &Place { depth, ..*p })).collect();
+            let coefficient = |m: usize, k: usize| {
+                if m < fit.nrows() { (0..rows.len()).map(|i| fit[(m, i)] * rows[i][k]).sum() } else { 0.0 }
+            };
+            grid.nodes.push(std::array::from_fn(|m| std::array::from_fn(|k| coefficient(m, k))));
+        }
+        grid
+    }
+
+    /// Chebyshev points of the coordinates other than depth.
+    fn fit_places(&self, milling: &Milling) -> Vec<Place> {
+        let sides = if self.side { 3 } else { 1 };
+        // A point more than the degree, and enough for the extra term where it is used.
+        let turns = match (self.level, self.side) {
+            (true, _) => 6,
+            (false, true) => 3,
+            (false, false) => 4,
+        };
+        let chebyshev = |i: usize, n: usize| (PI * (i as f64 + 0.5) / n as f64).cos();
+        let mut places = Vec::new();
+        for i in 0..turns {
+            for j in 0..turns {
+                for k in 0..sides {
+                    let turn = [chebyshev(i, turns), chebyshev(j, turns)];
+                    places.push(self.at(milling, 0.0, turn, chebyshev(k, sides)));
+                }
+            }
+        }
+        places
+    }
+
+    fn at(&self, milling: &Milling, depth: f64, turn: [f64; 2], side: f64) -> Place {
+        Place { depth, turn, side, lead: self.axis(milling, turn).x / self.turn_range }
+    }
+
+    fn axis(&self, milling: &Milling, turn: [f64; 2]) -> Unit<Vector3<f64>> {
+        let [u, v] = turn.map(|turn| turn * self.turn_range);
+        let along = milling.axis_in_feed().into_inner() * (1.0 - u * u - v * v).sqrt();
+        Unit::new_normalize(along + self.across[0] * u + self.across[1] * v)
+    }
+
+    fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
+        Place {
+            depth: shift.z / self.depth_range,
+            turn: self.across.map(|across| across.dot(axis) / self.turn_range),
+            side: if self.side { shift.y / self.side_range } else { 0.0 },
+            lead: axis.x / self.turn_range,
+        }
+    }
+
+    /// The integral at a place.
+    fn integral(&self, milling: &Milling, place: &Place) -> Values {
+        let shift = Vector3::new(0.0, place.side * self.side_range, place.depth * self.depth_range);
+        let ForceParts { edge: e, cutting: c } = milling.force_parts(&shift, &self.axis(milling, place.turn));
+        [e.x, e.y, e.z, c.x, c.y, c.z]
+    }
+
+    #[inline]
+    fn values(&self, place: &Place) -> Values {
+        let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
+        let cell = (at as usize).min(self.cells - 1);
+        let t = at - cell as f64;
+        // Cubic through the nodes at −1, 0, 1, 2.
+        let weights = [
+            -t * (t - 1.0) * (t - 2.0) / 6.0,
+            (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+            -(t + 1.0) * t * (t - 2.0) / 2.0,
+            (t + 1.0) * t * (t - 1.0) / 6.0,
+        ];
+        let terms = self.terms(place);
+        // The four nodes side by side: their sums do not wait for each other.
+        let nodes = &self.nodes[cell..cell + 4];
+        let mut sums = [[0.0; 6]; 4];
+        for (m, term) in terms.iter().enumerate() {
+            for (sum, node) in sums.iter_mut().zip(nodes) {
+                for k in 0..6 {
+                    sum[k] += term * node[m][k];
+                }
+            }
+        }
+        std::array::from_fn(|k| (0..4).map(|i| weights[i] * sums[i][k]).sum())
+    }
+
+    /// Up to third degree in the turns, or to second degree in turns and side.
+    ///
+    /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
+    /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
+    #[inline]
+    fn terms(&self, place: &Place) -> [f64; TERMS] {
+        let ([u, v], w, l) = (place.turn, place.side, place.lead);
+        let (kink, log) = if self.level && l != 0.0 { (l.abs(), l * l.abs().ln()) } else { (0.0, 0.0) };
+        if self.side {
+            [1.0, u, v, u * u, u * v, v * v, w, u * w, v * w, w * w, kink, log]
+        } else {
+            [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, kink, log]
+        }
+    }
+
+    /// Matrix that turns values at the places into coefficients of the terms.
+    fn least_squares(&self, places: &[Place]) -> DMatrix<f64> {
+        let terms = if self.level { TERMS } else { SMOOTH };
+        let design = DMatrix::from_fn(places.len(), terms, |i, m| self.terms(&places[i])[m]);
+        // The points outnumber the terms and tell them apart: the matrix is positive definite.
+        match design.tr_mul(&design).cholesky() {
+            Some(cholesky) => cholesky.solve(&design.transpose()),
+            None => DMatrix::zeros(terms, places.len()),
+        }
+    }
+
+    /// Largest error over the force at points between the nodes and out to the range's corners.
+    fn measured_error(&self, milling: &Milling) -> f64 {
+        let sides: &[f64] = if self.side { &[-1.0, -0.45, 0.0, 0.55, 1.0] } else { &[0.0] };
+        let turns = [
+            [0.0, 0.0],
+            [1.0, 1.0],
+            [1.0, -1.0],
+            [-1.0, 1.0],
+            [-1.0, -1.0],
+            [0.6, 0.0],
+            [-0.5, 0.1],
+            [0.1, 0.5],
+            [-0.1, -0.7],
+        ];
+        let mut worst: f64 = 0.0;
+        for cell in 0..self.cells {
+            // Off the middle by turns, so that no symmetry hides an error.
+            let depth = (2.0 * cell as f64 + [0.5, 1.0, 1.4][cell % 3]) / self.cells as f64 - 1.0;
+            for turn in turns {
+                for &side in sides {
+                    let place = self.at(milling, depth, turn, side);
+                    let (want, got) = (parts(&self.integral(milling, &place)), parts(&self.values(&place)));
+                    let edge = (want.edge - got.edge).norm();
+                    let cutting = (want.cutting - got.cutting).norm();
+                    for feed in FEEDS.map(|share| share * milling.engagement().feed_per_tooth) {
+                        let error = (edge + feed * cutting) / want.at(feed).norm();
+                        // A force of zero without an error is no error.
+                        if error.is_nan() {
+                            continue;
+                        }
+                        worst = worst.max(error);
+                    }
+                }
+            }
+        }
+        worst
+    }
+}
+
+fn parts(v: &Values) -> ForceParts {
+    ForceParts { edge: Vector3::new(v[0], v[1], v[2]), cutting: Vector3::new(v[3], v[4], v[5]) }
+}
