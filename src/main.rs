@@ -1,3 +1,9 @@
 //! Exit code and broken pipe, nothing else.
 
-fn main() {}
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

@@ -12,6 +12,7 @@ mod forces;
 mod frames;
 mod line;
 mod path;
+mod post;
 mod row;
 mod sigma;
 mod solve;
@@ -20,6 +21,7 @@ mod subdivide;
 pub use forces::{ForceRow, Forces};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use path::Point;
+pub use post::{PostOptions, post};
 pub use row::{Row, Status, Summary};
 
 use crate::cell::Cell;

@@ -6,12 +6,14 @@
 
 pub mod cl;
 mod detect;
+mod modules;
 pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
 
 pub use detect::detect;
+pub use modules::group_modules;
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 

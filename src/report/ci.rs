@@ -76,7 +76,7 @@ pub fn sarif(files: &[CheckFile]) -> Value {
                 "level": "error",
                 "message": { "text": finding.message },
                 "locations": [{ "physicalLocation": {
-                    "artifactLocation": { "uri": uri(&file.path) },
+                    "artifactLocation": { "uri": uri(if finding.file.is_empty() { &file.path } else { &finding.file }) },
                     "region": { "startLine": finding.line.max(1), "startColumn": finding.column.max(1) },
                 } }],
             })
@@ -105,4 +105,30 @@ fn uri(path: &str) -> String {
             b => format!("%{b:02X}"),
         })
         .collect()
+}
+
+/// The check for scripts.
+#[must_use]
+pub fn check_json(files: &[CheckFile]) -> Value {
+    let finding = |finding: &Diagnostic| {
+        json!({
+            "file": finding.file,
+            "line": finding.line,
+            "column": finding.column,
+            "code": finding.code,
+            "message": finding.message,
+        })
+    };
+    let file = |file: &CheckFile| {
+        json!({
+            "path": file.path,
+            "targets": file.targets,
+            "passed": file.findings.is_empty(),
+            "findings": file.findings.iter().map(finding).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "passed": files.iter().all(|file| file.findings.is_empty()),
+        "files": files.iter().map(file).collect::<Vec<_>>(),
+    })
 }

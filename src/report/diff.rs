@@ -1,8 +1,10 @@
 //! What changed between two programs, target by target.
 
-use crate::program::{Conf, Goal, Language, Program};
+use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Target};
+use crate::text::{apply, number};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Moves below this are none, mm and degrees: the same printed numbers read twice.
 const SAME: f64 = 1e-9;
@@ -84,18 +86,34 @@ pub fn difference(first: &Program, second: &Program) -> Difference {
                 MovedTarget { target: a.ordinal, line: a.line, shift_mm: shift.into(), mm, deg, step_mm: step, conf };
             out.moved.push(moved);
         }
-        if a.feed_mm_s != b.feed_mm_s || first.tools[usize::from(a.tool)] != second.tools[usize::from(b.tool)] {
-            let what = format!("target {}: speed or tool is different", a.ordinal);
-            out.other.push(OtherDifference { line: a.line as usize, what });
+        if first.language == second.language {
+            let line = a.line as usize;
+            let what = settings(first, a, second, b).into_iter();
+            let what = what.map(|what| format!("target {}: {what} is different", a.ordinal));
+            out.other.extend(what.map(|what| OtherDifference { line, what }));
         }
     }
     if !out.moved.is_empty() {
         out.mean_mm = out.moved.iter().map(|m| m.mm).sum::<f64>() / out.moved.len() as f64;
     }
-    if first.language == Language::Rapid && second.language == Language::Rapid {
+    if first.language == second.language {
         other_text(first, second, &mut out.other);
     }
     out
+}
+
+/// What of a target's settings is different.
+fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
+    [
+        (a.feed_mm_s != b.feed_mm_s, "the speed"),
+        (first.tools[usize::from(a.tool)] != second.tools[usize::from(b.tool)], "the tool"),
+        (first.wobjs[usize::from(a.wobj)] != second.wobjs[usize::from(b.wobj)], "the work object"),
+        ((a.motion, a.role) != (b.motion, b.role), "the kind of motion"),
+        (a.mark != b.mark, "the air or cut mark"),
+    ]
+    .into_iter()
+    .filter_map(|(differs, what)| differs.then_some(what))
+    .collect()
 }
 
 fn list(conf: Conf) -> [i32; 4] {
@@ -116,6 +134,12 @@ fn compare(a: &Goal, b: &Goal) -> Compared {
             let deg = Vector3::from(*axis).angle(&Vector3::from(*axis2)).to_degrees();
             (Vector3::from(*p2) - Vector3::from(*p), deg, None)
         }
+        // CL, and the RAPID posted from it: the turn about the tool axis (tip to spindle, −z) is free.
+        (Goal::Axis { position_mm: p, axis }, Goal::Pose { position_mm: p2, quat, .. })
+        | (Goal::Pose { position_mm: p, quat, .. }, Goal::Axis { position_mm: p2, axis }) => {
+            let deg = Vector3::from(*axis).angle(&-(turn(quat) * Vector3::z())).to_degrees();
+            (Vector3::from(*p2) - Vector3::from(*p), deg, None)
+        }
         (Goal::Joints { deg: a }, Goal::Joints { deg: b }) => {
             let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             (Vector3::zeros(), worst, None)
@@ -124,28 +148,41 @@ fn compare(a: &Goal, b: &Goal) -> Compared {
     }
 }
 
-/// Lines that differ in more than their numbers.
+/// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.
 fn other_text(first: &Program, second: &Program, out: &mut Vec<OtherDifference>) {
     // A few lines tell; a wholly different file needs no list.
     const MOST: usize = 50;
-    for (a, b) in first.sources.iter().zip(&second.sources).take(first.written) {
-        let (mut left, mut right) = (skeleton(&a.bytes), skeleton(&b.bytes));
+    let wanted: Vec<Option<Change>> =
+        first.targets.iter().zip(&second.targets).map(|(a, b)| change(&a.goal, &b.goal)).collect();
+    let as_second = if first.targets.len() == second.targets.len() {
+        first.rewrite(&wanted, &[], &RewriteOptions::default()).edits
+    } else {
+        Vec::new()
+    };
+    for (i, (a, b)) in first.sources.iter().zip(&second.sources).take(first.written).enumerate() {
+        let mut bytes = Vec::with_capacity(a.bytes.len());
+        // Writing to a Vec cannot fail.
+        let _ = apply(&a.bytes, as_second.get(i).map_or(&[][..], Vec::as_slice), &mut bytes);
+        let (mut left, mut right) = (skeleton(&bytes), skeleton(&b.bytes));
         loop {
-            let (x, y) = (left.next(), right.next());
-            match (x, y) {
+            match (left.next(), right.next()) {
                 (None, None) => break,
-                (Some((line, x)), Some((_, y))) if x != y => {
-                    out.push(OtherDifference { line, what: format!("text is different: `{y}`") });
+                (Some((line, x, _)), Some((_, y, _))) if x != y => {
+                    out.push(OtherDifference { line, what: format!("text is different: `{}`", y.trim()) });
                 }
-                (Some((line, _)), None) => {
+                (Some((line, _, x)), Some((_, _, y))) => {
+                    if let Some((x, y)) = x.iter().zip(&y).find(|(x, y)| !same_number(**x, **y)) {
+                        out.push(OtherDifference { line, what: format!("a number is different: {x} became {y}") });
+                    }
+                }
+                (Some((line, ..)), None) => {
                     out.push(OtherDifference { line, what: "lines are missing from here on".to_owned() });
                     break;
                 }
-                (None, Some((line, _))) => {
+                (None, Some((line, ..))) => {
                     out.push(OtherDifference { line, what: "lines are added from here on".to_owned() });
                     break;
                 }
-                _ => {}
             }
             if out.len() > MOST {
                 return;
@@ -154,16 +191,42 @@ fn other_text(first: &Program, second: &Program, out: &mut Vec<OtherDifference>)
     }
 }
 
-/// Lines with every number replaced by `#`.
-fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> + '_ {
+/// What a rewrite would have to change to come from one goal to another.
+fn change(from: &Goal, to: &Goal) -> Option<Change> {
+    match (from, to) {
+        (Goal::Pose { quat: before, conf: c, .. }, Goal::Pose { position_mm, quat, conf }) => Some(Change {
+            position_mm: *position_mm,
+            quat: (before != quat).then_some(*quat),
+            conf: conf.filter(|_| c != conf),
+        }),
+        (Goal::Axis { .. }, Goal::Axis { position_mm, .. }) => {
+            Some(Change { position_mm: *position_mm, quat: None, conf: None })
+        }
+        _ => None,
+    }
+}
+
+/// Numbers that are the same but for their printed digits; a quaternion's components may all have the other sign.
+fn same_number(a: f64, b: f64) -> bool {
+    // Half of the last digit that a rewrite prints, and as much for what it read.
+    const PRINTED: f64 = 1e-4;
+    let flipped = a.abs() <= 1.0 && (a + b).abs() <= PRINTED;
+    (a - b).abs() <= PRINTED || (a - b).abs() <= 1e-12 * a.abs() || flipped
+}
+
+/// Lines with every number replaced by `#`, and the numbers.
+fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '_ {
     bytes.split(|&b| b == b'\n').enumerate().map(|(i, line)| {
         let mut out = String::with_capacity(line.len());
+        let mut numbers = Vec::new();
         let mut at = 0;
         while at < line.len() {
             let word = at > 0 && (line[at - 1].is_ascii_alphanumeric() || line[at - 1] == b'_');
             let sign =
                 matches!(line[at], b'-' | b'+') && line.get(at + 1).is_some_and(|b| b.is_ascii_digit() || *b == b'.');
-            if !word && (line[at].is_ascii_digit() || sign) {
+            let point = line[at] == b'.' && line.get(at + 1).is_some_and(u8::is_ascii_digit);
+            if !word && (line[at].is_ascii_digit() || sign || point) {
+                let start = at;
                 at += 1;
                 while at < line.len() && (line[at].is_ascii_digit() || matches!(line[at], b'.' | b'E' | b'e'))
                     || at < line.len() && matches!(line[at], b'+' | b'-') && matches!(line[at - 1], b'E' | b'e')
@@ -171,11 +234,78 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> + '_ {
                     at += 1;
                 }
                 out.push('#');
+                numbers.push(number::read(&line[start..at]).unwrap_or(f64::NAN));
             } else {
                 out.push(line[at] as char);
                 at += 1;
             }
         }
-        (i + 1, out)
+        (i + 1, out, numbers)
     })
+}
+
+/// The differences for people: what else changed, a line a target, and the sizes.
+#[must_use]
+pub fn diff_text(found: &Difference) -> String {
+    if found.is_empty() {
+        return format!("{} targets: the programs are the same\n", found.targets);
+    }
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    if !found.moved.is_empty() {
+        let _ = writeln!(
+            out,
+            "{:>7} {:>6} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
+            "target", "line", "dx_mm", "dy_mm", "dz_mm", "mm", "deg", "step_mm"
+        );
+    }
+    for m in &found.moved {
+        let [x, y, z] = m.shift_mm.map(plain);
+        let (mm, deg, step) = (plain(m.mm), plain(m.deg), plain(m.step_mm));
+        let _ = write!(out, "{:>7} {:>6} {x:>10} {y:>10} {z:>10} {mm:>10} {deg:>10} {step:>10}", m.target, m.line);
+        if let Some((before, after)) = m.conf {
+            let _ = write!(out, "  confdata {before:?} became {after:?}");
+        }
+        out.push('\n');
+    }
+    for other in &found.other {
+        let place = if other.line > 0 { format!("line {}: ", other.line) } else { String::new() };
+        let _ = writeln!(out, "{place}{}", other.what);
+    }
+    let turned = found.moved.iter().filter(|m| m.conf.is_some()).count();
+    let _ = writeln!(
+        out,
+        "{} of {} targets changed: largest {} mm and {}°, mean {} mm, largest step between neighbours {} mm, {turned} \
+         with another configuration; {} other differences",
+        found.moved.len(),
+        found.targets,
+        plain(found.max_mm),
+        plain(found.max_deg),
+        plain(found.mean_mm),
+        plain(found.max_step_mm),
+        found.other.len(),
+    );
+    out
+}
+
+/// The targets that moved, as CSV.
+#[must_use]
+pub fn diff_csv(found: &Difference) -> String {
+    let mut out =
+        "target,line,shift_x_mm,shift_y_mm,shift_z_mm,shift_mm,turn_deg,step_mm,conf_before,conf_after\n".to_owned();
+    for m in &found.moved {
+        let numbers = [m.shift_mm[0], m.shift_mm[1], m.shift_mm[2], m.mm, m.deg, m.step_mm].map(plain);
+        let conf = |list: Option<[i32; 4]>| list.map_or_else(String::new, |list| list.map(|c| c.to_string()).join(" "));
+        let (before, after) = (conf(m.conf.map(|c| c.0)), conf(m.conf.map(|c| c.1)));
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "{},{},{},{before},{after}", m.target, m.line, numbers.join(","));
+    }
+    out
+}
+
+/// Six decimals, and no negative zero.
+fn plain(value: f64) -> String {
+    let mut text = Vec::new();
+    number::write_fixed(&mut text, value, 6);
+    String::from_utf8_lossy(&text).into_owned()
 }

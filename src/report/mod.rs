@@ -3,9 +3,13 @@
 mod ci;
 mod csv;
 mod diff;
+mod identification;
+mod inspect;
 mod summary;
 
-pub use ci::{CheckFile, junit, sarif};
+pub use ci::{CheckFile, check_json, junit, sarif};
 pub use csv::write_csv;
-pub use diff::{Difference, MovedTarget, difference};
+pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_text, difference};
+pub use identification::{identify_text, residual_csv};
+pub use inspect::{InspectFile, KeptLine, inspect_json, inspect_table};
 pub use summary::{FileSummary, summary_line};

@@ -96,6 +96,13 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
+/// One message where many may stand, so that `?` passes it on.
+impl From<Diagnostic> for Vec<Diagnostic> {
+    fn from(diagnostic: Diagnostic) -> Self {
+        vec![diagnostic]
+    }
+}
+
 /// Where messages collect; many per run.
 #[derive(Clone, Debug, Default)]
 pub struct Sink {

@@ -1,0 +1,363 @@
+//! What was typed.
+
+use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use std::path::PathBuf;
+
+/// Makes a robot mill where the program says, and finds out why it does not.
+#[derive(Debug, Parser)]
+#[command(name = "deflex", version, propagate_version = true, max_term_width = 100, after_help = EXAMPLES, disable_help_subcommand = true)]
+pub(super) struct Cli {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  deflex init --robot irb6660-205-1.9 > cell.toml          a cell file to start from
+  deflex inspect part.mod                                  what is understood of a program
+  deflex predict part.mod --cell cell.toml                 the error that the cell would cut
+  deflex compensate part.mod --cell cell.toml -o out.mod   the program that cuts true
+  deflex diff part.mod out.mod                             what changed
+  deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
+                                                           which effect the cell lacks
+
+Exit codes: 0 done; 1 done, and the answer is no (check, diff); 2 could not do it, nothing was written.";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Correct programs so that the loaded tool lands where they say
+    #[command(after_help = COMPENSATE)]
+    Compensate(Compensate),
+    /// Report what the cell would cut, without a correction
+    #[command(after_help = PREDICT)]
+    Predict(Predict),
+    /// Say what changed between two programs, target by target
+    #[command(
+        after_help = "Exit code 1 where anything differs. Quaternions of opposite sign are the same orientation."
+    )]
+    Diff(Diff),
+    /// For CI: is each target within tolerance, reachable and convergent?
+    #[command(after_help = CHECK)]
+    Check(Check),
+    /// Find the effect that the cell lacks from measured data, and extend the cell with it
+    #[command(after_help = IDENTIFY)]
+    Identify(Identify),
+    /// Say what is understood of programs; no cell needed
+    #[command(after_help = INSPECT)]
+    Inspect(Inspect),
+    /// Print a commented cell file to start from
+    #[command(after_help = "Fill in the lines marked << and the cell runs.")]
+    Init(Init),
+    /// Shell completions and manual pages
+    #[command(hide = true)]
+    Generate(Generate),
+}
+
+const COMPENSATE: &str = "\
+Examples:
+  deflex compensate part.mod --cell cell.toml -o out.mod --report out.csv
+  deflex compensate blade.apt --cell cell.toml -o blade.mod     CL in, RAPID out
+  deflex compensate *.mod --cell cell.toml --out-dir corrected  modules that use each other are one program
+  cat part.mod | deflex compensate - --cell cell.toml > out.mod
+
+Nothing is written unless every target is solved and within the cell's [limits].";
+
+const PREDICT: &str = "\
+Examples:
+  deflex predict part.mod --cell cell.toml                       report on stdout
+  deflex predict out.mod --cell cell.toml --against part.mod     judges a corrected program";
+
+const CHECK: &str = "\
+Examples:
+  deflex check part.mod --cell cell.toml --max-error 0.1
+  deflex check corrected/*.mod --cell cell.toml --against original --max-error 0.02 --format sarif > check.sarif
+
+Exit code 1 where a target is out of tolerance, not reached, over a limit or without equilibrium.";
+
+const IDENTIFY: &str = "\
+Examples:
+  deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
+  deflex identify --run a.mod a.csv --run b.mod b.csv --cell cell.toml --json found.json
+  deflex identify --poses tracker.csv --cell cell.toml           rows with their own motor angles
+
+Errors before and after are those of held-out rows, which no fit has seen.";
+
+const INSPECT: &str = "\
+Examples:
+  deflex inspect part.mod
+  deflex inspect programs/ --json found.json     every program of a folder
+  deflex inspect part.mod --json                 JSON on stdout";
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    Rapid,
+    Cl,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Corrected {
+    /// Position and orientation
+    #[default]
+    Pose,
+    /// Position only: orientation tokens stay, and the TCP is landed all the same
+    Position,
+}
+
+/// How inputs are read.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Reading {
+    /// Modules that declare tools, work objects and targets; never written
+    #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(super) context: Vec<PathBuf>,
+    /// Kind of the input, where content and ending do not tell
+    #[arg(long, value_enum, value_name = "KIND")]
+    pub(super) format: Option<Format>,
+}
+
+/// Options that every run has.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Common {
+    /// Threads; all cores without it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) jobs: Option<u16>,
+    /// No progress, notes or summary on stderr
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+}
+
+/// What of the cell and the cut a run takes.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Model {
+    /// Cell file
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(super) cell: PathBuf,
+    /// Forces by target (fx_n, fy_n, fz_n; also time_s, temperature_c, payload_kg); overrides [cut]
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) forces: Option<PathBuf>,
+    /// Tool of the cell for every target, instead of the program's
+    #[arg(long, value_name = "NAME")]
+    pub(super) tool: Option<String>,
+}
+
+/// Where reports go.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Reports {
+    /// Report, one row a target; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) report: Option<PathBuf>,
+    /// Summary as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Compensate {
+    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(super) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) model: Model,
+    /// Corrected program; `-` or nothing for stdout
+    #[arg(long, short, value_name = "FILE", conflicts_with = "out_dir", value_hint = ValueHint::FilePath)]
+    pub(super) output: Option<PathBuf>,
+    /// Folder for corrected programs and their reports (NAME.report.csv); made where missing
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(super) out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reports: Reports,
+    /// What is corrected
+    #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
+    pub(super) correct: Corrected,
+    /// Insert targets where the correction bends by more than this between two
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(super) subdivide: Option<f64>,
+    /// Give a declared target that is used with different corrections a clone for each
+    #[arg(long)]
+    pub(super) allow_clones: bool,
+    /// CL input: split into modules of at most this many targets, loaded one after the other
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) max_targets: Option<u32>,
+    /// CL input: speed of rapid travel in the posted program
+    #[arg(long, value_name = "MM_S", default_value_t = 200.0, value_parser = positive)]
+    pub(super) rapid_speed: f64,
+    /// CL input without a feed: speed of its moves
+    #[arg(long, value_name = "MM_S", value_parser = positive)]
+    pub(super) feed: Option<f64>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Predict {
+    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(super) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) model: Model,
+    /// The original of a corrected program (or the folder of originals): errors are counted from its targets
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(super) against: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reports: Reports,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// Taken for the sake of scripts that share options; a prediction corrects nothing
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub(super) correct: Corrected,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum CheckFormat {
+    #[default]
+    Text,
+    Json,
+    Junit,
+    Sarif,
+    /// Programs are RAPID, as in other commands; the answer is text
+    #[value(hide = true)]
+    Rapid,
+    /// Programs are CL, as in other commands; the answer is text
+    #[value(hide = true)]
+    Cl,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Check {
+    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(super) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) model: Model,
+    /// Largest error of a target
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(super) max_error: f64,
+    /// Largest correction of a target
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(super) max_correction: Option<f64>,
+    /// The original of a corrected program (or the folder of originals): errors are counted from its targets
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(super) against: Option<PathBuf>,
+    /// Form of the answer on stdout: text, json, junit, sarif (rapid or cl: kind of the input)
+    #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append)]
+    pub(super) format: Vec<CheckFormat>,
+    /// Modules that declare tools, work objects and targets
+    #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(super) context: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) reports: Reports,
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// What a correction would change, for --max-correction
+    #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
+    pub(super) correct: Corrected,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Diff {
+    /// Program before
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(super) original: PathBuf,
+    /// Program after
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(super) corrected: PathBuf,
+    /// Every target that moved as CSV; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) report: Option<PathBuf>,
+    /// All of it as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    /// Only the exit code tells
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Identify {
+    /// A program and what was measured on it; any number
+    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present = "poses", conflicts_with = "poses", value_hint = ValueHint::FilePath)]
+    pub(super) run: Vec<PathBuf>,
+    /// Measured rows that carry their own motor angles; any number, no program needed
+    #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
+    pub(super) poses: Vec<PathBuf>,
+    /// Cell file
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(super) cell: PathBuf,
+    /// The cell file with the effects found; `-` for stdout
+    #[arg(long, short, value_name = "CELL2", value_hint = ValueHint::FilePath)]
+    pub(super) output: Option<PathBuf>,
+    /// Tool of the cell that the rows are about
+    #[arg(long, value_name = "NAME")]
+    pub(super) tool: Option<String>,
+    /// Residuals row by row: before, after, whitened, block, outlier
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) report: Option<PathBuf>,
+    /// The answer as JSON; `-` or nothing for stdout
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Inspect {
+    /// Programs or folders of programs; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub(super) inputs: Vec<PathBuf>,
+    /// What was found as JSON; `-` or nothing for stdout
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Init {
+    /// Built-in robot to start from
+    #[arg(long, value_name = "MODEL", required_unless_present = "list")]
+    pub(super) robot: Option<String>,
+    /// Name the built-in robots
+    #[arg(long)]
+    pub(super) list: bool,
+    /// Where to; stdout without it
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Generate {
+    #[command(subcommand)]
+    pub(super) what: Generated,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Generated {
+    /// Completions for a shell, on stdout
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Manual pages, one a command, into a folder
+    Man {
+        /// Where to
+        #[arg(value_hint = ValueHint::DirPath)]
+        dir: PathBuf,
+    },
+}
+
+/// A finite number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}

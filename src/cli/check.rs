@@ -1,0 +1,152 @@
+//! `check`: is each target within tolerance, reachable and convergent?
+
+use super::args::{Check, CheckFormat, Format};
+use super::input::{self, Context, Job};
+use super::output::{Outputs, is_stdout};
+use super::report::{self, Rows};
+use super::run::{Originals, Setup, both, one_thing};
+use super::{Answer, Outcome, message};
+use deflex::correct::{Corrected, Row, compensate, predict};
+use deflex::program::{Program, Role, Target};
+use deflex::report::{CheckFile, check_json, difference, junit, sarif};
+use deflex::text::Diagnostic;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Refusals that are an answer about the program, not a failure of the run.
+const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
+
+pub(super) fn run(args: &Check) -> Outcome {
+    let (form, kind) = formats(&args.format)?;
+    let context = Context::of(&args.context)?;
+    let (mut setup, jobs) = both(Setup::read(&args.model, context, args.correct), input::jobs(&args.inputs, kind))?;
+    if let Some(most) = args.max_correction {
+        setup.cell.cell.limits.max_correction = 1e-3 * most;
+    }
+    one_thing(1 + [&args.reports.report, &args.reports.json].into_iter().flatten().filter(|p| is_stdout(p)).count())?;
+    let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
+    let checked: Vec<_> = jobs.into_par_iter().map(|job| one(args, &setup, &originals, job)).collect();
+    let (files, rows): (Vec<CheckFile>, Vec<Rows>) = input::all(checked)?.into_iter().unzip();
+
+    let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
+    let text = match form {
+        CheckFormat::Json => report::pretty(&check_json(&files)),
+        CheckFormat::Junit => junit(&files),
+        CheckFormat::Sarif => report::pretty(&sarif(&files)),
+        _ => text(&files),
+    };
+    outputs.add(Path::new("-"), text.as_bytes())?;
+    if let Some(path) = &args.reports.json {
+        outputs.add_report(path, report::pretty(&check_json(&files)).as_bytes())?;
+    }
+    if let Some(path) = &args.reports.report {
+        outputs.add_report(path, &report::joined(&rows))?;
+    }
+    outputs.commit()?;
+    message::print(&setup.notes(), args.common.quiet);
+    Ok(if files.iter().all(|file| file.findings.is_empty()) { Answer::Yes } else { Answer::No })
+}
+
+/// `--format` names the form of the answer, and the kind of the input as everywhere else.
+fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Diagnostic> {
+    let (mut form, mut kind) = (None, None);
+    for format in given {
+        let taken = match format {
+            CheckFormat::Rapid => kind.replace(Format::Rapid).is_some(),
+            CheckFormat::Cl => kind.replace(Format::Cl).is_some(),
+            form_of => form.replace(*form_of).is_some(),
+        };
+        if taken {
+            return Err(
+                Diagnostic::error("usage.format", "", "--format is given twice").help("give one form and one kind")
+            );
+        }
+    }
+    Ok((form.unwrap_or_default(), kind))
+}
+
+fn one(args: &Check, setup: &Setup, originals: &Originals, job: Job) -> Result<(CheckFile, Rows), Vec<Diagnostic>> {
+    let path = job.name.clone();
+    let original = originals.of(&job, setup)?;
+    let program = setup.program(job)?;
+    let targets = program.targets.iter().filter(|target| target.role == Role::End).count();
+    let about_the_program = |errors: Vec<Diagnostic>| {
+        let all = errors.iter().all(|error| ABOUT_THE_PROGRAM.contains(&error.code));
+        if all && !errors.is_empty() { Ok(errors) } else { Err(setup.cell.own(errors)) }
+    };
+    let cell = &setup.cell.cell;
+    let predicted = match predict(&program, cell, &setup.options, original.as_ref()) {
+        Ok(predicted) => predicted,
+        Err(errors) => {
+            let findings = about_the_program(errors)?;
+            return Ok((CheckFile { path, targets, findings }, Rows::new(&program, &[])));
+        }
+    };
+    let place = Places::new(&program);
+    let over = predicted.rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
+    let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
+    findings.extend(predicted.failures);
+    match (args.max_correction, &original) {
+        (Some(most), Some(original)) => {
+            let moved = difference(original, &program).moved;
+            findings.extend(moved.iter().filter(|m| m.mm > most).map(|m| place.correction(m.target, m.mm, most)));
+        }
+        (Some(_), None) => {
+            let Corrected { failures, .. } =
+                compensate(&program, cell, &setup.options).map_err(|e| setup.cell.own(e))?;
+            findings.extend(failures);
+        }
+        (None, _) => {}
+    }
+    findings.sort_by_key(|finding| (finding.file.clone(), finding.line, finding.column));
+    findings.dedup();
+    let rows = Rows::new(&program, &predicted.rows);
+    Ok((CheckFile { path, targets, findings }, rows))
+}
+
+/// Where targets stand in the text.
+struct Places<'a> {
+    program: &'a Program,
+    ends: Vec<&'a Target>,
+}
+
+impl<'a> Places<'a> {
+    fn new(program: &'a Program) -> Self {
+        Self { program, ends: program.targets.iter().filter(|target| target.role == Role::End).collect() }
+    }
+
+    fn error(&self, row: &Row, most: f64) -> Diagnostic {
+        let message =
+            format!("target {}: error of {:.4} mm, more than the {most} mm allowed", row.target, row.error_norm_mm());
+        self.at(row.target, "check.max-error", message, "correct the program with `deflex compensate`")
+    }
+
+    fn correction(&self, target: u32, mm: f64, most: f64) -> Diagnostic {
+        let message = format!("target {target}: correction of {mm:.4} mm, more than the {most} mm allowed");
+        self.at(target, "limits.max-correction", message, "check the cell that the correction was made with")
+    }
+
+    fn at(&self, ordinal: u32, code: &'static str, message: String, help: &str) -> Diagnostic {
+        let diagnostic = Diagnostic::error(code, "", message).help(help);
+        match self.ends.iter().find(|target| target.ordinal == ordinal) {
+            Some(target) => diagnostic.at(&self.program.sources[usize::from(target.source)], target.span),
+            None => diagnostic,
+        }
+    }
+}
+
+/// One line a finding, one a program.
+fn text(files: &[CheckFile]) -> String {
+    let mut out = String::new();
+    for file in files {
+        for finding in &file.findings {
+            out += &format!("{finding}\n");
+        }
+        let verdict = match file.findings.len() {
+            0 => "ok".to_owned(),
+            n => format!("{n} findings"),
+        };
+        out += &format!("{}: {} targets, {verdict}\n", file.path, file.targets);
+    }
+    out
+}

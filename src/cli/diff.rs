@@ -1,0 +1,37 @@
+//! `diff`: what changed between two programs.
+
+use super::args::Diff;
+use super::input::{self, Context};
+use super::output::{Outputs, is_stdout};
+use super::report::pretty;
+use super::run::{both, one_thing};
+use super::{Answer, Outcome};
+use deflex::report::{Difference, diff_csv, diff_text, difference};
+use deflex::text::Diagnostic;
+use std::path::Path;
+
+pub(super) fn run(args: &Diff) -> Outcome {
+    let context = Context::read(&args.reading)?;
+    let read = |path: &Path| input::program_alone(input::job(path, args.reading.format)?, &context);
+    let (original, corrected) = both(read(&args.original), read(&args.corrected))?;
+    let found = difference(&original, &corrected);
+    let printed = [&args.report, &args.json].into_iter().flatten().filter(|path| is_stdout(path)).count();
+    one_thing(printed)?;
+
+    let mut outputs = Outputs::new([&args.original, &args.corrected].into_iter().chain(&args.reading.context));
+    if printed == 0 && !args.quiet {
+        outputs.add(Path::new("-"), diff_text(&found).as_bytes())?;
+    }
+    if let Some(path) = &args.report {
+        outputs.add_report(path, diff_csv(&found).as_bytes())?;
+    }
+    if let Some(path) = &args.json {
+        outputs.add_report(path, pretty(&json(&found)?).as_bytes())?;
+    }
+    outputs.commit()?;
+    Ok(if found.is_empty() { Answer::Yes } else { Answer::No })
+}
+
+fn json(found: &Difference) -> Result<serde_json::Value, Diagnostic> {
+    serde_json::to_value(found).map_err(|error| Diagnostic::error("io.json", "", format!("not JSON: {error}")))
+}

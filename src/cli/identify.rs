@@ -1,0 +1,77 @@
+//! `identify`: which effect the cell lacks, and the cell with it.
+
+use super::args::Identify;
+use super::input::{self, CellFile, Context, all};
+use super::output::{Outputs, is_stdout};
+use super::report::pretty;
+use super::run::{both, one_thing};
+use super::{Answer, Outcome, message, progress};
+use deflex::cell::extended;
+use deflex::identify::{Input, identify};
+use deflex::measured::Table;
+use deflex::program::Program;
+use deflex::report::{identify_text, residual_csv};
+use deflex::text::Diagnostic;
+use std::path::{Path, PathBuf};
+
+pub(super) fn run(args: &Identify) -> Outcome {
+    let printed = [&args.output, &args.report, &args.json].into_iter().flatten().filter(|path| is_stdout(path)).count();
+    one_thing(printed)?;
+    let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
+    let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &cell, &context, &pair[0], &pair[1])));
+    let poses = all(args.poses.iter().map(|path| input::table(path)));
+    let (runs, poses) = both(runs, poses)?;
+    let read: Vec<&PathBuf> = args.run.iter().chain(&args.poses).chain([&args.cell]).collect();
+    let hash = hash(&input::sources(&read.iter().map(|path| (*path).clone()).collect::<Vec<_>>())?);
+
+    let bar = progress::bar(1, args.common.quiet);
+    bar.set_message("identifying");
+    let found =
+        identify(&Input { cell: &cell.cell, runs: &runs, poses: &poses, tool: args.tool.as_deref(), data_hash: &hash });
+    bar.finish_and_clear();
+    let found = found.map_err(|errors| cell.own(errors))?;
+
+    let mut outputs = Outputs::new(read.iter().copied().chain(&args.reading.context));
+    if let Some(path) = &args.output {
+        let text = String::from_utf8_lossy(&cell.source.bytes);
+        let text = extended(&text, &found.extended)
+            .map_err(|error| Diagnostic::error("cell.syntax", &cell.name, format!("cannot be extended: {error}")))?;
+        outputs.add(path, text.as_bytes())?;
+    }
+    if let Some(path) = &args.json {
+        let json = serde_json::to_value(&found)
+            .map_err(|error| Diagnostic::error("io.json", "", format!("not JSON: {error}")))?;
+        outputs.add_report(path, pretty(&json).as_bytes())?;
+    }
+    if let Some(path) = &args.report {
+        outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;
+    }
+    if printed == 0 {
+        outputs.add(Path::new("-"), identify_text(&found).as_bytes())?;
+    } else if !args.common.quiet {
+        message::say(&[identify_text(&found)]);
+    }
+    outputs.commit()?;
+    Ok(Answer::Yes)
+}
+
+/// A program and what was measured on it.
+fn run_of(
+    args: &Identify,
+    cell: &CellFile,
+    context: &Context,
+    program: &Path,
+    measured: &Path,
+) -> Result<(Program, Table), Vec<Diagnostic>> {
+    let job = input::job(program, args.reading.format);
+    let program = job.and_then(|job| input::program(job, context, cell, args.tool.as_deref()));
+    both(program, input::table(measured))
+}
+
+/// FNV-1a over all files that the answer depends on: tells data apart, guards against nothing.
+fn hash(sources: &[deflex::text::Source]) -> String {
+    let bytes = sources.iter().flat_map(|source| &source.bytes);
+    let hash =
+        bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+    format!("fnv1a:{hash:016x}")
+}

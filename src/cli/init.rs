@@ -1,0 +1,31 @@
+//! `init`: a cell file to start from.
+
+use super::args::Init;
+use super::output::{Outputs, print};
+use super::{Answer, Outcome};
+use deflex::cell::{nearest, template};
+use deflex::robot::BUILTIN;
+use deflex::text::Diagnostic;
+use std::path::Path;
+
+pub(super) fn run(args: &Init) -> Outcome {
+    if args.list {
+        let width = BUILTIN.iter().map(|robot| robot.model.len()).max().unwrap_or(0);
+        let line = |robot: &deflex::robot::Builtin| format!("{:width$}  {}\n", robot.model, robot.source);
+        print(BUILTIN.iter().map(line).collect::<String>().as_bytes())?;
+        return Ok(Answer::Yes);
+    }
+    let model = args.robot.as_deref().unwrap_or_default();
+    let Some(robot) = BUILTIN.iter().find(|robot| robot.model.eq_ignore_ascii_case(model)) else {
+        let near = nearest(model, BUILTIN.iter().map(|robot| robot.model));
+        let help = near.map_or_else(
+            || "`deflex init --list` names the built-in robots; any other goes into [robot.kinematics]".to_owned(),
+            |near| format!("did you mean `{near}`? `deflex init --list` names them all"),
+        );
+        return Err(Diagnostic::error("init.robot", "", format!("no built-in robot `{model}`")).help(help).into());
+    };
+    let mut outputs = Outputs::default();
+    outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), template(robot).as_bytes())?;
+    outputs.commit()?;
+    Ok(Answer::Yes)
+}

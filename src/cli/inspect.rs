@@ -1,0 +1,109 @@
+//! `inspect`: what is understood of programs.
+
+use super::args::{Format, Inspect};
+use super::input::{self, Context, Job, all};
+use super::output::{Outputs, is_stdout};
+use super::report::pretty;
+use super::{Answer, Outcome, message, progress};
+use deflex::program::{Language, round_trip};
+use deflex::report::{InspectFile, inspect_json, inspect_table};
+use deflex::text::Diagnostic;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Endings of programs that are looked for in a folder.
+const ENDINGS: [&str; 18] = [
+    "mod",
+    "sys",
+    "prg",
+    "modx",
+    "sysx",
+    "cl",
+    "cls",
+    "clsf",
+    "cldata",
+    "cld",
+    "apt",
+    "aptsource",
+    "ncl",
+    "clt",
+    "pgf",
+    "cutloc",
+    "aptcl",
+    "aut",
+];
+
+pub(super) fn run(args: &Inspect) -> Outcome {
+    let context = Context::read(&args.reading)?;
+    let paths: Vec<PathBuf> = all(args.inputs.iter().map(|path| programs(path)))?.into_iter().flatten().collect();
+    let bar = progress::bar(paths.len(), args.common.quiet);
+    let inspected: Vec<_> = paths
+        .par_iter()
+        .map(|path| {
+            bar.set_message(path.display().to_string());
+            let file = one(path, args.reading.format, &context);
+            bar.inc(1);
+            file
+        })
+        .collect();
+    bar.finish_and_clear();
+    let (files, refusals): (Vec<InspectFile>, Vec<Vec<Diagnostic>>) = all(inspected)?.into_iter().unzip();
+    let mut outputs = Outputs::new(paths.iter().chain(&args.reading.context));
+    if let Some(path) = &args.json {
+        outputs.add_report(path, pretty(&inspect_json(&files)).as_bytes())?;
+    }
+    if !args.json.as_deref().is_some_and(is_stdout) {
+        outputs.add(Path::new("-"), inspect_table(&files).as_bytes())?;
+    }
+    outputs.commit()?;
+    message::print(&refusals.concat(), args.common.quiet);
+    Ok(Answer::Yes)
+}
+
+/// A file itself, or the programs of a folder and its folders, by name.
+fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let failed = |error: std::io::Error| {
+        Diagnostic::error("io.read", &path.display().to_string(), format!("cannot be read: {error}"))
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let (path, kind) = (entry.path(), entry.file_type().map_err(failed)?);
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        if kind.is_dir() {
+            found.extend(programs(&path)?);
+        } else if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str())) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// What is understood of one file. A file that is refused is an answer; one that cannot be opened is none.
+fn one(
+    path: &Path,
+    format: Option<Format>,
+    context: &Context,
+) -> Result<(InspectFile, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let refused = |language: Option<Language>, errors: Vec<Diagnostic>| {
+        let path = path.display().to_string();
+        (InspectFile::refused(&path, language, &errors), errors)
+    };
+    let job: Job = match input::job(path, format) {
+        Ok(job) => job,
+        Err(errors) if errors.iter().any(|error| error.code == "io.read") => return Err(errors),
+        Err(errors) => return Ok(refused(None, errors)),
+    };
+    let (name, language) = (job.name.clone(), job.language);
+    Ok(match input::program_alone(job, context) {
+        Ok(program) => {
+            let proof = round_trip(&program, |written, context| input::reread(language, written, context));
+            (InspectFile::read(&name, &program, &proof), Vec::new())
+        }
+        Err(errors) => refused(Some(language), errors),
+    })
+}

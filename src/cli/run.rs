@@ -1,0 +1,339 @@
+//! `compensate` and `predict`: programs through the forward line, in parallel, and what comes out in order.
+
+use super::args::{Compensate, Corrected as What, Model, Predict, Reports};
+use super::input::{self, CellFile, Context, ForceFile, Job};
+use super::output::{Outputs, is_stdout};
+use super::report::{self, Rows};
+use super::{Answer, Outcome, message, progress};
+use deflex::correct::{self, Correct, Corrected, Options, PostOptions, compensate, predict};
+use deflex::program::{Language, Program};
+use deflex::report::FileSummary;
+use deflex::text::{Diagnostic, apply};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Cell, forces and options of a run.
+pub(super) struct Setup {
+    pub(super) cell: CellFile,
+    pub(super) forces: Option<ForceFile>,
+    pub(super) context: Context,
+    pub(super) options: Options,
+}
+
+impl Setup {
+    pub(super) fn read(model: &Model, context: Context, what: What) -> Result<Self, Vec<Diagnostic>> {
+        let cell = CellFile::read(&model.cell);
+        let forces = model.forces.as_deref().map(ForceFile::read).transpose();
+        let (cell, forces) = match (cell, forces) {
+            (Ok(cell), Ok(forces)) => (cell, forces),
+            (cell, forces) => return Err([cell.err(), forces.err()].into_iter().flatten().flatten().collect()),
+        };
+        let options = Options {
+            correct: match what {
+                What::Pose => Correct::Pose,
+                What::Position => Correct::Position,
+            },
+            forces: forces.as_ref().map(|file| file.forces.clone()),
+            tool: model.tool.clone(),
+            ..Options::default()
+        };
+        Ok(Self { cell, forces, context, options })
+    }
+
+    /// Parses a program and checks that the table of forces is its own.
+    pub(super) fn program(&self, job: Job) -> Result<Program, Vec<Diagnostic>> {
+        let program = input::program(job, &self.context, &self.cell, self.options.tool.as_deref())?;
+        self.forces.as_ref().map_or(Ok(()), |forces| forces.check(&program))?;
+        Ok(program)
+    }
+
+    /// What a run says about the cell, once.
+    pub(super) fn notes(&self) -> Vec<Diagnostic> {
+        let cell = &self.cell.cell;
+        let covered = cell.arm.effects.iter().find(|effect| effect.covered_by().is_some());
+        let silent = covered.filter(|_| !cell.controller.declared).map(|effect| {
+            let message = format!(
+                "the cell corrects `{}` and does not say what the controller corrects by itself: nothing is assumed",
+                effect.kind()
+            );
+            Diagnostic::error("cell.controller", &self.cell.name, message)
+                .severity(deflex::text::Severity::Note)
+                .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
+        });
+        silent.into_iter().collect()
+    }
+}
+
+/// One program, done.
+struct Done {
+    outputs: Outputs,
+    rows: Rows,
+    summary: FileSummary,
+    line: String,
+    notes: Vec<Diagnostic>,
+}
+
+impl Done {
+    fn new(name: &str, program: &Program, corrected: Corrected, outputs: Outputs) -> Result<Self, Vec<Diagnostic>> {
+        if !corrected.failures.is_empty() {
+            return Err(corrected.failures);
+        }
+        let summary = FileSummary::new(name, &corrected);
+        let line = report::line(&summary, &corrected);
+        Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes })
+    }
+}
+
+/// Runs every program; all that fail are told.
+fn each(
+    jobs: Vec<Job>,
+    quiet: bool,
+    one: impl Fn(Job) -> Result<Done, Vec<Diagnostic>> + Sync,
+) -> Result<Vec<Done>, Vec<Diagnostic>> {
+    let bar = progress::bar(jobs.len(), quiet);
+    let done: Vec<_> = jobs
+        .into_par_iter()
+        .map(|job| {
+            bar.set_message(job.name.clone());
+            let done = one(job);
+            bar.inc(1);
+            done
+        })
+        .collect();
+    bar.finish_and_clear();
+    input::all(done)
+}
+
+/// Gathers what the programs came to, writes it, and says so.
+fn finish(mut outputs: Outputs, setup: &Setup, done: Vec<Done>, reports: &Reports, quiet: bool) -> Outcome {
+    let mut notes = setup.notes();
+    let (mut rows, mut summaries, mut lines) = (Vec::new(), Vec::new(), Vec::new());
+    for program in done {
+        outputs.append(program.outputs)?;
+        notes.extend(program.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
+        rows.push(program.rows);
+        summaries.push(program.summary);
+        lines.push(program.line);
+    }
+    if let Some(path) = &reports.report {
+        outputs.add_report(path, &report::joined(&rows))?;
+    }
+    if let Some(path) = &reports.json {
+        report::json(&mut outputs, path, &summaries)?;
+    }
+    outputs.commit()?;
+    message::print(&setup.cell.own(notes), quiet);
+    if !quiet {
+        message::say(&lines);
+    }
+    Ok(Answer::Yes)
+}
+
+pub(super) fn run_compensate(args: &Compensate) -> Outcome {
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct);
+    let jobs = input::jobs(&args.inputs, args.reading.format);
+    let (mut setup, jobs) = both(setup, jobs)?;
+    setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
+    setup.options.allow_clones = args.allow_clones;
+    one_stdout(args, &jobs)?;
+    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
+    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.sources).map(|s| PathBuf::from(&s.name)).collect();
+    let outputs = Outputs::new(read.chain(&listed));
+    let done = each(jobs, args.common.quiet, |job| {
+        let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
+        let program = setup.program(job)?;
+        let corrected = compensate(&program, &setup.cell.cell, &setup.options).map_err(|e| setup.cell.own(e))?;
+        if !corrected.failures.is_empty() {
+            return Err(corrected.failures);
+        }
+        let mut outputs = outputs.sibling();
+        let mut notes = Vec::new();
+        let written = match program.language {
+            Language::Rapid => edited(&program, &corrected, &files),
+            Language::Cl => {
+                let (written, more) = posted(args, &program, &setup, &corrected, &files[0])?;
+                notes = more;
+                written
+            }
+        };
+        let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
+        place(args, &mut outputs, written.into_iter().chain(companions))?;
+        let mut done = Done::new(&name, &program, corrected, outputs)?;
+        done.notes.extend(notes);
+        if let Some(dir) = &args.out_dir {
+            done.outputs.add_report(&dir.join(stem.with_extension("report.csv")), &done.rows.csv)?;
+        }
+        Ok(done)
+    })?;
+    finish(outputs, &setup, done, &args.reports, args.common.quiet)
+}
+
+/// Bytes of each corrected source.
+fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
+    let none = Vec::new();
+    let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
+    let write = |(i, (source, file)): (usize, (&deflex::text::Source, &PathBuf))| {
+        let mut bytes = Vec::with_capacity(source.bytes.len());
+        // Writing to a Vec cannot fail.
+        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
+        (file.clone(), bytes)
+    };
+    program.sources.iter().take(program.written).zip(files).enumerate().map(write).collect()
+}
+
+type Posted = (Vec<(PathBuf, Vec<u8>)>, Vec<Diagnostic>);
+
+/// The RAPID modules made of CL input.
+fn posted(
+    args: &Compensate,
+    program: &Program,
+    setup: &Setup,
+    corrected: &Corrected,
+    file: &Path,
+) -> Result<Posted, Vec<Diagnostic>> {
+    let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
+    let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
+    let options = PostOptions {
+        name: if stem == "-" { "program".to_owned() } else { stem },
+        title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
+        max_targets: args.max_targets.map(|most| most as usize),
+        rapid_mm_s: args.rapid_speed,
+        feed_mm_s: args.feed,
+    };
+    let files = std::cell::RefCell::new(BTreeMap::<String, Vec<u8>>::new());
+    let open = |name: &str| Ok(Module { name: name.to_owned(), files: &files });
+    let (names, notes) = correct::post(program, &setup.cell.cell, corrected, &options, open)?;
+    let mut files = files.into_inner();
+    let written = names.into_iter().map(|name| {
+        let bytes = files.remove(&name).unwrap_or_default();
+        (PathBuf::from(name), bytes)
+    });
+    Ok((written.collect(), notes))
+}
+
+/// A module being posted.
+struct Module<'a> {
+    name: String,
+    files: &'a std::cell::RefCell<BTreeMap<String, Vec<u8>>>,
+}
+
+impl std::io::Write for Module<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.files.borrow_mut().entry(self.name.clone()).or_default().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Puts the files of one program where they belong.
+fn place(
+    args: &Compensate,
+    outputs: &mut Outputs,
+    written: impl Iterator<Item = (PathBuf, Vec<u8>)>,
+) -> Result<(), Vec<Diagnostic>> {
+    let written: Vec<_> = written.collect();
+    match (&args.out_dir, &written[..]) {
+        (Some(dir), files) => {
+            for (file, bytes) in files {
+                outputs.add(&dir.join(file), bytes)?;
+            }
+        }
+        (None, [(_, bytes)]) => outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), bytes)?,
+        (None, files) => {
+            let message = format!("the program is written as {} files, which need a folder", files.len());
+            return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
+        }
+    }
+    Ok(())
+}
+
+/// Only one thing goes to stdout, and several programs go to a folder.
+fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
+    if args.out_dir.is_none() && (jobs.len() > 1 || jobs.iter().any(|job| job.sources.len() > 1)) {
+        let message = format!("{} inputs are several files, which need a folder", args.inputs.len());
+        return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
+    }
+    let program = args.out_dir.is_none() && args.output.as_deref().is_none_or(is_stdout);
+    let others = [&args.reports.report, &args.reports.json].into_iter().flatten().filter(|path| is_stdout(path));
+    one_thing(usize::from(program) + others.count())
+}
+
+/// Stdout carries one result.
+pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
+    if count > 1 {
+        let message = "more than one result would go to stdout";
+        return Err(vec![Diagnostic::error("usage.stdout", "", message).help("give -o, --report or --json a file")]);
+    }
+    Ok(())
+}
+
+pub(super) fn run_predict(args: &Predict) -> Outcome {
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct);
+    let jobs = input::jobs(&args.inputs, args.reading.format);
+    let (setup, jobs) = both(setup, jobs)?;
+    let mut reports = args.reports.clone();
+    let to_stdout = reports.json.as_deref().is_some_and(is_stdout);
+    if reports.report.is_none() && !to_stdout {
+        reports.report = Some(PathBuf::from("-"));
+    }
+    one_thing([&reports.report, &reports.json].into_iter().flatten().filter(|path| is_stdout(path)).count())?;
+    let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
+    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
+    let outputs = Outputs::new(read.chain(&args.against));
+    let done = each(jobs, args.common.quiet, |job| {
+        let name = job.name.clone();
+        let original = originals.of(&job, &setup)?;
+        let program = setup.program(job)?;
+        let predicted = predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
+        Done::new(&name, &program, predicted.map_err(|e| setup.cell.own(e))?, outputs.sibling())
+    })?;
+    finish(outputs, &setup, done, &reports, args.common.quiet)
+}
+
+/// Both values, or the errors of both.
+pub(super) fn both<A, B>(
+    a: Result<A, Vec<Diagnostic>>,
+    b: Result<B, Vec<Diagnostic>>,
+) -> Result<(A, B), Vec<Diagnostic>> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok((a, b)),
+        (a, b) => Err([a.err(), b.err()].into_iter().flatten().flatten().collect()),
+    }
+}
+
+/// `--against`: one original, or a folder with an original of each program's name.
+pub(super) struct Originals<'a> {
+    against: Option<&'a Path>,
+    format: Option<super::args::Format>,
+}
+
+impl<'a> Originals<'a> {
+    pub(super) fn new(
+        against: Option<&'a Path>,
+        jobs: &[Job],
+        format: Option<super::args::Format>,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        if against.is_some_and(|path| !path.is_dir()) && jobs.len() > 1 {
+            let message = "--against is one program, but there are several inputs";
+            let help = "give the folder of originals, with the same file names";
+            return Err(vec![Diagnostic::error("usage.against", "", message).help(help)]);
+        }
+        Ok(Self { against, format })
+    }
+
+    /// The original of a program.
+    pub(super) fn of(&self, job: &Job, setup: &Setup) -> Result<Option<Program>, Vec<Diagnostic>> {
+        let Some(path) = self.against else { return Ok(None) };
+        let original = if path.is_dir() {
+            let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
+            input::jobs(&files, self.format)?.into_iter().next()
+        } else {
+            Some(input::job(path, self.format)?)
+        };
+        original.map(|original| setup.program(original)).transpose()
+    }
+}

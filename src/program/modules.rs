@@ -1,0 +1,144 @@
+//! Which RAPID modules belong to one program: those that use each other's names.
+
+use crate::text::Source;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Names that a module declares for others and names that it takes from others, upper case.
+#[derive(Debug, Default)]
+struct Names {
+    module: String,
+    declared: BTreeSet<String>,
+    local: BTreeSet<String>,
+    used: BTreeSet<String>,
+}
+
+/// Groups modules into programs, as indices, in the order of their first module.
+///
+/// Two modules belong together where one uses a name that it does not declare and exactly one other declares; modules of
+/// one name or with a `main` each are different programs.
+#[must_use]
+pub fn group_modules(sources: &[Source]) -> Vec<Vec<usize>> {
+    let names: Vec<Names> = sources.iter().map(|source| scan(&source.bytes)).collect();
+    let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (i, module) in names.iter().enumerate() {
+        for name in &module.declared {
+            owners.entry(name).or_default().push(i);
+        }
+    }
+    let mut group: Vec<usize> = (0..sources.len()).collect();
+    for (i, module) in names.iter().enumerate() {
+        let foreign = |name: &&String| !module.declared.contains(*name) && !module.local.contains(*name);
+        for name in module.used.iter().filter(foreign) {
+            if let Some([owner]) = owners.get(name.as_str()).map(Vec::as_slice) {
+                let (a, b) = (group[i], group[*owner]);
+                let members: Vec<usize> = (0..sources.len()).filter(|&m| group[m] == a || group[m] == b).collect();
+                if a != b && fit(&names, &members) {
+                    for m in members {
+                        group[m] = a.min(b);
+                    }
+                }
+            }
+        }
+    }
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (i, g) in group.into_iter().enumerate() {
+        groups.entry(g).or_default().push(i);
+    }
+    groups.into_values().collect()
+}
+
+/// Whether modules can be loaded into one task.
+fn fit(names: &[Names], members: &[usize]) -> bool {
+    let mut modules = BTreeSet::new();
+    let distinct = members.iter().all(|&m| modules.insert(&names[m].module));
+    distinct && members.iter().filter(|&&m| names[m].declared.contains("MAIN")).count() <= 1
+}
+
+/// Words behind which a declared name stands: `PROC name`, `PERS tooldata name`.
+fn scan(bytes: &[u8]) -> Names {
+    let mut names = Names::default();
+    let mut words: [String; 3] = Default::default();
+    for word in words_of(bytes) {
+        match (words[1].as_str(), words[2].as_str()) {
+            (_, "MODULE" | "SYSMODULE") => names.module.clone_from(&word),
+            (before, "PROC" | "TRAP") => names.declare(before, &word),
+            (_, "PERS" | "CONST" | "VAR" | "FUNC" | "TASK") => {} // the type
+            ("PERS" | "CONST" | "VAR" | "FUNC", _) => {
+                let before = words[0].clone();
+                names.declare(&before, &word);
+            }
+            _ => {
+                names.used.insert(word.clone());
+            }
+        }
+        words.rotate_left(1);
+        words[2] = word;
+    }
+    names
+}
+
+impl Names {
+    fn declare(&mut self, before: &str, name: &str) {
+        let list = if before == "LOCAL" { &mut self.local } else { &mut self.declared };
+        list.insert(name.to_owned());
+    }
+}
+
+/// Words outside comments and strings, upper case.
+fn words_of(bytes: &[u8]) -> impl Iterator<Item = String> + '_ {
+    let mut at = 0;
+    std::iter::from_fn(move || {
+        while at < bytes.len() {
+            match bytes[at] {
+                b'!' => at += bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len() - at),
+                b'"' => at += 2 + bytes[at + 1..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - at - 1),
+                b if b.is_ascii_alphabetic() => {
+                    let word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
+                    let end = at + bytes[at..].iter().position(|b| !word(b)).unwrap_or(bytes.len() - at);
+                    let found = String::from_utf8_lossy(&bytes[at..end]).to_ascii_uppercase();
+                    at = end;
+                    return Some(found);
+                }
+                // The rest of a number or of a word of another alphabet.
+                b if b.is_ascii_digit() => {
+                    at += bytes[at..].iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(bytes.len() - at);
+                }
+                _ => at += 1,
+            }
+        }
+        None
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn groups(texts: &[&str]) -> Vec<Vec<usize>> {
+        let sources: Vec<Source> = texts.iter().map(|text| Source::new("x.mod", text.as_bytes())).collect();
+        group_modules(&sources)
+    }
+
+    #[test]
+    fn modules_that_use_each_other_are_one_program() {
+        let main = "MODULE Main\n PROC main()\n path1;\n ENDPROC\nENDMODULE\n";
+        let path = "MODULE Path\n ! main\n PROC path1()\n MoveL p10,v20,z1,tMill;\n ENDPROC\nENDMODULE\n";
+        let data = "MODULE Data\n PERS tooldata tMill:=[];\n TASK PERS robtarget p10:=[];\nENDMODULE\n";
+        assert_eq!(groups(&[main, path, data]), [[0, 1, 2]]);
+        assert_eq!(groups(&[data, path, main]), [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn programs_of_their_own_stay_apart() {
+        let one = "MODULE Part\n PERS tooldata t:=[];\n PROC main()\n MoveL p,v20,z1,t;\n ENDPROC\nENDMODULE\n";
+        let local =
+            "MODULE Other\n LOCAL CONST robtarget p:=[];\n PROC run()\n MoveL p,v20,z1,tool0;\n ENDPROC\nENDMODULE\n";
+        assert_eq!(groups(&[one, one]), [[0], [1]]);
+        assert_eq!(groups(&[one, local]), [[0], [1]]);
+    }
+
+    #[test]
+    fn an_open_string_ends_with_the_file() {
+        assert_eq!(groups(&["MODULE A\n TPWrite \"open"]), [[0]]);
+    }
+}

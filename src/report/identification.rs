@@ -1,0 +1,92 @@
+//! What an identification came to, for people, and its residuals row by row.
+
+use crate::identify::{Identification, ResidualRow};
+use crate::text::number::write_fixed;
+use std::fmt::Write;
+
+/// The summary: error before and after, what was added, what could not be told apart, what is left, what to do next.
+#[must_use]
+pub fn identify_text(found: &Identification) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "{} rows, {} of them held out; noise {:.4} mm per axis, floor {:.4} mm (3-D rms)",
+        found.rows, found.held_out_rows, found.noise_mm, found.noise_floor_rms_mm
+    );
+    let _ = writeln!(out, "\nerror on held-out rows      rms       mean      max  (mm)");
+    for (name, errors) in [("declared cell", &found.before), ("extended cell", &found.after)] {
+        let _ = writeln!(out, "  {name:18} {:9.4} {:9.4} {:9.4}", errors.rms_mm, errors.mean_mm, errors.max_mm);
+    }
+    let [low, high] = found.after_rms_ci95_mm;
+    let _ = writeln!(out, "  extended cell's rms lies in [{low:.4}, {high:.4}] mm (95 %, bootstrap over blocks)");
+
+    if found.added.is_empty() {
+        out.push_str("\nNothing is added: the declared cell explains the data to the noise.\n");
+    } else {
+        out.push_str("\nadded\n");
+    }
+    for added in &found.added {
+        let _ = writeln!(
+            out,
+            "  {}: posterior {:.3}; held-out rms {:.4} mm without it, {:.4} mm with it",
+            added.kind, added.posterior, added.held_out_rms_before_mm, added.held_out_rms_after_mm
+        );
+        for p in &added.parameters {
+            let _ =
+                writeln!(out, "    {:26} {:12.4e} {}  [{:.4e}, {:.4e}]", p.name, p.value, p.unit, p.ci95[0], p.ci95[1]);
+        }
+        if !added.not_told_apart_from.is_empty() {
+            let _ = writeln!(out, "    not told apart from: {}", added.not_told_apart_from.join(", "));
+        }
+    }
+    const RANKED: usize = 8; // the whole list is in the JSON
+    if !found.ranking.is_empty() {
+        out.push_str("\nranking, each alone          held-out rms (mm)   delta BIC\n");
+    }
+    for ranked in found.ranking.iter().take(RANKED) {
+        let _ = writeln!(out, "  {:26} {:14.4} {:14.1}", ranked.kind, ranked.held_out_rms_mm, ranked.delta_bic);
+    }
+    if found.coverage.rows_outside > 0 {
+        let _ = writeln!(
+            out,
+            "\n{} held-out rows lie outside what the curves were fitted on (joints {:?}): no gain is claimed there.",
+            found.coverage.rows_outside, found.coverage.joints_outside
+        );
+    }
+    if found.unexplained.significant {
+        out.push_str("\nUnexplained: more is left than noise, and no named effect explains it.\n");
+        for correlate in &found.unexplained.correlates {
+            let _ = writeln!(out, "  follows {} (r = {:.2})", correlate.with, correlate.r);
+        }
+    }
+    if !found.outliers.is_empty() {
+        let lines: Vec<String> = found.outliers.iter().map(ToString::to_string).collect();
+        let _ = writeln!(out, "\nleft out as outliers: lines {}", lines.join(", "));
+    }
+    for advice in &found.advice {
+        let _ = writeln!(out, "\nadvice: {advice}");
+    }
+    out
+}
+
+/// Residuals as CSV, one row a measured row.
+#[must_use]
+pub fn residual_csv(rows: &[ResidualRow]) -> String {
+    let mut out = b"run,line,block,held_out,outlier,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z\n".to_vec();
+    for row in rows {
+        let head = [row.run as u64, row.line, row.block as u64, u64::from(row.held_out), u64::from(row.outlier)];
+        out.extend_from_slice(head.map(|value| value.to_string()).join(",").as_bytes());
+        for (values, decimals) in [(row.prefit_mm, 6), (row.postfit_mm, 6), (row.whitened, 4)] {
+            for value in values {
+                out.push(b',');
+                // Rows without a component have none here.
+                if value.is_finite() {
+                    write_fixed(&mut out, value, decimals);
+                }
+            }
+        }
+        out.push(b'\n');
+    }
+    String::from_utf8(out).unwrap_or_default()
+}

@@ -1,0 +1,160 @@
+//! What was understood of programs, as a table and as JSON (INTERFACE.md, `inspect --json`).
+
+use crate::program::{Language, Program, Role, RoundTrip};
+use crate::text::Diagnostic;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// One inspected file.
+#[derive(Clone, Debug, Serialize)]
+pub struct InspectFile {
+    /// As the user typed it.
+    pub path: String,
+    /// `rapid` or `cl`; `None` where it was not recognised.
+    pub language: Option<&'static str>,
+    /// Who made it, as far as the text tells.
+    pub dialect: Option<&'static str>,
+    /// Executed motions.
+    pub motion_targets: usize,
+    /// Complete numeric positions in the text.
+    pub literal_targets: usize,
+    /// Arcs among the executed motions.
+    pub arcs: usize,
+    /// Why the file as a whole is not read.
+    pub refused: Option<String>,
+    /// Statements that come out as they went in, and why.
+    pub kept: Vec<KeptLine>,
+    /// Whether it survives a write, unchanged and shifted.
+    pub round_trip: bool,
+    /// What differed, where it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub round_trip_fault: Option<String>,
+    /// Names of the tools used.
+    pub tools: Vec<String>,
+    /// Names of the work objects used.
+    pub wobjs: Vec<String>,
+}
+
+/// A kept statement.
+#[derive(Clone, Debug, Serialize)]
+pub struct KeptLine {
+    /// Line.
+    pub line: usize,
+    /// Reason.
+    pub reason: &'static str,
+}
+
+fn word(language: Language) -> &'static str {
+    match language {
+        Language::Rapid => "rapid",
+        Language::Cl => "cl",
+    }
+}
+
+impl InspectFile {
+    /// A program that was read, and what its round trip showed.
+    #[must_use]
+    pub fn read(path: &str, program: &Program, proof: &RoundTrip) -> Self {
+        Self {
+            path: path.to_owned(),
+            language: Some(word(program.language)),
+            dialect: Some(program.dialect),
+            motion_targets: program.targets.iter().filter(|target| target.role == Role::End).count(),
+            literal_targets: program.literal_targets,
+            arcs: program.arcs,
+            refused: None,
+            kept: program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason }).collect(),
+            round_trip: proof.holds(),
+            round_trip_fault: proof.why.clone(),
+            tools: program.tools.iter().map(|tool| tool.name.to_string()).collect(),
+            wobjs: program.wobjs.iter().map(|wobj| wobj.name.to_string()).collect(),
+        }
+    }
+
+    /// A file that is refused as a whole.
+    #[must_use]
+    pub fn refused(path: &str, language: Option<Language>, errors: &[Diagnostic]) -> Self {
+        let reason = errors.first().map_or_else(|| "not read".to_owned(), |error| error.message.clone());
+        Self {
+            path: path.to_owned(),
+            language: language.map(word),
+            dialect: None,
+            motion_targets: 0,
+            literal_targets: 0,
+            arcs: 0,
+            refused: Some(reason),
+            kept: Vec::new(),
+            round_trip: false,
+            round_trip_fault: None,
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+        }
+    }
+}
+
+/// The answer for scripts.
+#[must_use]
+pub fn inspect_json(files: &[InspectFile]) -> serde_json::Value {
+    serde_json::json!({ "files": files })
+}
+
+/// The answer for people: a row a file, then what was kept and refused.
+#[must_use]
+pub fn inspect_table(files: &[InspectFile]) -> String {
+    let width = files.iter().map(|file| file.path.chars().count()).max().unwrap_or(0).max(4);
+    let mut out = format!(
+        "{:width$}  {:8}  {:14}  {:>8}  {:>8}  {:>5}  {:>5}  round trip\n",
+        "file", "language", "dialect", "motions", "literals", "arcs", "kept"
+    );
+    for file in files {
+        let (language, dialect) = (file.language.unwrap_or("?"), file.dialect.unwrap_or("-"));
+        let proof = match (&file.refused, file.round_trip) {
+            (Some(_), _) => "refused",
+            (None, true) => "holds",
+            (None, false) => "FAILS",
+        };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "{:width$}  {language:8}  {dialect:14}  {:>8}  {:>8}  {:>5}  {:>5}  {proof}",
+            file.path,
+            file.motion_targets,
+            file.literal_targets,
+            file.arcs,
+            file.kept.len(),
+        );
+    }
+    for file in files {
+        details(file, &mut out);
+    }
+    out
+}
+
+/// Tools, kept statements by reason and what is wrong, of one file.
+fn details(file: &InspectFile, out: &mut String) {
+    let mut say = |line: String| {
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "{}: {line}", file.path);
+    };
+    if let Some(reason) = &file.refused {
+        say(format!("refused: {reason}"));
+        return;
+    }
+    if !file.tools.is_empty() {
+        say(format!("tools {}; work objects {}", file.tools.join(", "), file.wobjs.join(", ")));
+    }
+    let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for kept in &file.kept {
+        reasons.entry(kept.reason).or_default().push(kept.line);
+    }
+    for (reason, lines) in reasons {
+        const SHOWN: usize = 5; // the rest is in the JSON
+        let shown: Vec<String> = lines.iter().take(SHOWN).map(ToString::to_string).collect();
+        let more = if lines.len() > SHOWN { ", …" } else { "" };
+        say(format!("{} kept: {reason} (line {}{more})", lines.len(), shown.join(", ")));
+    }
+    if let Some(fault) = &file.round_trip_fault {
+        say(format!("round trip: {fault}"));
+    }
+}
