@@ -33,20 +33,14 @@ const CUTS: [(Mode, f64, f64, f64, f64); 9] = [
 #[test]
 fn every_common_cut_gets_a_table() {
     for (mode, corner, depth, lead, tilt) in CUTS {
-        let start = std::time::Instant::now();
         let table = table(mode, corner, depth, lead, tilt);
-        println!(
-            "{mode:?} r{corner} depth {depth} lead {lead} tilt {tilt}: error {:?}, ranges {:?}, {:?}",
-            table.measured_error(),
-            table.ranges(),
-            start.elapsed()
-        );
-        assert!(table.measured_error().is_some_and(|error| error <= 0.1 * TABLE_BOUND));
+        let error = table.measured_error().expect("a table");
+        assert!(error <= 0.1 * TABLE_BOUND, "{mode:?} {corner} {depth} {lead} {tilt}: {error:e}");
     }
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn look_ups_keep_the_bound_and_join_the_integral(

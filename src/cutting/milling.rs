@@ -10,6 +10,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Lead and tilt stay below this: beyond, the shank is in the surface.
 const STEEPEST: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
+/// A corner this near to half the diameter (relative) is a ball: what conversions of units leave.
+const BALL: f64 = 1e-9;
+
 /// One cut condition: cutter, engagement and coefficients that fit together.
 #[derive(Clone, Debug)]
 pub struct Milling {
@@ -43,7 +46,10 @@ impl Milling {
     /// # Errors
     /// The first field that is not finite, out of range or at odds with the others; a tool that
     /// leans back so far that its flat bottom would cut (heel cutting).
-    pub fn new(cutter: Cutter, engagement: Engagement, coefficients: Coefficients) -> Result<Self, CuttingError> {
+    pub fn new(mut cutter: Cutter, engagement: Engagement, coefficients: Coefficients) -> Result<Self, CuttingError> {
+        if (cutter.corner_radius - cutter.radius()).abs() <= BALL * cutter.radius() {
+            cutter.corner_radius = cutter.radius();
+        }
         check(&cutter, &engagement, &coefficients)?;
         let axis = frame::axis(engagement.lead, engagement.tilt);
         let tip_z = contact::tip_height(&cutter, &axis) - engagement.depth;
@@ -125,21 +131,17 @@ impl Milling {
     fn integrate(&self, patch: &Patch) -> ForceParts {
         let mut sum = ForceParts::default();
         if patch.corner > 0.0 {
-            for (lo, hi) in patch.corner_breaks().pieces() {
-                if patch.moments(&patch.corner_ring(0.5 * (lo + hi))).is_none() {
-                    continue;
-                }
-                integrate(lo, hi, |kappa, weight| {
+            let cuts = |kappa| patch.moments(&patch.corner_ring(kappa)).is_some();
+            for piece in patch.corner_breaks().pieces_where(cuts) {
+                integrate(piece, |kappa, weight| {
                     self.add(&mut sum, patch, &patch.corner_ring(kappa), weight * patch.corner);
                 });
             }
         }
         if let Some(breaks) = patch.cylinder_breaks() {
-            for (lo, hi) in breaks.pieces() {
-                if patch.moments(&patch.cylinder_ring(0.5 * (lo + hi))).is_none() {
-                    continue;
-                }
-                integrate(lo, hi, |height, weight| {
+            let cuts = |height| patch.moments(&patch.cylinder_ring(height)).is_some();
+            for piece in breaks.pieces_where(cuts) {
+                integrate(piece, |height, weight| {
                     self.add(&mut sum, patch, &patch.cylinder_ring(height), weight);
                 });
             }

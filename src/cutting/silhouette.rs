@@ -6,12 +6,13 @@
 //! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
 
 use super::patch::{HalfSpace, Patch, Ring};
+use super::quadrature::Piece;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Most breaks a profile can have: its two ends, 2 × 4 of two stock conditions, 1 of the facing
+/// Most breaks a profile can have: its two ends, 2 × 4 of two stock conditions, 2 of the facing
 /// condition, 2 × 2 + 1 of the pairs.
-const MOST: usize = 16;
+const MOST: usize = 17;
 
 /// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
 const OFF_PATCH: f64 = 1e-9;
@@ -21,6 +22,12 @@ const BREAK_WIDTH: f64 = 1e-10;
 
 /// Pieces shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
 const NO_PIECE: f64 = 1e-12;
+
+/// A facing arc that opens at less than this κ (rad) needs a second piece to unfold.
+const SMALL: f64 = 0.05;
+
+/// A piece shorter than this share of the longest gets the short rule.
+const SHORT: f64 = 0.1;
 
 /// Sorted break positions.
 pub(super) struct Breaks {
@@ -48,11 +55,19 @@ impl Breaks {
         }
     }
 
-    /// The pieces between the breaks.
-    pub(super) fn pieces(mut self) -> impl Iterator<Item = (f64, f64)> {
+    /// The pieces between the breaks that cut in their middle, and so all through.
+    pub(super) fn pieces_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Piece> {
         self.at[..self.len].sort_unstable_by(f64::total_cmp);
-        let (at, len, shortest) = (self.at, self.len, NO_PIECE * (self.range.1 - self.range.0));
-        (1..len).map(move |i| (at[i - 1], at[i])).filter(move |(lo, hi)| hi - lo > shortest)
+        let (mut pieces, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
+        for pair in self.at[..self.len].windows(2) {
+            let (lo, hi) = (pair[0], pair[1]);
+            if hi - lo > NO_PIECE * self.range.1 && cuts(0.5 * (lo + hi)) {
+                pieces[len] = (lo, hi);
+                len += 1;
+                longest = longest.max(hi - lo);
+            }
+        }
+        pieces.into_iter().take(len).map(move |(lo, hi)| Piece { lo, hi, short: hi - lo < SHORT * longest })
     }
 }
 
@@ -83,6 +98,10 @@ impl Patch {
         let angle = (self.feed_along.signum(), 0.0);
         if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
             breaks.push(kappa);
+            if kappa < SMALL {
+                // The arc goes on changing on the scale of this κ: a step in between.
+                breaks.push((kappa * FRAC_PI_2).sqrt());
+            }
         }
         for space in self.stock() {
             for side in [1.0, -1.0] {
@@ -151,7 +170,10 @@ impl Patch {
         let beside = feed.cross(&space.direction) * side;
         let normal = |theta: f64| beside * theta.sin() - space.direction * theta.cos();
         let point = |n: &Vector3<f64>| {
-            let reach = (self.radius - self.corner) / (n.x * n.x + n.y * n.y).sqrt() + self.corner;
+            let flat = self.radius - self.corner;
+            // A ball has no flat to reach across, whichever way it faces.
+            let over_flat = if flat > 0.0 { flat / (n.x * n.x + n.y * n.y).sqrt() } else { 0.0 };
+            let reach = over_flat + self.corner;
             Vector3::new(reach * n.x, reach * n.y, self.corner * (1.0 + n.z))
         };
         let theta = increasing_root(0.0, PI, |theta| space.value(&point(&normal(theta))))?;
@@ -185,7 +207,7 @@ impl Patch {
             }
             let step = (distance - self.corner) / slope;
             x -= step;
-            if step.abs() <= 1e-15 * self.radius.max(x.abs()) {
+            if step.abs() <= BREAK_WIDTH * self.radius {
                 return Some(out.atan2(-up));
             }
         }
