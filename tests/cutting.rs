@@ -141,14 +141,14 @@ fn the_worked_case_gives_its_forces_at_the_deflected_pose() {
 fn an_upright_slot_equals_the_integral_done_by_hand() {
     let (kt, kr, ka) = (1500e6, 600e6, 200e6);
     let (te, re, ae) = (20e3, 30e3, 5e3);
-    let (r, a, f, teeth) = (5e-3, 1.5e-3, 0.07e-3, 2.0);
+    let (r, a, f, teeth): (f64, f64, f64, f64) = (5e-3, 1.5e-3, 0.07e-3, 2.0);
     let m = Milling::new(
         cutter(25.0, 5.0, 2),
         slot(1.5, 0.0, 0.0),
         coefficients([1500.0, 600.0, 200.0], [20.0, 30.0, 5.0]),
     )
     .expect("valid");
-    let k = (1.0 - a / r as f64).acos();
+    let k = (1.0 - a / r).acos();
     let (s, c) = k.sin_cos();
     let i_s = 1.0 - c; // ∫ sin
     let i_ss = 0.5 * (k - s * c); // ∫ sin²
