@@ -36,8 +36,9 @@ impl Cell {
                 ]);
             }
         };
-        let raw: raw::Cell = toml::from_str(text).map_err(|error| vec![syntax(source, &error)])?;
+        let (raw, errors) = parse(source, text)?;
         let mut check = Check::new(source, text);
+        check.errors = errors;
         let robot = robot(&mut check, &raw.robot);
         let stiffness = raw.robot.stiffness.as_ref().map(|s| {
             check.positive("robot.stiffness.joint_nm_per_rad", &s.joint_nm_per_rad);
@@ -49,6 +50,8 @@ impl Cell {
         let wobjs =
             raw.wobjs.iter().map(|(name, wobj)| (name.to_ascii_uppercase(), self::wobj(&mut check, name, wobj)));
         let wobjs = wobjs.collect();
+        one_name(&mut check, "tools", raw.tools.keys());
+        one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
         let mut controller = controller(&mut check, raw.controller.as_ref());
         let cut = raw.cut.as_ref().and_then(|cut| self::cut(&mut check, cut));
@@ -59,6 +62,11 @@ impl Cell {
             check.finite("robot.start_deg", &deg);
             Joints::from(deg.map(f64::to_radians))
         });
+        if let Some((robot, start)) = robot.as_ref().zip(start) {
+            if let Some(violation) = robot.limit_violation(&start) {
+                check.error("robot.start_deg", format!("robot.start_deg: {violation}"), "start within the axis limits");
+            }
+        }
         match robot {
             Some(robot) if check.errors.is_empty() => Ok(Self {
                 arm: Arm { robot, stiffness, effects },
@@ -71,9 +79,70 @@ impl Cell {
                 cl,
                 cut,
             }),
-            _ => Err(check.errors),
+            _ => {
+                check.errors.sort_by_key(|error| (error.line, error.column));
+                Err(check.errors)
+            }
         }
     }
+}
+
+/// Unknown keys of one file before the rest is left out.
+const MESSAGES: usize = 20;
+
+/// Reads the TOML. Unknown keys are collected and blanked, so that one run names them all.
+fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let mut blanked = text.to_owned();
+    let mut errors: Vec<Diagnostic> = Vec::new();
+    loop {
+        let error = match toml::from_str(&blanked) {
+            Ok(raw) => return Ok((raw, errors)),
+            Err(error) => error,
+        };
+        let diagnostic = syntax(source, &error);
+        // A required key that was mistyped is one fault, not two.
+        let quoted = diagnostic.message.split('`').nth(1).map(|name| format!("did you mean `{name}`?"));
+        let mistyped =
+            diagnostic.message.starts_with("missing field") && errors.iter().any(|known| known.help == quoted);
+        if !mistyped {
+            errors.push(diagnostic);
+        }
+        let unknown = error.message().starts_with("unknown field") && errors.len() < MESSAGES;
+        match error.span().filter(|_| unknown).and_then(|key| without(&blanked, key.start)) {
+            Some(next) => blanked = next,
+            None => return Err(errors),
+        }
+    }
+}
+
+/// The text with the assignment `key = value` that starts at a byte blanked; `None` where it does not start its line.
+fn without(text: &str, start: usize) -> Option<String> {
+    let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
+    if !text[line..start].trim().is_empty() {
+        return None;
+    }
+    let document = toml_edit::Document::parse(text).ok()?;
+    let end = assignment_end(document.as_table(), start)?;
+    let blank = text[start..end].chars().map(|c| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) });
+    Some([&text[..start], &blank.collect::<String>(), &text[end..]].concat())
+}
+
+/// Where the value of the key that starts at a byte ends.
+fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usize> {
+    for (name, item) in table.iter() {
+        let key = table.key(name)?.span()?;
+        if key.start == start {
+            return item.as_value()?.span().map(|value| value.end);
+        }
+        let inner = match item {
+            toml_edit::Item::ArrayOfTables(tables) => tables.iter().find_map(|table| assignment_end(table, start)),
+            item => item.as_table_like().and_then(|table| assignment_end(table, start)),
+        };
+        if inner.is_some() {
+            return inner;
+        }
+    }
+    None
 }
 
 /// A TOML error as ours, with the nearest known key.
@@ -136,6 +205,13 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
             );
         }
     }
+    if !own.parallelogram && (own.elbow_min_deg.is_some() || own.elbow_max_deg.is_some()) {
+        check.error(
+            &format!("{key}.elbow_min_deg"),
+            "elbow limits are those of a parallelogram, but parallelogram = false",
+            "remove them, or set parallelogram = true",
+        );
+    }
     let elbow = match (own.elbow_min_deg, own.elbow_max_deg) {
         (Some(min), Some(max)) if min < max => Some((min.to_radians(), max.to_radians())),
         (None, None) => None,
@@ -183,6 +259,18 @@ fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj) -> Pose {
     let user = checked_frame(check, &key, ["uframe_mm", "uframe_quat"], raw.uframe_mm, raw.uframe_quat);
     let quat = raw.oframe_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]);
     user * checked_frame(check, &key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat)
+}
+
+/// RAPID names are case-insensitive: two that differ in case only are one.
+fn one_name<'a>(check: &mut Check, section: &str, names: impl Iterator<Item = &'a String>) {
+    let mut seen = std::collections::BTreeMap::new();
+    for name in names {
+        if let Some(known) = seen.insert(name.to_ascii_uppercase(), name) {
+            let message =
+                format!("{section}.{known} and {section}.{name} are one name: RAPID does not tell case apart");
+            check.error(&format!("{section}.{name}"), message, "remove one of them");
+        }
+    }
 }
 
 fn limits(check: &mut Check, raw: Option<&raw::Limits>) -> CorrectionLimits {

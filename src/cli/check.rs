@@ -30,14 +30,14 @@ pub(super) fn run(args: &Check) -> Outcome {
 
     let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
     let text = match form {
-        CheckFormat::Json => report::pretty(&check_json(&files)),
+        CheckFormat::Json => report::pretty(&check_json(&files))?,
         CheckFormat::Junit => junit(&files),
-        CheckFormat::Sarif => report::pretty(&sarif(&files)),
+        CheckFormat::Sarif => report::pretty(&sarif(&files))?,
         _ => text(&files),
     };
     outputs.add(Path::new("-"), text.as_bytes())?;
     if let Some(path) = &args.reports.json {
-        outputs.add_report(path, report::pretty(&check_json(&files)).as_bytes())?;
+        outputs.add_report(path, report::pretty(&check_json(&files))?.as_bytes())?;
     }
     if let Some(path) = &args.reports.report {
         outputs.add_report(path, &report::joined(&rows))?;
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Check) -> Outcome {
 }
 
 /// `--format` names the form of the answer, and the kind of the input as everywhere else.
-fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Diagnostic> {
+fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<Diagnostic>> {
     let (mut form, mut kind) = (None, None);
     for format in given {
         let taken = match format {
@@ -57,9 +57,9 @@ fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Diagn
             form_of => form.replace(*form_of).is_some(),
         };
         if taken {
-            return Err(
-                Diagnostic::error("usage.format", "", "--format is given twice").help("give one form and one kind")
-            );
+            return Err(Diagnostic::error("usage.format", "", "--format is given twice")
+                .help("give one form and one kind")
+                .into());
         }
     }
     Ok((form.unwrap_or_default(), kind))

@@ -6,8 +6,8 @@ use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::run::{both, one_thing};
 use super::{Answer, Outcome};
-use deflex::report::{Difference, diff_csv, diff_text, difference};
-use deflex::text::Diagnostic;
+use deflex::report::{diff_csv, diff_text, difference};
+
 use std::path::Path;
 
 pub(super) fn run(args: &Diff) -> Outcome {
@@ -26,12 +26,8 @@ pub(super) fn run(args: &Diff) -> Outcome {
         outputs.add_report(path, diff_csv(&found).as_bytes())?;
     }
     if let Some(path) = &args.json {
-        outputs.add_report(path, pretty(&json(&found)?).as_bytes())?;
+        outputs.add_report(path, pretty(&found)?.as_bytes())?;
     }
     outputs.commit()?;
     Ok(if found.is_empty() { Answer::Yes } else { Answer::No })
-}
-
-fn json(found: &Difference) -> Result<serde_json::Value, Diagnostic> {
-    serde_json::to_value(found).map_err(|error| Diagnostic::error("io.json", "", format!("not JSON: {error}")))
 }

@@ -21,7 +21,7 @@ pub(super) fn run(args: &Generate) -> Outcome {
             let page = |command: &clap::Command| {
                 let mut bytes = Vec::new();
                 let rendered = Man::new(command.clone()).render(&mut bytes);
-                rendered.map(|()| bytes).map_err(|error| Diagnostic::error("io.man", "", error.to_string()))
+                rendered.map(|()| bytes).map_err(|error| Vec::from(Diagnostic::error("io.man", "", error.to_string())))
             };
             outputs.add(&dir.join("deflex.1"), &page(&command)?)?;
             for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {

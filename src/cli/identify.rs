@@ -39,9 +39,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
         outputs.add(path, text.as_bytes())?;
     }
     if let Some(path) = &args.json {
-        let json = serde_json::to_value(&found)
-            .map_err(|error| Diagnostic::error("io.json", "", format!("not JSON: {error}")))?;
-        outputs.add_report(path, pretty(&json).as_bytes())?;
+        outputs.add_report(path, pretty(&found)?.as_bytes())?;
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;

@@ -28,7 +28,7 @@ pub(super) struct Job {
 }
 
 /// Reads one file, `-` being stdin.
-pub(super) fn source(path: &Path) -> Result<Source, Diagnostic> {
+pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     let name = path.display().to_string();
     let read = if name == "-" {
         let mut bytes = Vec::new();
@@ -36,13 +36,14 @@ pub(super) fn source(path: &Path) -> Result<Source, Diagnostic> {
     } else {
         std::fs::read(path)
     };
-    read.map(|bytes| Source::new(name.clone(), bytes))
-        .map_err(|error| Diagnostic::error("io.read", &name, format!("cannot be read: {error}")).help("check the path"))
+    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| {
+        Diagnostic::error("io.read", &name, format!("cannot be read: {error}")).help("check the path").into()
+    })
 }
 
 /// Reads every file; all that cannot be read are named.
 pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
-    all(paths.iter().map(|path| source(path).map_err(Vec::from)))
+    all(paths.iter().map(|path| source(path)))
 }
 
 /// Every value, or every error.

@@ -6,7 +6,7 @@ use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
 use deflex::program::{Language, round_trip};
-use deflex::report::{InspectFile, inspect_json, inspect_table};
+use deflex::report::{InspectFile, InspectFiles, inspect_table};
 use deflex::text::Diagnostic;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub(super) fn run(args: &Inspect) -> Outcome {
     let (files, refusals): (Vec<InspectFile>, Vec<Vec<Diagnostic>>) = all(inspected)?.into_iter().unzip();
     let mut outputs = Outputs::new(paths.iter().chain(&args.reading.context));
     if let Some(path) = &args.json {
-        outputs.add_report(path, pretty(&inspect_json(&files)).as_bytes())?;
+        outputs.add_report(path, pretty(&InspectFiles { files: &files })?.as_bytes())?;
     }
     if !args.json.as_deref().is_some_and(is_stdout) {
         outputs.add(Path::new("-"), inspect_table(&files).as_bytes())?;

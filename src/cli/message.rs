@@ -39,16 +39,23 @@ pub(super) fn render(diagnostic: &Diagnostic, color: bool) -> String {
     };
     let title = level.primary_title(&diagnostic.message).id(diagnostic.code);
     let mut group = Group::with_title(title);
-    if !diagnostic.file.is_empty() {
+    let snippet = diagnostic.snippet.as_ref().filter(|(line, _)| !line.is_empty());
+    // The renderer counts columns in the snippet: right only where it starts with the line.
+    let whole = snippet.is_some_and(|(line, marked)| line[..marked.start].chars().count() + 1 == diagnostic.column);
+    if !diagnostic.file.is_empty() && !whole {
         let mut origin = Origin::path(&diagnostic.file);
         if diagnostic.line > 0 {
             origin = origin.line(diagnostic.line).char_column(diagnostic.column);
         }
         group = group.element(origin);
     }
-    if let Some((line, marked)) = diagnostic.snippet.as_ref().filter(|(line, _)| !line.is_empty()) {
+    if let Some((line, marked)) = snippet {
         let mark = AnnotationKind::Primary.span(marked.clone());
-        group = group.element(Snippet::source(line.as_str()).line_start(diagnostic.line).annotation(mark));
+        let mut text = Snippet::source(line.as_str()).line_start(diagnostic.line).annotation(mark);
+        if whole {
+            text = text.path(&diagnostic.file);
+        }
+        group = group.element(text);
     }
     if let Some(help) = &diagnostic.help {
         group = group.element(Level::HELP.message(help));

@@ -70,7 +70,7 @@ impl Outputs {
     }
 
     /// Stages bytes for a path, `-` being stdout.
-    pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
+    pub(super) fn add(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
         if is_stdout(path) {
             self.stdout.extend_from_slice(bytes);
             return Ok(());
@@ -91,7 +91,7 @@ impl Outputs {
     }
 
     /// Stages a report or a summary, which is never meant to take a program's place.
-    pub(super) fn add_report(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
+    pub(super) fn add_report(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
         let program = !is_stdout(path) && fs::read(path).is_ok_and(|old| detect("", &old).is_some());
         if program {
             return Err(refuse(path, "a program stands there", "choose another name for the report"));
@@ -100,7 +100,7 @@ impl Outputs {
     }
 
     /// Takes over what another has staged.
-    pub(super) fn append(&mut self, mut other: Self) -> Result<(), Diagnostic> {
+    pub(super) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
         for staged in std::mem::take(&mut other.staged) {
             self.claim(&staged.target)?;
             self.staged.push(staged);
@@ -111,7 +111,7 @@ impl Outputs {
     }
 
     /// Gives every file its name, then prints.
-    pub(super) fn commit(mut self) -> Result<(), Diagnostic> {
+    pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         for staged in &mut self.staged {
             let done = match &staged.temporary {
                 Some(temporary) => fs::rename(temporary, &staged.target),
@@ -126,7 +126,7 @@ impl Outputs {
         print(&self.stdout)
     }
 
-    fn claim(&self, target: &Path) -> Result<(), Diagnostic> {
+    fn claim(&self, target: &Path) -> Result<(), Vec<Diagnostic>> {
         match self.staged.iter().find(|staged| staged.target == target && staged.temporary.is_some()) {
             Some(_) => Err(refuse(target, "two outputs have this name", "give each output a name of its own")),
             None => Ok(()),
@@ -148,7 +148,7 @@ impl Outputs {
 }
 
 /// Writes to stdout; a reader that went away is no fault of ours.
-pub(super) fn print(bytes: &[u8]) -> Result<(), Diagnostic> {
+pub(super) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(cannot_write(Path::new("-"), &error)),
@@ -196,11 +196,13 @@ fn fill(file: File, bytes: &[u8]) -> io::Result<()> {
     out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
 }
 
-fn refuse(path: &Path, why: &str, help: &str) -> Diagnostic {
-    Diagnostic::error("io.write", &path.display().to_string(), format!("is not written: {why}")).help(help)
+fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
+    vec![Diagnostic::error("io.write", &path.display().to_string(), format!("is not written: {why}")).help(help)]
 }
 
-fn cannot_write(path: &Path, error: &io::Error) -> Diagnostic {
-    Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}"))
-        .help("check that the folder exists and that you may write there")
+fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
+    vec![
+        Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}"))
+            .help("check that the folder exists and that you may write there"),
+    ]
 }

@@ -1,12 +1,12 @@
 //! Report rows of several programs in one file.
 
+use super::output::Outputs;
 use deflex::correct::{Corrected, Row};
 use deflex::program::{Program, Role};
 use deflex::report::{FileSummary, write_csv};
 use deflex::text::Diagnostic;
+use serde::Serialize;
 use std::path::Path;
-
-use super::output::Outputs;
 
 /// The report of one program.
 pub(super) struct Rows {
@@ -62,13 +62,20 @@ fn cell(text: &str) -> String {
 }
 
 /// Adds the JSON summary of a run.
-pub(super) fn json(outputs: &mut Outputs, path: &Path, files: &[FileSummary]) -> Result<(), Diagnostic> {
-    outputs.add_report(path, pretty(&serde_json::json!({ "files": files })).as_bytes())
+pub(super) fn json(outputs: &mut Outputs, path: &Path, files: &[FileSummary]) -> Result<(), Vec<Diagnostic>> {
+    #[derive(Serialize)]
+    struct Files<'a> {
+        files: &'a [FileSummary],
+    }
+    outputs.add_report(path, pretty(&Files { files })?.as_bytes())
 }
 
-/// JSON for people and scripts, with a final line end.
-pub(super) fn pretty(value: &serde_json::Value) -> String {
-    format!("{value:#}\n")
+/// JSON for people and scripts, keys in their own order, with a final line end.
+pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> {
+    match serde_json::to_string_pretty(value) {
+        Ok(text) => Ok(text + "\n"),
+        Err(error) => Err(Diagnostic::error("io.json", "", format!("cannot be written as JSON: {error}")).into()),
+    }
 }
 
 /// The sentence about one program, for stderr.

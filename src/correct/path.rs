@@ -189,6 +189,18 @@ pub(super) fn prepare(program: &Program, cell: &Cell, options: &Options) -> Resu
         let base_from_wobj = wobjs[usize::from(target.wobj)].unwrap_or_else(Pose::identity);
         walk.step(i, target, &tool, &base_from_wobj);
     }
+    if let Some(at) = walk.points.iter().position(Point::cuts).filter(|_| cell.arm.stiffness.is_none()) {
+        // Rows stop at refused targets, so that the index is the target's only while there are none.
+        let target = &program.targets[at];
+        if walk.errors.is_empty() {
+            walk.refuse(
+                target,
+                "cell.no-stiffness",
+                "a cutting force acts here, but the cell declares no [robot.stiffness] joint_nm_per_rad",
+                "add joint_nm_per_rad = [ … ] to [robot.stiffness], or set [cut] force = \"none\"",
+            );
+        }
+    }
     if walk.errors.is_empty() {
         let Walk { points, laws, started, .. } = walk;
         Ok(Prepared { points, started, laws: laws.laws })

@@ -196,7 +196,7 @@ fn change(from: &Goal, to: &Goal) -> Option<Change> {
     match (from, to) {
         (Goal::Pose { quat: before, conf: c, .. }, Goal::Pose { position_mm, quat, conf }) => Some(Change {
             position_mm: *position_mm,
-            quat: (before != quat).then_some(*quat),
+            quat: before.iter().zip(quat).any(|(a, b)| (a - b).abs() > 0.0).then_some(*quat),
             conf: conf.filter(|_| c != conf),
         }),
         (Goal::Axis { .. }, Goal::Axis { position_mm, .. }) => {

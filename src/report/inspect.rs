@@ -94,9 +94,10 @@ impl InspectFile {
 }
 
 /// The answer for scripts.
-#[must_use]
-pub fn inspect_json(files: &[InspectFile]) -> serde_json::Value {
-    serde_json::json!({ "files": files })
+#[derive(Clone, Debug, Serialize)]
+pub struct InspectFiles<'a> {
+    /// In the order given.
+    pub files: &'a [InspectFile],
 }
 
 /// The answer for people: a row a file, then what was kept and refused.

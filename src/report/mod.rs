@@ -11,5 +11,5 @@ pub use ci::{CheckFile, check_json, junit, sarif};
 pub use csv::write_csv;
 pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_text, difference};
 pub use identification::{identify_text, residual_csv};
-pub use inspect::{InspectFile, KeptLine, inspect_json, inspect_table};
+pub use inspect::{InspectFile, InspectFiles, KeptLine, inspect_table};
 pub use summary::{FileSummary, summary_line};
