@@ -1,11 +1,15 @@
-/// The known word nearest to a mistyped one, if any is near: at most a third of its letters differ.
+/// A shorter beginning names nothing.
+const BEGINNING: usize = 3;
+
+/// The known word nearest to a mistyped one, if any is near: it begins with it, or at most a third of its letters differ.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_ascii_lowercase();
+    let begins = |candidate: &str| word.len() >= BEGINNING && candidate.to_ascii_lowercase().starts_with(&word);
     known
         .into_iter()
         .map(|candidate| (distance(&word, &candidate.to_ascii_lowercase()), candidate))
-        .filter(|(distance, candidate)| 3 * distance <= candidate.len().max(word.len()))
+        .filter(|(distance, candidate)| 3 * distance <= candidate.len().max(word.len()) || begins(candidate))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }

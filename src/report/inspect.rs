@@ -56,6 +56,11 @@ impl InspectFile {
     /// A program that was read, and what its round trip showed.
     #[must_use]
     pub fn read(path: &str, program: &Program, proof: &RoundTrip) -> Self {
+        // The names of CL input are the cell's, not the file's.
+        fn names<'a>(rapid: bool, names: impl Iterator<Item = &'a str>) -> Vec<String> {
+            names.filter(|_| rapid).map(str::to_owned).collect()
+        }
+        let rapid = program.language == Language::Rapid;
         Self {
             path: path.to_owned(),
             language: Some(word(program.language)),
@@ -67,8 +72,8 @@ impl InspectFile {
             kept: program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason }).collect(),
             round_trip: proof.holds(),
             round_trip_fault: proof.why.clone(),
-            tools: program.tools.iter().map(|tool| tool.name.to_string()).collect(),
-            wobjs: program.wobjs.iter().map(|wobj| wobj.name.to_string()).collect(),
+            tools: names(rapid, program.tools.iter().map(|tool| &*tool.name)),
+            wobjs: names(rapid, program.wobjs.iter().map(|wobj| &*wobj.name)),
         }
     }
 

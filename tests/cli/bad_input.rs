@@ -1,0 +1,144 @@
+//! A table of bad inputs: a clear message with file, line and column, exit 2, nothing written.
+
+use crate::bench::{Bench, CELL, PROGRAM};
+
+/// What is wrong; the file it is in; its text; what the message must say.
+type Case = (&'static str, &'static str, String, &'static [&'static str]);
+
+fn cases() -> Vec<Case> {
+    let program = |from: &str, to: &str| {
+        assert!(PROGRAM.contains(from), "{from}");
+        PROGRAM.replacen(from, to, 1)
+    };
+    let cell = |from: &str, to: &str| {
+        assert!(CELL.contains(from), "{from}");
+        CELL.replacen(from, to, 1)
+    };
+    vec![
+        ("truncated in a target", "part.mod", PROGRAM[..620].to_owned(), &["part.mod"]),
+        ("empty", "part.mod", String::new(), &["part.mod", "empty"]),
+        ("encrypted", "part.mod", "\u{1}\u{2}\u{fffd}\u{fffd}\u{3}garbage".to_owned(), &["part.mod"]),
+        ("not a program", "part.mod", "<html></html>".to_owned(), &["part.mod"]),
+        (
+            "unknown tool",
+            "part.mod",
+            program("v20,z1,tMill", "v20,z1,tMil"),
+            &["part.mod:7:5", "`tMil`", "[tools.tMil]"],
+        ),
+        (
+            "unknown work object",
+            "part.mod",
+            program("z1,tMill\\WObj:=wPart", "z1,tMill\\WObj:=wPrt"),
+            &["part.mod:7:5", "`wPrt`"],
+        ),
+        ("unreachable", "part.mod", program("[[100,0,0]", "[[9000,0,0]"), &["part.mod:8:5", "target 4", "not reached"]),
+        (
+            "unknown key",
+            "cell.toml",
+            cell("joint_nm_per_rad", "joint_nm_per_rd"),
+            &["cell.toml:5:1", "did you mean `joint_nm_per_rad`"],
+        ),
+        ("unknown section", "cell.toml", cell("[cut]", "[cuts]"), &["cell.toml:", "did you mean `cut`"]),
+        (
+            "unknown robot",
+            "cell.toml",
+            cell("irb6660-205-1.9", "irb6660-205-1.8"),
+            &["cell.toml:2:9", "irb6660-205-1.9"],
+        ),
+        (
+            "unknown word",
+            "cell.toml",
+            cell("\"constant\"", "\"constnt\""),
+            &["cell.toml:24:9", "did you mean `constant`"],
+        ),
+        ("wrong unit", "cell.toml", cell("tcp_mm", "tcp_m"), &["cell.toml:11:1", "did you mean `tcp_mm`"]),
+        ("wrong type", "cell.toml", cell("[0, 0, 310]", "\"310\""), &["cell.toml:11:10"]),
+        ("too few", "cell.toml", cell("[0, 0, 310]", "[0, 0]"), &["cell.toml:11:10"]),
+        ("not a number", "cell.toml", cell("[0, 0, 310]", "[0, nan, 310]"), &["cell.toml:11:10", "not finite"]),
+        ("infinite stiffness", "cell.toml", cell("8.86e5", "inf"), &["cell.toml:5:20", "greater than 0"]),
+        ("no unit quaternion", "cell.toml", cell("tcp_quat = [1,", "tcp_quat = [2,"), &["cell.toml:12:12", "norm"]),
+        (
+            "missing stiffness",
+            "cell.toml",
+            cell("[robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n", ""),
+            &["[robot.stiffness]"],
+        ),
+        ("missing force", "cell.toml", cell("force_n = [120, -260, 410]\n", ""), &["cell.toml:", "force_n"]),
+        ("no table", "cell.toml", cell("\"constant\"", "\"table\""), &["--forces"]),
+        ("no cut", "cell.toml", CELL.split("[cut]").next().unwrap_or("").to_owned(), &["[cut]"]),
+        (
+            "contradiction: a name twice",
+            "cell.toml",
+            cell("[wobjs.wPart]", "[tools.TMILL]\ntcp_mm = [0,0,1]\ntcp_quat = [1,0,0,0]\n[wobjs.wPart]"),
+            &["cell.toml:", "one name"],
+        ),
+        (
+            "contradiction: start beyond a limit",
+            "cell.toml",
+            cell("[robot.stiffness]", "start_deg = [0, 200, 0, 0, 0, 0]\n[robot.stiffness]"),
+            &["cell.toml:3:13", "axis 2", "beyond"],
+        ),
+        (
+            "a key twice",
+            "cell.toml",
+            cell("[robot.stiffness]", "model = \"x\"\n[robot.stiffness]"),
+            &["cell.toml:3:1", "duplicate"],
+        ),
+        ("not TOML", "cell.toml", cell("[cut]", "[cut"), &["cell.toml:23:5"]),
+        (
+            "unknown effect",
+            "cell.toml",
+            format!("{CELL}[[effect]]\nkind = \"backlsh\"\nhalf_gap_rad = [0,0,0,0,0,0]\n"),
+            &["cell.toml:28:8", "did you mean `backlash`"],
+        ),
+        (
+            "unknown parameter",
+            "cell.toml",
+            format!("{CELL}[[effect]]\nkind = \"backlash\"\nhalf_gap = [0,0,0,0,0,0]\n"),
+            &["cell.toml:27:1", "did you mean `half_gap_rad`"],
+        ),
+        (
+            "negative gap",
+            "cell.toml",
+            format!("{CELL}[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [-1,0,0,0,0,0]\n"),
+            &["cell.toml:27:1", "half_gap_rad[0]"],
+        ),
+        ("soft robot", "cell.toml", cell("8.86e5", "886"), &["part.mod:", "max_correction_mm"]),
+    ]
+}
+
+#[test]
+fn every_bad_input_is_told_and_nothing_is_written() {
+    let mut failed = Vec::new();
+    for (what, file, text, must) in cases() {
+        let bench = Bench::new();
+        bench.write(file, text);
+        let before = bench.names("");
+        let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod --report out.csv");
+        let told = ran.stderr.contains("error") && must.iter().all(|part| ran.stderr.contains(part));
+        let panicked = ran.stderr.contains("panicked");
+        if ran.code != Some(2) || !ran.stdout.is_empty() || !told || panicked || bench.names("") != before {
+            failed.push(format!("== {what}: exit {:?}, must say {must:?}\n{}", ran.code, ran.stderr));
+        }
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+}
+
+#[test]
+fn many_faults_are_told_in_one_run() {
+    let bench = Bench::new();
+    let text = CELL.replace("tcp_quat", "tcp_quad").replace("uframe_mm", "uframe").replace("spin =", "spinn =");
+    bench.write("cell.toml", text);
+    let ran = bench.run("predict part.mod --cell cell.toml").exits(2);
+    assert!(ran.stderr.matches("did you mean").count() >= 1, "{}", ran.stderr);
+    bench.write("cell.toml", CELL.replace("[1, 0, 0, 0]", "[1, 1, 0, 0]").replace("8.86e5", "-1"));
+    let ran = bench.run("predict part.mod --cell cell.toml").exits(2);
+    assert_eq!(ran.stderr.matches("error[").count(), 3, "{}", ran.stderr);
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let bench = Bench::new();
+    let ran = bench.run("predict none.mod --cell none.toml").exits(2);
+    assert!(ran.stderr.contains("none.mod") && ran.stderr.contains("none.toml"), "{}", ran.stderr);
+}

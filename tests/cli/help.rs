@@ -1,0 +1,68 @@
+//! What the tool teaches about itself.
+
+use crate::bench::{Bench, deflex};
+
+#[test]
+fn help_of_every_command() {
+    let bench = Bench::new();
+    let mut all = String::new();
+    for command in ["", "compensate", "predict", "diff", "check", "identify", "inspect", "init"] {
+        let ran = bench.run(&format!("{command} --help")).exits(0);
+        assert!(ran.stderr.is_empty());
+        all += &format!("$ deflex {command} --help\n{}\n", ran.stdout);
+    }
+    insta::assert_snapshot!(all);
+}
+
+#[test]
+fn completions_and_manual_pages_are_made() {
+    let bench = Bench::new();
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(bench.run(&format!("generate completions {shell}")).exits(0).stdout.contains("compensate"));
+    }
+    bench.run("generate man man").exits(0);
+    assert!(bench.names("man").contains(&"deflex-compensate.1".to_owned()));
+}
+
+#[test]
+fn bad_usage_is_two_and_says_so_on_stderr() {
+    let bench = Bench::new();
+    for arguments in ["", "compensat part.mod", "compensate part.mod", "check part.mod --cell cell.toml --max-error -1"]
+    {
+        let ran = bench.run(arguments).exits(2);
+        assert!(ran.stdout.is_empty() && !ran.stderr.is_empty(), "{arguments}");
+    }
+}
+
+#[test]
+fn every_built_in_robot_has_a_cell_that_reads() {
+    let bench = Bench::new();
+    let list = bench.run("init --list").exits(0).stdout;
+    let models: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(models.contains(&"irb6660-205-1.9"));
+    for model in models {
+        let cell = bench.run(&format!("init --robot {model}")).exits(0).stdout;
+        bench.write("new.toml", cell);
+        // Far or near, the cell itself is read: at most the target is not reached.
+        let ran = bench.run("check part.mod --cell new.toml --max-error 5");
+        assert!(ran.code != Some(2), "{model}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn an_unknown_robot_names_the_nearest() {
+    let ran = Bench::new().run("init --robot irb6660").exits(2);
+    assert!(ran.stderr.contains("did you mean `irb6660-205-1.9`?"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_closed_pipe_is_no_fault() {
+    let bench = Bench::new();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let arguments = ["predict", "part.mod", "--cell", "cell.toml", "--quiet"];
+    let binary = deflex(&bench.path("")).get_program().to_owned();
+    let status =
+        std::process::Command::new(binary).args(arguments).current_dir(bench.path("")).stdout(writer).status().unwrap();
+    assert!(status.success());
+}
