@@ -85,10 +85,13 @@ pub(super) fn job(path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagno
         return listed(path);
     }
     let source = source(path)?;
+    if source.bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(unknown_language(&source));
+    }
     let language = match format {
         Some(Format::Rapid) => Language::Rapid,
         Some(Format::Cl) => Language::Cl,
-        None => detect(&source.name, &source.bytes).ok_or_else(|| vec![unknown_language(&source)])?,
+        None => detect(&source.name, &source.bytes).ok_or_else(|| unknown_language(&source))?,
     };
     let file = PathBuf::from(path.file_name().unwrap_or(path.as_os_str()));
     Ok(Job {
@@ -101,10 +104,15 @@ pub(super) fn job(path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagno
     })
 }
 
-fn unknown_language(source: &Source) -> Diagnostic {
-    let what = if source.bytes.is_empty() { "the file is empty" } else { "neither RAPID nor CL/APT was recognised" };
+fn unknown_language(source: &Source) -> Vec<Diagnostic> {
+    let what = if source.bytes.iter().all(u8::is_ascii_whitespace) {
+        "the file is empty"
+    } else {
+        "neither RAPID nor CL/APT was recognised"
+    };
     Diagnostic::error("program.language", &source.name, format!("{what}: expected a RAPID MODULE or GOTO/ records"))
         .help("say what it is with --format rapid or --format cl")
+        .into()
 }
 
 /// A `.pgf`: an XML list of modules, beside it.

@@ -15,7 +15,13 @@ fn cases() -> Vec<Case> {
         CELL.replacen(from, to, 1)
     };
     vec![
-        ("truncated in a target", "part.mod", PROGRAM[..620].to_owned(), &["part.mod"]),
+        ("truncated in a target", "part.mod", PROGRAM[..440].to_owned(), &["part.mod"]),
+        (
+            "truncated between lines",
+            "part.mod",
+            PROGRAM[..PROGRAM.find("    MoveL [[50").unwrap_or(0)].to_owned(),
+            &["part.mod"],
+        ),
         ("empty", "part.mod", String::new(), &["part.mod", "empty"]),
         ("encrypted", "part.mod", "\u{1}\u{2}\u{fffd}\u{fffd}\u{3}garbage".to_owned(), &["part.mod"]),
         ("not a program", "part.mod", "<html></html>".to_owned(), &["part.mod"]),
@@ -76,13 +82,13 @@ fn cases() -> Vec<Case> {
             "contradiction: start beyond a limit",
             "cell.toml",
             cell("[robot.stiffness]", "start_deg = [0, 200, 0, 0, 0, 0]\n[robot.stiffness]"),
-            &["cell.toml:3:13", "axis 2", "beyond"],
+            &["cell.toml:4:13", "start_deg", "beyond its limit"],
         ),
         (
             "a key twice",
             "cell.toml",
             cell("[robot.stiffness]", "model = \"x\"\n[robot.stiffness]"),
-            &["cell.toml:3:1", "duplicate"],
+            &["cell.toml:4:1", "duplicate"],
         ),
         ("not TOML", "cell.toml", cell("[cut]", "[cut"), &["cell.toml:23:5"]),
         (

@@ -533,25 +533,24 @@ impl<'a> Run<'a> {
         scope: &Scope,
         default: &str,
     ) -> Option<(String, Option<Expr>)> {
-        let Some(mut expr) = expr else { return Some((default.to_owned(), None)) };
+        let (mut source, Some(mut expr)) = (source, expr) else { return Some((default.to_owned(), None)) };
         for _ in 0..4 {
             match expr {
                 Expr::Name { name, indices, .. } if indices.is_empty() => match scope.get(name) {
-                    Some(bound) => expr = &bound.expr,
+                    Some(bound) => (source, expr) = (bound.source, &bound.expr),
                     None => break,
                 },
                 _ => break,
             }
         }
-        let _ = source;
         match expr {
-            Expr::Name { name, indices, .. } if indices.is_empty() => match self.symbols.data.get(name) {
+            Expr::Name { name, indices, span } if indices.is_empty() => match self.symbols.data.get(name) {
                 Some(datum) if self.symbols.assigned.contains(name) => {
                     let _ = datum;
                     None
                 }
                 Some(datum) => Some((datum.name.clone(), Some(datum.value.clone()?))),
-                None => Some((name.clone(), None)),
+                None => Some((self.sources[source].text(*span).trim().to_owned(), None)),
             },
             _ => None,
         }
