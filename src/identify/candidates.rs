@@ -39,8 +39,8 @@ pub(super) enum Pattern {
     Time,
     /// The force.
     Force,
-    /// A jump from one row on.
-    Jump,
+    /// A jump from one sixteenth of the run on.
+    Jump(usize),
 }
 
 /// A candidate with its current numbers.
@@ -50,7 +50,10 @@ pub(super) struct Candidate {
     pub(super) home: Home,
     /// Current values, in the cell file's units; the prototype's where it is not in the cell yet.
     pub(super) values: Vec<f64>,
-    pub(super) neutral: Vec<f64>,
+    /// Where values start and what the prior is centred on: as declared, or the prototype's.
+    pub(super) start: Vec<f64>,
+    /// Share of the typical sizes that the prior has: real effects are small and large.
+    pub(super) scale: f64,
     pub(super) typical: Vec<f64>,
     pub(super) bounds: Vec<(f64, f64)>,
     /// Index of the first of its columns in the design.
@@ -66,7 +69,8 @@ impl Candidate {
             kind: effect.kind().to_owned(),
             home,
             values: parameters.iter().map(|p| p.value).collect(),
-            neutral: parameters.iter().map(|p| p.neutral).collect(),
+            start: parameters.iter().map(|p| p.value).collect(),
+            scale: 1.0,
             typical: parameters.iter().map(|p| p.typical).collect(),
             bounds: parameters.iter().map(|p| p.bounds).collect(),
             first: 0,
@@ -81,7 +85,8 @@ impl Candidate {
             kind: String::new(),
             home: Home::Pattern(pattern),
             values: vec![0.0; size],
-            neutral: vec![0.0; size],
+            start: vec![0.0; size],
+            scale: 1.0,
             typical: vec![TYPICAL_MM; size],
             bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); size],
             first: 0,
@@ -93,10 +98,18 @@ impl Candidate {
         self.first..self.first + self.values.len()
     }
 
+    /// Typical size of number `k` under this candidate's prior.
+    pub(super) fn size(&self, k: usize) -> f64 {
+        self.typical[k] * self.scale
+    }
+
     pub(super) fn is_pattern(&self) -> bool {
         matches!(self.home, Home::Pattern(_))
     }
 }
+
+/// Priors of the smaller twins of each candidate, as shares of the typical sizes.
+const SMALLER: [f64; 2] = [0.3, 0.08];
 
 /// Time constants that are tried, as shares of the run's length.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
@@ -113,7 +126,8 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     }
     for kind in KINDS {
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
-        if declared || problem.free_device && kind.name == "work_object_frame" {
+        // The empirical map is what patterns stand for here: it names no effect.
+        if declared || kind.name == "empirical" || problem.free_device && kind.name == "work_object_frame" {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
@@ -125,6 +139,12 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
         found.extend(variants.into_iter().map(new));
     }
+    // Effects smaller than the typical size compete too, on the same columns.
+    let sizes = (SMALLER.len() + 1) as f64;
+    found.iter_mut().for_each(|candidate| candidate.variants *= sizes);
+    let twin = |c: &Candidate| SMALLER.map(|scale| Candidate { scale, ..c.clone() });
+    let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
+    found.extend(twins);
     found.extend(patterns(&survey, problem));
     found
 }
@@ -153,23 +173,23 @@ fn patterns(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
         return Vec::new();
     }
     let mut all = vec![Candidate::pattern(Pattern::Place, 3 * PLACE.len())];
-    all.extend((0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * HARMONICS)));
+    all.extend((0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * ORDERS.len())));
     if survey.time.is_some_and(|(from, to)| to > from) {
         all.push(Candidate::pattern(Pattern::Time, 3 * WAVES));
     }
     if survey.has_force {
         all.push(Candidate::pattern(Pattern::Force, 3 * 9));
     }
-    all.push(Candidate::pattern(Pattern::Jump, 3 * JUMPS));
+    all.extend((1..JUMPS).map(|at| Candidate { variants: JUMPS as f64, ..Candidate::pattern(Pattern::Jump(at), 3) }));
     all
 }
 
 /// Wave numbers over the area (in half periods along x, y) of the place pattern.
 const PLACE: [(i32, i32); 14] =
     [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (3, 0), (0, 3), (2, 2), (3, 1), (1, 3), (4, 0), (0, 4)];
-const HARMONICS: usize = 4;
-const WAVES: usize = 8;
-const JUMPS: usize = 7;
+const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
+const WAVES: usize = 14;
+const JUMPS: usize = 16;
 
 /// What the data offer.
 pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
@@ -229,7 +249,15 @@ pub(super) fn design(
     let whole = now(None);
     let mut columns: Vec<DVector<f64>> = Vec::new();
     let mut firsts = Vec::new();
-    for &c in wanted {
+    for (i, &c) in wanted.iter().enumerate() {
+        // Twins share their columns, while neither is about its own numbers.
+        let twin = wanted[..i].iter().position(|&o| twins(&candidates[o], &candidates[c]));
+        if let Some(twin) = twin.filter(|_| !chosen.contains(&c)) {
+            if !chosen.contains(&wanted[twin]) {
+                firsts.push(firsts[twin]);
+                continue;
+            }
+        }
         firsts.push(columns.len());
         let candidate = &candidates[c];
         match &candidate.home {
@@ -257,6 +285,13 @@ pub(super) fn design(
         return (DMatrix::zeros(problem.scalars, 0), always);
     }
     (DMatrix::from_columns(&columns), always)
+}
+
+/// Whether two candidates differ in their prior's size only.
+pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
+    let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
+        || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)));
+    a.kind == b.kind && same && a.start == b.start && a.start.len() == b.start.len() && a.scale != b.scale
 }
 
 /// The arm with a candidate's numbers in place.
@@ -349,8 +384,7 @@ fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVec
                 (PI * f64::from(m) * share(0)).cos() * (PI * f64::from(n) * share(1)).cos()
             }
             Pattern::Joint(joint) => {
-                let order = (which / 2 + 1) as f64 * 3.0;
-                let angle = order * row.motor[joint];
+                let angle = ORDERS[which / 2] * row.motor[joint];
                 if which % 2 == 0 { angle.cos() } else { angle.sin() }
             }
             Pattern::Time => {
@@ -364,7 +398,7 @@ fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVec
                 }
                 _ => 0.0,
             },
-            Pattern::Jump => f64::from(u8::from(index * (JUMPS + 1) >= (which + 1) * count)),
+            Pattern::Jump(at) => f64::from(u8::from(index * JUMPS >= at * count)),
         }
     };
     let functions = size / 3;

@@ -42,8 +42,9 @@ const OUTLIER: f64 = 5.0;
 const NAMED: f64 = 0.9;
 /// Rivals below this share of the posterior are not mentioned.
 const MENTIONED: f64 = 0.03;
-/// Orders that are searched for gear harmonics.
-const ORDERS: usize = 160;
+/// Orders that are searched for gear harmonics, in steps of a quarter: finer than a turn of one radian resolves.
+const ORDERS: usize = 640;
+const ORDER_STEP: f64 = 0.25;
 /// Harmonics of gears at most.
 const HARMONICS: usize = 4;
 
@@ -123,7 +124,7 @@ impl Engine {
                 continue;
             }
             for (k, column) in candidate.columns().enumerate() {
-                let off = (candidate.values[k] - candidate.neutral[k]) / candidate.typical[k];
+                let off = (candidate.values[k] - candidate.start[k]) / candidate.typical[k];
                 data.axpy(off, &design.column(column), 1.0);
             }
         }
@@ -140,8 +141,7 @@ impl Engine {
             let chosen = self.chosen.clone();
             let linear = self.linearise(&chosen, &[self.shape]);
             let moments = &linear.moments[0];
-            let mut columns = linear.always.clone();
-            columns.extend(chosen.iter().flat_map(|&c| self.candidates[c].columns()));
+            let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
             let Some((mean, covariance)) = posterior(moments, &columns, self.sigma) else { return };
             let frames = linear.always.len();
             for run in 0..frames / 6 {
@@ -155,7 +155,7 @@ impl Engine {
                 let candidate = &mut self.candidates[c];
                 for k in 0..candidate.values.len() {
                     let (low, high) = candidate.bounds[k];
-                    let value = (candidate.neutral[k] + candidate.typical[k] * mean[at]).clamp(low, high);
+                    let value = (candidate.start[k] + candidate.size(k) * mean[at]).clamp(low, high);
                     if !candidate.is_pattern() {
                         change = change.max((value - candidate.values[k]).abs() / candidate.typical[k]);
                     }
@@ -177,7 +177,21 @@ impl Engine {
         let mut linear = None;
         let mut posteriors = Vec::new();
         let mut ranking = Vec::new();
+        // Gear harmonics are searched before smooth curves may imitate them.
+        for _ in 0..HARMONICS {
+            let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
+            let now = self.linearise(&wanted, &shapes);
+            let search = Search::new(&self.candidates, &now.moments, &now.always);
+            let set = search.best(&self.chosen, &stiff);
+            let score = search.full(&set);
+            (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
+            self.choose(set);
+            if !self.add_gear(&now) {
+                break;
+            }
+        }
         for round in 0..ROUNDS {
+            let shapes = if self.shape.wander > 0.0 { noise::near(self.shape) } else { noise::few() };
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
@@ -199,12 +213,7 @@ impl Engine {
                 b.sort_unstable();
                 a == b
             };
-            for &c in self.chosen.iter().filter(|c| !set.contains(c)) {
-                let candidate = &mut self.candidates[c];
-                candidate.values = start_values(candidate);
-            }
-            self.chosen.clone_from(&set);
-            self.refit();
+            self.choose(set.clone());
             let outliers = self.mark_outliers();
             let gear = round + 1 < ROUNDS && self.add_gear(&now);
             last.clone_from(&set);
@@ -215,6 +224,16 @@ impl Engine {
         }
         let after = self.residual();
         self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)
+    }
+
+    /// Takes a set: what is no longer in it starts afresh, the rest is refitted together.
+    fn choose(&mut self, set: Vec<usize>) {
+        for &c in self.chosen.iter().filter(|c| !set.contains(c)) {
+            let candidate = &mut self.candidates[c];
+            candidate.values.clone_from(&candidate.start);
+        }
+        self.chosen = set;
+        self.refit();
     }
 
     /// Every kind alone, best variant first.
@@ -237,7 +256,7 @@ impl Engine {
                 let mut left = linear.data.clone();
                 if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
                     for (column, value) in columns.iter().zip(mean.iter()) {
-                        left.axpy(-value, &linear.design.column(*column), 1.0);
+                        left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
                     }
                 }
                 Ranked { kind, held_out_rms_mm: self.errors(&left, |row| row.held_out).rms_mm, delta_bic: -2.0 * gain }
@@ -287,14 +306,14 @@ impl Engine {
         let problem = &self.problem;
         let precision = self.sigma.powi(-2);
         let shape = self.shape;
-        let pairs: Vec<(usize, usize)> = (0..6).flat_map(|j| (1..=ORDERS).map(move |n| (j, n))).collect();
+        let pairs: Vec<(usize, usize)> = (0..6).flat_map(|j| (4..=ORDERS).map(move |n| (j, n))).collect();
         let gains: Vec<f64> = pairs
             .par_iter()
             .map(|&(joint, order)| {
                 let along = linear.design.column(first + joint) * (TYPICAL_RAD / typical[joint]);
                 let mut columns = DMatrix::zeros(problem.scalars, 2);
                 for row in &problem.rows {
-                    let (sin, cos) = (order as f64 * row.motor[joint]).sin_cos();
+                    let (sin, cos) = (order as f64 * ORDER_STEP * row.motor[joint]).sin_cos();
                     for k in row.offset..row.offset + row.seen.len() {
                         (columns[(k, 0)], columns[(k, 1)]) = (along[k] * cos, along[k] * sin);
                     }
@@ -312,9 +331,11 @@ impl Engine {
         }
         let terms: Vec<(usize, usize)> = known.iter().copied().chain([pairs[best]]).collect();
         let variants = (pairs.len() as f64).powi(i32::try_from(terms.len()).unwrap_or(1));
-        let named: Vec<(usize, f64)> = terms.iter().map(|&(joint, order)| (joint + 1, order as f64)).collect();
+        let named: Vec<(usize, f64)> =
+            terms.iter().map(|&(joint, order)| (joint + 1, order as f64 * ORDER_STEP)).collect();
         let effect = gear_harmonic(&named);
         let home = Home::New(Shape(effect.clone_box()));
+        // One harmonic effect holds all terms: the shorter one gives way.
         self.candidates.push(Candidate::new(effect.as_ref(), home, variants));
         true
     }
@@ -381,7 +402,7 @@ impl Engine {
                 .into_iter()
                 .enumerate()
                 .map(|(k, p)| {
-                    let half = 1.96 * candidate.typical[k] * block[(k, k)].max(0.0).sqrt();
+                    let half = 1.96 * candidate.size(k) * block[(k, k)].max(0.0).sqrt();
                     let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
                     FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95 }
                 })
@@ -398,7 +419,7 @@ impl Engine {
                 not_told_apart_from,
             });
             let covariance = (0..size)
-                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.typical[i] * candidate.typical[j]).collect())
+                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.size(i) * candidate.size(j)).collect())
                 .collect();
             let mut provenance = toml::Table::new();
             provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
@@ -451,7 +472,7 @@ impl Engine {
                 Pattern::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
                 Pattern::Time => "time".to_owned(),
                 Pattern::Force => "cutting force".to_owned(),
-                Pattern::Jump => "a jump during the run".to_owned(),
+                Pattern::Jump(at) => format!("a jump at {at}/16 of the run"),
             };
             correlates.push(Correlate { with, r: share });
         }
@@ -536,20 +557,17 @@ impl Engine {
     }
 }
 
+/// Physical effects that cannot bend to anything: neither patterns nor smooth curves.
+fn stiff(candidate: &Candidate) -> bool {
+    !candidate.is_pattern() && candidate.kind != "joint_error_curve"
+}
+
 fn errors_of(norms: &[f64]) -> Errors {
     let n = norms.len().max(1) as f64;
     Errors {
         rms_mm: (norms.iter().map(|v| v * v).sum::<f64>() / n).sqrt(),
         mean_mm: norms.iter().sum::<f64>() / n,
         max_mm: norms.iter().copied().fold(0.0, f64::max),
-    }
-}
-
-/// The numbers that a candidate starts from.
-fn start_values(candidate: &Candidate) -> Vec<f64> {
-    match &candidate.home {
-        Home::New(shape) => shape.0.parameters().iter().map(|p| p.value).collect(),
-        Home::Declared(_) | Home::Pattern(_) => candidate.values.clone(),
     }
 }
 
@@ -562,7 +580,7 @@ fn fitted(declared: &Arm, candidate: &Candidate) -> Option<Box<dyn Effect>> {
     }
 }
 
-/// The terms of the chosen gear harmonic, as (joint from 0, order).
+/// The terms of the chosen gear harmonic, as (joint from 0, order in quarters).
 fn gear_terms(candidates: &[Candidate], chosen: &[usize]) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for &c in chosen.iter().filter(|&&c| candidates[c].kind == "gear_harmonic") {
@@ -572,7 +590,7 @@ fn gear_terms(candidates: &[Candidate], chosen: &[usize]) -> Vec<(usize, usize)>
             let number = |key: &str| term.get(key).and_then(|v| v.as_float().or(v.as_integer().map(|i| i as f64)));
             if let (Some(joint), Some(order)) = (number("joint"), number("order")) {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                found.push((joint as usize - 1, order as usize));
+                found.push((joint as usize - 1, (order / ORDER_STEP).round() as usize));
             }
         }
     }

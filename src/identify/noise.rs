@@ -18,21 +18,38 @@ pub(super) struct Shape {
 /// Shapes that are tried: none, then from faint to dominant and from three rows to fifty.
 pub(super) fn shapes() -> Vec<Shape> {
     let mut all = vec![Shape { wander: 0.0, correlation: 0.0 }];
-    for wander in [0.06, 0.2, 0.5, 1.2, 4.0, 15.0] {
-        for correlation in [0.7, 0.9, 0.97] {
+    for wander in [0.06, 0.2, 0.5, 1.2, 3.0] {
+        for correlation in [0.8, 0.9, 0.95] {
             all.push(Shape { wander, correlation });
         }
     }
     all
 }
 
+/// White, and a few wanders of the usual length.
+#[allow(clippy::float_cmp)] // shapes come from one list
+pub(super) fn few() -> Vec<Shape> {
+    shapes().into_iter().filter(|s| s.wander == 0.0 || s.correlation == 0.9 && s.wander < 1.0).collect()
+}
+
+/// Shapes near one, and white.
+#[allow(clippy::float_cmp)] // shapes come from one list
+pub(super) fn near(shape: Shape) -> Vec<Shape> {
+    let close = |s: &Shape| {
+        s.wander == 0.0
+            || *s == shape
+            || s.correlation == shape.correlation && (s.wander / shape.wander).ln().abs() < 1.3
+    };
+    shapes().into_iter().filter(close).collect()
+}
+
 impl Shape {
-    /// Log prior of a shape, nats: wanders of a real arm are rather smaller than its white noise, and a wander of
-    /// ten times the noise is an effect that nobody modelled.
+    /// Log prior of a shape, nats: wanders of a real arm are rather smaller than its white noise, and a much
+    /// larger one is an effect that nobody modelled.
     pub(super) fn log_prior(self) -> f64 {
-        const TYPICAL: f64 = 0.3;
-        const SPREAD: f64 = 1.5;
-        if self.wander <= 0.0 { 0.0 } else { -0.5 * ((self.wander / TYPICAL).ln() / SPREAD).powi(2) }
+        const USUAL: f64 = 0.5;
+        const SPREAD: f64 = 0.4;
+        if self.wander <= USUAL { 0.0 } else { -0.5 * ((self.wander / USUAL).ln() / SPREAD).powi(2) }
     }
 }
 

@@ -5,7 +5,7 @@
 //! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it.
 
 use super::noise::Moments;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 
 /// A scored set of columns.
 #[derive(Clone, Debug)]
@@ -21,11 +21,24 @@ pub(super) struct Score {
 /// Noise below this is not believed, mm: no instrument measures a robot to a tenth of a micrometre.
 const LEAST_SIGMA: f64 = 1e-4;
 
+/// A column of the design and the share of its typical size that the prior has.
+pub(super) type Column = (usize, f64);
+
+fn chosen(moments: &Moments, columns: &[Column]) -> (DMatrix<f64>, DVector<f64>) {
+    let size = columns.len();
+    let gram = DMatrix::from_fn(size, size, |i, j| {
+        let ((a, s), (b, t)) = (columns[i], columns[j]);
+        moments.gram[(a, b)] * s * t
+    });
+    let cross = DVector::from_fn(size, |i, _| moments.cross[columns[i].0] * columns[i].1);
+    (gram, cross)
+}
+
 /// Best evidence of the columns over all noise shapes.
-pub(super) fn score(moments: &[Moments], columns: &[usize]) -> Score {
+pub(super) fn score(moments: &[Moments], columns: &[Column]) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
     for (shape, moments) in moments.iter().enumerate() {
-        let (evidence, sigma) = profiled(moments, columns);
+        let (evidence, sigma) = profiled(moments, columns, None);
         if evidence > best.evidence {
             best = Score { evidence, sigma, shape };
         }
@@ -33,54 +46,60 @@ pub(super) fn score(moments: &[Moments], columns: &[usize]) -> Score {
     best
 }
 
-/// Evidence for one shape with σ at its best.
-pub(super) fn profiled(moments: &Moments, columns: &[usize]) -> (f64, f64) {
-    let gram = moments.gram.select_rows(columns).select_columns(columns);
-    let cross = moments.cross.select_rows(columns);
-    // An empty matrix has no decomposition.
-    let (values, along) = if columns.is_empty() {
-        (DVector::zeros(0), DVector::zeros(0))
-    } else {
-        let eigen = SymmetricEigen::new(gram);
-        (eigen.eigenvalues, eigen.eigenvectors.tr_mul(&cross))
-    };
+/// Evidence for one shape with σ at its best, searched from `guess`.
+pub(super) fn profiled(moments: &Moments, columns: &[Column], guess: Option<f64>) -> (f64, f64) {
+    let (gram, cross) = chosen(moments, columns);
     let n = moments.count as f64;
-    let evidence = |log_sigma: f64| {
+    let size = columns.len();
+    let at = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
-        let mut sum = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale;
-        for (value, b) in values.iter().zip(along.iter()) {
-            let spread = 1.0 + value.max(0.0) * precision;
-            sum += 0.5 * (b * precision).powi(2) / spread - 0.5 * spread.ln();
+        let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale + moments.shape.log_prior();
+        if size == 0 {
+            return base;
         }
-        sum + moments.shape.log_prior()
+        let mut matrix = &gram * precision;
+        (0..size).for_each(|i| matrix[(i, i)] += 1.0);
+        let Some(factor) = matrix.cholesky() else { return f64::NEG_INFINITY };
+        let mut white = cross.clone();
+        let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+        factor.l_dirty().solve_lower_triangular_mut(&mut white);
+        base + 0.5 * white.norm_squared() * precision * precision - half_log_det
     };
-    // Golden section over six decades around the plain rms.
-    let middle = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
-    let (mut low, mut high) = ((middle - 9.0).max(LEAST_SIGMA.ln()), middle + 2.0);
-    let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut at_a, mut at_b) = (evidence(a), evidence(b));
-    while high - low > 1e-4 {
-        if at_a > at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - ratio * (high - low);
-            at_a = evidence(a);
-        } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + ratio * (high - low);
-            at_b = evidence(b);
+    let rms = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
+    let mut middle = guess.map_or(rms, f64::ln);
+    let mut width = if guess.is_some() { 0.05 } else { 0.4 };
+    let mut best = (at(middle), middle);
+    // Parabola through three points.
+    for _ in 0..20 {
+        let (left, right) = (at(middle - width), at(middle + width));
+        let centre = best.0;
+        let curve = left - 2.0 * centre + right;
+        let step = if curve < 0.0 { 0.5 * width * (left - right) / curve } else { width.copysign(right - left) };
+        let step = step.clamp(-2.0 * width, 2.0 * width);
+        let next = (middle + step).max(LEAST_SIGMA.ln());
+        let value = at(next);
+        for (evidence, place) in [(left, middle - width), (right, middle + width), (value, next)] {
+            if evidence > best.0 {
+                best = (evidence, place);
+            }
         }
+        // The evidence falls by n·δ²: a hundredth of a nat is enough.
+        if n * step * step < 0.01 {
+            break;
+        }
+        // Far from the top the steps grow, near it they shrink.
+        width = if step.abs() < width { (0.3 * width).max(0.01) } else { (2.0 * width).min(0.8) };
+        middle = best.1;
     }
-    let best = 0.5 * (low + high);
-    (evidence(best), best.exp())
+    (best.0, best.1.exp())
 }
 
 /// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
-pub(super) fn posterior(moments: &Moments, columns: &[usize], sigma: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
+pub(super) fn posterior(moments: &Moments, columns: &[Column], sigma: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let precision = sigma.powi(-2);
-    let gram = moments.gram.select_rows(columns).select_columns(columns);
+    let (gram, cross) = chosen(moments, columns);
     let matrix = DMatrix::identity(columns.len(), columns.len()) + gram * precision;
     let inverse = matrix.cholesky()?.inverse();
-    let mean = &inverse * moments.cross.select_rows(columns) * precision;
+    let mean = &inverse * cross * precision;
     Some((mean, inverse))
 }

@@ -7,12 +7,23 @@
 
 use super::candidates::Candidate;
 use super::noise::Moments;
-use super::score::{Score, profiled, score};
+use super::score::{Column, Score, profiled, score};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-/// What a name must gain over none, nats.
-pub(super) const PRICE: f64 = 3.0;
+/// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
+pub(super) const PRICE: f64 = 6.0;
+
+/// What a flexible pattern must gain beyond a physical effect, nats.
+const FLEXIBLE: f64 = 10.0;
+
+/// Whether every effect of the second kind is one of the first too: joint zeros are angles of the links' rows.
+fn contains(whole: &str, part: &str) -> bool {
+    whole == "link_geometry" && part == "zero_offset"
+}
+
+/// A family that contains another is not ruled out by parsimony alone until it loses by this much, nats.
+const NESTED: f64 = 2.5;
 
 /// Searches over sets of candidates.
 pub(super) struct Search<'a> {
@@ -23,17 +34,23 @@ pub(super) struct Search<'a> {
     /// Noise shapes worth trying, most promising first.
     active: RefCell<Vec<usize>>,
     known: RefCell<BTreeMap<Vec<usize>, f64>>,
+    /// Last σ of each shape: where the next profile starts.
+    sigmas: RefCell<Vec<Option<f64>>>,
 }
 
 impl<'a> Search<'a> {
     pub(super) fn new(candidates: &'a [Candidate], moments: &'a [Moments], always: &'a [usize]) -> Self {
         let all = (0..moments.len()).collect();
-        Self { candidates, moments, always, active: RefCell::new(all), known: RefCell::default() }
+        let sigmas = RefCell::new(vec![None; moments.len()]);
+        Self { candidates, moments, always, active: RefCell::new(all), known: RefCell::default(), sigmas }
     }
 
-    pub(super) fn columns(&self, set: &[usize]) -> Vec<usize> {
-        let own = set.iter().flat_map(|&c| self.candidates[c].columns());
-        self.always.iter().copied().chain(own).collect()
+    pub(super) fn columns(&self, set: &[usize]) -> Vec<Column> {
+        let own = set.iter().flat_map(|&c| {
+            let scale = self.candidates[c].scale;
+            self.candidates[c].columns().map(move |column| (column, scale))
+        });
+        self.always.iter().map(|&column| (column, 1.0)).chain(own).collect()
     }
 
     /// Evidence of a set over all noise shapes.
@@ -50,18 +67,31 @@ impl<'a> Search<'a> {
         }
         let columns = self.columns(&key);
         let active = self.active.borrow();
-        let evidence = active.iter().map(|&s| profiled(&self.moments[s], &columns).0).fold(f64::NEG_INFINITY, f64::max);
-        let price: f64 = key.iter().map(|&c| PRICE + self.candidates[c].variants.ln()).sum();
+        let evidence = active.iter().map(|&s| self.profile(s, &columns)).fold(f64::NEG_INFINITY, f64::max);
+        let price: f64 = key.iter().map(|&c| self.price(c)).sum();
         let value = evidence - price;
         self.known.borrow_mut().insert(key, value);
         value
     }
 
+    fn profile(&self, shape: usize, columns: &[Column]) -> f64 {
+        let guess = self.sigmas.borrow()[shape];
+        let (evidence, sigma) = profiled(&self.moments[shape], columns, guess);
+        self.sigmas.borrow_mut()[shape] = Some(sigma);
+        evidence
+    }
+
+    /// What a member must gain: more for its variants, and for what could stand for anything.
+    fn price(&self, c: usize) -> f64 {
+        let candidate = &self.candidates[c];
+        let flexible = candidate.is_pattern() || candidate.kind == "joint_error_curve";
+        PRICE + candidate.variants.ln() + if flexible { FLEXIBLE } else { 0.0 }
+    }
+
     /// Whether a candidate may join a set: one variant of a kind.
     fn joins(&self, set: &[usize], c: usize) -> bool {
         !set.contains(&c)
-            && (self.candidates[c].kind == "gear_harmonic"
-                || self.candidates[c].is_pattern()
+            && (self.candidates[c].is_pattern()
                 || set.iter().all(|&s| self.candidates[s].kind != self.candidates[c].kind))
     }
 
@@ -73,7 +103,7 @@ impl<'a> Search<'a> {
         // A pair can beat what single steps find: two effects whose sum a third imitates.
         let mut singles: Vec<(f64, usize)> = pool.iter().map(|&c| (self.objective(&[c]), c)).collect();
         singles.sort_by(|a, b| b.0.total_cmp(&a.0));
-        const PAIRED: usize = 12;
+        const PAIRED: usize = 10;
         let mut pairs = Vec::new();
         for (i, &(_, a)) in singles.iter().take(PAIRED).enumerate() {
             for &(_, b) in singles.iter().take(PAIRED).skip(i + 1) {
@@ -98,13 +128,13 @@ impl<'a> Search<'a> {
         let mut wanted = Vec::new();
         for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {
             let columns = self.columns(&set);
-            let each: Vec<f64> = self.moments.iter().map(|m| profiled(m, &columns).0).collect();
+            let each: Vec<f64> = (0..self.moments.len()).map(|s| self.profile(s, &columns)).collect();
             let best = (0..each.len()).max_by(|&a, &b| each[a].total_cmp(&each[b])).unwrap_or(0);
             votes[best] = votes[best].max(each[best]);
         }
         let mut order: Vec<usize> = (0..votes.len()).filter(|&s| votes[s].is_finite()).collect();
         order.sort_by(|&a, &b| votes[b].total_cmp(&votes[a]));
-        wanted.extend(order.into_iter().take(5));
+        wanted.extend(order.into_iter().take(2));
         // White noise is always one of the questions.
         if !wanted.contains(&0) {
             wanted.push(0);
@@ -161,7 +191,8 @@ impl<'a> Search<'a> {
             {
                 continue;
             }
-            let weight = (self.objective(&[&without[..], &[c]].concat()) - own).min(50.0).exp();
+            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED } else { 0.0 };
+            let weight = (self.objective(&[&without[..], &[c]].concat()) - own + nested).min(50.0).exp();
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;
         }
