@@ -49,7 +49,9 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, toml_edit::
 
 fn edited(table: &toml::Table) -> Table {
     let mut out = Table::new();
-    for (key, value) in table {
+    // What it is stands first, whatever the order of the alphabet.
+    let (kind, rest): (Vec<_>, Vec<_>) = table.iter().partition(|(key, _)| *key == "kind");
+    for (key, value) in kind.into_iter().chain(rest) {
         out.insert(key, Item::Value(edited_value(value)));
     }
     out
@@ -59,12 +61,47 @@ fn edited_value(value: &toml::Value) -> Value {
     match value {
         toml::Value::String(text) => text.as_str().into(),
         toml::Value::Integer(number) => (*number).into(),
-        toml::Value::Float(number) => (*number).into(),
+        toml::Value::Float(number) => float(*number),
         toml::Value::Boolean(flag) => (*flag).into(),
         toml::Value::Datetime(date) => date.to_string().into(),
         toml::Value::Array(values) => Value::Array(values.iter().map(edited_value).collect()),
         toml::Value::Table(table) => {
             Value::InlineTable(table.iter().map(|(key, value)| (key.as_str(), edited_value(value))).collect())
         }
+    }
+}
+
+/// A number as people write it: small and large ones with an exponent, every digit kept.
+fn float(number: f64) -> Value {
+    let plain = number == 0.0 || (1e-3..1e6).contains(&number.abs());
+    let text = if plain { String::new() } else { format!("{number:e}") };
+    text.parse().unwrap_or_else(|_| number.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn backlash(gap: f64) -> NewEffect {
+        let mut table = toml::Table::new();
+        table.insert("kind".to_owned(), "backlash".into());
+        table.insert("half_gap_rad".to_owned(), vec![gap, 0.0, 0.0, 0.0, 0.0, 0.0].into());
+        let mut provenance = toml::Table::new();
+        provenance.insert("rows".to_owned(), 304.into());
+        NewEffect { table, covariance: Some(vec![vec![1.5e-13; 6]; 6]), provenance }
+    }
+
+    #[test]
+    fn comments_stay_and_an_effect_of_the_same_kind_is_replaced() {
+        let cell = "# my cell\n[robot]\nmodel = \"irb6660-205-1.9\" # the big one\n\n[cut]\nforce = \"none\"\n";
+        let once = extended(cell, &[backlash(6e-5)]).unwrap_or_default();
+        assert!(once.starts_with(cell), "{once}");
+        let twice = extended(&once, &[backlash(7.25e-5)]).unwrap_or_default();
+        assert_eq!(twice, once.replace("6e-5", "7.25e-5"));
+        insta::assert_snapshot!(twice);
+        let source = crate::text::Source::new("cell.toml", twice);
+        let read = crate::cell::Cell::read(&source).unwrap_or_else(|errors| panic!("{errors:?}"));
+        approx::assert_relative_eq!(read.arm.effects[0].parameters()[0].value, 7.25e-5);
+        assert!(read.covariances[0].is_some());
     }
 }

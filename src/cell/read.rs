@@ -62,10 +62,8 @@ impl Cell {
             check.finite("robot.start_deg", &deg);
             Joints::from(deg.map(f64::to_radians))
         });
-        if let Some((robot, start)) = robot.as_ref().zip(start) {
-            if let Some(violation) = robot.limit_violation(&start) {
-                check.error("robot.start_deg", format!("robot.start_deg: {violation}"), "start within the axis limits");
-            }
+        if let Some(violation) = robot.as_ref().zip(start).and_then(|(robot, start)| robot.limit_violation(&start)) {
+            check.error("robot.start_deg", format!("robot.start_deg: {violation}"), "start within the axis limits");
         }
         match robot {
             Some(robot) if check.errors.is_empty() => Ok(Self {

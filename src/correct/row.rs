@@ -128,7 +128,8 @@ impl Summary {
             }
             sum.max_error_mm = sum.max_error_mm.max(row.error_norm_mm());
             sum.max_correction_mm = sum.max_correction_mm.max(row.correction_norm_mm());
-            sum.corrected += usize::from(row.correction_norm_mm() > 0.0 || row.correction_deg != [0.0; 3]);
+            sum.corrected +=
+                usize::from(row.correction_norm_mm() > 0.0 || row.correction_deg.iter().any(|v| v.abs() > 0.0));
         }
         if squares.1 > 0 {
             sum.rms_error_mm = (squares.0 / squares.1 as f64).sqrt();

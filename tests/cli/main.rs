@@ -1,8 +1,11 @@
 //! The binary as its users drive it: exit codes, messages, what is written and where.
 
+#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
+
 mod bad_input;
 mod bench;
 mod ci;
 mod help;
+mod identify;
 mod inputs;
 mod outputs;

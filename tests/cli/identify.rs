@@ -1,0 +1,51 @@
+//! The loop, closed from the command line on the sample.
+
+use crate::bench::Bench;
+use std::path::Path;
+
+fn sample() -> Bench {
+    let bench = Bench::new();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/closed-loop");
+    for name in ["part.mod", "measured.csv", "cell.toml", "transfer.mod", "transfer_measured.csv"] {
+        bench.write(name, std::fs::read(folder.join(name)).unwrap());
+    }
+    bench
+}
+
+#[test]
+fn the_effect_is_named_and_the_extended_cell_corrects_another_program() {
+    let bench = sample();
+    let run = "identify --run part.mod measured.csv --cell cell.toml";
+    let ran = bench.run(&format!("{run} -o cell2.toml --json found.json --report rows.csv")).exits(0);
+    assert!(ran.stdout.contains("backlash: posterior") && ran.stdout.contains("extended cell"), "{}", ran.stdout);
+    let found: serde_json::Value = serde_json::from_str(&bench.read("found.json")).unwrap();
+    assert_eq!(found["added"][0]["kind"], "backlash");
+    assert_eq!(bench.read("rows.csv").lines().count(), 1 + usize::try_from(found["rows"].as_u64().unwrap()).unwrap());
+    let rms = |which: &str| found[which]["rms_mm"].as_f64().unwrap();
+    assert!(rms("after") < 0.4 * rms("before"));
+    let (old, new) = (bench.read("cell.toml"), bench.read("cell2.toml"));
+    assert!(new.starts_with(old.trim_end()), "the user's text stays: {new}");
+    bench
+        .run("compensate transfer.mod --cell cell2.toml --forces transfer_measured.csv -o out.mod --report out.csv")
+        .exits(0);
+    let sigma = bench.read("out.csv").lines().nth(2).unwrap().rsplit(',').next().unwrap().parse::<f64>().unwrap();
+    assert!(sigma > 0.0);
+}
+
+#[test]
+fn json_alone_goes_to_stdout() {
+    let ran = sample().run("identify --run part.mod measured.csv --cell cell.toml --json --quiet").exits(0);
+    let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(found["held_out_rows"].as_u64().unwrap() > 0);
+    assert!(ran.stderr.is_empty(), "{}", ran.stderr);
+}
+
+#[test]
+fn a_table_of_another_program_is_refused() {
+    let bench = sample();
+    let ran = bench.run("identify --run transfer.mod measured.csv --cell cell.toml -o cell2.toml").exits(2);
+    assert!(ran.stderr.contains("measured.csv"), "{}", ran.stderr);
+    assert!(!bench.path("cell2.toml").exists());
+    bench.run("identify --run part.mod --cell cell.toml").exits(2);
+    bench.run("identify --cell cell.toml").exits(2);
+}
