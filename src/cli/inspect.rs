@@ -56,7 +56,10 @@ pub(super) fn run(args: &Inspect) -> Outcome {
         outputs.add(Path::new("-"), inspect_table(&files).as_bytes())?;
     }
     outputs.commit()?;
-    message::print(&refusals.concat(), args.common.quiet);
+    // The table names every refusal; where the one file is refused, its place is worth a look.
+    if let [refusal] = &refusals[..] {
+        message::print(refusal, args.common.quiet);
+    }
     Ok(Answer::Yes)
 }
 
