@@ -9,6 +9,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Everything that one run writes.
 #[derive(Debug, Default)]
@@ -18,18 +19,26 @@ pub(super) struct Outputs {
     stdout: Vec<u8>,
     /// Files that the run reads, which it never writes over.
     inputs: Vec<PathBuf>,
-    /// Folders made for outputs, which go again if nothing is written.
-    made: Vec<Made>,
+    /// Dropped last of all fields.
+    made: Arc<Folders>,
 }
 
-/// A folder that was made; `None` once it stays.
-#[derive(Debug)]
-struct Made(Option<PathBuf>);
+/// Folders made for outputs, shared by all that stage into them: when the last of these is gone without a commit, so
+/// are its files, and the folders go too.
+#[derive(Debug, Default)]
+struct Folders(Mutex<Vec<PathBuf>>);
 
-impl Drop for Made {
+impl Folders {
+    fn list(&self) -> MutexGuard<'_, Vec<PathBuf>> {
+        // A list of paths is whole even where a thread died holding it.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Folders {
     fn drop(&mut self) {
-        if let Some(folder) = &self.0 {
-            // Fails where it is not empty, as it should.
+        for folder in self.list().drain(..).rev() {
+            // Fails where something else came to lie in it, as it should.
             let _ = fs::remove_dir(folder);
         }
     }
@@ -66,7 +75,7 @@ impl Outputs {
 
     /// Another one over the same inputs.
     pub(super) fn sibling(&self) -> Self {
-        Self { inputs: self.inputs.clone(), ..Self::default() }
+        Self { inputs: self.inputs.clone(), made: Arc::clone(&self.made), ..Self::default() }
     }
 
     /// Stages bytes for a path, `-` being stdout.
@@ -106,7 +115,7 @@ impl Outputs {
             self.staged.push(staged);
         }
         self.stdout.append(&mut other.stdout);
-        self.made.append(&mut other.made);
+
         Ok(())
     }
 
@@ -122,7 +131,7 @@ impl Outputs {
             done.map_err(|error| cannot_write(&staged.target, &error))?;
             staged.temporary = None;
         }
-        self.made.iter_mut().for_each(|folder| folder.0 = None);
+        self.made.list().clear();
         print(&self.stdout)
     }
 
@@ -139,7 +148,7 @@ impl Outputs {
         };
         // Only the last part: a path that is wrong higher up is a slip, not a wish.
         match fs::create_dir(folder) {
-            Ok(()) => self.made.push(Made(Some(folder.to_owned()))),
+            Ok(()) => self.made.list().push(folder.to_owned()),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }

@@ -119,6 +119,21 @@ fn several_programs_go_to_a_folder_with_their_reports() {
 }
 
 #[test]
+fn a_folder_made_for_a_run_that_fails_goes_again() {
+    let bench = Bench::new();
+    let names: Vec<String> = (0..12).map(|i| format!("p{i}.mod")).collect();
+    for name in &names {
+        bench.write(name, PROGRAM);
+    }
+    bench.write("far.mod", PROGRAM.replace("[[100,0,0]", "[[9000,0,0]"));
+    let before = bench.names("");
+    for _ in 0..10 {
+        bench.run(&format!("compensate {} far.mod --cell cell.toml --out-dir new", names.join(" "))).exits(2);
+        assert_eq!(bench.names(""), before);
+    }
+}
+
+#[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let bench = Bench::new();
     for jobs in [1, 7] {
