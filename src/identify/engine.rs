@@ -163,6 +163,9 @@ impl Engine {
                     at += 1;
                 }
             }
+            // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
+            let wide: Vec<_> = columns.iter().map(|&(column, _)| (column, 1.0)).collect();
+            let covariance = posterior(moments, &wide, self.sigma).map_or(covariance, |(_, wide)| wide);
             let size = covariance.nrows() - frames;
             self.covariance = covariance.view((frames, frames), (size, size)).into_owned();
             if change < 1e-4 {
@@ -402,7 +405,7 @@ impl Engine {
                 .into_iter()
                 .enumerate()
                 .map(|(k, p)| {
-                    let half = 1.96 * candidate.size(k) * block[(k, k)].max(0.0).sqrt();
+                    let half = 1.96 * candidate.typical[k] * block[(k, k)].max(0.0).sqrt();
                     let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
                     FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95 }
                 })
@@ -419,7 +422,7 @@ impl Engine {
                 not_told_apart_from,
             });
             let covariance = (0..size)
-                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.size(i) * candidate.size(j)).collect())
+                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.typical[i] * candidate.typical[j]).collect())
                 .collect();
             let mut provenance = toml::Table::new();
             provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
