@@ -1,5 +1,7 @@
 //! The two questions put to a cell, against each other and against hand-made figures.
 
+#![allow(clippy::unwrap_used)] // helpers of tests
+
 use approx::assert_abs_diff_eq;
 use deflex::effects::{Cutting, Situation, ToolFrame, declared_springs, kind};
 use deflex::equilibrium::Arm;

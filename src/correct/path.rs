@@ -3,12 +3,13 @@
 use super::frames::{self, pose};
 use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
-use crate::cutting::{ContactPoint, Milling, feed_frame};
+use crate::cutting::{ContactPoint, ForceTable, Milling, feed_frame};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
 use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
 use crate::robot::{Joints, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
@@ -54,13 +55,14 @@ pub(super) enum PointLoad {
 /// A mechanistic force law for one feed per tooth.
 #[derive(Clone, Debug)]
 pub(super) struct Law {
-    milling: Milling,
+    milling: Arc<Milling>,
+    table: Arc<ForceTable>,
     feed_per_tooth: f64,
 }
 
 impl ForceLaw for Law {
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-        self.milling.force_parts(shift, &Unit::new_unchecked(*axis)).at(self.feed_per_tooth)
+        self.table.mean_force(shift, &Unit::new_unchecked(*axis), self.feed_per_tooth)
     }
 }
 
@@ -380,7 +382,7 @@ impl Walk<'_> {
 /// The force laws of a cell, made as feeds turn up.
 struct Laws<'a> {
     cut: Option<&'a Cut>,
-    milling: Option<Milling>,
+    milling: Option<(Arc<Milling>, Arc<ForceTable>)>,
     laws: Vec<Law>,
 }
 
@@ -398,6 +400,7 @@ impl<'a> Laws<'a> {
             }
             _ => None,
         };
+        let milling = milling.map(|milling| (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling))));
         Ok(Self { cut, milling, laws: Vec::new() })
     }
 
@@ -407,7 +410,8 @@ impl<'a> Laws<'a> {
 
     /// Feed frame in the work object.
     fn feed_frame(&self, axis: &Vector3<f64>, feed: &Vector3<f64>) -> Option<Rotation3<f64>> {
-        let (lead, tilt) = self.milling.as_ref().map_or((0.0, 0.0), |m| (m.engagement().lead, m.engagement().tilt));
+        let (lead, tilt) =
+            self.milling.as_ref().map_or((0.0, 0.0), |(m, _)| (m.engagement().lead, m.engagement().tilt));
         feed_frame(&Unit::new_normalize(*axis), feed, lead, tilt)
     }
 
@@ -484,8 +488,8 @@ impl<'a> Laws<'a> {
         if let Some(index) = self.laws.iter().position(same) {
             return index;
         }
-        if let Some(milling) = &self.milling {
-            self.laws.push(Law { milling: milling.clone(), feed_per_tooth });
+        if let Some((milling, table)) = &self.milling {
+            self.laws.push(Law { milling: milling.clone(), table: table.clone(), feed_per_tooth });
         }
         self.laws.len() - 1
     }

@@ -252,11 +252,9 @@ pub(super) fn design(
     for (i, &c) in wanted.iter().enumerate() {
         // Twins share their columns, while neither is about its own numbers.
         let twin = wanted[..i].iter().position(|&o| twins(&candidates[o], &candidates[c]));
-        if let Some(twin) = twin.filter(|_| !chosen.contains(&c)) {
-            if !chosen.contains(&wanted[twin]) {
-                firsts.push(firsts[twin]);
-                continue;
-            }
+        if let Some(twin) = twin.filter(|&twin| !chosen.contains(&c) && !chosen.contains(&wanted[twin])) {
+            firsts.push(firsts[twin]);
+            continue;
         }
         firsts.push(columns.len());
         let candidate = &candidates[c];
@@ -291,7 +289,7 @@ pub(super) fn design(
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
         || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)));
-    a.kind == b.kind && same && a.start == b.start && a.start.len() == b.start.len() && a.scale != b.scale
+    a.kind == b.kind && same && a.start == b.start && a.start.len() == b.start.len() && (a.scale - b.scale).abs() > 0.0
 }
 
 /// The arm with a candidate's numbers in place.
@@ -385,7 +383,7 @@ fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVec
             }
             Pattern::Joint(joint) => {
                 let angle = ORDERS[which / 2] * row.motor[joint];
-                if which % 2 == 0 { angle.cos() } else { angle.sin() }
+                if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
             }
             Pattern::Time => {
                 let (_, _, (from, to)) = bounds;

@@ -299,18 +299,19 @@ fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Se
     if off < ELSEWHERE_MM {
         return;
     }
-    let hypotheses: [(&str, &dyn Fn(&Vector3<f64>) -> Vector3<f64>); 7] = [
-        ("they are inches: multiply by 25.4", &|v| v * 25.4),
-        ("they are metres: multiply by 1000", &|v| v * 1e3),
-        ("x and y are swapped", &|v| Vector3::new(v.y, v.x, v.z)),
-        ("y and z are swapped", &|v| Vector3::new(v.x, v.z, v.y)),
-        ("x and z are swapped", &|v| Vector3::new(v.z, v.y, v.x)),
-        ("x has the wrong sign", &|v| Vector3::new(-v.x, v.y, v.z)),
-        ("y has the wrong sign", &|v| Vector3::new(v.x, -v.y, v.z)),
+    type Change = fn(&Vector3<f64>) -> Vector3<f64>;
+    let hypotheses: [(&str, Change); 7] = [
+        ("they are inches: multiply by 25.4", |v| v * 25.4),
+        ("they are metres: multiply by 1000", |v| v * 1e3),
+        ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
+        ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
+        ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
+        ("x has the wrong sign", |v| Vector3::new(-v.x, v.y, v.z)),
+        ("y has the wrong sign", |v| Vector3::new(v.x, -v.y, v.z)),
     ];
     let reason = hypotheses
         .iter()
-        .filter(|(_, change)| median(*change) < ELSEWHERE_MM.min(0.1 * off))
+        .filter(|(_, change)| median(change) < ELSEWHERE_MM.min(0.1 * off))
         .map(|(reason, _)| *reason)
         .next()
         .unwrap_or("they are not in the work object's frame, or belong to another program");
@@ -344,9 +345,8 @@ impl Blocks {
 /// Rigid registration of points in the base (first) to points in the device (second), m: Kabsch.
 fn registration(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Pose {
     let n = pairs.len().max(1) as f64;
-    let mean =
-        |pick: fn(&(Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| pairs.iter().map(pick).sum::<Vector3<f64>>() / n;
-    let (base, device) = (mean(|p| p.0), mean(|p| p.1));
+    let base = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / n;
+    let device = pairs.iter().map(|pair| pair.1).sum::<Vector3<f64>>() / n;
     let spread: Matrix3<f64> = pairs.iter().map(|(b, d)| (b - base) * (d - device).transpose()).sum();
     // Static 3×3 decomposition: sound on planes too.
     let svd = spread.svd(true, true);

@@ -93,6 +93,9 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
     Ok(engine.run(&before, input))
 }
 
+/// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
+type Posterior = (usize, (f64, Vec<(String, f64)>));
+
 /// Moments, search and columns of one linearisation.
 struct Linearised {
     moments: Vec<Moments>,
@@ -375,7 +378,7 @@ impl Engine {
         &mut self,
         before: &DVector<f64>,
         after: &DVector<f64>,
-        posteriors: &[(usize, (f64, Vec<(String, f64)>))],
+        posteriors: &[Posterior],
         ranking: Vec<Ranked>,
         linear: Option<&Linearised>,
         input: &Input,

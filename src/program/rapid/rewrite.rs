@@ -123,7 +123,8 @@ impl Pen<'_> {
         number::write_fixed(&mut new, value, decimals);
         let printed = number::read(&new).unwrap_or(value);
         let before = number::read(&compact);
-        if before.is_some_and(|before| before.to_bits() == printed.to_bits() || before == printed) {
+        // Equal as numbers, so that 0 and −0 are the same.
+        if before.is_some_and(|before| (before - printed).abs() <= 0.0) {
             return printed;
         }
         if old.first() == Some(&b'+') && new.first() != Some(&b'-') {

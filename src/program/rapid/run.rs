@@ -330,10 +330,10 @@ impl<'a> Run<'a> {
                     }
                 }
                 for arg in args.iter().filter(|arg| arg.option.is_some()) {
-                    if let (Some(name), Some(value)) = (&arg.option, &arg.value) {
-                        if let Some(bound) = bind(&names, source, value) {
-                            inner.insert(name.clone(), bound);
-                        }
+                    if let (Some(name), Some(value)) = (&arg.option, &arg.value)
+                        && let Some(bound) = bind(&names, source, value)
+                    {
+                        inner.insert(name.clone(), bound);
                     }
                 }
                 self.routine(name, inner, calls);
@@ -483,10 +483,12 @@ impl<'a> Run<'a> {
     /// mm/s of a speed argument.
     fn speed(&self, source: usize, expr: &Expr, scope: &Scope) -> Option<f64> {
         let names = Names { symbols: self.symbols, scope };
-        if let Expr::Name { name, indices, .. } = expr {
-            if indices.is_empty() && !self.symbols.data.contains_key(name) && !scope.contains_key(name) {
-                return predefined_speed(name);
-            }
+        if let Expr::Name { name, indices, .. } = expr
+            && indices.is_empty()
+            && !self.symbols.data.contains_key(name)
+            && !scope.contains_key(name)
+        {
+            return predefined_speed(name);
         }
         let found = names.follow(source, expr).ok()?;
         match found.expr {
