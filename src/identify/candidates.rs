@@ -7,6 +7,16 @@ use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
+/// A kind, or for curves of one joint each, the kind and its joint.
+fn family(effect: &dyn Effect) -> String {
+    let table = effect.to_table();
+    let curves = table.get("curves").and_then(toml::Value::as_array);
+    match curves.and_then(|curves| curves.first()).and_then(|curve| curve.get("joint")) {
+        Some(joint) => format!("{} {joint}", effect.kind()),
+        None => effect.kind().to_owned(),
+    }
+}
+
 /// Where a candidate's numbers live.
 #[derive(Clone, Debug)]
 pub(super) enum Home {
@@ -47,6 +57,8 @@ pub(super) enum Pattern {
 #[derive(Clone, Debug)]
 pub(super) struct Candidate {
     pub(super) kind: String,
+    /// Of variants of one family a set has one: a kind, or the curve of one joint.
+    pub(super) family: String,
     pub(super) home: Home,
     /// Current values, in the cell file's units; the prototype's where it is not in the cell yet.
     pub(super) values: Vec<f64>,
@@ -67,6 +79,7 @@ impl Candidate {
         let parameters = effect.parameters();
         Self {
             kind: effect.kind().to_owned(),
+            family: family(effect),
             home,
             values: parameters.iter().map(|p| p.value).collect(),
             start: parameters.iter().map(|p| p.value).collect(),
@@ -83,6 +96,7 @@ impl Candidate {
         const TYPICAL_MM: f64 = 0.05;
         Self {
             kind: String::new(),
+            family: String::new(),
             home: Home::Pattern(pattern),
             values: vec![0.0; size],
             start: vec![0.0; size],
@@ -289,7 +303,11 @@ pub(super) fn design(
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
         || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)));
-    a.kind == b.kind && same && a.start == b.start && a.start.len() == b.start.len() && (a.scale - b.scale).abs() > 0.0
+    a.family == b.family
+        && same
+        && a.start == b.start
+        && a.start.len() == b.start.len()
+        && (a.scale - b.scale).abs() > 0.0
 }
 
 /// The arm with a candidate's numbers in place.

@@ -184,7 +184,8 @@ impl Engine {
         let mut posteriors = Vec::new();
         let mut ranking = Vec::new();
         // Gear harmonics are searched before smooth curves may imitate them.
-        for _ in 0..HARMONICS {
+        let rounds = if self.problem.free_device { 0 } else { HARMONICS };
+        for _ in 0..rounds {
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
@@ -435,6 +436,7 @@ impl Engine {
             provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
             extended.push(NewEffect { table: effect.to_table(), covariance: Some(covariance), provenance });
         }
+        merge_curves(&mut added, &mut extended);
         let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
         let wander_mm = self.sigma * self.shape.wander.sqrt();
         let unexplained = self.unexplained(linear);
@@ -566,6 +568,36 @@ impl Engine {
 /// Physical effects that cannot bend to anything: neither patterns nor smooth curves.
 fn stiff(candidate: &Candidate) -> bool {
     !candidate.is_pattern() && candidate.kind != "joint_error_curve"
+}
+
+/// Curves of single joints become one effect with several curves, as the cell file has them.
+fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
+    let of_curves: Vec<usize> = (0..added.len()).filter(|&i| added[i].kind == "joint_error_curve").collect();
+    let Some((&first, rest)) = of_curves.split_first() else { return };
+    for (n, &i) in rest.iter().enumerate() {
+        let (other, table) = (added[i].clone(), extended[i].clone());
+        let renamed = other
+            .parameters
+            .into_iter()
+            .map(|p| FittedParameter { name: p.name.replacen("curves[0]", &format!("curves[{}]", n + 1), 1), ..p });
+        added[first].parameters.extend(renamed);
+        added[first].posterior = added[first].posterior.min(other.posterior);
+        added[first].held_out_rms_before_mm = added[first].held_out_rms_before_mm.max(other.held_out_rms_before_mm);
+        if let (Some(toml::Value::Array(into)), Some(toml::Value::Array(from))) =
+            (extended[first].table.get_mut("curves"), table.table.get("curves"))
+        {
+            into.extend(from.iter().cloned());
+        }
+        if let (Some(into), Some(from)) = (&mut extended[first].covariance, table.covariance) {
+            let (a, b) = (into.len(), from.len());
+            into.iter_mut().for_each(|row| row.extend(std::iter::repeat_n(0.0, b)));
+            into.extend(from.into_iter().map(|row| std::iter::repeat_n(0.0, a).chain(row).collect()));
+        }
+    }
+    for &i in rest.iter().rev() {
+        added.remove(i);
+        extended.remove(i);
+    }
 }
 
 fn errors_of(norms: &[f64]) -> Errors {

@@ -25,6 +25,9 @@ fn contains(whole: &str, part: &str) -> bool {
 /// A family that contains another is not ruled out by parsimony alone until it loses by this much, nats.
 const NESTED: f64 = 2.5;
 
+/// Sets of more members than this are not what one table shows (a curve a joint is a member).
+const MOST: usize = 12;
+
 /// Searches over sets of candidates.
 pub(super) struct Search<'a> {
     pub(super) candidates: &'a [Candidate],
@@ -92,7 +95,7 @@ impl<'a> Search<'a> {
     fn joins(&self, set: &[usize], c: usize) -> bool {
         !set.contains(&c)
             && (self.candidates[c].is_pattern()
-                || set.iter().all(|&s| self.candidates[s].kind != self.candidates[c].kind))
+                || set.iter().all(|&s| self.candidates[s].family != self.candidates[c].family))
     }
 
     /// The best set among candidates that `allowed` lets in, from a starting set.
@@ -146,10 +149,10 @@ impl<'a> Search<'a> {
     fn climb(&self, start: Vec<usize>, pool: &[usize]) -> Vec<usize> {
         let mut set = start;
         let mut value = self.objective(&set);
-        // Each round gains; sets of more than eight effects are not what one table shows.
-        for _ in 0..16 {
+        // Each round gains.
+        for _ in 0..3 * MOST {
             let mut moves: Vec<Vec<usize>> = Vec::new();
-            if set.len() < 8 {
+            if set.len() < MOST {
                 moves.extend(pool.iter().filter(|&&c| self.joins(&set, c)).map(|&c| [&set[..], &[c]].concat()));
             }
             for i in 0..set.len() {
