@@ -1,0 +1,66 @@
+//! The samples that the README runs: corrected, and judged on the numbers as written.
+
+#![allow(clippy::unwrap_used)] // helpers of tests
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Status, compensate, predict};
+use deflex::program::{Program, cl, rapid};
+use deflex::text::{Source, apply};
+use std::path::Path;
+
+/// What single precision and four decimals leave, mm: well below a micrometre.
+const REMAINS_MM: f64 = 0.001;
+
+fn source(path: &str) -> Source {
+    Source::new(path, std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(path)).unwrap())
+}
+
+fn cell(path: &str) -> Cell {
+    Cell::read(&source(path)).unwrap()
+}
+
+fn lands(program: &Program, cell: &Cell) {
+    let corrected = compensate(program, cell, &Options::default()).unwrap();
+    assert!(corrected.failures.is_empty(), "{:?}", corrected.failures[0]);
+    for row in corrected.rows.iter().filter(|row| row.status == Status::Ok) {
+        assert!(row.remaining_mm < REMAINS_MM, "target {}: {}", row.target, row.remaining_mm);
+    }
+    let Some(rewritten) = corrected.rewritten else { return };
+    let mut bytes = Vec::new();
+    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut bytes).unwrap();
+    let again = rapid::read(vec![Source::new("corrected.mod", bytes)], Vec::new()).unwrap();
+    let before = predict(program, cell, &Options::default(), None).unwrap();
+    let after = predict(&again, cell, &Options::default(), Some(program)).unwrap();
+    let rms = |rows: &[deflex::correct::Row]| {
+        (rows.iter().map(|r| r.error_norm_mm().powi(2)).sum::<f64>() / rows.len() as f64).sqrt()
+    };
+    // At most 0.2 % of the uncorrected error.
+    assert!(rms(&after.rows) < 0.002 * rms(&before.rows), "{} of {}", rms(&after.rows), rms(&before.rows));
+}
+
+#[test]
+fn the_slot_lands() {
+    lands(&rapid::read(vec![source("slot/slot.mod")], Vec::new()).unwrap(), &cell("slot/cell.toml"));
+}
+
+#[test]
+fn the_blade_lands_as_rapid_and_as_cl() {
+    let cell = cell("blade/cell.toml");
+    lands(&rapid::read(vec![source("blade/blade.mod")], Vec::new()).unwrap(), &cell);
+    let options = &cell.cl.as_ref().unwrap().options;
+    let program = cl::read(source("blade/blade.aptsource"), options).unwrap();
+    assert!(program.targets.len() >= 2000);
+    lands(&program, &cell);
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let program = rapid::read(vec![source("slot/slot.mod")], Vec::new()).unwrap();
+    let cell = cell("slot/cell.toml");
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let corrected = pool.install(|| compensate(&program, &cell, &Options::default()).unwrap());
+        (corrected.rows, corrected.rewritten.unwrap().edits)
+    };
+    assert_eq!(with(1), with(7));
+}
