@@ -198,6 +198,16 @@ pub struct Rewritten {
 }
 
 impl Program {
+    /// Executed motions, loops expanded, an arc counting once; those whose target is known only at run
+    /// time count, though `targets` has none of them.
+    #[must_use]
+    pub fn motion_targets(&self) -> usize {
+        match &self.layout {
+            Layout::Rapid(layout) => layout.motions,
+            Layout::Cl(_) => self.targets.iter().filter(|t| t.role == Role::End).count(),
+        }
+    }
+
     /// Turns wanted poses into edits on number tokens.
     ///
     /// `changes` has one entry a target; `None` changes nothing, and a program without changes has no

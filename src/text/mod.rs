@@ -2,11 +2,13 @@
 
 mod diagnostic;
 mod edit;
+mod lines;
 pub mod number;
 mod source;
 mod span;
 
 pub use diagnostic::{Diagnostic, Severity, Sink};
 pub use edit::{Edit, apply};
+pub use lines::LineIndex;
 pub use source::{LineColumn, Source};
 pub use span::Span;

@@ -1,98 +1,358 @@
-//! Bytes to tokens. Total: every byte is in a token or is blank, whatever the file holds.
+//! Bytes to lexemes: total (every byte belongs to one), linear, no allocation.
 
+use crate::program::Mark;
 use crate::text::Span;
-use nom::branch::alt;
-use nom::bytes::complete::{take_while, take_while1};
-use nom::character::complete::{digit0, digit1, one_of};
+use nom::bytes::complete::{take_till, take_while, take_while_m_n};
+use nom::character::complete::{char, one_of};
 use nom::combinator::{opt, recognize};
+use nom::sequence::preceded;
 use nom::{IResult, Parser};
 
-/// Kind of a token.
+/// What a lexeme is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Identifier or reserved word.
-    Word,
-    /// Unsigned number; a sign is a token of its own.
-    Number,
-    /// String with its quotes.
-    Text,
+    /// Blanks and line ends.
+    Space,
     /// `!` to the end of the line.
     Comment,
-    /// `:=`, `<>`, `<=`, `>=` or one byte.
+    /// Identifier or reserved word.
+    Word,
+    /// Unsigned number: the sign is an operator.
+    Number,
+    /// `"…"`.
+    Text,
+    /// `<SMT>` and its kin: what the author left to fill in.
+    Placeholder,
+    /// `:=`
+    Assign,
+    /// `<>`
+    Unequal,
+    /// `<=`
+    AtMost,
+    /// `>=`
+    AtLeast,
+    /// Any other printable character.
     Mark(u8),
+    /// A byte that RAPID has no use for, or a text without an end.
+    Junk,
+    /// The end of the input.
+    End,
 }
 
-/// A token.
+/// One lexeme and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Token {
+pub(super) struct Lexeme {
     pub(super) kind: Kind,
-    pub(super) span: Span,
+    pub(super) start: usize,
+    pub(super) end: usize,
 }
 
-/// `:=` as a mark.
-pub(super) const ASSIGN: u8 = 1;
-
-fn is_word(b: u8) -> bool {
-    b.is_ascii_alphanumeric() || b == b'_' || b >= 0xC0
+impl Lexeme {
+    pub(super) fn span(self) -> Span {
+        Span::new(self.start, self.end)
+    }
 }
 
-fn number(input: &[u8]) -> IResult<&[u8], &[u8]> {
-    let exponent = (one_of("eE"), opt(one_of("+-")), digit1);
-    let mantissa = alt((recognize((digit1, opt((one_of("."), digit0)))), recognize((one_of("."), digit1))));
-    recognize((mantissa, opt(exponent))).parse(input)
+type Bytes<'a> = &'a [u8];
+type Found<'a> = IResult<Bytes<'a>, Bytes<'a>, ()>;
+
+/// Blank as RAPID sees it; NUL and the control characters too, which real files carry.
+pub(super) fn is_space(byte: u8) -> bool {
+    byte <= b' ' || byte == 0x7F
 }
 
-fn word(input: &[u8]) -> IResult<&[u8], &[u8]> {
-    take_while1(is_word)(input)
+fn is_word_start(byte: u8) -> bool {
+    byte.is_ascii_alphabetic() || byte == b'_' || byte >= 0xC0
 }
 
-fn comment(input: &[u8]) -> IResult<&[u8], &[u8]> {
-    take_while(|b| !matches!(b, b'\n' | b'\r'))(input)
+fn is_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || byte == b'_' || byte >= 0x80
 }
 
-/// Length of a string token: to the closing quote (`""` is a quote inside), or to the end of the line.
-fn text_len(input: &[u8]) -> usize {
-    let mut at = 1;
-    while at < input.len() {
-        match input[at] {
-            b'"' if input.get(at + 1) == Some(&b'"') => at += 2,
-            b'"' => return at + 1,
-            b'\n' | b'\r' => return at,
-            _ => at += 1,
+fn digits(input: Bytes<'_>) -> Found<'_> {
+    take_while_m_n(1, usize::MAX, |b: u8| b.is_ascii_digit()).parse(input)
+}
+
+fn exponent(input: Bytes<'_>) -> Found<'_> {
+    recognize((one_of("eE"), opt(one_of("+-")), digits)).parse(input)
+}
+
+/// `12`, `1.5`, `5.`, `.5`, `9E+09`, `0x1F`, `0o17`, `0b101`: without a sign.
+pub(super) fn number(input: Bytes<'_>) -> Found<'_> {
+    if let [b'0', b'x' | b'X' | b'o' | b'O' | b'b' | b'B', digit, ..] = input
+        && digit.is_ascii_hexdigit()
+    {
+        return recognize((char('0'), one_of("xXoObB"), take_while(|b: u8| b.is_ascii_hexdigit()))).parse(input);
+    }
+    if input.first() == Some(&b'.') {
+        return recognize((char('.'), digits, opt(exponent))).parse(input);
+    }
+    recognize((digits, opt((char('.'), opt(digits))), opt(exponent))).parse(input)
+}
+
+fn comment(input: Bytes<'_>) -> Found<'_> {
+    take_till(|b| matches!(b, b'\n' | b'\r')).parse(input)
+}
+
+/// `"…"` on one line; `""` is a quote inside it.
+fn text(input: Bytes<'_>) -> Found<'_> {
+    let mut end = 1;
+    loop {
+        match input.get(end) {
+            Some(b'"') if input.get(end + 1) == Some(&b'"') => end += 2,
+            Some(b'"') => return Ok((&input[end + 1..], &input[..=end])),
+            None | Some(b'\n' | b'\r') => return Err(nom::Err::Error(())),
+            Some(_) => end += 1,
         }
     }
-    at
 }
 
-/// All tokens of a file.
-pub(super) fn lex(bytes: &[u8]) -> Vec<Token> {
-    let mut tokens = Vec::with_capacity(bytes.len() / 4);
-    let mut at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-    while at < bytes.len() {
-        let rest = &bytes[at..];
-        let taken = |result: IResult<&[u8], &[u8]>| result.map_or(1, |(_, taken)| taken.len().max(1));
-        let (kind, len) = match rest[0] {
-            b if b.is_ascii_whitespace() || matches!(b, 0 | 0x0B | 0xA0) => {
-                at += 1;
+const PLACEHOLDERS: [&[u8]; 13] =
+    [b"SMT", b"EXP", b"ARG", b"VAR", b"ID", b"DDN", b"RDN", b"TDN", b"PAR", b"ALT", b"DIM", b"EIT", b"CSE"];
+
+/// Only the known names: `a<B>c` is two comparisons.
+fn placeholder(input: Bytes<'_>) -> Found<'_> {
+    let (_, name) = preceded(char('<'), take_while(|b: u8| b.is_ascii_alphabetic())).parse(input)?;
+    let end = name.len() + 1;
+    let known = PLACEHOLDERS.iter().any(|p| p.eq_ignore_ascii_case(name));
+    if known && input.get(end) == Some(&b'>') {
+        Ok((&input[end + 1..], &input[..=end]))
+    } else {
+        Err(nom::Err::Error(()))
+    }
+}
+
+/// The lexeme at the start of `input`: its kind and length, which is 0 only at the end.
+pub(super) fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
+    let Some(&first) = input.first() else { return (Kind::End, 0) };
+    let taken = |kind: Kind, found: Found<'_>| match found {
+        Ok((_, part)) => (kind, part.len()),
+        Err(_) => (Kind::Junk, 1),
+    };
+    match first {
+        _ if is_space(first) => taken(Kind::Space, take_while(is_space).parse(input)),
+        // A no-break space, in Latin-1 or UTF-8, and the byte order mark.
+        0xA0 => (Kind::Space, 1),
+        0xC2 if input.get(1) == Some(&0xA0) => (Kind::Space, 2),
+        0xEF if input.starts_with(b"\xEF\xBB\xBF") => (Kind::Space, 3),
+        b'!' => taken(Kind::Comment, comment(input)),
+        _ if is_word_start(first) => {
+            let end = input.iter().zip(&input[1..]).position(|(&before, &b)| !is_word(b) || b == 0xA0 && before < 0xC2);
+            (Kind::Word, end.map_or(input.len(), |e| e + 1))
+        }
+        b'0'..=b'9' => taken(Kind::Number, number(input)),
+        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(Kind::Number, number(input)),
+        b'"' => match text(input) {
+            Ok((_, part)) => (Kind::Text, part.len()),
+            Err(_) => taken(Kind::Junk, comment(input)),
+        },
+        b':' if input.get(1) == Some(&b'=') => (Kind::Assign, 2),
+        b'<' => match (input.get(1), placeholder(input)) {
+            (_, Ok((_, part))) => (Kind::Placeholder, part.len()),
+            (Some(b'>'), _) => (Kind::Unequal, 2),
+            (Some(b'='), _) => (Kind::AtMost, 2),
+            _ => (Kind::Mark(b'<'), 1),
+        },
+        b'>' if input.get(1) == Some(&b'=') => (Kind::AtLeast, 2),
+        b'!'..=b'~' => (Kind::Mark(first), 1),
+        _ => (Kind::Junk, 1),
+    }
+}
+
+/// A walk over the lexemes that mean something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cursor<'a> {
+    pub(super) bytes: &'a [u8],
+    /// Offset of the next lexeme or of blanks before it.
+    pub(super) at: usize,
+    /// Where the walk ends.
+    pub(super) end: usize,
+    /// End of the lexeme taken last.
+    pub(super) behind: usize,
+    /// The last `! deflex …` comment passed, for whoever walks statements.
+    pub(super) mark: Option<Mark>,
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn new(bytes: &'a [u8], span: Span) -> Self {
+        let range = span.range();
+        Self { bytes, at: range.start, end: range.end.min(bytes.len()), behind: range.start, mark: None }
+    }
+
+    /// Passes blanks and comments.
+    pub(super) fn skip(&mut self) {
+        while self.at < self.end {
+            let first = self.bytes[self.at];
+            // The two common cases without a look at the rest.
+            if first == b' ' {
+                self.at += 1;
                 continue;
             }
-            b'!' => (Kind::Comment, taken(comment(rest))),
-            b'"' => (Kind::Text, text_len(rest)),
-            b'0'..=b'9' => (Kind::Number, taken(number(rest))),
-            b'.' if rest.get(1).is_some_and(u8::is_ascii_digit) && !after_operand(&tokens, at) => {
-                (Kind::Number, taken(number(rest)))
+            if first.is_ascii_alphanumeric() {
+                return;
             }
-            b':' if rest.get(1) == Some(&b'=') => (Kind::Mark(ASSIGN), 2),
-            b if is_word(b) => (Kind::Word, taken(word(rest))),
-            b => (Kind::Mark(b), 1),
-        };
-        tokens.push(Token { kind, span: Span::new(at, at + len) });
-        at += len;
+            let (kind, len) = lexeme(&self.bytes[self.at..self.end]);
+            match kind {
+                Kind::Space => self.at += len,
+                Kind::Comment => {
+                    self.mark = mark(&self.bytes[self.at + 1..self.at + len]).or(self.mark);
+                    self.at += len;
+                }
+                _ => return,
+            }
+        }
     }
-    tokens
+
+    /// The next lexeme that is not blank, without passing it.
+    pub(super) fn peek(&mut self) -> Lexeme {
+        self.skip();
+        let (kind, len) = lexeme(&self.bytes[self.at..self.end]);
+        Lexeme { kind, start: self.at, end: self.at + len }
+    }
+
+    /// Passes and gives the next lexeme that is not blank.
+    pub(super) fn next(&mut self) -> Lexeme {
+        let lexeme = self.peek();
+        self.pass(lexeme);
+        lexeme
+    }
+
+    /// Passes a lexeme that was seen by [`Cursor::peek`].
+    pub(super) fn pass(&mut self, lexeme: Lexeme) {
+        self.at = lexeme.end;
+        self.behind = lexeme.end;
+    }
+
+    /// Passes the next lexeme if it is of this kind.
+    pub(super) fn accept(&mut self, kind: Kind) -> Option<Lexeme> {
+        let lexeme = self.peek();
+        (lexeme.kind == kind).then(|| {
+            self.pass(lexeme);
+            lexeme
+        })
+    }
+
+    /// Passes the next lexeme if it is this word.
+    pub(super) fn accept_word(&mut self, word: &[u8]) -> bool {
+        let lexeme = self.peek();
+        let is = lexeme.kind == Kind::Word && self.text(lexeme).eq_ignore_ascii_case(word);
+        if is {
+            self.pass(lexeme);
+        }
+        is
+    }
+
+    pub(super) fn text(&self, lexeme: Lexeme) -> &'a [u8] {
+        &self.bytes[lexeme.start..lexeme.end]
+    }
 }
 
-/// Whether a point at `at` selects a component (`p.trans`) instead of starting a number.
-fn after_operand(tokens: &[Token], at: usize) -> bool {
-    tokens.last().is_some_and(|t| t.span.end as usize == at && matches!(t.kind, Kind::Word | Kind::Mark(b'}')))
+/// `! deflex air`, `! deflex cut`: the comment's text behind `!`.
+pub(super) fn mark(comment: &[u8]) -> Option<Mark> {
+    let mut words = comment.split(|b| b.is_ascii_whitespace()).filter(|w| !w.is_empty());
+    if !words.next()?.eq_ignore_ascii_case(b"deflex") {
+        return None;
+    }
+    let word = words.next()?;
+    match word {
+        _ if word.eq_ignore_ascii_case(b"air") => Some(Mark::Air),
+        _ if word.eq_ignore_ascii_case(b"cut") => Some(Mark::Cut),
+        _ => None,
+    }
+}
+
+/// A reserved word that opens, parts or closes something, so that a statement cannot go on across it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Key {
+    Module,
+    EndModule,
+    Proc,
+    EndProc,
+    Func,
+    EndFunc,
+    Trap,
+    EndTrap,
+    Record,
+    EndRecord,
+    Alias,
+    Local,
+    Task,
+    Var,
+    Pers,
+    Const,
+    If,
+    Then,
+    ElseIf,
+    Else,
+    EndIf,
+    For,
+    Do,
+    EndFor,
+    While,
+    EndWhile,
+    Test,
+    Case,
+    Default,
+    EndTest,
+    Error,
+    Undo,
+    Backward,
+    Goto,
+    Return,
+    Raise,
+    Exit,
+    Retry,
+    TryNext,
+    Connect,
+}
+
+/// The reserved word that `word` is, in any case.
+pub(super) fn key(word: &[u8]) -> Option<Key> {
+    let mut upper = [0_u8; 9];
+    let upper = upper.get_mut(..word.len())?;
+    upper.copy_from_slice(word);
+    upper.make_ascii_uppercase();
+    Some(match &*upper {
+        b"MODULE" | b"SYSMODULE" => Key::Module,
+        b"ENDMODULE" => Key::EndModule,
+        b"PROC" => Key::Proc,
+        b"ENDPROC" => Key::EndProc,
+        b"FUNC" => Key::Func,
+        b"ENDFUNC" => Key::EndFunc,
+        b"TRAP" => Key::Trap,
+        b"ENDTRAP" => Key::EndTrap,
+        b"RECORD" => Key::Record,
+        b"ENDRECORD" => Key::EndRecord,
+        b"ALIAS" => Key::Alias,
+        b"LOCAL" => Key::Local,
+        b"TASK" => Key::Task,
+        b"VAR" => Key::Var,
+        b"PERS" => Key::Pers,
+        b"CONST" => Key::Const,
+        b"IF" => Key::If,
+        b"THEN" => Key::Then,
+        b"ELSEIF" => Key::ElseIf,
+        b"ELSE" => Key::Else,
+        b"ENDIF" => Key::EndIf,
+        b"FOR" => Key::For,
+        b"DO" => Key::Do,
+        b"ENDFOR" => Key::EndFor,
+        b"WHILE" => Key::While,
+        b"ENDWHILE" => Key::EndWhile,
+        b"TEST" => Key::Test,
+        b"CASE" => Key::Case,
+        b"DEFAULT" => Key::Default,
+        b"ENDTEST" => Key::EndTest,
+        b"ERROR" => Key::Error,
+        b"UNDO" => Key::Undo,
+        b"BACKWARD" => Key::Backward,
+        b"GOTO" => Key::Goto,
+        b"RETURN" => Key::Return,
+        b"RAISE" => Key::Raise,
+        b"EXIT" => Key::Exit,
+        b"RETRY" => Key::Retry,
+        b"TRYNEXT" => Key::TryNext,
+        b"CONNECT" => Key::Connect,
+        _ => return None,
+    })
 }

@@ -1,53 +1,66 @@
 //! ABB RAPID.
+//!
+//! Bytes → lexemes ([`lex`]) → blocks ([`syntax`], shallow: a statement that is not understood stays
+//! as it is and takes no neighbour with it) → the program as it runs ([`run`], with the values of
+//! [`eval`]) → targets, and where their number tokens stand ([`Layout`]) → edits ([`rewrite`]).
+//!
+//! A mark `! deflex air` or `! deflex cut` holds from the next instruction on, in the order in which
+//! instructions run, through calls and loops, until the next mark; one before the first routine
+//! holds from the start.
 
-mod expr;
+mod clone;
+mod dialect;
+mod eval;
+mod insert;
 mod lex;
-mod module;
+mod literal;
+mod motion;
 mod rewrite;
 mod run;
+mod symbols;
+mod syntax;
 mod value;
 
 pub(super) use rewrite::rewrite;
 
 use super::{Language, Program};
 use crate::text::{Diagnostic, Severity, Source, Span};
-use lex::Kind;
-use module::{Module, Symbols};
-use run::Run;
+use lex::{Cursor, Kind};
+use literal::Literal;
+use value::{Place, Step};
 
-/// Where the number tokens of targets stand.
+/// Where the number tokens of robtargets stand.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
-    /// One entry a target: index into `sites`, or `u32::MAX`.
-    pub(super) site_of: Vec<u32>,
-    /// One entry a target: the name or call that stands for it in the instruction.
-    pub(super) to_arg: Vec<Option<Span>>,
-    pub(super) sites: Vec<Site>,
+    /// In text order by source, then those put together from parts.
+    literals: Vec<Literal>,
+    /// One a target.
+    sites: Vec<Site>,
+    offsets: Vec<Offset>,
+    /// Executed motions, those whose target is not known when reading among them.
+    pub(super) motions: usize,
 }
 
-/// The number tokens of one literal.
-#[derive(Clone, Debug)]
-pub(super) struct Site {
-    kind: SiteKind,
-    source: usize,
-    position: [Span; 3],
-    quat: Option<[Span; 4]>,
-    conf: Option<[Span; 4]>,
-    written_mm: [f64; 3],
-    written_quat: [f64; 4],
-    /// Offs, RelTool: the literal that they start from, as (source, offset of its first token).
-    base: Option<(usize, u32)>,
-}
-
-/// What the three position tokens mean.
+/// Where one target stands in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SiteKind {
-    Robtarget,
-    /// In work object axes from a base.
-    Offs,
-    /// In tool axes from a base.
-    RelTool,
+enum Site {
+    /// Nowhere: joint angles, or a value worked out.
+    None,
+    /// A literal, and the argument that names it (inline: none).
+    Literal { literal: u32, argument: Option<Place> },
+    /// `Offs` or `RelTool`: an index into [`Layout::offsets`].
+    Offset(u32),
 }
+
+/// A target made from a literal by `Offs` and `RelTool`, innermost first; the outermost carries the edit.
+#[derive(Debug)]
+struct Offset {
+    root: u32,
+    steps: Box<[Step]>,
+}
+
+/// A byte that no text begins with: encrypted modules do.
+const ENCRYPTED: u8 = 0xF0;
 
 /// Reads modules as one program with shared names; `context` modules only declare.
 ///
@@ -55,160 +68,123 @@ pub(super) enum SiteKind {
 /// The program as a whole is refused (encrypted, not RAPID): every reason found.
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
-    let sources: Vec<Source> = sources.into_iter().chain(context).collect();
-    let mut errors: Vec<Diagnostic> = sources.iter().filter_map(refused).collect();
-    let modules: Vec<Module> = sources.iter().map(Module::new).collect();
-    let mut symbols = Symbols::default();
-    for (i, (source, module)) in sources.iter().zip(&modules).enumerate() {
-        let before = symbols.modules;
-        symbols.add(i, &source.bytes, &module.tokens);
-        let empty = module.tokens.iter().all(|t| t.kind == Kind::Comment);
-        if symbols.modules == before && symbols.routines.values().all(|r| r.source != i) && !empty {
-            errors.extend((!errors.iter().any(|e| e.file == source.name)).then(|| {
-                Diagnostic::error("rapid.no-module", &source.name, "no MODULE header: this is not a RAPID module")
-                    .help("expected `MODULE name` … `ENDMODULE`; use --format cl for cutter location data")
-            }));
-        }
-        if let Some(open) = truncated(source, module) {
-            errors.push(open);
+    let mut sources = sources;
+    sources.extend(context);
+    let mut errors = Vec::new();
+    let mut files = Vec::new();
+    for (index, source) in sources.iter().enumerate() {
+        let file = refuse(source).map_or_else(
+            || {
+                let index = u16::try_from(index).unwrap_or(u16::MAX);
+                syntax::parse(source, index)
+            },
+            Err,
+        );
+        match file {
+            Ok(file) => {
+                if let Some(last) = file.cut {
+                    let message = "the file ends inside a module: expected ENDMODULE";
+                    let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
+                    errors.push(error.help("the file is cut off; get it again from its source"));
+                }
+                files.push(file);
+            }
+            Err(error) => errors.push(error),
         }
     }
     if !errors.is_empty() {
         return Err(errors);
     }
-    let mut run = Run::new(&sources, &modules, &symbols, written);
-    run.program();
-    let Run { targets, tools, wobjs, mut kept, layout, arcs, branches, .. } = run;
-    for &(source, span) in &symbols.bad {
-        let line = sources[source].line_column(span.start as usize).line;
-        kept.push(super::Kept { source, span, line, reason: "declaration not understood" });
+    let outcome = run::Runner::new(&sources, &files, written).run();
+    if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        return Err(outcome.diagnostics);
     }
-    let mut diagnostics = Vec::new();
-    if branches && !targets.is_empty() {
-        let message = "conditions are decided at run time: all branches are read in the order of the text";
-        diagnostics.push(Diagnostic::error("rapid.branches", &sources[0].name, message).severity(Severity::Note));
-    }
-    let literal_targets = (0..written).map(|i| literal_targets(&sources[i].bytes, &modules[i].tokens)).sum();
-    let dialect = dialect(&sources[..written]);
+    let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
+    let dialect = dialect::of(&sources[..written]);
     Ok(Program {
         written,
         language: Language::Rapid,
         dialect,
-        cutter: None,
-        tools,
-        wobjs,
-        targets,
-        kept,
+        tools: outcome.tools,
+        wobjs: outcome.wobjs,
+        targets: outcome.targets,
+        kept: outcome.kept,
         literal_targets,
-        arcs,
-        diagnostics,
-        layout: super::Layout::Rapid(layout),
+        arcs: outcome.arcs,
+        cutter: None,
+        diagnostics: outcome.diagnostics,
+        layout: super::Layout::Rapid(outcome.layout),
         sources,
     })
 }
 
-/// Why a file is refused as a whole, if it is.
-fn refused(source: &Source) -> Option<Diagnostic> {
-    let head = &source.bytes[..source.bytes.len().min(512)];
-    let strange = head.iter().filter(|b| (**b < 0x20 && !b.is_ascii_whitespace()) || **b >= 0x7F).count();
-    let encrypted = head.first().is_some_and(|&b| b >= 0xF0) && 4 * strange > head.len();
-    encrypted.then(|| {
-        Diagnostic::error("rapid.encrypted", &source.name, "this module is encrypted")
-            .at(source, Span::new(0, 1))
-            .help("save it from the controller without encryption, or give the module that it was made from")
-    })
-}
-
-/// A module that begins and does not end: a truncated file is not a program.
-fn truncated(source: &Source, module: &Module) -> Option<Diagnostic> {
-    let words = |wanted: &str| {
-        module
-            .tokens
-            .iter()
-            .filter(|t| t.kind == Kind::Word && source.bytes[t.span.range()].eq_ignore_ascii_case(wanted.as_bytes()))
-            .count()
-    };
-    let last = module.tokens.iter().rev().find(|t| t.kind != Kind::Comment)?;
-    let whole = words("ENDMODULE") >= words("MODULE") + words("SYSMODULE");
-    (!whole).then(|| {
-        Diagnostic::error("rapid.truncated", &source.name, "the file ends inside a module: expected ENDMODULE")
-            .at(source, last.span)
-            .help("the file is cut off; get it again from its source")
-    })
-}
-
-/// Complete robtarget literals: `[[3],[4],[4],[6]]`, every leaf a number.
-fn literal_targets(bytes: &[u8], tokens: &[lex::Token]) -> usize {
-    let mut count = 0;
-    let mut at = 0;
-    while at < tokens.len() {
-        match literal_robtarget(bytes, tokens, at) {
-            Some(end) => (count, at) = (count + 1, end),
-            None => at += 1,
-        }
+/// Why a file as a whole is not read.
+fn refuse(source: &Source) -> Option<Diagnostic> {
+    let bytes = &source.bytes;
+    let whole = |code, message: &str| Diagnostic::error(code, &source.name, message);
+    if u32::try_from(bytes.len()).is_err() {
+        return Some(whole("rapid.too-large", "file is larger than 4 GiB").help("split it into modules"));
     }
-    count
-}
-
-fn literal_robtarget(bytes: &[u8], tokens: &[lex::Token], start: usize) -> Option<usize> {
-    let mut at = start;
-    let mark = |at: &mut usize, wanted: u8| {
-        let found = tokens.get(*at)?.kind == Kind::Mark(wanted);
-        *at += 1;
-        found.then_some(())
-    };
-    mark(&mut at, b'[')?;
-    for (group, len) in [3, 4, 4, 6].into_iter().enumerate() {
-        if group > 0 {
-            mark(&mut at, b',')?;
-        }
-        mark(&mut at, b'[')?;
-        for i in 0..len {
-            if i > 0 {
-                mark(&mut at, b',')?;
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if text.first().is_some_and(|b| *b >= ENCRYPTED) {
+        return Some(
+            whole("rapid.encrypted", "the module is encrypted").help("save it from the controller without encryption"),
+        );
+    }
+    if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
+        return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
+    }
+    if text.trim_ascii_start().starts_with(b"<") {
+        let message = "the file is XML, not RAPID; a program file (.pgf) only lists modules";
+        return Some(whole("rapid.xml", message).help("give the modules that it lists"));
+    }
+    // Something that only RAPID has: a module, a routine or data.
+    let mut cursor = Cursor::new(bytes, Span::new(0, bytes.len()));
+    loop {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            Kind::End => break,
+            Kind::Word => {
+                let word = cursor.text(lexeme);
+                if matches!(
+                    lex::key(word),
+                    Some(
+                        lex::Key::Module
+                            | lex::Key::Proc
+                            | lex::Key::Func
+                            | lex::Key::Pers
+                            | lex::Key::Const
+                            | lex::Key::Var
+                    )
+                ) && cursor.peek().kind != Kind::End
+                {
+                    return None;
+                }
             }
-            while matches!(tokens.get(at)?.kind, Kind::Mark(b'-' | b'+')) {
-                at += 1;
-            }
-            (tokens.get(at)?.kind == Kind::Number).then_some(())?;
-            at += 1;
-        }
-        mark(&mut at, b']')?;
-    }
-    mark(&mut at, b']')?;
-    let _ = bytes;
-    Some(at)
-}
-
-/// Who made the program, by what it says of itself in comments.
-fn dialect(sources: &[Source]) -> &'static str {
-    const LOOK: usize = 8192;
-    const MAKERS: [(&str, &str); 9] = [
-        ("ROBODK", "robodk"),
-        ("ROBOTCOMPONENTS", "robotcomponents"),
-        ("ROBOT COMPONENTS", "robotcomponents"),
-        ("SPRUTCAM", "sprutcam"),
-        ("ROBOTMASTER", "robotmaster"),
-        ("POWERMILL", "powermill"),
-        ("FUSION", "autodesk"),
-        ("AUTODESK", "autodesk"),
-        ("ROBOTSTUDIO", "robotstudio"),
-    ];
-    for source in sources {
-        let text = expr::upper(&source.bytes[..source.bytes.len().min(LOOK)]);
-        if let Some((_, dialect)) = MAKERS.iter().find(|(word, _)| text.contains(word)) {
-            return dialect;
+            _ => {}
         }
     }
-    "rapid"
+    Some(
+        whole("rapid.no-module", "the file is not RAPID: there is no MODULE, no routine and no declaration in it")
+            .help("give a .mod, .sys or .prg file, or force the language with --format"),
+    )
 }
 
-/// A vector turned by a quaternion, scalar first.
-fn turn(q: &[f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let cross =
-        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let axis = [q[1], q[2], q[3]];
-    let once = cross(axis, v);
-    let twice = cross(axis, once);
-    std::array::from_fn(|i| v[i] + 2.0 * (q[0] * once[i] + twice[i]))
+/// Names of the modules that a program file (`.pgf`, XML) lists, in order; `None` where it is not one.
+#[must_use]
+pub fn pgf_modules(bytes: &[u8]) -> Option<Vec<String>> {
+    let text: String = bytes.iter().map(|&b| b as char).collect();
+    let program = text.find("<Program")?;
+    let mut rest = &text[program..];
+    let mut modules = Vec::new();
+    while let Some(start) = rest.find("<Module>") {
+        rest = &rest[start + "<Module>".len()..];
+        let end = rest.find("</Module>")?;
+        modules.push(rest[..end].trim().to_owned());
+        rest = &rest[end..];
+    }
+    Some(modules)
 }
+
+#[cfg(test)]
+mod tests;

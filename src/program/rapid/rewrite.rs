@@ -1,14 +1,27 @@
-//! Wanted poses into edits on number tokens; all else byte for byte.
+//! Corrected poses back into number tokens: nothing but sign and digits changes.
 
-use super::{Layout, Site, SiteKind, turn};
-use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Edit, Span, number};
-use std::collections::BTreeMap;
+use super::literal::Literal;
+use super::value::{Place, rotate, unit};
+use super::{Layout, Offset, Site, clone, insert};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
+use crate::text::{Edit, number};
+use std::collections::HashMap;
 
-/// Users of one literal agree when their wanted numbers print the same: half a digit of four decimals, mm.
-const AGREE_MM: f64 = 5e-5;
-/// The same for quaternion components.
-const AGREE_QUAT: f64 = 5e-9;
+/// Most decimals printed: single precision holds no more of any quaternion.
+const MAX_DECIMALS: usize = 15;
+/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+const SAME_QUAT: f64 = 1e-12;
+const SHARED: &str = "declared target used by motions whose corrections differ";
+const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
+
+/// New token texts of one literal; `None` where a token stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Print {
+    tokens: [Option<Vec<u8>>; 11],
+}
+
+/// Position and orientation as the controller holds them.
+type Pose = ([f64; 3], [f64; 4]);
 
 pub(in crate::program) fn rewrite(
     program: &Program,
@@ -17,327 +30,353 @@ pub(in crate::program) fn rewrite(
     inserts: &[Insert],
     options: &RewriteOptions,
 ) -> Rewritten {
-    let mut pen =
-        Pen { program, options, edits: vec![Vec::new(); program.written], printed: vec![None; layout.sites.len()] };
-    let mut kept = Vec::new();
-    let mut users: Vec<Vec<usize>> = vec![Vec::new(); layout.sites.len()];
-    for (i, &site) in layout.site_of.iter().enumerate() {
-        if let Some(users) = users.get_mut(site as usize) {
-            users.push(i);
-        }
-    }
-    // Literals first: what stands on them follows.
-    let mut clones: BTreeMap<usize, (usize, Vec<usize>)> = BTreeMap::new();
-    for (s, site) in layout.sites.iter().enumerate().filter(|(_, site)| site.kind == SiteKind::Robtarget) {
-        let Some(first) = users[s].iter().find_map(|&i| changes[i].as_ref()) else { continue };
-        if users[s].iter().all(|&i| changes[i].as_ref().is_some_and(|change| agree(first, change))) {
-            pen.literal(s, site, first);
-        } else if options.allow_clones
-            && users[s].iter().all(|&i| layout.to_arg[i].is_some() && program.targets[i].name.is_some())
-        {
-            clones.insert(s, (s, users[s].clone()));
-        } else {
-            kept.extend(
-                users[s].iter().filter(|&&i| changes[i].is_some()).map(|&i| (i, "used with different corrections")),
-            );
-        }
-    }
-    let mut cloned: BTreeMap<usize, ([f64; 3], [f64; 4])> = BTreeMap::new();
-    for (s, users) in clones.values() {
-        pen.clone_literal(layout, &layout.sites[*s], users, changes, &mut cloned);
-    }
-    for (s, site) in layout.sites.iter().enumerate().filter(|(_, site)| site.kind != SiteKind::Robtarget) {
-        let base = site.base.and_then(|base| layout.sites.iter().position(|b| (b.source, b.position[0].start) == base));
-        let wanted: Vec<Option<[f64; 3]>> =
-            users[s].iter().map(|&i| changes[i].as_ref().map(|c| c.position_mm)).collect();
-        let moved = base.is_some_and(|base| pen.printed[base].is_some());
-        let first = wanted.iter().flatten().next().copied().or_else(|| {
-            // Not changed itself, but its base is: hold where it was.
-            users[s].first().filter(|_| moved).and_then(|&i| position(&program.targets[i].goal))
-        });
-        let Some(first) = first else { continue };
-        let same = wanted.iter().flatten().all(|w| (0..3).all(|k| (w[k] - first[k]).abs() <= AGREE_MM));
-        if let (true, Some(base)) = (same, base) {
-            let (from, quat) = pen.held(base, &layout.sites[base]);
-            pen.offset(s, site, first, from, &quat);
-        } else {
-            kept.extend(users[s].iter().map(|&i| (i, "used with different corrections")));
-        }
-    }
-    let written =
-        (0..program.targets.len()).map(|i| cloned.get(&i).copied().unwrap_or_else(|| pen.seen(layout, i))).collect();
-    let inserted = pen.insert(layout, inserts);
-    for edits in &mut pen.edits {
-        edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
-    }
-    kept.sort_unstable();
-    Rewritten { edits: pen.edits, written, inserted, kept }
-}
-
-fn position(goal: &Goal) -> Option<[f64; 3]> {
-    match goal {
-        Goal::Pose { position_mm, .. } => Some(*position_mm),
-        _ => None,
-    }
-}
-
-fn agree(a: &Change, b: &Change) -> bool {
-    let near = |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
-    let quats = match (&a.quat, &b.quat) {
-        (Some(a), Some(b)) => near(a, b, AGREE_QUAT) || near(a, &b.map(|q| -q), AGREE_QUAT),
-        (None, None) => true,
-        _ => false,
-    };
-    near(&a.position_mm, &b.position_mm, AGREE_MM) && quats && a.conf == b.conf
-}
-
-/// A value as the controller holds it.
-fn single(value: f64) -> f64 {
-    #[allow(clippy::cast_possible_truncation)]
-    let held = value as f32;
-    f64::from(held)
-}
-
-/// Position and orientation as printed, not yet rounded to single precision.
-type Printed = ([f64; 3], [f64; 4]);
-
-struct Pen<'a> {
-    program: &'a Program,
-    options: &'a RewriteOptions,
-    edits: Vec<Vec<Edit>>,
-    /// What each edited site says now.
-    printed: Vec<Option<Printed>>,
-}
-
-impl Pen<'_> {
-    fn token(&self, source: usize, span: Span) -> &[u8] {
-        self.program.sources[source].slice(span)
-    }
-
-    /// Replaces one number; returns what is printed there now.
-    fn number(&mut self, source: usize, span: Span, value: f64, least: usize) -> f64 {
-        let old = self.token(source, span).to_vec();
-        let compact: Vec<u8> = old.iter().copied().filter(|b| !b.is_ascii_whitespace()).collect();
-        let decimals = number::decimals(&compact).max(least);
-        let mut new = Vec::with_capacity(16);
-        number::write_fixed(&mut new, value, decimals);
-        let printed = number::read(&new).unwrap_or(value);
-        let before = number::read(&compact);
-        // Equal as numbers, so that 0 and −0 are the same.
-        if before.is_some_and(|before| (before - printed).abs() <= 0.0) {
-            return printed;
-        }
-        if old.first() == Some(&b'+') && new.first() != Some(&b'-') {
-            new.insert(0, b'+');
-        }
-        self.edits[source].push(Edit { span, content: new });
-        printed
-    }
-
-    fn literal(&mut self, index: usize, site: &Site, change: &Change) {
-        let position = std::array::from_fn(|k| {
-            self.number(site.source, site.position[k], change.position_mm[k], self.options.position_decimals)
-        });
-        let quat = match (change.quat, site.quat) {
-            (Some(wanted), Some(tokens)) => {
-                let wanted = same_hemisphere(wanted, &site.written_quat);
-                std::array::from_fn(|k| self.number(site.source, tokens[k], wanted[k], self.options.quat_decimals))
-            }
-            _ => site.written_quat,
-        };
-        if let (Some(conf), Some(tokens)) = (change.conf, site.conf) {
-            for (token, value) in tokens.into_iter().zip([conf.cf1, conf.cf4, conf.cf6, conf.cfx]) {
-                self.number(site.source, token, f64::from(value), 0);
+    let mut writer = Writer { program, layout, options, edits: vec![Vec::new(); program.written], kept: Vec::new() };
+    let mut prints: Vec<Option<Print>> = Vec::new();
+    let mut cloned = HashMap::new();
+    if changes.iter().any(Option::is_some) {
+        (prints, cloned) = writer.literals(changes);
+        for (literal, print) in prints.iter().enumerate() {
+            if let Some(print) = print {
+                writer.edit_literal(&layout.literals[literal], print);
             }
         }
-        self.printed[index] = Some((position, quat));
+    }
+    let offsets = writer.offsets(changes, &prints);
+    let written = (0..program.targets.len()).map(|i| writer.written(i, &prints, &cloned, &offsets)).collect();
+    let inserted = insert::write(&mut writer, inserts);
+    let mut edits = writer.edits;
+    for edits in &mut edits {
+        edits.sort_by_key(|e| (e.span.start, e.span.end));
+    }
+    writer.kept.sort_unstable();
+    Rewritten { edits, written, inserted, kept: writer.kept }
+}
+
+/// Corrections on their way into the text.
+pub(super) struct Writer<'a> {
+    pub(super) program: &'a Program,
+    pub(super) layout: &'a Layout,
+    pub(super) options: &'a RewriteOptions,
+    pub(super) edits: Vec<Vec<Edit>>,
+    pub(super) kept: Vec<(usize, &'static str)>,
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
+        self.program.sources[place.source as usize].slice(place.span)
     }
 
-    /// What a literal says now, as the controller holds it.
-    fn held(&self, index: usize, site: &Site) -> Printed {
-        let (position, quat) = self.printed[index].unwrap_or((site.written_mm, site.written_quat));
-        (position.map(single), normalised(quat.map(single)))
+    pub(super) fn token(&self, literal: &Literal, i: usize) -> &'a [u8] {
+        self.bytes(Place { source: literal.source, span: literal.token(i) })
     }
 
-    /// Offs and RelTool: the three numbers from where the base stands now.
-    fn offset(&mut self, index: usize, site: &Site, wanted: [f64; 3], from: [f64; 3], quat: &[f64; 4]) {
-        let shift = std::array::from_fn(|k| wanted[k] - from[k]);
-        let shift = match site.kind {
-            SiteKind::RelTool => turn(&[quat[0], -quat[1], -quat[2], -quat[3]], shift),
-            _ => shift,
-        };
-        let printed = std::array::from_fn(|k| {
-            self.number(site.source, site.position[k], shift[k], self.options.position_decimals)
-        });
-        self.printed[index] = Some((printed, site.written_quat));
-    }
-
-    /// Pose of a target as the controller will hold it.
-    fn seen(&self, layout: &Layout, i: usize) -> Printed {
-        let as_written = || match self.program.targets[i].goal {
-            Goal::Pose { position_mm, quat, .. } => (position_mm.map(single), normalised(quat.map(single))),
-            _ => ([0.0; 3], [1.0, 0.0, 0.0, 0.0]),
-        };
-        let Some(site) = layout.sites.get(layout.site_of[i] as usize) else { return as_written() };
-        if site.kind == SiteKind::Robtarget {
-            return self.held(layout.site_of[i] as usize, site);
-        }
-        let base = site.base.and_then(|base| layout.sites.iter().position(|b| (b.source, b.position[0].start) == base));
-        let Some(base) = base else { return as_written() };
-        let (from, quat) = self.held(base, &layout.sites[base]);
-        let d = self.printed[layout.site_of[i] as usize].map_or(site.written_mm, |p| p.0).map(single);
-        let shift = if site.kind == SiteKind::RelTool { turn(&quat, d) } else { d };
-        (std::array::from_fn(|k| from[k] + shift[k]), quat)
-    }
-
-    /// Gives every user of a declared target but the first a declaration of its own.
-    fn clone_literal(
-        &mut self,
-        layout: &Layout,
-        site: &Site,
-        users: &[usize],
-        changes: &[Option<Change>],
-        written: &mut BTreeMap<usize, Printed>,
-    ) {
-        let source = &self.program.sources[site.source];
-        let Some(name) = users.first().and_then(|&i| self.program.targets[i].name.clone()) else { return };
-        let line_start =
-            source.bytes[..site.position[0].start as usize].iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
-        let from = site.position[0].start as usize;
-        let end = source.bytes[from..].iter().position(|&b| b == b';').map_or(source.bytes.len(), |p| from + p + 1);
-        let declaration = source.bytes[line_start..end].to_vec();
-        let line_end: &[u8] = if source.bytes[end..].starts_with(b"\r\n") { b"\r\n" } else { b"\n" };
-        let mut text = Vec::new();
-        for (n, &i) in users.iter().enumerate() {
-            let Some(change) = &changes[i] else { continue };
-            let clone = format!("{name}_d{}", n + 1);
-            let mut copy = declaration.clone();
-            let Some(at) = find(&copy, name.as_bytes()) else { continue };
-            // Numbers from the back, so that earlier offsets stay.
-            let quat = change.quat.map_or(site.written_quat, |q| same_hemisphere(q, &site.written_quat));
-            let mut numbers: Vec<(Span, f64, usize)> =
-                (0..3).map(|k| (site.position[k], change.position_mm[k], self.options.position_decimals)).collect();
-            if let (Some(tokens), Some(_)) = (site.quat, change.quat) {
-                numbers.extend((0..4).map(|k| (tokens[k], quat[k], self.options.quat_decimals)));
-            }
-            let mut printed = (change.position_mm, quat);
-            for (k, (span, value, least)) in numbers.into_iter().enumerate().rev() {
-                let range = span.start as usize - line_start..span.end as usize - line_start;
-                let mut new = Vec::new();
-                number::write_fixed(&mut new, value, number::decimals(&copy[range.clone()]).max(least));
-                let value = number::read(&new).unwrap_or(value);
-                if k < 3 {
-                    printed.0[k] = value
-                } else {
-                    printed.1[k - 3] = value
+    /// What each literal is to become, agreed among all who use it; clones where they do not agree.
+    fn literals(&mut self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, HashMap<usize, Print>) {
+        let mut prints: Vec<Option<Print>> = vec![None; self.layout.literals.len()];
+        let mut first: Vec<u32> = vec![u32::MAX; self.layout.literals.len()];
+        let mut disputed: Vec<u32> = Vec::new();
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+            let Site::Literal { literal, .. } = *site else {
+                if matches!(site, Site::None) && change.as_ref().is_some_and(|c| self.differs(i, c)) {
+                    self.kept.push((i, self.reason(i)));
                 }
-                copy.splice(range, new);
+                continue;
+            };
+            let print = match (self.program.targets[i].editable, change) {
+                (Editable::Pose, Some(change)) => self.print(i, literal, change),
+                (Editable::Pose, None) => Print::default(),
+                (_, change) => {
+                    if change.as_ref().is_some_and(|c| self.differs(i, c)) {
+                        self.kept.push((i, self.reason(i)));
+                    }
+                    continue;
+                }
+            };
+            let slot = literal as usize;
+            if first[slot] == u32::MAX {
+                first[slot] = u32::try_from(i).unwrap_or(u32::MAX - 1);
+                prints[slot] = Some(print);
+            } else if prints[slot].as_ref() != Some(&print) {
+                disputed.push(literal);
             }
-            copy.splice(at..at + name.len(), clone.bytes());
-            text.extend_from_slice(line_end);
-            text.extend_from_slice(&copy);
-            if let Some(span) = layout.to_arg[i] {
-                let user = usize::from(self.program.targets[i].source);
-                self.edits[user].push(Edit { span, content: clone.into_bytes() });
-            }
-            written.insert(i, (printed.0.map(single), normalised(printed.1.map(single))));
         }
-        self.edits[site.source].push(Edit { span: Span::new(end, end), content: text });
+        disputed.sort_unstable();
+        disputed.dedup();
+        let mut cloned = HashMap::new();
+        for literal in disputed {
+            prints[literal as usize] = None;
+            clone::resolve(self, literal, changes, &mut prints, &mut cloned, SHARED);
+        }
+        for print in &mut prints {
+            if print.as_ref().is_some_and(|p| p.tokens.iter().all(Option::is_none)) {
+                *print = None;
+            }
+        }
+        (prints, cloned)
     }
 
-    /// New linear moves before their targets' instructions.
-    fn insert(&mut self, layout: &Layout, inserts: &[Insert]) -> Vec<Printed> {
-        let mut out = Vec::with_capacity(inserts.len());
-        for insert in inserts {
-            let target = &self.program.targets[insert.before];
-            let source_index = usize::from(target.source);
-            let source = &self.program.sources[source_index];
-            let text = source.slice(target.span);
-            // The instruction without its target: name, then what follows the first argument.
-            let open = text.iter().position(|b| b.is_ascii_whitespace()).unwrap_or(text.len());
-            let after = match layout.to_arg[insert.before] {
-                Some(span) => span.end as usize - target.span.start as usize,
-                None => matching(text, open),
-            };
-            let quat = normalised(insert.quat);
-            let mut line = text[..open].to_vec();
-            line.extend_from_slice(b" [[");
-            let mut printed = (insert.position_mm, quat);
-            for k in 0..3 {
-                let start = line.len();
-                number::write_fixed(&mut line, insert.position_mm[k], self.options.position_decimals);
-                printed.0[k] = number::read(&line[start..]).unwrap_or(insert.position_mm[k]);
-                line.push(b',');
-            }
-            line.pop();
-            line.extend_from_slice(b"],[");
-            for k in 0..4 {
-                let start = line.len();
-                number::write_fixed(&mut line, quat[k], self.options.quat_decimals);
-                printed.1[k] = number::read(&line[start..]).unwrap_or(quat[k]);
-                line.push(b',');
-            }
-            line.pop();
-            let conf = match target.goal {
-                Goal::Pose { conf: Some(c), .. } => format!("],[{},{},{},{}]", c.cf1, c.cf4, c.cf6, c.cfx),
-                _ => "],[0,0,0,0]".to_owned(),
-            };
-            line.extend_from_slice(conf.as_bytes());
-            line.extend_from_slice(b",[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]]");
-            line.extend(without_stop(&text[after.min(text.len())..]));
-            line.push(b';');
-            let start = target.span.start as usize;
-            let line_start = source.bytes[..start].iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
-            let crlf = source.bytes[..start].windows(2).rev().find(|w| w[1] == b'\n').is_some_and(|w| w[0] == b'\r');
-            line.extend_from_slice(if crlf { b"\r\n" } else { b"\n" });
-            let indent: Vec<u8> =
-                source.bytes[line_start..start].iter().copied().take_while(u8::is_ascii_whitespace).collect();
-            line.extend_from_slice(&indent);
-            self.edits[source_index].push(Edit { span: Span::new(start, start), content: line });
-            out.push((printed.0.map(single), normalised(printed.1.map(single))));
+    fn reason(&self, i: usize) -> &'static str {
+        if let Editable::No(reason) = self.program.targets[i].editable { reason } else { SHARED }
+    }
+
+    /// Whether a change asks for anything else than what is there.
+    fn differs(&self, i: usize, change: &Change) -> bool {
+        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
+        #[allow(clippy::float_cmp)] // the very number that was read means no change
+        let moved = change.position_mm != position_mm;
+        moved || change.quat.is_some_and(|q| turned(q, quat)) || change.conf.is_some() && change.conf != conf
+    }
+
+    /// New tokens of a literal for one user's change.
+    pub(super) fn print(&self, i: usize, literal: u32, change: &Change) -> Print {
+        let literal = &self.layout.literals[literal as usize];
+        let mut print = Print::default();
+        let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
+        for axis in 0..3 {
+            let old = self.token(literal, axis);
+            print.tokens[axis] = new_token(old, change.position_mm[axis], self.options.position_decimals);
         }
+        if let Some(wanted) = change.quat.filter(|q| turned(*q, quat)) {
+            let mut wanted = unit(wanted);
+            // The same orientation with the signs that are written.
+            if wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+                wanted = wanted.map(|c| -c);
+            }
+            for (c, value) in wanted.into_iter().enumerate() {
+                print.tokens[3 + c] = new_token(self.token(literal, 3 + c), value, self.options.quat_decimals);
+            }
+        }
+        if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf) {
+            for (c, value) in quarters(wanted).into_iter().enumerate() {
+                // A configuration that is a name stays; it is not this target's own.
+                if !literal.token(7 + c).is_empty() {
+                    print.tokens[7 + c] = new_token(self.token(literal, 7 + c), f64::from(value), 0);
+                }
+            }
+        }
+        print
+    }
+
+    fn edit_literal(&mut self, literal: &Literal, print: &Print) {
+        let Some(edits) = self.edits.get_mut(literal.source as usize) else { return };
+        for (i, token) in print.tokens.iter().enumerate() {
+            if let Some(content) = token {
+                edits.push(Edit { span: literal.token(i), content: content.clone() });
+            }
+        }
+    }
+
+    /// The literal's text with its new tokens: for a clone.
+    pub(super) fn literal_text(&self, literal: &Literal, print: &Print) -> Vec<u8> {
+        let span = literal.span();
+        let bytes = self.bytes(Place { source: literal.source, span });
+        let mut out = Vec::new();
+        let mut done = 0;
+        for (i, token) in print.tokens.iter().enumerate() {
+            if let Some(content) = token {
+                let place = literal.token(i);
+                let (from, to) = ((place.start - span.start) as usize, (place.end - span.start) as usize);
+                out.extend_from_slice(&bytes[done..from]);
+                out.extend_from_slice(content);
+                done = to;
+            }
+        }
+        out.extend_from_slice(&bytes[done..]);
         out
     }
-}
 
-/// Index behind the bracketed argument that starts at or after `from`.
-fn matching(text: &[u8], from: usize) -> usize {
-    let mut depth = 0usize;
-    for (i, b) in text.iter().enumerate().skip(from) {
-        match b {
-            b'[' | b'(' => depth += 1,
-            b']' | b')' => {
-                depth = depth.saturating_sub(1);
-                if depth == 0 {
-                    return i + 1;
+    /// Position and orientation as written after `print`, f32-rounded; the orientation as printed.
+    fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
+        let value = |i: usize| {
+            let new = print.and_then(|p| p.tokens[i].as_deref());
+            single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(0.0))
+        };
+        (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
+    }
+
+    /// New arguments of `Offs` and `RelTool`, by the place of the first.
+    fn offsets(
+        &mut self,
+        changes: &[Option<Change>],
+        prints: &[Option<Print>],
+    ) -> HashMap<Place, [Option<Vec<u8>>; 3]> {
+        let mut wishes: HashMap<Place, [Option<Vec<u8>>; 3]> = HashMap::new();
+        let mut disputed: Vec<Place> = Vec::new();
+        let mut users: Vec<(usize, Place, [Place; 3])> = Vec::new();
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+            let Site::Offset(at) = *site else { continue };
+            let offset = &self.layout.offsets[at as usize];
+            let base_moves = prints.get(offset.root as usize).is_some_and(Option::is_some);
+            if self.program.targets[i].editable != Editable::Position {
+                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
+                    self.kept.push((i, self.reason(i)));
+                }
+                continue;
+            }
+            let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };
+            #[allow(clippy::float_cmp)] // the very number that was read means no change
+            let wanted = change.as_ref().map_or(position_mm, |c| c.position_mm);
+            let (Some(last), true) = (offset.steps.last(), base_moves || wanted != position_mm) else { continue };
+            let Some(tokens) = last.tokens else { continue };
+            let base = &self.layout.literals[offset.root as usize];
+            let (position, quat) = self.behind(
+                offset,
+                self.literal_pose(base, prints[..].get(offset.root as usize).and_then(Option::as_ref)),
+                1,
+            );
+            let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
+            if last.in_tool {
+                let [w, x, y, z] = unit(quat);
+                d = rotate([w, -x, -y, -z], d);
+            }
+            let print = std::array::from_fn(|k| new_token(self.bytes(tokens[k]), d[k], self.options.position_decimals));
+            users.push((i, tokens[0], tokens));
+            match wishes.get(&tokens[0]) {
+                None => {
+                    wishes.insert(tokens[0], print);
+                }
+                Some(other) if *other != print => disputed.push(tokens[0]),
+                Some(_) => {}
+            }
+        }
+        for place in &disputed {
+            wishes.remove(place);
+        }
+        let mut done = std::collections::HashSet::new();
+        for (i, place, tokens) in users {
+            match wishes.get(&place) {
+                None => self.kept.push((i, SHARED_OFFSET)),
+                Some(print) if done.insert(place) => {
+                    for (token, content) in tokens.iter().zip(print) {
+                        if let (Some(content), Some(edits)) = (content, self.edits.get_mut(token.source as usize)) {
+                            edits.push(Edit { span: token.span, content: content.clone() });
+                        }
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+        wishes
+    }
+
+    /// A base's pose through all steps but the last `but`.
+    fn behind(&self, offset: &Offset, base: Pose, but: usize) -> Pose {
+        let steps = &offset.steps[..offset.steps.len() - but];
+        steps.iter().fold(base, |(p, q), step| step.apply(p, q))
+    }
+
+    /// A target as the controller will hold it.
+    fn written(
+        &self,
+        i: usize,
+        prints: &[Option<Print>],
+        cloned: &HashMap<usize, Print>,
+        offsets: &HashMap<Place, [Option<Vec<u8>>; 3]>,
+    ) -> Pose {
+        let print = |literal: u32| prints.get(literal as usize).and_then(Option::as_ref);
+        let (position, quat) = match self.layout.sites[i] {
+            Site::Literal { literal, .. } => {
+                let print = cloned.get(&i).or_else(|| print(literal));
+                self.literal_pose(&self.layout.literals[literal as usize], print)
+            }
+            Site::Offset(at) => {
+                let offset = &self.layout.offsets[at as usize];
+                let base = self.literal_pose(&self.layout.literals[offset.root as usize], print(offset.root));
+                let (position, quat) = self.behind(offset, base, 1);
+                match offset.steps.last() {
+                    None => (position, quat),
+                    Some(last) => {
+                        let mut step = *last;
+                        if let Some(tokens) = last.tokens {
+                            let new = offsets.get(&tokens[0]);
+                            step.offset_mm = std::array::from_fn(|k| {
+                                let token = new.and_then(|n| n[k].as_deref()).unwrap_or_else(|| self.bytes(tokens[k]));
+                                single(signed(token).unwrap_or(step.offset_mm[k]))
+                            });
+                        }
+                        step.apply(position, quat)
+                    }
                 }
             }
-            b',' if depth == 0 => return i,
-            _ => {}
-        }
-    }
-    text.len()
-}
-
-/// The rest of an instruction with a stop point made a fly-by: the stop belongs to the last piece.
-fn without_stop(rest: &[u8]) -> Vec<u8> {
-    match find(&rest.to_ascii_lowercase(), b",fine,") {
-        Some(at) => [&rest[..at], b",z0,", &rest[at + 6..]].concat(),
-        None => rest.to_vec(),
+            Site::None => match self.program.targets[i].goal {
+                Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
+                Goal::Axis { position_mm, .. } => (position_mm, super::value::NO_TURN),
+                Goal::Joints { .. } => return ([0.0; 3], super::value::NO_TURN),
+            },
+        };
+        (position.map(single), unit(quat))
     }
 }
 
-fn find(text: &[u8], wanted: &[u8]) -> Option<usize> {
-    text.windows(wanted.len().max(1)).position(|window| window.eq_ignore_ascii_case(wanted))
+pub(super) fn quarters(conf: Conf) -> [i32; 4] {
+    [conf.cf1, conf.cf4, conf.cf6, conf.cfx]
 }
 
-fn normalised(quat: [f64; 4]) -> [f64; 4] {
-    let norm = quat.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if norm > 0.0 { quat.map(|q| q / norm) } else { [1.0, 0.0, 0.0, 0.0] }
+/// Whether two unit quaternions are different orientations.
+fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
+    let a = unit(a);
+    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
+    !same(1.0) && !same(-1.0)
 }
 
-fn same_hemisphere(quat: [f64; 4], like: &[f64; 4]) -> [f64; 4] {
-    let quat = normalised(quat);
-    let dot: f64 = quat.iter().zip(like).map(|(a, b)| a * b).sum();
-    if dot < 0.0 { quat.map(|q| -q) } else { quat }
+/// The controller's `num` is an IEEE single.
+#[allow(clippy::cast_possible_truncation)]
+pub(super) fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
+/// A token with its sign, blanks between them allowed.
+fn signed(token: &[u8]) -> Option<f64> {
+    let (negative, rest) = match token {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        rest => (false, rest),
+    };
+    let value = number::read(rest.trim_ascii_start())?;
+    Some(if negative { -value } else { value })
+}
+
+/// The new text of a token, in its own style; `None` where the printed value stays what it is.
+fn new_token(old: &[u8], value: f64, least: usize) -> Option<Vec<u8>> {
+    let decimals = places(old).max(least).min(MAX_DECIMALS);
+    let mut out = Vec::new();
+    number::write_fixed(&mut out, value, decimals);
+    let was = signed(old);
+    if number::read(&out).is_some() && number::read(&out) == was {
+        return None;
+    }
+    // `+1.5` and `0012.5` keep their looks.
+    let digits = old.trim_start_with_sign();
+    let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+    if whole > 1 && digits[0] == b'0' {
+        let sign = usize::from(out[0] == b'-');
+        let now = out[sign..].iter().take_while(|b| b.is_ascii_digit()).count();
+        out.splice(sign..sign, std::iter::repeat_n(b'0', whole.saturating_sub(now)));
+    }
+    if old.first() == Some(&b'+') && out[0] != b'-' {
+        out.insert(0, b'+');
+    }
+    Some(out)
+}
+
+/// Decimal places that a token's value has: digits behind the point, less its exponent.
+fn places(token: &[u8]) -> usize {
+    let digits = number::decimals(token);
+    let exponent = token
+        .iter()
+        .position(|b| matches!(b, b'e' | b'E'))
+        .and_then(|p| std::str::from_utf8(&token[p + 1..]).ok()?.parse::<i32>().ok());
+    let shift = exponent.unwrap_or(0).clamp(-400, 400);
+    usize::try_from(i64::try_from(digits).unwrap_or(0) - i64::from(shift)).unwrap_or(0)
+}
+
+trait Sign {
+    fn trim_start_with_sign(&self) -> &[u8];
+}
+
+impl Sign for [u8] {
+    /// Without a sign and the blanks behind it.
+    fn trim_start_with_sign(&self) -> &[u8] {
+        self.strip_prefix(b"-").or_else(|| self.strip_prefix(b"+")).unwrap_or(self).trim_ascii_start()
+    }
 }

@@ -1,152 +1,276 @@
-//! Values known at read time: what an expression comes to, and where its numbers stand.
+//! What an expression is worth, as far as it is known when reading, and where its numbers stand.
 
-use super::expr::{Arg, Expr};
-use super::module::Symbols;
+use super::literal::{self, Literal, UNUSED_AXIS, Written};
+use crate::program::{ToolData, WobjData};
 use crate::text::Span;
-use std::collections::BTreeMap;
+use std::rc::Rc;
 
-/// Names bound by a call or a loop.
-pub(super) type Scope = BTreeMap<String, Bound>;
+/// A span in one of the sources.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Place {
+    pub(crate) source: u16,
+    pub(crate) span: Span,
+}
 
-/// A bound name: an expression of another place, fully known.
 #[derive(Clone, Debug)]
-pub(super) struct Bound {
-    pub(super) source: usize,
-    pub(super) expr: Expr,
+pub(super) enum Value {
+    /// Known only when the program runs, and why.
+    Unknown(&'static str),
+    /// A number; its token (sign included) where it is a literal.
+    Num(f64, Option<Place>),
+    Bool(bool),
+    Text(Rc<[u8]>),
+    /// An aggregate or array and, where it is literal, its brackets.
+    List(Rc<[Value]>, Option<Place>),
+    Target(Rc<Pose>),
 }
 
-/// Where to look names up.
-pub(super) struct Names<'a> {
-    pub(super) symbols: &'a Symbols,
-    pub(super) scope: &'a Scope,
+/// A robtarget's value and what it was made of.
+#[derive(Clone, Debug)]
+pub(super) struct Pose {
+    pub(super) written: Written,
+    /// The literal that it comes from, directly or through `steps`.
+    pub(super) root: Option<u32>,
+    /// `Offs` and `RelTool` around it, innermost first.
+    pub(super) steps: Vec<Step>,
+    /// Why it cannot be edited, though its value is known.
+    pub(super) fixed: Option<&'static str>,
 }
 
-/// A found literal: its file and its expression, the declared name it came through.
-pub(super) struct Found<'a> {
-    pub(super) source: usize,
-    pub(super) expr: &'a Expr,
-    pub(super) name: Option<&'a str>,
+/// One `Offs` or `RelTool`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    pub(crate) offset_mm: [f64; 3],
+    /// Number tokens of the offset, where all three are literal.
+    pub(crate) tokens: Option<[Place; 3]>,
+    /// In tool axes (`RelTool`), not work object axes (`Offs`).
+    pub(crate) in_tool: bool,
+    /// The turn that `RelTool` adds.
+    pub(crate) turn: [f64; 4],
 }
 
-/// Names refer to names at most this often.
-const HOPS: usize = 16;
+impl Step {
+    /// The pose behind this step.
+    pub(crate) fn apply(&self, position: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
+        let d = if self.in_tool { rotate(unit(quat), self.offset_mm) } else { self.offset_mm };
+        (std::array::from_fn(|i| position[i] + d[i]), multiply(quat, self.turn))
+    }
+}
 
-impl<'a> Names<'a> {
-    /// Follows names and array elements to the literal behind an expression.
-    ///
-    /// # Errors
-    /// The reason why it is not known, for the report.
-    pub(super) fn follow(&self, source: usize, expr: &'a Expr) -> Result<Found<'a>, &'static str> {
-        self.follow_from(source, expr, None, HOPS)
+/// The target as used: work done by the runner, stored per target.
+pub(super) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+
+/// Hamilton product, scalar first.
+pub(super) fn multiply(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+}
+
+/// `v` turned by the unit quaternion `q`.
+pub(super) fn rotate(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let conjugate = [q[0], -q[1], -q[2], -q[3]];
+    let [_, x, y, z] = multiply(multiply(q, [0.0, v[0], v[1], v[2]]), conjugate);
+    [x, y, z]
+}
+
+/// `q` at length 1; zero stays zero, readers refuse it by its norm.
+pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
+    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if norm > 0.0 { q.map(|c| c / norm) } else { q }
+}
+
+impl Value {
+    pub(super) fn num(&self) -> Option<f64> {
+        if let Value::Num(value, _) = self { Some(*value) } else { None }
     }
 
-    fn follow_from(
-        &self,
-        source: usize,
-        expr: &'a Expr,
-        through: Option<&'a str>,
-        hops: usize,
-    ) -> Result<Found<'a>, &'static str> {
-        let Expr::Name { name, indices, .. } = expr else { return Ok(Found { source, expr, name: through }) };
-        if hops == 0 {
-            return Err("names refer to each other in a circle");
-        }
-        if let Some(bound) = self.scope.get(name) {
-            return self.element(bound.source, &bound.expr, indices, through, hops);
-        }
-        let Some(datum) = self.symbols.data.get(name) else { return Err("target not declared here") };
-        if self.symbols.assigned.contains(name) {
-            return Err("target computed at run time");
-        }
-        let Some(value) = &datum.value else { return Err("target has no initial value") };
-        self.element(datum.source, value, indices, Some(&datum.name), hops)
+    pub(super) fn bool(&self) -> Option<bool> {
+        if let Value::Bool(value) = self { Some(*value) } else { None }
     }
 
-    fn element(
-        &self,
-        source: usize,
-        mut expr: &'a Expr,
-        indices: &'a [Expr],
-        through: Option<&'a str>,
-        hops: usize,
-    ) -> Result<Found<'a>, &'static str> {
-        for index in indices {
-            let index = self.number(index).ok_or("array index computed at run time")?;
-            let Expr::List(items) = expr else { return Err("an index on something that is no array") };
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            let at = index.round().max(0.0) as usize;
-            expr = at.checked_sub(1).and_then(|at| items.get(at)).ok_or("array index out of range")?;
-        }
-        self.follow_from(source, expr, through, hops - 1)
+    pub(super) fn list(&self) -> Option<&[Value]> {
+        if let Value::List(items, _) = self { Some(items) } else { None }
     }
 
-    /// A number, where every part is known.
-    pub(super) fn number(&self, expr: &Expr) -> Option<f64> {
-        match expr {
-            Expr::Number { value, .. } => Some(*value),
-            Expr::Binary(a, op, b) => {
-                let (a, b) = (self.number(a)?, self.number(b)?);
-                let value = match op {
-                    b'+' => a + b,
-                    b'-' => a - b,
-                    b'*' => a * b,
-                    _ => a / b,
-                };
-                value.is_finite().then_some(value)
-            }
-            Expr::Name { name, indices, .. } => {
-                let bound = self.scope.get(name).map(|b| &b.expr).filter(|_| indices.is_empty());
-                if let Some(bound) = bound {
-                    return self.number(bound);
-                }
-                let datum = self.symbols.data.get(name).filter(|_| !self.symbols.assigned.contains(name))?;
-                let mut value = datum.value.as_ref()?;
-                for index in indices {
-                    let Expr::List(items) = value else { return None };
-                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                    let at = self.number(index)?.round().max(0.0) as usize;
-                    value = items.get(at.checked_sub(1)?)?;
-                }
-                self.number(value)
-            }
+    fn nums<const N: usize>(&self) -> Option<[f64; N]> {
+        let items = self.list()?;
+        if items.len() != N {
+            return None;
+        }
+        let mut out = [0.0; N];
+        for (to, item) in out.iter_mut().zip(items) {
+            *to = item.num()?;
+        }
+        Some(out)
+    }
+
+    fn tokens<const N: usize>(&self) -> Option<[Span; N]> {
+        let mut out = [Span::default(); N];
+        for (to, item) in out.iter_mut().zip(self.list()?) {
+            let Value::Num(_, Some(place)) = item else { return None };
+            *to = place.span;
+        }
+        Some(out)
+    }
+
+    /// Why it is not known, if that is so.
+    pub(super) fn unknown(&self) -> Option<&'static str> {
+        match self {
+            Value::Unknown(why) => Some(why),
+            Value::List(items, _) => items.iter().find_map(Value::unknown),
             _ => None,
         }
     }
 
-    /// `N` numbers of a list.
-    pub(super) fn numbers<const N: usize>(&self, expr: &Expr) -> Option<[f64; N]> {
-        let Expr::List(items) = expr else { return None };
-        let mut out = [0.0; N];
-        if items.len() != N {
-            return None;
+    /// The value alone: what a variable holds is not the text that it came from.
+    pub(super) fn detached(&self, why: &'static str) -> Self {
+        match self {
+            Value::Num(value, _) => Value::Num(*value, None),
+            Value::List(items, _) => Value::List(items.iter().map(|v| v.detached(why)).collect(), None),
+            Value::Target(pose) => {
+                Value::Target(Rc::new(Pose { written: pose.written, root: None, steps: Vec::new(), fixed: Some(why) }))
+            }
+            other => other.clone(),
         }
-        for (out, item) in out.iter_mut().zip(items) {
-            *out = self.number(item)?;
+    }
+
+    /// A robtarget put together from parts, with the literal of its seven pose numbers where those are.
+    pub(super) fn assemble(&self) -> Option<(Written, Option<Literal>)> {
+        let [position, quat, conf, external] = self.list()? else { return None };
+        let written = Written {
+            position_mm: position.nums()?,
+            quat: quat.nums()?,
+            conf: conf.nums().and_then(literal::conf),
+            external: external.nums().unwrap_or([9e9; 6]),
+        };
+        let literal = || {
+            let Value::List(_, Some(place)) = self else { return None };
+            let ([x, y, z], [q1, q2, q3, q4]) = (position.tokens()?, quat.tokens()?);
+            let Value::List(_, external) = external else { return None };
+            // A name has no place of its own: then the text behind the orientation is taken as it is.
+            let external = external.map_or(Span { start: place.span.end - 1, end: place.span.end - 1 }, |p| p.span);
+            Literal::partial(place.source, place.span, [x, y, z, q1, q2, q3, q4], conf.tokens(), external)
+        };
+        Some((written, literal()))
+    }
+
+    pub(super) fn tool(&self) -> Option<ToolData> {
+        let [robhold, frame, load] = self.list()? else { return None };
+        let [tcp, quat] = frame.list()? else { return None };
+        let [mass, cog, ..] = load.list()? else { return None };
+        Some(ToolData {
+            robhold: robhold.bool()?,
+            tcp_mm: tcp.nums()?,
+            tcp_quat: unit(quat.nums()?),
+            mass_kg: mass.num()?,
+            cog_mm: cog.nums()?,
+        })
+    }
+
+    pub(super) fn wobj(&self) -> Option<WobjData> {
+        let [robhold, fixed, _, user, object] = self.list()? else { return None };
+        let ([user_mm, user_quat], [object_mm, object_quat]) = (user.list()?, object.list()?) else { return None };
+        Some(WobjData {
+            robhold: robhold.bool()?,
+            fixed: fixed.bool()?,
+            uframe_mm: user_mm.nums()?,
+            uframe_quat: unit(user_quat.nums()?),
+            oframe_mm: object_mm.nums()?,
+            oframe_quat: unit(object_quat.nums()?),
+        })
+    }
+
+    /// Motor angles of a jointtarget.
+    pub(super) fn joints(&self) -> Option<[f64; 6]> {
+        let [robot, _] = self.list()? else { return None };
+        robot.nums()
+    }
+}
+
+/// External axes in use, by their values.
+pub(super) fn axes_in_use(external: &[f64; 6]) -> bool {
+    external.iter().any(|&v| v < UNUSED_AXIS)
+}
+
+fn n(value: f64) -> Value {
+    Value::Num(value, None)
+}
+
+fn l(items: impl IntoIterator<Item = Value>) -> Value {
+    Value::List(items.into_iter().collect(), None)
+}
+
+/// Predefined data, by upper-case name.
+pub(super) fn predefined(name: &[u8]) -> Option<Value> {
+    let frame = || l([l([n(0.0), n(0.0), n(0.0)]), l([n(1.0), n(0.0), n(0.0), n(0.0)])]);
+    let load = || {
+        let inertia = [n(0.0), n(0.0), n(0.0)];
+        l([n(0.001), l([n(0.0), n(0.0), n(0.001)]), l([n(1.0), n(0.0), n(0.0), n(0.0)])].into_iter().chain(inertia))
+    };
+    match name {
+        b"TRUE" => return Some(Value::Bool(true)),
+        b"FALSE" => return Some(Value::Bool(false)),
+        b"PI" => return Some(n(std::f64::consts::PI)),
+        b"TOOL0" => return Some(l([Value::Bool(true), frame(), load()])),
+        b"WOBJ0" => {
+            return Some(l([Value::Bool(false), Value::Bool(true), Value::Text(Rc::from(&b""[..])), frame(), frame()]));
         }
-        Some(out)
+        b"LOAD0" => return Some(load()),
+        _ => {}
     }
+    let digits = std::str::from_utf8(name.get(1..)?).ok()?;
+    if name[0] == b'V' && !digits.starts_with('0') && digits.bytes().all(|b| b.is_ascii_digit()) {
+        let speed: u32 = digits.parse().ok()?;
+        return SPEEDS.contains(&speed).then(|| l([n(f64::from(speed)), n(500.0), n(5000.0), n(1000.0)]));
+    }
+    None
 }
 
-/// Spans of `N` number tokens of a list, where all are literals.
-pub(super) fn tokens<const N: usize>(expr: &Expr) -> Option<[Span; N]> {
-    let Expr::List(items) = expr else { return None };
-    let mut out = [Span::default(); N];
-    if items.len() != N {
-        return None;
-    }
-    for (out, item) in out.iter_mut().zip(items) {
-        let Expr::Number { token: Some(token), .. } = item else { return None };
-        *out = *token;
-    }
-    Some(out)
+/// LANGUAGES 1.3: v5 … v7000 are `[n, 500, 5000, 1000]`.
+const SPEEDS: [u32; 25] = [
+    5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
+    6000, 7000,
+];
+
+/// Where a component stands in a predefined record type, and its own type.
+pub(super) fn component(kind: &[u8], name: &[u8]) -> Option<(usize, &'static [u8])> {
+    const NUM: &[u8] = b"NUM";
+    const POS: &[u8] = b"POS";
+    const ORIENT: &[u8] = b"ORIENT";
+    const POSE: &[u8] = b"POSE";
+    let fields: &[(&[u8], &'static [u8])] = match kind {
+        b"ROBTARGET" => &[(b"TRANS", POS), (b"ROT", ORIENT), (b"ROBCONF", b"CONFDATA"), (b"EXTAX", b"EXTJOINT")],
+        b"POSE" => &[(b"TRANS", POS), (b"ROT", ORIENT)],
+        b"POS" => &[(b"X", NUM), (b"Y", NUM), (b"Z", NUM)],
+        b"ORIENT" => &[(b"Q1", NUM), (b"Q2", NUM), (b"Q3", NUM), (b"Q4", NUM)],
+        b"CONFDATA" => &[(b"CF1", NUM), (b"CF4", NUM), (b"CF6", NUM), (b"CFX", NUM)],
+        b"EXTJOINT" => {
+            &[(b"EAX_A", NUM), (b"EAX_B", NUM), (b"EAX_C", NUM), (b"EAX_D", NUM), (b"EAX_E", NUM), (b"EAX_F", NUM)]
+        }
+        b"JOINTTARGET" => &[(b"ROBAX", b"ROBJOINT"), (b"EXTAX", b"EXTJOINT")],
+        b"ROBJOINT" => {
+            &[(b"RAX_1", NUM), (b"RAX_2", NUM), (b"RAX_3", NUM), (b"RAX_4", NUM), (b"RAX_5", NUM), (b"RAX_6", NUM)]
+        }
+        b"TOOLDATA" => &[(b"ROBHOLD", b"BOOL"), (b"TFRAME", POSE), (b"TLOAD", b"LOADDATA")],
+        b"LOADDATA" => &[(b"MASS", NUM), (b"COG", POS), (b"AOM", ORIENT), (b"IX", NUM), (b"IY", NUM), (b"IZ", NUM)],
+        b"WOBJDATA" => {
+            &[(b"ROBHOLD", b"BOOL"), (b"UFPROG", b"BOOL"), (b"UFMEC", b"STRING"), (b"UFRAME", POSE), (b"OFRAME", POSE)]
+        }
+        b"SPEEDDATA" => &[(b"V_TCP", NUM), (b"V_ORI", NUM), (b"V_LEAX", NUM), (b"V_REAX", NUM)],
+        _ => return None,
+    };
+    fields.iter().position(|(f, _)| *f == name).map(|i| (i, fields[i].1))
 }
 
-/// Positional arguments.
-pub(super) fn positional(args: &[Arg]) -> impl Iterator<Item = &Arg> {
-    args.iter().filter(|arg| arg.option.is_none())
-}
-
-/// An optional argument.
-pub(super) fn option<'a>(args: &'a [Arg], name: &str) -> Option<&'a Arg> {
-    args.iter().find(|arg| arg.option.as_deref() == Some(name))
+/// The parts of a robtarget as a list, for access by component.
+pub(super) fn parts(pose: &Pose) -> Value {
+    let w = &pose.written;
+    let conf = w.conf.map_or(Value::Unknown("configuration is not known"), |c| {
+        l([c.cf1, c.cf4, c.cf6, c.cfx].map(|v| n(f64::from(v))))
+    });
+    l([l(w.position_mm.map(n)), l(w.quat.map(n)), conf, l(w.external.map(n))])
 }

@@ -1,0 +1,175 @@
+//! A declared target whose users want different corrections: one keeps the declaration, others get their own.
+
+use super::Site;
+use super::rewrite::{Print, Writer};
+use super::value::Place;
+use crate::program::{Change, Editable};
+use crate::text::{Edit, Source, Span};
+use std::collections::HashMap;
+
+/// RAPID names are at most this long.
+const MAX_NAME: usize = 32;
+
+/// Settles a disputed literal: clones where allowed and possible, else every user is kept.
+pub(super) fn resolve(
+    writer: &mut Writer<'_>,
+    literal: u32,
+    changes: &[Option<Change>],
+    prints: &mut [Option<Print>],
+    cloned: &mut HashMap<usize, Print>,
+    reason: &'static str,
+) {
+    let mut groups: Vec<(Print, Vec<usize>)> = Vec::new();
+    for (i, site) in writer.layout.sites.iter().enumerate() {
+        let Site::Literal { literal: of, .. } = *site else { continue };
+        if of != literal || writer.program.targets[i].editable != Editable::Pose {
+            continue;
+        }
+        let print = changes[i].as_ref().map_or_else(Print::default, |c| writer.print(i, literal, c));
+        match groups.iter_mut().find(|(p, _)| *p == print) {
+            Some((_, users)) => users.push(i),
+            None => groups.push((print, vec![i])),
+        }
+    }
+    if !writer.options.allow_clones || !try_clones(writer, literal, &groups, prints, cloned) {
+        for (print, users) in &groups {
+            if *print != Print::default() {
+                writer.kept.extend(users.iter().map(|&i| (i, reason)));
+            }
+        }
+    }
+}
+
+/// Writes the clones, or nothing and says no: each group's instructions must be its own.
+fn try_clones(
+    writer: &mut Writer<'_>,
+    literal: u32,
+    groups: &[(Print, Vec<usize>)],
+    prints: &mut [Option<Print>],
+    cloned: &mut HashMap<usize, Print>,
+) -> bool {
+    let place = writer.layout.literals[literal as usize];
+    let source = &writer.program.sources[place.source as usize];
+    let Some((start, end, kind)) = declaration(source, place.span()) else { return false };
+    // The argument that names the literal, and the group that it runs for.
+    let mut arguments: HashMap<Place, usize> = HashMap::new();
+    for (g, (_, users)) in groups.iter().enumerate() {
+        for &i in users {
+            let Site::Literal { argument: Some(argument), .. } = writer.layout.sites[i] else { return false };
+            let direct = argument.source == writer.program.targets[i].source
+                && argument.span.start >= writer.program.targets[i].span.start
+                && argument.span.end <= writer.program.targets[i].span.end;
+            if !direct
+                || argument.source as usize >= writer.program.written
+                || *arguments.entry(argument).or_insert(g) != g
+            {
+                return false;
+            }
+        }
+    }
+    // A parameter's name does not name the declaration.
+    let name = kind.name;
+    let named = |a: &Place| super::symbols::first_word(&writer.program.sources[a.source as usize].bytes, a.span);
+    let is_name =
+        |a: &Place| writer.program.sources[a.source as usize].slice(named(a)).eq_ignore_ascii_case(source.slice(name));
+    if !arguments.keys().all(is_name) {
+        return false;
+    }
+    let mut sorted: Vec<(Place, usize)> = arguments.into_iter().collect();
+    sorted.sort_unstable_by_key(|(p, _)| (p.source, p.span));
+    let (indent, line_end) = layout_at(source, start);
+    for (g, (print, users)) in groups.iter().enumerate() {
+        if g == 0 {
+            prints[literal as usize] = Some(print.clone());
+            continue;
+        }
+        let clone = free_name(writer, source.slice(name), literal, g);
+        let mut content = line_end.to_vec();
+        content.extend_from_slice(indent);
+        if kind.local {
+            content.extend_from_slice(b"LOCAL ");
+        }
+        content.extend_from_slice(b"CONST robtarget ");
+        content.extend_from_slice(clone.as_bytes());
+        content.extend_from_slice(b":=");
+        content.extend_from_slice(&writer.literal_text(&place, print));
+        content.push(b';');
+        writer.edits[place.source as usize].push(Edit { span: Span { start: end, end }, content });
+        for (argument, _) in sorted.iter().filter(|(_, of)| *of == g) {
+            let edit = Edit { span: argument.span, content: clone.clone().into_bytes() };
+            writer.edits[argument.source as usize].push(edit);
+        }
+        cloned.extend(users.iter().map(|&i| (i, print.clone())));
+    }
+    true
+}
+
+struct Declared {
+    name: Span,
+    local: bool,
+}
+
+/// The declaration around a literal: its first byte, the byte behind its `;`, what it declares.
+fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
+    use super::lex::{Cursor, Key, Kind, key};
+    let bytes = &source.bytes;
+    let semicolon = bytes[literal.end as usize..].iter().position(|b| *b == b';')?;
+    // Statements do not hold `;` but in texts and comments; those end the search early and say no.
+    let from = bytes[..literal.start as usize].iter().rposition(|b| *b == b';').map_or(0, |p| p + 1);
+    let end = literal.end as usize + semicolon + 1;
+    let mut cursor = Cursor::new(bytes, Span::new(from, end));
+    let (mut local, mut start) = (false, None);
+    loop {
+        let lexeme = cursor.next();
+        match (lexeme.kind, key(cursor.text(lexeme))) {
+            (Kind::End, _) => return None,
+            (Kind::Word, Some(Key::Local)) => (local, start) = (true, Some(lexeme.start)),
+            (Kind::Word, Some(Key::Task)) => start = Some(lexeme.start),
+            (Kind::Word, Some(Key::Const | Key::Pers | Key::Var)) => {
+                cursor.accept(Kind::Word)?;
+                let name = cursor.accept(Kind::Word)?.span();
+                let start = start.unwrap_or(lexeme.start);
+                return Some((u32::try_from(start).ok()?, u32::try_from(end).ok()?, Declared { name, local }));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The indentation of the line on which a statement begins, and the line end before it.
+pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
+    let bytes = &source.bytes;
+    let start = start as usize;
+    let line = bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
+    let blank = bytes[line..start].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
+    let mut from = line;
+    while from > 0 && bytes[from - 1] == b'\n' || from > 0 && bytes[from - 1] == b'\r' {
+        from -= 1;
+        // One line end: LF, or CRs with at most one LF behind them.
+        if from > 0 && bytes[from] == b'\n' && bytes[from - 1] != b'\r'
+            || from > 0 && bytes[from] == b'\r' && bytes[from - 1] != b'\r'
+        {
+            break;
+        }
+    }
+    let line_end = if from < line { &bytes[from..line] } else { b"\n" };
+    (&bytes[line..line + blank], line_end)
+}
+
+/// A name that nothing in the program has.
+fn free_name(writer: &Writer<'_>, name: &[u8], literal: u32, group: usize) -> String {
+    let base = String::from_utf8_lossy(name);
+    let mut number = group + 1;
+    loop {
+        let tail = format!("_{number}");
+        let mut clone: String = base.chars().take(MAX_NAME - tail.len()).collect();
+        clone.push_str(&tail);
+        let needle = clone.as_bytes();
+        let taken = |s: &Source| s.bytes.windows(needle.len()).any(|w| w.eq_ignore_ascii_case(needle));
+        let ours = |e: &Edit| e.content.windows(needle.len()).any(|w| w.eq_ignore_ascii_case(needle));
+        if !writer.program.sources.iter().any(taken) && !writer.edits.iter().flatten().any(ours) {
+            return clone;
+        }
+        number += literal as usize % 7 + 1;
+    }
+}

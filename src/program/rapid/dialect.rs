@@ -1,0 +1,56 @@
+//! Who made a program, by what its makers write into comments and names.
+
+use crate::text::Source;
+
+/// Bytes of each file that are looked at: headers stand at its head.
+const HEAD: usize = 4096;
+
+/// Signs in lower case and the maker that they mean; the first that is found counts.
+const SIGNS: [(&str, &str); 19] = [
+    ("robodk", "robodk"),
+    ("robotmaster", "robotmaster"),
+    ("mastercam", "mastercam"),
+    ("powermill", "powermill"),
+    ("sprutcam", "sprutcam"),
+    ("encycam", "sprutcam"),
+    ("robotcomponents", "robotcomponents"),
+    ("robot components", "robotcomponents"),
+    ("visose", "robots"),
+    ("robots-grasshopper", "robots"),
+    ("grasshopper", "grasshopper"),
+    ("hal robotics", "hal"),
+    ("autodesk", "autodesk"),
+    ("fusion 360", "autodesk"),
+    ("compas_rrc", "compas_rrc"),
+    ("machina", "machina"),
+    ("kuka|prc", "taco"),
+    ("robotstudio", "robotstudio"),
+    ("delfoi", "delfoi"),
+];
+
+/// The maker of a program, `rapid` where nothing tells.
+pub(super) fn of(sources: &[Source]) -> &'static str {
+    for source in sources {
+        let head = &source.bytes[..source.bytes.len().min(HEAD)];
+        let head = head.to_ascii_lowercase();
+        let found = SIGNS.iter().find(|(sign, _)| contains(&head, sign.as_bytes()));
+        if let Some((_, maker)) = found {
+            return maker;
+        }
+        // RobotStudio's own template for a new module, and what its path generator names things.
+        if contains(&head, b"! description:") && contains(&head, b"! insert description here")
+            || contains(&head, b"target_10:=") && contains(&head, b"wobj0")
+        {
+            return "robotstudio";
+        }
+        // Robots (visose) declares its speeds and zones by these names.
+        if contains(&head, b"default_speed") || contains(&head, b"speed000") && contains(&head, b"zone000") {
+            return "robots";
+        }
+    }
+    "rapid"
+}
+
+fn contains(text: &[u8], sign: &[u8]) -> bool {
+    text.windows(sign.len()).any(|w| w == sign)
+}

@@ -1,0 +1,154 @@
+//! Complete robtarget literals: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a … eax_f]]`.
+
+use super::lex::{Kind, lexeme, number};
+use crate::program::Conf;
+use crate::text::{self, Span};
+use nom::Parser;
+
+/// Where the number tokens of one robtarget stand, sign included: x y z, q1 … q4, cf1 … cfx.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Literal {
+    /// Index into `Program::sources`.
+    pub(crate) source: u16,
+    /// The aggregate's `[`.
+    start: u32,
+    /// Its length, bytes.
+    len: u16,
+    /// Each token behind `start`.
+    at: [u16; TOKENS],
+    /// Its length; 0 where the text has a name instead of a number (configuration only).
+    size: [u8; TOKENS],
+    /// Where the external axes' aggregate begins behind `start`.
+    external: u16,
+}
+
+/// Numbers that may be edited.
+const TOKENS: usize = 11;
+
+/// Values of one robtarget as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Written {
+    pub(crate) position_mm: [f64; 3],
+    /// Scalar first, not normalised.
+    pub(crate) quat: [f64; 4],
+    pub(crate) conf: Option<Conf>,
+    /// External axes; 9E9 where not in use.
+    pub(crate) external: [f64; 6],
+}
+
+/// Above this an external axis is not in use (9E9, however it is spelled).
+pub(crate) const UNUSED_AXIS: f64 = 8.9e9;
+
+impl Literal {
+    /// Reads the literal at `start`, if there is a complete one; values and places in one pass.
+    pub(super) fn read(bytes: &[u8], source: u16, start: usize) -> Option<(Self, Written)> {
+        let mut literal =
+            Self { source, start: u32::try_from(start).ok()?, len: 0, at: [0; TOKENS], size: [0; TOKENS], external: 0 };
+        let mut values = [0.0; TOKENS + 6];
+        let mut index = 0;
+        let mut at = mark(bytes, start, b'[')?;
+        for (part, count) in [3, 4, 4, 6].into_iter().enumerate() {
+            if part > 0 {
+                at = mark(bytes, at, b',')?;
+            }
+            at = blank(bytes, at);
+            if part == 3 {
+                literal.external = u16::try_from(at - start).ok()?;
+            }
+            at = mark(bytes, at, b'[')?;
+            for item in 0..count {
+                if item > 0 {
+                    at = mark(bytes, at, b',')?;
+                }
+                let from = blank(bytes, at);
+                (values[index], at) = signed(bytes, from)?;
+                if index < TOKENS {
+                    literal.at[index] = u16::try_from(from - start).ok()?;
+                    literal.size[index] = u8::try_from(at - from).ok()?;
+                }
+                index += 1;
+            }
+            at = mark(bytes, at, b']')?;
+        }
+        at = mark(bytes, at, b']')?;
+        literal.len = u16::try_from(at - start).ok()?;
+        let [x, y, z, q1, q2, q3, q4, cf1, cf4, cf6, cfx, a, b, c, d, e, f] = values;
+        let conf = conf([cf1, cf4, cf6, cfx]);
+        Some((literal, Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], conf, external: [a, b, c, d, e, f] }))
+    }
+
+    /// A literal whose configuration or external axes are names: only the seven numbers of the pose.
+    pub(super) fn partial(
+        source: u16,
+        span: Span,
+        tokens: [Span; 7],
+        conf: Option<[Span; 4]>,
+        external: Span,
+    ) -> Option<Self> {
+        let mut literal = Self {
+            source,
+            start: span.start,
+            len: u16::try_from(span.len()).ok()?,
+            at: [0; TOKENS],
+            size: [0; TOKENS],
+            external: u16::try_from(external.start.checked_sub(span.start)?).ok()?,
+        };
+        for (i, token) in tokens.into_iter().chain(conf.into_iter().flatten()).enumerate() {
+            literal.at[i] = u16::try_from(token.start.checked_sub(span.start)?).ok()?;
+            literal.size[i] = u8::try_from(token.len()).ok()?;
+        }
+        Some(literal)
+    }
+
+    /// The whole aggregate.
+    pub(crate) fn span(&self) -> Span {
+        Span { start: self.start, end: self.start + u32::from(self.len) }
+    }
+
+    /// Token `i`: 0–2 position, 3–6 quaternion, 7–10 configuration (empty where it is no number).
+    pub(crate) fn token(&self, i: usize) -> Span {
+        let start = self.start + u32::from(self.at[i]);
+        Span { start, end: start + u32::from(self.size[i]) }
+    }
+
+    /// The external axes' aggregate, as text.
+    pub(crate) fn external(&self) -> Span {
+        Span { start: self.start + u32::from(self.external), end: self.span().end - 1 }
+    }
+}
+
+/// Whole numbers only.
+pub(super) fn conf(values: [f64; 4]) -> Option<Conf> {
+    #[allow(clippy::cast_possible_truncation, clippy::float_cmp)]
+    let whole = |v: f64| (v.fract() == 0.0 && v.abs() < 1e6).then_some(v as i32);
+    let [cf1, cf4, cf6, cfx] = values;
+    Some(Conf { cf1: whole(cf1)?, cf4: whole(cf4)?, cf6: whole(cf6)?, cfx: whole(cfx)? })
+}
+
+/// Passes blanks and comments: a literal may be wrapped over lines.
+fn blank(bytes: &[u8], mut at: usize) -> usize {
+    loop {
+        match bytes.get(at) {
+            Some(b' ') => at += 1,
+            Some(b'0'..=b'9' | b'-' | b'[' | b']' | b',' | b'.') | None => return at,
+            Some(_) => match lexeme(&bytes[at..]) {
+                (Kind::Space | Kind::Comment, len) => at += len,
+                _ => return at,
+            },
+        }
+    }
+}
+
+fn mark(bytes: &[u8], at: usize, wanted: u8) -> Option<usize> {
+    let at = if bytes.get(at) == Some(&wanted) { at } else { blank(bytes, at) };
+    (bytes.get(at) == Some(&wanted)).then_some(at + 1)
+}
+
+/// `sign? number`: the value and where it ends. Blanks between sign and number are legal.
+fn signed(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
+    let negative = bytes.get(at) == Some(&b'-');
+    let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
+    let (_, token) = number.parse(bytes.get(from..)?).ok()?;
+    let value = text::number::read(token)?;
+    Some((if negative { -value } else { value }, from + token.len()))
+}
