@@ -62,7 +62,7 @@ fn loops_calls_arcs_and_run_time_targets() {
     let data = format!(
         "  CONST robtarget p1:=[[0,0,0],[1,0,0,0],[0,0,0,0],{EXT}];\r\n  VAR robtarget moving:=[[9,9,9],[1,0,0,0],[0,0,0,0],{EXT}];"
     );
-    let body = "    FOR i FROM 1 TO 3 DO\r\n      MoveL Offs(p1,i*10,0,0),v20,z1,t1;\r\n    ENDFOR\r\n    part;\r\n    moving.trans.z:=5;\r\n    MoveL moving,v20,z1,t1;\r\n    MoveC Offs(p1,1,1,0),p1,v20,z1,t1;\r\n  ENDPROC\r\n  PROC part()\r\n    ! deflex air\r\n    MoveL p1,v20,z1,t1;\r\n    ! deflex cut";
+    let body = "    FOR i FROM 1 TO 3 DO\r\n      MoveL Offs(p1,i*10,0,0),v20,z1,t1;\r\n    ENDFOR\r\n    part;\r\n    moving.trans.z:=measured();\r\n    MoveL moving,v20,z1,t1;\r\n    MoveC Offs(p1,1,1,0),p1,v20,z1,t1;\r\n  ENDPROC\r\n  PROC part()\r\n    ! deflex air\r\n    MoveL p1,v20,z1,t1;\r\n    ! deflex cut";
     let program = read(&module(&data, body));
     let expected = [[10., 0., 0.], [20., 0., 0.], [30., 0., 0.], [0., 0., 0.], [1., 1., 0.], [0., 0., 0.]];
     assert_eq!(positions(&program), expected);
