@@ -1,6 +1,6 @@
 //! What was understood of programs, as a table and as JSON (INTERFACE.md, `inspect --json`).
 
-use crate::program::{Language, Program, Role, RoundTrip};
+use crate::program::{Language, Program, RoundTrip};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -65,7 +65,7 @@ impl InspectFile {
             path: path.to_owned(),
             language: Some(word(program.language)),
             dialect: Some(program.dialect),
-            motion_targets: program.targets.iter().filter(|target| target.role == Role::End).count(),
+            motion_targets: program.motion_targets(),
             literal_targets: program.literal_targets,
             arcs: program.arcs,
             refused: None,

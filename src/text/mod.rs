@@ -10,5 +10,6 @@ mod span;
 pub use diagnostic::{Diagnostic, Severity, Sink};
 pub use edit::{Edit, apply};
 pub use lines::LineIndex;
+pub(crate) use source::decode;
 pub use source::{LineColumn, Source};
 pub use span::Span;

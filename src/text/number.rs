@@ -1,16 +1,77 @@
 //! Number tokens: exact reading, fixed-decimal writing.
+//!
+//! The common numbers of programs go through integer arithmetic, all others through the standard
+//! library: [`read_plain`] and [`write_fixed_plain`] are the reference that the fast paths agree with.
 
 /// Reads a plain decimal token (`12`, `-1.5`, `.5`, `5.`, `9E+09`), exactly rounded.
 ///
 /// Returns `None` for anything else, infinities and NaN among it.
 #[must_use]
 pub fn read(token: &[u8]) -> Option<f64> {
+    read_short(token).or_else(|| read_plain(token))
+}
+
+/// The reference for [`read`].
+#[must_use]
+pub fn read_plain(token: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(token).ok()?;
     let digits = text.trim_start_matches(['+', '-']);
     if text.len() - digits.len() > 1 || !digits.bytes().next().is_some_and(|b| b.is_ascii_digit() || b == b'.') {
         return None;
     }
     text.parse::<f64>().ok().filter(|v| v.is_finite())
+}
+
+/// Powers of ten that are exact in binary.
+const TENS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+
+/// Numbers of at most 15 digits whose power of ten is exact: one multiplication or division of two exact
+/// numbers, which is exactly rounded (Clinger 1990).
+fn read_short(token: &[u8]) -> Option<f64> {
+    const MOST_DIGITS: usize = 15; // below 2^53
+    let (negative, digits) = match token {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    let (mut mantissa, mut count, mut point, mut tail) = (0_u64, 0, None, None);
+    for (at, &byte) in digits.iter().enumerate() {
+        match byte {
+            b'0'..=b'9' if count < MOST_DIGITS => {
+                mantissa = mantissa * 10 + u64::from(byte - b'0');
+                count += 1;
+            }
+            b'.' if point.is_none() => point = Some(count),
+            b'e' | b'E' => {
+                tail = Some(&digits[at + 1..]);
+                break;
+            }
+            _ => return None,
+        }
+    }
+    if count == 0 {
+        return None;
+    }
+    let decimals = point.map_or(0, |p| count - p);
+    let power = tail.map_or(Some(0), exponent)? - i32::try_from(decimals).ok()?;
+    let ten = *TENS.get(usize::try_from(power.unsigned_abs()).ok()?)?;
+    #[allow(clippy::cast_precision_loss)] // below 2^53
+    let value = if power < 0 { mantissa as f64 / ten } else { mantissa as f64 * ten };
+    Some(if negative { -value } else { value })
+}
+
+/// A short exponent: `9`, `+09`, `-3`.
+fn exponent(tail: &[u8]) -> Option<i32> {
+    let (sign, digits) = match tail {
+        [b'-', digits @ ..] => (-1, digits),
+        [b'+', digits @ ..] => (1, digits),
+        digits => (1, digits),
+    };
+    let short = matches!(digits.len(), 1..=3) && digits.iter().all(u8::is_ascii_digit);
+    short.then(|| sign * digits.iter().fold(0, |e, d| e * 10 + i32::from(d - b'0')))
 }
 
 /// Digits behind the point of a token, 0 without one; the exponent is not counted.
@@ -21,8 +82,16 @@ pub fn decimals(token: &[u8]) -> usize {
 }
 
 /// Appends `value` with exactly `decimals` digits behind the point, rounded half to even on the
-/// exact binary value, and never a negative zero. This is the reference; fast paths must agree.
+/// exact binary value, and never a negative zero.
 pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
+    match scaled(value, decimals) {
+        Some(digits) => write_digits(out, value < 0.0, digits, decimals),
+        None => write_fixed_plain(out, value, decimals),
+    }
+}
+
+/// The reference for [`write_fixed`].
+pub fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
     use std::io::Write;
     let start = out.len();
     // Writing to a Vec cannot fail.
@@ -32,16 +101,74 @@ pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
     }
 }
 
+/// |value| · 10^decimals as an integer, rounded half to even on the exact value; `None` where it does not fit.
+fn scaled(value: f64, decimals: usize) -> Option<u64> {
+    const FRACTION: u32 = 52;
+    /// 2^53 · 10^15 is below 2^103.
+    const MOST_DECIMALS: usize = 15;
+    let bits = value.to_bits();
+    let exponent = i32::try_from(bits >> FRACTION & 0x7FF).ok()?;
+    // Subnormal numbers, infinities and NaN are none of a program's.
+    if decimals > MOST_DECIMALS || exponent == 0x7FF {
+        return None;
+    }
+    if exponent == 0 {
+        return (value == 0.0).then_some(0);
+    }
+    let mantissa = bits & ((1 << FRACTION) - 1) | 1 << FRACTION;
+    let product = u128::from(mantissa) * 10_u128.pow(u32::try_from(decimals).ok()?);
+    // value = mantissa · 2^(exponent − 1075)
+    let shift = u32::try_from(1075 - exponent).ok()?;
+    if shift >= 120 {
+        return Some(0); // below 2^103 / 2^120: less than half
+    }
+    let whole = product >> shift;
+    let rest = product & ((1 << shift) - 1);
+    let half = if shift == 0 { u128::MAX } else { 1 << (shift - 1) };
+    let up = rest > half || rest == half && whole & 1 == 1;
+    u64::try_from(whole + u128::from(up)).ok()
+}
+
+fn write_digits(out: &mut Vec<u8>, negative: bool, mut digits: u64, decimals: usize) {
+    const SIZE: usize = 24; // sign, 20 digits, point
+    let mut text = [b'0'; SIZE];
+    let negative = negative && digits != 0;
+    let mut at = SIZE;
+    for place in 0.. {
+        if place == decimals && decimals > 0 {
+            at -= 1;
+            text[at] = b'.';
+        }
+        if digits == 0 && place > decimals {
+            break;
+        }
+        at -= 1;
+        #[allow(clippy::cast_possible_truncation)]
+        let digit = (digits % 10) as u8;
+        text[at] = b'0' + digit;
+        digits /= 10;
+        if digits == 0 && place >= decimals {
+            break;
+        }
+    }
+    if negative {
+        at -= 1;
+        text[at] = b'-';
+    }
+    out.extend_from_slice(&text[at..]);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn reads_every_form_and_no_words() {
         for (token, value) in [("5.", 5.0), (".5", 0.5), ("-.5", -0.5), ("9E+09", 9e9), ("+1", 1.0)] {
             assert_eq!(read(token.as_bytes()), Some(value), "{token}");
         }
-        for token in ["", "inf", "nan", "-", "1e400", "--1", "infinity", "1.D+03"] {
+        for token in ["", "inf", "nan", "-", ".", "-.", "1e400", "--1", "infinity", "1.D+03", "1.2.3"] {
             assert_eq!(read(token.as_bytes()), None, "{token}");
         }
     }
@@ -51,5 +178,46 @@ mod tests {
         let mut out = Vec::new();
         write_fixed(&mut out, -0.000_01, 3);
         assert_eq!(out, b"0.000");
+    }
+
+    /// Both writers, as text.
+    fn both(value: f64, decimals: usize) -> (String, String) {
+        let (mut fast, mut plain) = (Vec::new(), Vec::new());
+        write_fixed(&mut fast, value, decimals);
+        write_fixed_plain(&mut plain, value, decimals);
+        (String::from_utf8_lossy(&fast).into_owned(), String::from_utf8_lossy(&plain).into_owned())
+    }
+
+    #[test]
+    fn ties_and_edges_print_as_the_reference_does() {
+        for value in [0.5, 1.5, 2.5, 0.125, 0.375, 1e15, 9.999_95, 0.999_995, -0.5, 1e-300, 5e-324, 1e22, f64::MAX, 0.0]
+        {
+            for decimals in 0..20 {
+                let (fast, plain) = both(value, decimals);
+                assert_eq!(fast, plain, "{value:e} with {decimals}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_number_prints_as_the_reference_does(bits in any::<u64>(), decimals in 0_usize..18) {
+            let value = f64::from_bits(bits);
+            prop_assume!(value.is_finite());
+            let (fast, plain) = both(value, decimals);
+            prop_assert_eq!(fast, plain);
+        }
+
+        #[test]
+        fn lengths_print_as_the_reference_does(value in -20_000.0_f64..20_000.0, decimals in 0_usize..16) {
+            let (fast, plain) = both(value, decimals);
+            prop_assert_eq!(fast, plain);
+        }
+
+        #[test]
+        fn tokens_read_as_the_reference_does(token in "[-+]?[0-9]{0,12}\\.?[0-9]{0,12}([eE][-+]?[0-9]{1,3})?") {
+            let bits = |value: Option<f64>| value.map(f64::to_bits);
+            prop_assert_eq!(bits(read(token.as_bytes())), bits(read_plain(token.as_bytes())));
+        }
     }
 }

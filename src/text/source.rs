@@ -62,7 +62,8 @@ impl Source {
     }
 }
 
-fn decode(bytes: &[u8]) -> Cow<'_, str> {
+/// Bytes as text for people: UTF-8 where valid, else Latin-1 (every byte one character).
+pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),
         Err(_) => Cow::Owned(bytes.iter().map(|&b| b as char).collect()),

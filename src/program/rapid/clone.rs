@@ -142,15 +142,10 @@ pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
     let start = start as usize;
     let line = bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
     let blank = bytes[line..start].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
-    let mut from = line;
-    while from > 0 && bytes[from - 1] == b'\n' || from > 0 && bytes[from - 1] == b'\r' {
+    // One line end: LF, or CRs with at most one LF behind them.
+    let mut from = line - usize::from(line > 0 && bytes[line - 1] == b'\n');
+    while from > 0 && bytes[from - 1] == b'\r' {
         from -= 1;
-        // One line end: LF, or CRs with at most one LF behind them.
-        if from > 0 && bytes[from] == b'\n' && bytes[from - 1] != b'\r'
-            || from > 0 && bytes[from] == b'\r' && bytes[from - 1] != b'\r'
-        {
-            break;
-        }
     }
     let line_end = if from < line { &bytes[from..line] } else { b"\n" };
     (&bytes[line..line + blank], line_end)
@@ -158,7 +153,8 @@ pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
 
 /// A name that nothing in the program has.
 fn free_name(writer: &Writer<'_>, name: &[u8], literal: u32, group: usize) -> String {
-    let base = String::from_utf8_lossy(name);
+    // Letters beyond ASCII mean one thing in ISO 8859-1 and another in UTF-8.
+    let base: String = name.iter().filter(|b| b.is_ascii()).map(|&b| b as char).collect();
     let mut number = group + 1;
     loop {
         let tail = format!("_{number}");

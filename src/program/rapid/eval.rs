@@ -3,9 +3,9 @@
 use super::lex::{Cursor, Kind, Lexeme};
 use super::literal::{Literal, Written};
 use super::motion::{self, Call};
-use super::run::Runner;
+use super::run::{ABSENT, NOT_KNOWN, Runner};
 use super::symbols::{Content, Upper};
-use super::syntax::Storage;
+use super::tree::Storage;
 use super::value::{self, NO_TURN, Place, Pose, Step, Value, multiply};
 use crate::text::{self, Span};
 use std::rc::Rc;
@@ -314,6 +314,13 @@ impl Runner<'_> {
         }
         let num = |i: usize| values.get(i).and_then(Value::num);
         let known = match (&*name, values.len()) {
+            (b"PRESENT", 1) => {
+                return match &values[0] {
+                    Value::Unknown(ABSENT) => Value::Bool(false),
+                    Value::Unknown(NOT_KNOWN) => Value::Unknown(RUN_TIME),
+                    _ => Value::Bool(true),
+                };
+            }
             (b"OFFS", 4) => return self.shifted(&values, false, NO_TURN),
             (b"RELTOOL", 4) => {
                 let Some(turn) = self.turn(scope, call, depth) else {

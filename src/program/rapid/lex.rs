@@ -154,7 +154,7 @@ pub(super) fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
             _ => (Kind::Mark(b'<'), 1),
         },
         b'>' if input.get(1) == Some(&b'=') => (Kind::AtLeast, 2),
-        b'!'..=b'~' => (Kind::Mark(first), 1),
+        b'#'..=b'~' => (Kind::Mark(first), 1),
         _ => (Kind::Junk, 1),
     }
 }

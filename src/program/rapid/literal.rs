@@ -42,6 +42,18 @@ pub(crate) const UNUSED_AXIS: f64 = 8.9e9;
 impl Literal {
     /// Reads the literal at `start`, if there is a complete one; values and places in one pass.
     pub(super) fn read(bytes: &[u8], source: u16, start: usize) -> Option<(Self, Written)> {
+        let (literal, values) = Self::walk::<true>(bytes, source, start)?;
+        let [x, y, z, q1, q2, q3, q4, cf1, cf4, cf6, cfx, a, b, c, d, e, f] = values;
+        let conf = conf([cf1, cf4, cf6, cfx]);
+        Some((literal, Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], conf, external: [a, b, c, d, e, f] }))
+    }
+
+    /// Finds the literal at `start`, if there is a complete one.
+    pub(super) fn find(bytes: &[u8], source: u16, start: usize) -> Option<Self> {
+        Self::walk::<false>(bytes, source, start).map(|found| found.0)
+    }
+
+    fn walk<const VALUES: bool>(bytes: &[u8], source: u16, start: usize) -> Option<(Self, [f64; TOKENS + 6])> {
         let mut literal =
             Self { source, start: u32::try_from(start).ok()?, len: 0, at: [0; TOKENS], size: [0; TOKENS], external: 0 };
         let mut values = [0.0; TOKENS + 6];
@@ -61,7 +73,7 @@ impl Literal {
                     at = mark(bytes, at, b',')?;
                 }
                 let from = blank(bytes, at);
-                (values[index], at) = signed(bytes, from)?;
+                (values[index], at) = signed::<VALUES>(bytes, from)?;
                 if index < TOKENS {
                     literal.at[index] = u16::try_from(from - start).ok()?;
                     literal.size[index] = u8::try_from(at - from).ok()?;
@@ -72,9 +84,7 @@ impl Literal {
         }
         at = mark(bytes, at, b']')?;
         literal.len = u16::try_from(at - start).ok()?;
-        let [x, y, z, q1, q2, q3, q4, cf1, cf4, cf6, cfx, a, b, c, d, e, f] = values;
-        let conf = conf([cf1, cf4, cf6, cfx]);
-        Some((literal, Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], conf, external: [a, b, c, d, e, f] }))
+        Some((literal, values))
     }
 
     /// A literal whose configuration or external axes are names: only the seven numbers of the pose.
@@ -145,10 +155,24 @@ fn mark(bytes: &[u8], at: usize, wanted: u8) -> Option<usize> {
 }
 
 /// `sign? number`: the value and where it ends. Blanks between sign and number are legal.
-fn signed(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
+fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
-    let (_, token) = number.parse(bytes.get(from..)?).ok()?;
-    let value = text::number::read(token)?;
+    let token = unsigned(bytes, from)?;
+    let value = if VALUES { text::number::read(token)? } else { 0.0 };
     Some((if negative { -value } else { value }, from + token.len()))
+}
+
+/// The number token at `from`. Digits and a point are looked at here, anything else by the lexer.
+fn unsigned(bytes: &[u8], from: usize) -> Option<&[u8]> {
+    let rest = bytes.get(from..)?;
+    let len = rest.iter().position(|b| !b.is_ascii_digit() && *b != b'.')?;
+    if len > 0
+        && matches!(rest[len], b',' | b']')
+        && rest[..len].iter().filter(|b| **b == b'.').count() <= 1
+        && rest[0] != b'.'
+    {
+        return Some(&rest[..len]);
+    }
+    number.parse(rest).ok().map(|(_, token)| token)
 }

@@ -9,16 +9,21 @@
 //! holds from the start.
 
 mod clone;
+mod data;
 mod dialect;
 mod eval;
+mod flow;
 mod insert;
 mod lex;
 mod literal;
 mod motion;
+mod moves;
 mod rewrite;
 mod run;
+mod statement;
 mod symbols;
 mod syntax;
+mod tree;
 mod value;
 
 pub(super) use rewrite::rewrite;
@@ -73,13 +78,14 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     let mut errors = Vec::new();
     let mut files = Vec::new();
     for (index, source) in sources.iter().enumerate() {
-        let file = refuse(source).map_or_else(
-            || {
-                let index = u16::try_from(index).unwrap_or(u16::MAX);
-                syntax::parse(source, index)
-            },
-            Err,
-        );
+        let index = u16::try_from(index).unwrap_or(u16::MAX);
+        let file = match refuse(source) {
+            Some(error) => Err(error),
+            None => syntax::parse(source, index).map_err(|syntax::TooDeep(here)| {
+                let message = format!("blocks are nested deeper than {}", syntax::MAX_DEPTH);
+                Diagnostic::error("rapid.too-deep", "", message).at(source, here).help("split the routine into several")
+            }),
+        };
         match file {
             Ok(file) => {
                 if let Some(last) = file.cut {

@@ -214,9 +214,10 @@ impl<'a> Writer<'a> {
                 continue;
             }
             let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };
-            #[allow(clippy::float_cmp)] // the very number that was read means no change
             let wanted = change.as_ref().map_or(position_mm, |c| c.position_mm);
-            let (Some(last), true) = (offset.steps.last(), base_moves || wanted != position_mm) else { continue };
+            #[allow(clippy::float_cmp)] // the very number that was read means no change
+            let moves = base_moves || wanted != position_mm;
+            let Some(last) = offset.steps.last().filter(|_| moves) else { continue };
             let Some(tokens) = last.tokens else { continue };
             let base = &self.layout.literals[offset.root as usize];
             let (position, quat) = self.behind(

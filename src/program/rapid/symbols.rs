@@ -2,10 +2,12 @@
 
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Simple};
-use super::syntax::{Data, File, Param, Routine, RoutineKind, Statement, Storage};
+use super::tree::{Data, File, Param, Routine, RoutineKind, Statement, Storage};
 use super::value::Value;
-use crate::text::{Source, Span};
+use crate::text::{Source, Span, decode};
+use std::cell::RefCell;
 use std::collections::HashMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Longest name that is looked up; RAPID itself stops at 32.
@@ -82,13 +84,23 @@ pub(super) struct Symbols<'a> {
     /// LOCAL data of each module, over all files.
     pub(super) local: Vec<Names>,
     pub(super) routines: HashMap<Box<[u8]>, RoutineId>,
-    pub(super) local_routines: HashMap<(usize, Box<[u8]>), RoutineId>,
+    /// LOCAL routines of each module.
+    pub(super) local_routines: Vec<HashMap<Box<[u8]>, RoutineId>>,
     /// Number of modules in the files before each.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable>,
     /// Components of the program's own record types: type → name → place and type.
-    pub(super) records: HashMap<Box<[u8]>, Vec<(Upper, Arc<[u8]>)>>,
+    pub(super) records: HashMap<Box<[u8]>, Vec<Field>>,
+    /// Names that each routine changes, once it was asked for.
+    changed: RefCell<HashMap<RoutineId, NameList>>,
+    /// The same, by its own assignments only: what can come back through a parameter.
+    handed_back: RefCell<HashMap<RoutineId, NameList>>,
 }
+
+/// Name and type of a component, in upper case.
+pub(super) type Field = (Upper, Arc<[u8]>);
+/// Names in upper case.
+type NameList = Rc<[Box<[u8]>]>;
 
 impl<'a> Symbols<'a> {
     pub(super) fn new(sources: &'a [Source], files: &'a [File]) -> Self {
@@ -98,7 +110,9 @@ impl<'a> Symbols<'a> {
             global: Names::new(),
             local: Vec::new(),
             routines: HashMap::new(),
-            local_routines: HashMap::new(),
+            local_routines: Vec::new(),
+            changed: RefCell::default(),
+            handed_back: RefCell::default(),
             first_module: Vec::new(),
             variables: Vec::new(),
             records: HashMap::new(),
@@ -109,6 +123,7 @@ impl<'a> Symbols<'a> {
             for (m, module) in file.modules.iter().enumerate() {
                 let id = symbols.local.len();
                 symbols.local.push(Names::new());
+                symbols.local_routines.push(HashMap::new());
                 for data in &module.data {
                     let at = symbols.variables.len();
                     let variable = declared(bytes, f, id, data);
@@ -130,7 +145,7 @@ impl<'a> Symbols<'a> {
                     let key: Box<[u8]> = Box::from(&*Upper::new(&bytes[routine.name.range()]));
                     let place = RoutineId { file: f, module: m, routine: r };
                     if routine.local {
-                        symbols.local_routines.entry((id, key)).or_insert(place);
+                        symbols.local_routines[id].entry(key).or_insert(place);
                     } else {
                         symbols.routines.entry(key).or_insert(place);
                     }
@@ -152,7 +167,7 @@ impl<'a> Symbols<'a> {
     /// A routine by the name that `module` knows it by.
     pub(super) fn find_routine(&self, module: usize, name: &[u8]) -> Option<RoutineId> {
         let key = Upper::new(name);
-        let local = self.local_routines.get(&(module, Box::from(&*key)));
+        let local = self.local_routines.get(module).filter(|l| !l.is_empty()).and_then(|l| l.get(&*key));
         local.or_else(|| self.routines.get(&*key)).copied()
     }
 
@@ -187,6 +202,20 @@ impl<'a> Symbols<'a> {
                 }
             }
         }
+    }
+
+    /// Names that a routine changes, in its body or its handlers.
+    pub(super) fn changed_by(&self, id: RoutineId) -> NameList {
+        if let Some(found) = self.changed.borrow().get(&id) {
+            return Rc::clone(found);
+        }
+        let routine = self.routine(id);
+        let mut names = Vec::new();
+        self.assigned_names(id, &routine.body, &mut names);
+        self.assigned_names(id, &routine.handlers, &mut names);
+        let names = list(names);
+        self.changed.borrow_mut().insert(id, Rc::clone(&names));
+        names
     }
 
     /// Names (upper case) whose data a block's statements change, as far as text can tell.
@@ -257,7 +286,10 @@ impl<'a> Symbols<'a> {
     }
 
     /// Names of a routine's parameters that it assigns itself.
-    fn changed_params(&self, id: RoutineId) -> Vec<Box<[u8]>> {
+    fn changed_params(&self, id: RoutineId) -> NameList {
+        if let Some(found) = self.handed_back.borrow().get(&id) {
+            return Rc::clone(found);
+        }
         let bytes = &self.sources[id.file].bytes;
         let routine = self.routine(id);
         let mut names = Vec::new();
@@ -301,8 +333,16 @@ impl<'a> Symbols<'a> {
                 }
             }
         }
+        let names = list(names);
+        self.handed_back.borrow_mut().insert(id, Rc::clone(&names));
         names
     }
+}
+
+fn list(mut names: Vec<Box<[u8]>>) -> NameList {
+    names.sort_unstable();
+    names.dedup();
+    names.into()
 }
 
 fn param_key(symbols: &Symbols<'_>, id: RoutineId, param: &Param) -> Box<[u8]> {
@@ -326,7 +366,7 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
         _ => Value::Unknown("data without an initial value"),
     };
     Variable {
-        name: String::from_utf8_lossy(&bytes[data.name.range()]).as_ref().into(),
+        name: decode(&bytes[data.name.range()]).as_ref().into(),
         kind: Arc::from(&*kind),
         storage: data.storage,
         #[allow(clippy::cast_possible_truncation)]

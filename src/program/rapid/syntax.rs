@@ -1,158 +1,45 @@
 //! Modules, routines and blocks: shallow, so that a statement not understood stays its own affair.
 
 use super::lex::{Cursor, Key, Kind, Lexeme, key};
-use super::literal::Literal;
-use crate::program::Mark;
-use crate::text::{Diagnostic, Source, Span};
+use super::statement::{NO_SEMICOLON, Scan};
+use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Statement, Storage};
+use crate::text::{Source, Span};
 
 /// Deeper nesting of blocks is refused: nobody writes it, and the walk over it is recursive.
-const MAX_DEPTH: usize = 100;
+pub(super) const MAX_DEPTH: usize = 100;
 
-/// One file's modules, and every complete robtarget literal in it in text order.
-#[derive(Debug, Default)]
-pub(super) struct File {
-    pub(super) modules: Vec<Module>,
-    pub(super) literals: Vec<Literal>,
-    /// Statements that are not understood, with the reason.
-    pub(super) odd: Vec<(Span, &'static str)>,
-    /// The last mark before the first routine: in force from the start.
-    pub(super) mark: Option<Mark>,
-    /// The file ends inside a module: its last lexeme.
-    pub(super) cut: Option<Span>,
-}
-
-#[derive(Debug, Default)]
-pub(super) struct Module {
-    pub(super) data: Vec<Data>,
-    pub(super) records: Vec<Record>,
-    pub(super) routines: Vec<Routine>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Storage {
-    Const,
-    Pers,
-    Var,
-}
-
-/// `[LOCAL|TASK] VAR|PERS|CONST type name[{…}] [:= value];`
-#[derive(Clone, Debug)]
-pub(super) struct Data {
-    pub(super) storage: Storage,
-    pub(super) local: bool,
-    pub(super) kind: Span,
-    pub(super) name: Span,
-    pub(super) dims: Option<Span>,
-    pub(super) value: Option<Span>,
-    pub(super) statement: Span,
-}
-
-#[derive(Debug)]
-pub(super) struct Record {
-    pub(super) name: Span,
-    /// Type and name of each component.
-    pub(super) fields: Vec<(Span, Span)>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum RoutineKind {
-    Proc,
-    Func,
-    Trap,
-}
-
-#[derive(Debug)]
-pub(super) struct Routine {
-    pub(super) kind: RoutineKind,
-    pub(super) local: bool,
-    pub(super) name: Span,
-    pub(super) params: Vec<Param>,
-    pub(super) data: Vec<Data>,
-    pub(super) body: Vec<Statement>,
-    /// ERROR, UNDO and BACKWARD parts: not on the way of a run without faults.
-    pub(super) handlers: Vec<Statement>,
-}
-
-#[derive(Debug)]
-pub(super) struct Param {
-    pub(super) kind: Span,
-    pub(super) name: Span,
-    /// VAR, PERS or INOUT: the caller's own variable.
-    pub(super) by_reference: bool,
-    pub(super) optional: bool,
-}
-
-#[derive(Debug)]
-pub(super) enum Statement {
-    /// A call or an assignment, up to and with its `;`.
-    Simple(Span),
-    If {
-        arms: Vec<(Span, Vec<Statement>)>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
-    For {
-        variable: Span,
-        from: Span,
-        to: Span,
-        step: Option<Span>,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    While {
-        condition: Span,
-        body: Vec<Statement>,
-        at: Span,
-    },
-    Test {
-        subject: Span,
-        cases: Vec<(Span, Vec<Statement>)>,
-        otherwise: Vec<Statement>,
-        at: Span,
-    },
-    Return,
-    /// EXIT and RAISE end the run as read.
-    Exit,
-    Goto(Span),
-    Mark(Mark),
-}
+/// Where blocks are nested deeper than [`MAX_DEPTH`].
+pub(super) struct TooDeep(pub(super) Span);
 
 /// Reads one file.
-pub(super) fn parse(source: &Source, index: u16) -> Result<File, Diagnostic> {
+pub(super) fn parse(source: &Source, index: u16) -> Result<File, TooDeep> {
     let bytes = &source.bytes;
     let cursor = Cursor::new(bytes, Span::new(0, bytes.len()));
-    let mut parser = Parser { cursor, source, index, file: File::default(), ended: false };
+    let mut parser = Parser { cursor, index, file: File::default(), ended: false };
     parser.header();
     parser.modules()?;
     Ok(parser.file)
 }
 
-struct Parser<'a> {
-    cursor: Cursor<'a>,
-    source: &'a Source,
-    index: u16,
-    file: File,
+pub(super) struct Parser<'a> {
+    pub(super) cursor: Cursor<'a>,
+    pub(super) index: u16,
+    pub(super) file: File,
     /// The module read last had its ENDMODULE.
     ended: bool,
 }
 
-/// How a simple statement's scan ended.
-enum Scan {
-    Done,
-    Broken(&'static str),
-}
-
 impl<'a> Parser<'a> {
-    fn key_of(&self, lexeme: Lexeme) -> Option<Key> {
+    pub(super) fn key_of(&self, lexeme: Lexeme) -> Option<Key> {
         if lexeme.kind == Kind::Word { key(self.cursor.text(lexeme)) } else { None }
     }
 
-    fn peek_key(&mut self) -> Option<Key> {
+    pub(super) fn peek_key(&mut self) -> Option<Key> {
         let lexeme = self.cursor.peek();
         self.key_of(lexeme)
     }
 
-    fn odd(&mut self, from: usize, reason: &'static str) {
+    pub(super) fn odd(&mut self, from: usize, reason: &'static str) {
         let end = self.cursor.behind.max(from);
         self.file.odd.push((Span::new(from, end), reason));
     }
@@ -188,7 +75,7 @@ impl<'a> Parser<'a> {
         (0..3).all(|_| self.cursor.accept(Kind::Mark(b'%')).is_some())
     }
 
-    fn modules(&mut self) -> Result<(), Diagnostic> {
+    fn modules(&mut self) -> Result<(), TooDeep> {
         loop {
             let lexeme = self.cursor.peek();
             match self.key_of(lexeme) {
@@ -236,7 +123,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn module(&mut self) -> Result<Module, Diagnostic> {
+    fn module(&mut self) -> Result<Module, TooDeep> {
         let mut module = Module::default();
         self.ended = false;
         loop {
@@ -283,7 +170,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn member(&mut self, module: &mut Module, start: usize) -> Result<(), Diagnostic> {
+    fn member(&mut self, module: &mut Module, start: usize) -> Result<(), TooDeep> {
         let mut local = false;
         loop {
             let lexeme = self.cursor.next();
@@ -370,7 +257,7 @@ impl<'a> Parser<'a> {
         Some(Data { storage, local, kind: kind.span(), name: name.span(), dims, value, statement })
     }
 
-    fn routine(&mut self, module: &mut Module, kind: RoutineKind, local: bool) -> Result<(), Diagnostic> {
+    fn routine(&mut self, module: &mut Module, kind: RoutineKind, local: bool) -> Result<(), TooDeep> {
         let start = self.cursor.behind;
         let name = self.cursor.peek();
         let name = if matches!(name.kind, Kind::Word | Kind::Number) {
@@ -457,12 +344,10 @@ impl<'a> Parser<'a> {
     }
 
     /// Statements up to a word that this level does not know; that word is left.
-    fn block(&mut self, data: &mut Vec<Data>, depth: usize) -> Result<Vec<Statement>, Diagnostic> {
+    fn block(&mut self, data: &mut Vec<Data>, depth: usize) -> Result<Vec<Statement>, TooDeep> {
         if depth > MAX_DEPTH {
             let here = self.cursor.peek().span();
-            return Err(Diagnostic::error("rapid.too-deep", "", format!("blocks are nested deeper than {MAX_DEPTH}"))
-                .at(self.source, here)
-                .help("split the routine into several"));
+            return Err(TooDeep(here));
         }
         let mut block = Vec::new();
         loop {
@@ -530,31 +415,6 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// An expression up to one of `words` or what cannot be in one.
-    fn expression(&mut self, words: &[&[u8]]) -> Span {
-        let start = self.cursor.peek().start;
-        self.cursor.behind = start;
-        let mut depth = 0_usize;
-        loop {
-            let lexeme = self.cursor.peek();
-            match lexeme.kind {
-                Kind::End | Kind::Mark(b';') => break,
-                Kind::Mark(b'[' | b'(' | b'{') => depth += 1,
-                Kind::Mark(b']' | b')' | b'}') => depth = depth.saturating_sub(1),
-                Kind::Mark(b':') if depth == 0 => break,
-                Kind::Word => {
-                    let text = self.cursor.text(lexeme);
-                    if words.iter().any(|w| w.eq_ignore_ascii_case(text)) || key(text).is_some() {
-                        break;
-                    }
-                }
-                _ => {}
-            }
-            self.cursor.pass(lexeme);
-        }
-        Span::new(start, self.cursor.behind)
-    }
-
     fn close(&mut self, wanted: Key, head: Span) {
         let lexeme = self.cursor.peek();
         if self.key_of(lexeme) == Some(wanted) {
@@ -567,7 +427,7 @@ impl<'a> Parser<'a> {
     }
 
     /// Behind IF: the block form, or the compact form with one statement and no THEN.
-    fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, Diagnostic> {
+    fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
         let condition = self.operand_run();
         let head = Span::new(at, self.cursor.behind);
         if self.cursor.accept_word(b"THEN") {
@@ -613,39 +473,8 @@ impl<'a> Parser<'a> {
         Ok(inner.map(|s| Statement::If { arms: vec![(condition, vec![s])], otherwise: Vec::new(), at: head }))
     }
 
-    /// A condition up to THEN or, in the compact form, up to the first word behind a whole operand.
-    fn operand_run(&mut self) -> Span {
-        let start = self.cursor.peek().start;
-        self.cursor.behind = start;
-        let (mut depth, mut operand) = (0_usize, false);
-        loop {
-            let lexeme = self.cursor.peek();
-            match lexeme.kind {
-                Kind::End | Kind::Mark(b';') => break,
-                Kind::Mark(b'[' | b'(' | b'{') => (depth, operand) = (depth + 1, false),
-                Kind::Mark(b']' | b')' | b'}') => (depth, operand) = (depth.saturating_sub(1), true),
-                Kind::Number | Kind::Text => operand = true,
-                Kind::Mark(b'%') if depth == 0 && operand => break,
-                Kind::Word => {
-                    let text = self.cursor.text(lexeme);
-                    if key(text).is_some() {
-                        break;
-                    }
-                    let operator = is_operator(text);
-                    if operand && depth == 0 && !operator {
-                        break;
-                    }
-                    operand = !operator;
-                }
-                _ => operand = false,
-            }
-            self.cursor.pass(lexeme);
-        }
-        Span::new(start, self.cursor.behind)
-    }
-
     /// Behind FOR.
-    fn counted(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, Diagnostic> {
+    fn counted(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
         let variable = self.cursor.accept(Kind::Word);
         let from_word = self.cursor.accept_word(b"FROM");
         let from = self.expression(&[b"TO", b"STEP", b"DO"]);
@@ -664,7 +493,7 @@ impl<'a> Parser<'a> {
     }
 
     /// Behind TEST.
-    fn test(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, Diagnostic> {
+    fn test(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
         let subject = self.expression(&[]);
         let head = Span::new(at, self.cursor.behind);
         let (mut cases, mut otherwise) = (Vec::new(), Vec::new());
@@ -687,109 +516,7 @@ impl<'a> Parser<'a> {
         self.close(Key::EndTest, head);
         Ok(Statement::Test { subject, cases, otherwise, at: head })
     }
-
-    /// A call, an assignment, a label or what cannot be read.
-    fn simple(&mut self, start: Lexeme) -> Option<Statement> {
-        self.cursor.pass(start);
-        match start.kind {
-            Kind::Mark(b';') => return None,
-            Kind::Placeholder => {
-                self.cursor.accept(Kind::Mark(b';'));
-                return None;
-            }
-            Kind::Word if self.cursor.accept(Kind::Mark(b':')).is_some() => return None,
-            _ => {}
-        }
-        let end = self.scan();
-        let span = Span::new(start.start, self.cursor.behind);
-        match end {
-            Scan::Broken(reason) => self.odd(start.start, reason),
-            Scan::Done if !matches!(start.kind, Kind::Word | Kind::Mark(b'%')) => {
-                self.odd(start.start, "not a statement")
-            }
-            Scan::Done => return Some(Statement::Simple(span)),
-        }
-        None
-    }
-
-    /// Passes the rest of a statement with its `;`, noting robtarget literals. `;` does not occur in
-    /// brackets, so it always ends one; so does a word that opens or closes a block.
-    fn scan(&mut self) -> Scan {
-        let mut depth = 0_usize;
-        let mut operand =
-            self.cursor.bytes[..self.cursor.behind].last().is_some_and(|b| matches!(b, b']' | b')' | b'}'));
-        let mut words = usize::from(!operand);
-        let mut placeholder = false;
-        loop {
-            let before = self.cursor.behind;
-            let lexeme = self.cursor.peek();
-            match lexeme.kind {
-                Kind::End => return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON }),
-                Kind::Mark(b';') => {
-                    self.cursor.pass(lexeme);
-                    return match depth {
-                        0 if placeholder => Scan::Broken("placeholder in a statement"),
-                        0 => Scan::Done,
-                        _ => Scan::Broken(UNCLOSED),
-                    };
-                }
-                Kind::Mark(b'[') => {
-                    if let Some((literal, _)) = Literal::read(self.cursor.bytes, self.index, lexeme.start) {
-                        let end = literal.span().end as usize;
-                        self.file.literals.push(literal);
-                        self.cursor.at = end;
-                        self.cursor.behind = end;
-                        operand = true;
-                        continue;
-                    }
-                    (depth, operand) = (depth + 1, false);
-                }
-                Kind::Mark(b'(' | b'{') => (depth, operand) = (depth + 1, false),
-                Kind::Mark(b']' | b')' | b'}') => {
-                    if depth == 0 {
-                        // Passed up to `;` so that only this statement is lost.
-                        self.cursor.pass(lexeme);
-                        while !matches!(self.cursor.peek().kind, Kind::End | Kind::Mark(b';'))
-                            && self.peek_key().is_none()
-                        {
-                            self.cursor.next();
-                        }
-                        self.cursor.accept(Kind::Mark(b';'));
-                        return Scan::Broken("bracket closed that was not opened");
-                    }
-                    (depth, operand) = (depth - 1, true);
-                }
-                Kind::Word => {
-                    let text = self.cursor.text(lexeme);
-                    let option = lexeme.start > 0 && matches!(self.cursor.bytes[lexeme.start - 1], b'\\' | b'.');
-                    if let Some(found) = key(text)
-                        && !option
-                        && !(matches!(found, Key::Error | Key::Default | Key::Exit | Key::Test | Key::Task)
-                            && depth > 0)
-                    {
-                        return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON });
-                    }
-                    let operator = is_operator(text);
-                    if operand && depth == 0 && !operator && words > 0 {
-                        let gap = &self.cursor.bytes[before..lexeme.start];
-                        if gap.iter().any(|b| matches!(b, b'\n' | b'\r')) {
-                            return Scan::Broken(NO_SEMICOLON);
-                        }
-                    }
-                    words += usize::from(operand);
-                    operand = !operator;
-                }
-                Kind::Number | Kind::Text => operand = true,
-                Kind::Placeholder => (placeholder, operand) = (true, true),
-                _ => operand = false,
-            }
-            self.cursor.pass(lexeme);
-        }
-    }
 }
-
-pub(super) const NO_SEMICOLON: &str = "missing semicolon";
-const UNCLOSED: &str = "bracket without an end";
 
 fn storage(key: Key) -> Storage {
     match key {
@@ -797,10 +524,4 @@ fn storage(key: Key) -> Storage {
         Key::Pers => Storage::Pers,
         _ => Storage::Var,
     }
-}
-
-fn is_operator(word: &[u8]) -> bool {
-    [&b"DIV"[..], b"MOD", b"AND", b"OR", b"XOR", b"NOT", b"WITH", b"TO", b"STEP", b"FROM"]
-        .iter()
-        .any(|o| o.eq_ignore_ascii_case(word))
 }

@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used)] // helpers of tests
 
 use deflex::program::{Change, Editable, Goal, Insert, Program, RewriteOptions, Role, rapid, round_trip};
-use deflex::text::{Source, apply};
+use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
+use std::fmt::Write;
 
 const HEAD: &str = "MODULE M\r\n  PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];\r\n";
 const EXT: &str = "[9E9,9E9,9E9,9E9,9E9,9E9]";
@@ -169,7 +170,151 @@ fn pieces() -> impl Strategy<Value = String> {
     prop::collection::vec(prop::sample::select(words.to_vec()), 0..60).prop_map(|parts| parts.concat())
 }
 
+/// One line a target, one a kept statement.
+fn render(program: &Program) -> String {
+    let mut out = String::new();
+    let mut line = |text: String| writeln!(out, "{text}").unwrap();
+    line(format!(
+        "{}: {} motions, {} literal, {} arcs",
+        program.dialect,
+        program.motion_targets(),
+        program.literal_targets,
+        program.arcs
+    ));
+    for t in &program.targets {
+        let (numbers, conf) = match t.goal {
+            Goal::Pose { position_mm: p, quat: q, conf } => ([&p[..], &q].concat(), conf),
+            Goal::Axis { position_mm: p, axis } => ([p, axis].concat(), None),
+            Goal::Joints { deg } => (deg.to_vec(), None),
+        };
+        let numbers: Vec<String> = numbers.iter().map(|v| format!("{:.4}", v + 0.0)).collect();
+        let conf = conf.map_or(String::new(), |c| format!(" conf {} {} {} {}", c.cf1, c.cf4, c.cf6, c.cfx));
+        let feed = t.feed_mm_s.map_or(String::new(), |f| format!(" {f:.3} mm/s"));
+        let role = if t.role == Role::End { "" } else { " via" };
+        let (tool, wobj) = (&program.tools[t.tool as usize], &program.wobjs[t.wobj as usize]);
+        let name = t.name.as_deref().unwrap_or("-");
+        line(format!(
+            "{}{role} line {} {:?} {name}: {}{conf}{feed} {} {} {:?}",
+            t.ordinal,
+            t.line,
+            t.motion,
+            numbers.join(" "),
+            tool.name,
+            wobj.name,
+            t.editable
+        ));
+    }
+    for tool in &program.tools {
+        line(format!("tool {} {:?}", tool.name, tool.data.map(|d| (d.robhold, d.tcp_mm, d.mass_kg))));
+    }
+    for wobj in &program.wobjs {
+        line(format!("wobj {} {:?}", wobj.name, wobj.data.map(|d| (d.robhold, d.fixed, d.uframe_mm))));
+    }
+    for kept in &program.kept {
+        line(format!("kept line {}: {}", kept.line, kept.reason));
+    }
+    for diagnostic in &program.diagnostics {
+        line(diagnostic.to_string());
+    }
+    out
+}
+
+#[test]
+fn valid_fixtures_read_as_they_should_and_survive_a_write() {
+    insta::glob!("..", "fixtures/rapid/valid/*", |path| {
+        let name = path.file_name().unwrap().to_string_lossy();
+        let program = rapid::read(vec![Source::new(name, std::fs::read(path).unwrap())], Vec::new()).unwrap();
+        let trip = round_trip(&program, rapid::read);
+        assert!(trip.holds(), "{trip:?}");
+        insta::assert_snapshot!(render(&program));
+    });
+}
+
+#[test]
+fn invalid_fixtures_are_refused_with_a_reason() {
+    insta::glob!("..", "fixtures/rapid/invalid/*", |path| {
+        let name = path.file_name().unwrap().to_string_lossy();
+        let errors = rapid::read(vec![Source::new(name, std::fs::read(path).unwrap())], Vec::new()).unwrap_err();
+        let text = |e: &Diagnostic| format!("{e}\n  help: {}", e.help.as_deref().unwrap_or("none"));
+        insta::assert_snapshot!(errors.iter().map(text).collect::<Vec<_>>().join("\n"));
+    });
+}
+
+#[test]
+fn several_modules_are_one_program() {
+    let main = "MODULE A\nPROC main()\nPath tB;\n%\"B:Late\"%;\nENDPROC\nENDMODULE\n";
+    let part = format!(
+        "MODULE B\nPERS tooldata tB:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC Path(PERS tooldata t)\n\
+         MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],{EXT}],v10,z1,t\\WObj:=wC;\nENDPROC\nPROC Late()\nMoveL pC,v10,z1,tB;\nENDPROC\nENDMODULE\n"
+    );
+    let context = format!(
+        "MODULE C\nPERS wobjdata wC:=[FALSE,TRUE,\"\",[[7,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget pC:=[[4,5,6],[1,0,0,0],[0,0,0,0],{EXT}];\nENDMODULE\n"
+    );
+    let source = |name: &str, text: &str| Source::new(name, text.as_bytes());
+    let program =
+        rapid::read(vec![source("a.mod", main), source("b.mod", &part)], vec![source("c.mod", &context)]).unwrap();
+    assert_eq!(positions(&program), [[1., 2., 3.], [4., 5., 6.]]);
+    assert_eq!(program.targets[0].source, 1);
+    assert_eq!(program.wobjs[0].data.unwrap().uframe_mm[0].to_bits(), 7.0_f64.to_bits());
+    assert_eq!(program.targets[1].editable, Editable::No("declared in a context module"));
+    let trip = round_trip(&program, rapid::read);
+    assert!(trip.holds(), "{trip:?}");
+}
+
+#[test]
+fn orientation_is_renormalised_and_keeps_its_hemisphere() {
+    let body = format!("    MoveL [[0,0,0],[-0.7071,0,-0.7071,0],[0,0,0,0],{EXT}],v20,z1,t1;");
+    let text = module("", &body);
+    let program = read(&text);
+    let Goal::Pose { quat, .. } = program.targets[0].goal else { panic!("pose") };
+    // The orientation that was read, in either hemisphere, is no change.
+    for quat in [quat, quat.map(|c| -c)] {
+        let change = Change { position_mm: [0.0; 3], quat: Some(quat), conf: None };
+        assert_eq!(written(&program, &[Some(change)], &[], false).0, text);
+    }
+    let half = 1e-3_f64;
+    let turned = [half.cos() * 0.5_f64.sqrt(), half.sin(), 0.5_f64.sqrt() * half.cos(), 0.0];
+    let change = Change { position_mm: [0.0; 3], quat: Some(turned), conf: None };
+    let (out, _) = written(&program, &[Some(change)], &[], false);
+    assert!(out.contains("[-0.70710643,-0.00100000,-0.70710643,0]"), "{out}");
+}
+
+/// A pose's numbers as programs print them.
+fn number() -> impl Strategy<Value = String> {
+    (-3000.0_f64..3000.0, 0_usize..7).prop_map(|(v, d)| format!("{v:.d$}"))
+}
+
 proptest! {
+    #[test]
+    fn what_is_asked_for_is_read_back_within_half_a_printed_unit(
+        numbers in prop::collection::vec(number(), 3..30),
+        by in prop::array::uniform3(-2.0_f64..2.0),
+    ) {
+        let lines: Vec<String> = numbers
+            .chunks_exact(3)
+            .map(|p| format!("    MoveL [[{}],[1,0,0,0],[0,0,0,0],{EXT}],v20,z1,t1;", p.join(",")))
+            .collect();
+        let text = module("", &lines.join("\r\n"));
+        let program = read(&text);
+        let wanted: Vec<[f64; 3]> =
+            positions(&program).iter().map(|p| std::array::from_fn(|i| p[i] + by[i])).collect();
+        let changes: Vec<_> = wanted.iter().map(|p| to(*p)).collect();
+        let rewritten = program.rewrite(&changes, &[], &RewriteOptions::default());
+        for pair in rewritten.edits[0].windows(2) {
+            prop_assert!(pair[0].span.end <= pair[1].span.start, "edits overlap");
+        }
+        let (out, _) = written(&program, &changes, &[], false);
+        let again = read(&out);
+        for ((wanted, got), written) in wanted.iter().zip(positions(&again)).zip(&rewritten.written) {
+            for i in 0..3 {
+                prop_assert!((wanted[i] - got[i]).abs() <= 0.5e-4 + 1e-9);
+                #[allow(clippy::cast_possible_truncation)]
+                let held = f64::from(got[i] as f32);
+                prop_assert!((held - written.0[i]).abs() < 1e-12);
+            }
+        }
+    }
+
     #[test]
     fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let _ = rapid::read(vec![Source::new("x", bytes)], Vec::new());

@@ -1,0 +1,179 @@
+//! Where statements and expressions end, without a look at what they mean.
+
+use super::lex::{Key, Kind, Lexeme, key};
+use super::literal::Literal;
+use super::syntax::Parser;
+use super::tree::Statement;
+use crate::text::Span;
+
+/// How a simple statement's scan ended.
+pub(super) enum Scan {
+    Done,
+    Broken(&'static str),
+}
+
+pub(super) const NO_SEMICOLON: &str = "missing semicolon";
+const UNCLOSED: &str = "bracket without an end";
+
+impl Parser<'_> {
+    /// A call, an assignment, a label or what cannot be read.
+    pub(super) fn simple(&mut self, start: Lexeme) -> Option<Statement> {
+        self.cursor.pass(start);
+        match start.kind {
+            Kind::Mark(b';') => return None,
+            Kind::Placeholder => {
+                self.cursor.accept(Kind::Mark(b';'));
+                return None;
+            }
+            Kind::Word if self.cursor.accept(Kind::Mark(b':')).is_some() => return None,
+            _ => {}
+        }
+        let end = self.scan();
+        let span = Span::new(start.start, self.cursor.behind);
+        match end {
+            Scan::Broken(reason) => self.odd(start.start, reason),
+            Scan::Done if !matches!(start.kind, Kind::Word | Kind::Mark(b'%')) => {
+                self.odd(start.start, "not a statement")
+            }
+            Scan::Done => return Some(Statement::Simple(span)),
+        }
+        None
+    }
+
+    /// Passes the rest of a statement with its `;`, noting robtarget literals. `;` does not occur in
+    /// brackets, so it always ends one; so does a word that opens or closes a block.
+    pub(super) fn scan(&mut self) -> Scan {
+        let mut depth = 0_usize;
+        let mut operand =
+            self.cursor.bytes[..self.cursor.behind].last().is_some_and(|b| matches!(b, b']' | b')' | b'}'));
+        let mut words = usize::from(!operand);
+        let mut placeholder = false;
+        loop {
+            let before = self.cursor.behind;
+            let lexeme = self.cursor.peek();
+            match lexeme.kind {
+                Kind::End => return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON }),
+                Kind::Mark(b';') => {
+                    self.cursor.pass(lexeme);
+                    return match depth {
+                        0 if placeholder => Scan::Broken("placeholder in a statement"),
+                        0 => Scan::Done,
+                        _ => Scan::Broken(UNCLOSED),
+                    };
+                }
+                Kind::Mark(b'[') => {
+                    if let Some(literal) = Literal::find(self.cursor.bytes, self.index, lexeme.start) {
+                        let end = literal.span().end as usize;
+                        self.file.literals.push(literal);
+                        self.cursor.at = end;
+                        self.cursor.behind = end;
+                        operand = true;
+                        continue;
+                    }
+                    (depth, operand) = (depth + 1, false);
+                }
+                Kind::Mark(b'(' | b'{') => (depth, operand) = (depth + 1, false),
+                Kind::Mark(b']' | b')' | b'}') => {
+                    if depth == 0 {
+                        // Passed up to `;` so that only this statement is lost.
+                        self.cursor.pass(lexeme);
+                        while !matches!(self.cursor.peek().kind, Kind::End | Kind::Mark(b';'))
+                            && self.peek_key().is_none()
+                        {
+                            self.cursor.next();
+                        }
+                        self.cursor.accept(Kind::Mark(b';'));
+                        return Scan::Broken("bracket closed that was not opened");
+                    }
+                    (depth, operand) = (depth - 1, true);
+                }
+                Kind::Word => {
+                    let text = self.cursor.text(lexeme);
+                    let option = lexeme.start > 0 && matches!(self.cursor.bytes[lexeme.start - 1], b'\\' | b'.');
+                    if let Some(found) = key(text)
+                        && !option
+                        && !(matches!(found, Key::Error | Key::Default | Key::Exit | Key::Test | Key::Task)
+                            && depth > 0)
+                    {
+                        return Scan::Broken(if depth > 0 { UNCLOSED } else { NO_SEMICOLON });
+                    }
+                    let operator = is_operator(text);
+                    if operand && depth == 0 && !operator && words > 0 {
+                        let gap = &self.cursor.bytes[before..lexeme.start];
+                        if gap.iter().any(|b| matches!(b, b'\n' | b'\r')) {
+                            return Scan::Broken(NO_SEMICOLON);
+                        }
+                    }
+                    words += usize::from(operand);
+                    operand = !operator;
+                }
+                Kind::Number | Kind::Text => operand = true,
+                Kind::Placeholder => (placeholder, operand) = (true, true),
+                _ => operand = false,
+            }
+            self.cursor.pass(lexeme);
+        }
+    }
+
+    /// An expression up to one of `words` or what cannot be in one.
+    pub(super) fn expression(&mut self, words: &[&[u8]]) -> Span {
+        let start = self.cursor.peek().start;
+        self.cursor.behind = start;
+        let mut depth = 0_usize;
+        loop {
+            let lexeme = self.cursor.peek();
+            match lexeme.kind {
+                Kind::End | Kind::Mark(b';') => break,
+                Kind::Mark(b'[' | b'(' | b'{') => depth += 1,
+                Kind::Mark(b']' | b')' | b'}') => depth = depth.saturating_sub(1),
+                Kind::Mark(b':') if depth == 0 => break,
+                Kind::Word => {
+                    let text = self.cursor.text(lexeme);
+                    if words.iter().any(|w| w.eq_ignore_ascii_case(text)) || key(text).is_some() {
+                        break;
+                    }
+                }
+                _ => {}
+            }
+            self.cursor.pass(lexeme);
+        }
+        Span::new(start, self.cursor.behind)
+    }
+
+    /// A condition up to THEN or, in the compact form, up to the first word behind a whole operand.
+    pub(super) fn operand_run(&mut self) -> Span {
+        let start = self.cursor.peek().start;
+        self.cursor.behind = start;
+        let (mut depth, mut operand) = (0_usize, false);
+        loop {
+            let lexeme = self.cursor.peek();
+            match lexeme.kind {
+                Kind::End | Kind::Mark(b';') => break,
+                Kind::Mark(b'[' | b'(' | b'{') => (depth, operand) = (depth + 1, false),
+                Kind::Mark(b']' | b')' | b'}') => (depth, operand) = (depth.saturating_sub(1), true),
+                Kind::Number | Kind::Text => operand = true,
+                Kind::Mark(b'%') if depth == 0 && operand => break,
+                Kind::Word => {
+                    let text = self.cursor.text(lexeme);
+                    if key(text).is_some() {
+                        break;
+                    }
+                    let operator = is_operator(text);
+                    if operand && depth == 0 && !operator {
+                        break;
+                    }
+                    operand = !operator;
+                }
+                _ => operand = false,
+            }
+            self.cursor.pass(lexeme);
+        }
+        Span::new(start, self.cursor.behind)
+    }
+}
+
+fn is_operator(word: &[u8]) -> bool {
+    [&b"DIV"[..], b"MOD", b"AND", b"OR", b"XOR", b"NOT", b"WITH", b"TO", b"STEP", b"FROM"]
+        .iter()
+        .any(|o| o.eq_ignore_ascii_case(word))
+}

@@ -1,0 +1,114 @@
+//! What a file is made of: spans, not texts.
+
+use super::literal::Literal;
+use crate::program::Mark;
+use crate::text::Span;
+
+/// One file's modules, and every complete robtarget literal in it in text order.
+#[derive(Debug, Default)]
+pub(super) struct File {
+    pub(super) modules: Vec<Module>,
+    pub(super) literals: Vec<Literal>,
+    /// Statements that are not understood, with the reason.
+    pub(super) odd: Vec<(Span, &'static str)>,
+    /// The last mark before the first routine: in force from the start.
+    pub(super) mark: Option<Mark>,
+    /// The file ends inside a module: its last lexeme.
+    pub(super) cut: Option<Span>,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Module {
+    pub(super) data: Vec<Data>,
+    pub(super) records: Vec<Record>,
+    pub(super) routines: Vec<Routine>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Storage {
+    Const,
+    Pers,
+    Var,
+}
+
+/// `[LOCAL|TASK] VAR|PERS|CONST type name[{…}] [:= value];`
+#[derive(Clone, Debug)]
+pub(super) struct Data {
+    pub(super) storage: Storage,
+    pub(super) local: bool,
+    pub(super) kind: Span,
+    pub(super) name: Span,
+    pub(super) dims: Option<Span>,
+    pub(super) value: Option<Span>,
+    pub(super) statement: Span,
+}
+
+#[derive(Debug)]
+pub(super) struct Record {
+    pub(super) name: Span,
+    /// Type and name of each component.
+    pub(super) fields: Vec<(Span, Span)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RoutineKind {
+    Proc,
+    Func,
+    Trap,
+}
+
+#[derive(Debug)]
+pub(super) struct Routine {
+    pub(super) kind: RoutineKind,
+    pub(super) local: bool,
+    pub(super) name: Span,
+    pub(super) params: Vec<Param>,
+    pub(super) data: Vec<Data>,
+    pub(super) body: Vec<Statement>,
+    /// ERROR, UNDO and BACKWARD parts: not on the way of a run without faults.
+    pub(super) handlers: Vec<Statement>,
+}
+
+#[derive(Debug)]
+pub(super) struct Param {
+    pub(super) kind: Span,
+    pub(super) name: Span,
+    /// VAR, PERS or INOUT: the caller's own variable.
+    pub(super) by_reference: bool,
+    pub(super) optional: bool,
+}
+
+#[derive(Debug)]
+pub(super) enum Statement {
+    /// A call or an assignment, up to and with its `;`.
+    Simple(Span),
+    If {
+        arms: Vec<(Span, Vec<Statement>)>,
+        otherwise: Vec<Statement>,
+        at: Span,
+    },
+    For {
+        variable: Span,
+        from: Span,
+        to: Span,
+        step: Option<Span>,
+        body: Vec<Statement>,
+        at: Span,
+    },
+    While {
+        condition: Span,
+        body: Vec<Statement>,
+        at: Span,
+    },
+    Test {
+        subject: Span,
+        cases: Vec<(Span, Vec<Statement>)>,
+        otherwise: Vec<Statement>,
+        at: Span,
+    },
+    Return,
+    /// EXIT and RAISE end the run as read.
+    Exit,
+    Goto(Span),
+    Mark(Mark),
+}
