@@ -125,6 +125,9 @@ impl Candidate {
 /// Priors of the smaller twins of each candidate, as shares of the typical sizes.
 const SMALLER: [f64; 2] = [0.3, 0.08];
 
+/// Knots of one joint's curve at most, in data over the whole robot.
+const MOST_KNOTS: usize = 100;
+
 /// Time constants that are tried, as shares of the run's length.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
 
@@ -145,6 +148,10 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
+        if problem.free_device && kind.name == "joint_error_curve" {
+            // Over a whole turn the finest knots are hundreds a joint: more than the rows hold.
+            variants.retain(|effect| effect.parameters().len() <= MOST_KNOTS);
+        }
         if kind.name == "thermal_growth" {
             variants = time_constants(variants, &survey);
         }

@@ -203,12 +203,16 @@ impl Engine {
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
-            let set = search.best(&self.chosen, &everything);
+            let whole = self.problem.free_device;
+            let set = if whole { search.staged() } else { search.best(&self.chosen, &everything) };
             let score = search.full(&set);
             posteriors = set
                 .iter()
                 .filter(|&&c| !self.candidates[c].is_pattern())
-                .map(|&c| (c, search.rivals(&set, c, &|other: &Candidate| !other.is_pattern())))
+                .map(|&c| match whole {
+                    true => (c, (1.0, Vec::new())),
+                    false => (c, search.rivals(&set, c, &|other: &Candidate| !other.is_pattern())),
+                })
                 .collect();
             if round == 0 {
                 ranking = self.ranking(&search, &now);
@@ -222,7 +226,7 @@ impl Engine {
             };
             self.choose(set.clone());
             let outliers = self.mark_outliers();
-            let gear = round + 1 < ROUNDS && self.add_gear(&now);
+            let gear = !whole && round + 1 < ROUNDS && self.add_gear(&now);
             last.clone_from(&set);
             linear = Some(now);
             if same && !outliers && !gear {

@@ -125,6 +125,42 @@ impl<'a> Search<'a> {
         best
     }
 
+    /// The set for data over the whole robot: physical effects one by one, then the curve of every joint that gains.
+    ///
+    /// Sets with curves have hundreds of columns, too many for swaps and pairs; geometry is taken first and curves are
+    /// judged beside it. A member must explain a share of what is left, not only be significant: with thousands of rows
+    /// any wrong detail of the model is.
+    pub(super) fn staged(&self) -> Vec<usize> {
+        /// Nats a row: half a percent of what is left.
+        const SHARE: f64 = 0.0025;
+        let least = self.moments.first().map_or(0.0, |m| SHARE * m.count as f64);
+        let curve = |c: &usize| self.candidates[*c].kind == "joint_error_curve";
+        let pool: Vec<usize> = (0..self.candidates.len()).filter(|c| !self.candidates[*c].is_pattern()).collect();
+        let stiff: Vec<usize> = pool.iter().copied().filter(|c| !curve(c)).collect();
+        self.narrow(&stiff);
+        let mut set: Vec<usize> = Vec::new();
+        for _ in 0..MOST {
+            let value = self.objective(&set);
+            let gain = |&c: &usize| (self.objective(&[&set[..], &[c]].concat()) - value, c);
+            let best = stiff.iter().filter(|&&c| self.joins(&set, c)).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+            match best.filter(|(gain, _)| *gain > least) {
+                Some((_, c)) => set.push(c),
+                None => break,
+            }
+        }
+        let value = self.objective(&set);
+        let mut curves: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
+        for c in pool.into_iter().filter(curve) {
+            let gain = self.objective(&[&set[..], &[c]].concat()) - value;
+            let known = curves.entry(&self.candidates[c].family).or_insert((gain, c));
+            if gain > known.0 {
+                *known = (gain, c);
+            }
+        }
+        set.extend(curves.into_values().filter(|(gain, _)| *gain > least).map(|(_, c)| c));
+        set
+    }
+
     /// Keeps the noise shapes that are best for something.
     fn narrow(&self, pool: &[usize]) {
         let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
