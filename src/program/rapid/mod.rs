@@ -1,8 +1,8 @@
 //! ABB RAPID.
 //!
-//! Bytes → lexemes ([`lex`]) → blocks ([`syntax`], shallow: a statement that is not understood stays
-//! as it is and takes no neighbour with it) → the program as it runs ([`run`], with the values of
-//! [`eval`]) → targets, and where their number tokens stand ([`Layout`]) → edits ([`rewrite`]).
+//! Bytes → lexemes (`lex`) → blocks (`syntax`, shallow: a statement that is not understood stays
+//! as it is and takes no neighbour with it) → the program as it runs (`run`, with the values of
+//! `eval`) → targets, and where their number tokens stand (`Layout`) → edits (`rewrite`).
 //!
 //! A mark `! deflex air` or `! deflex cut` holds from the next instruction on, in the order in which
 //! instructions run, through calls and loops, until the next mark; one before the first routine
