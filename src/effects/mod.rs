@@ -87,6 +87,11 @@ pub trait Effect: Debug + Send + Sync {
     /// The same effect with other numbers, in the order of [`Effect::parameters`].
     fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
 
+    /// Other numbers that act much like these: where a fit by small steps may be stuck.
+    fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
+        Vec::new()
+    }
+
     /// A copy.
     fn clone_box(&self) -> Box<dyn Effect> {
         let values: Vec<f64> = self.parameters().iter().map(|parameter| parameter.value).collect();

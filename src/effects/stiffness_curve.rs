@@ -18,6 +18,9 @@ pub(super) const KIND: Kind = Kind {
 /// Deflection within which a gear is soft, rad: typical, and where a fit starts.
 const TYPICAL_WIDTH: f64 = 2e-4;
 
+/// Widths from which a fit starts, rad: where the slopes meet cannot be seen from afar.
+const STARTS: [f64; 3] = [0.5 * TYPICAL_WIDTH, TYPICAL_WIDTH, 2.0 * TYPICAL_WIDTH];
+
 /// Steps of Newton's method: monotone and, near the root, quadratic; a hardening of 1e6 times takes 40.
 const STEPS: usize = 60;
 
@@ -37,10 +40,10 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     if !survey.stiffness_declared {
         return vec![];
     }
-    vec![
-        Box::new(TwoSlope { width_rad: [TYPICAL_WIDTH; 6], ratio: [1.0; 6] }),
-        Box::new(Cubic { c_per_rad2: [0.0; 6] }),
-    ]
+    let two_slope = |width: f64| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad: [width; 6], ratio: [1.0; 6] }) };
+    let mut all: Vec<Box<dyn Effect>> = STARTS.map(two_slope).into();
+    all.push(Box::new(Cubic { c_per_rad2: [0.0; 6] }));
+    all
 }
 
 /// What a two-slope spring deflects beyond a straight one, both in torque over declared stiffness, rad.
@@ -106,6 +109,20 @@ impl Effect for StiffnessCurve {
             TwoSlope { .. } => TwoSlope { width_rad: take(&mut values), ratio: take(&mut values) },
             Cubic { .. } => Cubic { c_per_rad2: take(&mut values) },
         })
+    }
+
+    /// Beyond the kink only `width · (1 − ratio)` shows: other widths with the same, one joint at a time.
+    fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
+        const FACTORS: [f64; 6] = [0.4, 0.6, 0.8, 1.25, 1.7, 2.5];
+        let TwoSlope { width_rad, ratio } = self else { return Vec::new() };
+        let other = |(i, factor): (usize, f64)| -> Option<Box<dyn Effect>> {
+            let (mut width_rad, mut ratio) = (*width_rad, *ratio);
+            width_rad[i] *= factor;
+            ratio[i] = 1.0 - (1.0 - ratio[i]) / factor;
+            let possible = width_rad[i] > 0.0 && ratio[i] >= FACTOR.0;
+            possible.then(|| -> Box<dyn Effect> { Box::new(TwoSlope { width_rad, ratio }) })
+        };
+        (0..6).flat_map(|i| FACTORS.map(|factor| (i, factor))).filter_map(other).collect()
     }
 
     fn to_table(&self) -> toml::Table {

@@ -7,8 +7,12 @@ use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
-/// A kind, or for curves of one joint each, the kind and its joint.
+/// A kind, or for curves of one joint each, the kind and its joint. A spring that is off and one that is bent are two
+/// laws for one spring: a set has one of them.
 fn family(effect: &dyn Effect) -> String {
+    if ["joint_stiffness", "stiffness_curve"].contains(&effect.kind()) {
+        return "spring".to_owned();
+    }
     let table = effect.to_table();
     let curves = table.get("curves").and_then(toml::Value::as_array);
     match curves.and_then(|curves| curves.first()).and_then(|curve| curve.get("joint")) {
@@ -41,8 +45,6 @@ impl Clone for Shape {
 /// What an unexplained remainder may follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pattern {
-    /// The place in the work object.
-    Place,
     /// One joint's angle.
     Joint(usize),
     /// Time.
@@ -193,8 +195,8 @@ fn patterns(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     if problem.free_device {
         return Vec::new();
     }
-    let mut all = vec![Candidate::pattern(Pattern::Place, 3 * PLACE.len())];
-    all.extend((0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * ORDERS.len())));
+    let mut all: Vec<Candidate> =
+        (0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * ORDERS.len())).collect();
     if survey.time.is_some_and(|(from, to)| to > from) {
         all.push(Candidate::pattern(Pattern::Time, 3 * WAVES));
     }
@@ -205,9 +207,6 @@ fn patterns(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     all
 }
 
-/// Wave numbers over the area (in half periods along x, y) of the place pattern.
-const PLACE: [(i32, i32); 14] =
-    [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (3, 0), (0, 3), (2, 2), (3, 1), (1, 3), (4, 0), (0, 4)];
 const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
 const WAVES: usize = 14;
 const JUMPS: usize = 16;
@@ -376,18 +375,8 @@ fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVec
     /// In mm, as the prior of [`Candidate::pattern`].
     const TYPICAL_MM: f64 = 0.05;
     let count = problem.rows.len().max(2);
-    let bounds = {
-        let mut low = Vector3::repeat(f64::INFINITY);
-        let mut high = -low;
-        let mut time = (f64::INFINITY, f64::NEG_INFINITY);
-        for row in &problem.rows {
-            let point = &problem.runs[row.run].points[row.point];
-            low = low.inf(&point.reference.translation.vector);
-            high = high.sup(&point.reference.translation.vector);
-            time = (time.0.min(point.time), time.1.max(point.time));
-        }
-        (low, high, time)
-    };
+    let time = problem.rows.iter().map(|row| problem.runs[row.run].points[row.point].time);
+    let (from, to) = time.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
     let force_size = problem
         .rows
         .iter()
@@ -400,20 +389,11 @@ fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVec
         use std::f64::consts::PI;
         let point = &problem.runs[row.run].points[row.point];
         match pattern {
-            Pattern::Place => {
-                let (low, high, _) = bounds;
-                let share = |k: usize| (point.reference.translation.vector[k] - low[k]) / (high[k] - low[k]).max(1e-6);
-                let (m, n) = PLACE[which];
-                (PI * f64::from(m) * share(0)).cos() * (PI * f64::from(n) * share(1)).cos()
-            }
             Pattern::Joint(joint) => {
                 let angle = ORDERS[which / 2] * row.motor[joint];
                 if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
             }
-            Pattern::Time => {
-                let (_, _, (from, to)) = bounds;
-                (PI * (which + 1) as f64 * (point.time - from) / (to - from).max(1e-9)).cos()
-            }
+            Pattern::Time => (PI * (which + 1) as f64 * (point.time - from) / (to - from).max(1e-9)).cos(),
             Pattern::Force => match problem.runs[row.run].situation(row.point).cutting {
                 crate::effects::Cutting::Constant(force) => {
                     let f = force / force_size;

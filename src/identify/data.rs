@@ -230,11 +230,29 @@ impl Problem {
         let mut series = vec![Series::default(); 3 * self.runs.len()];
         for row in self.rows.iter().filter(|row| !row.outlier && keep(row)) {
             for k in 0..row.seen.len() {
-                series[3 * row.run + k].samples.push((row.offset + k, row.order, row.weight));
+                let series = &mut series[3 * row.run + k];
+                series.samples.push((row.offset + k, row.order, row.weight));
+                series.places.push(self.place_mm(row));
             }
         }
         series.retain(|series| !series.samples.is_empty());
         series
+    }
+
+    /// Where a row was to be measured, base axes, mm.
+    pub(super) fn place_mm(&self, row: &Observation) -> Vector3<f64> {
+        let point = &self.runs[row.run].points[row.point];
+        1e3 * (point.base_from_wobj * point.reference).translation.vector
+    }
+
+    /// Diagonal of the box around all places, mm.
+    pub(super) fn extent_mm(&self) -> f64 {
+        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        for row in &self.rows {
+            let place = self.place_mm(row);
+            (low, high) = (low.inf(&place), high.sup(&place));
+        }
+        (high - low).norm()
     }
 
     /// Moves the device's frame by a small motion in its own axes (mm, rad).

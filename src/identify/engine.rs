@@ -1,7 +1,8 @@
 //! The loop: linearise, weigh, choose, refit, and again about the fit.
 
-use super::candidates::{self, Candidate, FREE_FRAME, Home, Pattern, Shape, with};
+use super::candidates::{self, Candidate, FREE_FRAME, Home, Pattern, with};
 use super::data::{Observation, Problem};
+use super::gear::{self, Comb, Term};
 use super::noise::{self, Moments};
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
@@ -9,7 +10,7 @@ use super::outcome::{
 use super::score::posterior;
 use super::search::Search;
 use crate::cell::{Cell, NewEffect};
-use crate::effects::{Effect, gear_harmonic};
+use crate::effects::Effect;
 use crate::equilibrium::Arm;
 use crate::measured::Table;
 use crate::program::Program;
@@ -35,18 +36,23 @@ pub struct Input<'a> {
 /// Fewer rows than this cannot be split into fitted and held-out blocks.
 const LEAST_ROWS: usize = 16;
 /// Rounds of linearising, choosing and refitting.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
 /// A name needs this posterior; below it, the set that cannot be told apart.
 const NAMED: f64 = 0.9;
 /// Rivals below this share of the posterior are not mentioned.
 const MENTIONED: f64 = 0.03;
-/// Orders that are searched for gear harmonics, in steps of a quarter: finer than a turn of one radian resolves.
-const ORDERS: usize = 640;
-const ORDER_STEP: f64 = 0.25;
-/// Harmonics of gears at most.
-const HARMONICS: usize = 4;
+/// Steps of a refit at most, and how often one is halved.
+const REFITS: usize = 15;
+const HALVINGS: usize = 5;
+/// Changes below this share of the typical sizes are no longer followed.
+const SETTLED: f64 = 1e-4;
+/// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
+const LEAPS: usize = 8;
+const LEAP: f64 = 1.0;
+/// Rounds of seeking gear harmonics before anything flexible is let in.
+const GEAR_ROUNDS: usize = 4;
 
 struct Engine {
     declared: Arm,
@@ -87,7 +93,7 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
         ]);
     }
     let candidates = candidates::all(&declared, &problem);
-    let shape = noise::Shape { wander: 0.0, correlation: 0.0 };
+    let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
     let covariance = DMatrix::zeros(0, 0);
     let mut engine = Engine { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance };
     Ok(engine.run(&before, input))
@@ -138,9 +144,45 @@ impl Engine {
         Linearised { moments, always, design, data }
     }
 
-    /// Gauss-Newton on the chosen numbers with their priors, noise as last chosen.
+    /// Fits the chosen numbers: down the nearest slope, then from any lookalike that is better.
     fn refit(&mut self) {
-        for _ in 0..6 {
+        for _ in 0..LEAPS {
+            self.descend();
+            if self.problem.free_device || !self.leap() {
+                break;
+            }
+        }
+    }
+
+    /// Takes the best lookalike of a chosen effect, if it is better than what is there.
+    fn leap(&mut self) -> bool {
+        let linear = self.linearise(&self.patterns(), &[]);
+        let here = self.misfit(&linear);
+        let mut best = (here - LEAP, None);
+        for c in self.chosen.clone() {
+            let Some(effect) = fitted(&self.declared, &self.candidates[c]) else { continue };
+            let now = self.candidates[c].values.clone();
+            for other in effect.lookalikes() {
+                self.candidates[c].values = other.parameters().iter().map(|p| p.value).collect();
+                let there = self.misfit(&linear);
+                if there < best.0 {
+                    best = (there, Some((c, self.candidates[c].values.clone())));
+                }
+            }
+            self.candidates[c].values = now;
+        }
+        let Some((c, values)) = best.1 else { return false };
+        self.candidates[c].values = values;
+        true
+    }
+
+    fn patterns(&self) -> Vec<usize> {
+        self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect()
+    }
+
+    /// Gauss-Newton on the chosen numbers with their priors, noise as last chosen; steps are halved until they gain.
+    fn descend(&mut self) {
+        for _ in 0..REFITS {
             let chosen = self.chosen.clone();
             let linear = self.linearise(&chosen, &[self.shape]);
             let moments = &linear.moments[0];
@@ -152,53 +194,98 @@ impl Engine {
                 let (shift, turn) = (Vector3::new(part(0), part(1), part(2)), Vector3::new(part(3), part(4), part(5)));
                 self.problem.move_device(run, &shift, &turn);
             }
-            let mut at = frames;
-            let mut change: f64 = 0.0;
-            for &c in &chosen {
-                let candidate = &mut self.candidates[c];
-                for k in 0..candidate.values.len() {
-                    let (low, high) = candidate.bounds[k];
-                    let value = (candidate.start[k] + candidate.size(k) * mean[at]).clamp(low, high);
-                    if !candidate.is_pattern() {
-                        change = change.max((value - candidate.values[k]).abs() / candidate.typical[k]);
-                    }
-                    candidate.values[k] = value;
-                    at += 1;
-                }
-            }
             // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
             let wide: Vec<_> = columns.iter().map(|&(column, _)| (column, 1.0)).collect();
             let covariance = posterior(moments, &wide, self.sigma).map_or(covariance, |(_, wide)| wide);
             let size = covariance.nrows() - frames;
             self.covariance = covariance.view((frames, frames), (size, size)).into_owned();
-            if change < 1e-4 {
+            let now: Vec<Vec<f64>> = chosen.iter().map(|&c| self.candidates[c].values.clone()).collect();
+            let mut at = frames;
+            let aim: Vec<Vec<f64>> = chosen
+                .iter()
+                .map(|&c| {
+                    let candidate = &self.candidates[c];
+                    let number = |k: usize| {
+                        let (low, high) = candidate.bounds[k];
+                        (candidate.start[k] + candidate.size(k) * mean[at + k]).clamp(low, high)
+                    };
+                    let values = (0..candidate.values.len()).map(number).collect();
+                    at += candidate.values.len();
+                    values
+                })
+                .collect();
+            // A device's frame has moved already, and its problem is as good as linear.
+            let halvings = if self.problem.free_device { 0 } else { HALVINGS };
+            let before = self.misfit(&linear);
+            let mut step = 1.0;
+            for left in (0..=halvings).rev() {
+                for ((&c, now), aim) in chosen.iter().zip(&now).zip(&aim) {
+                    let candidate = &mut self.candidates[c];
+                    for (k, value) in candidate.values.iter_mut().enumerate() {
+                        *value = now[k] + step * (aim[k] - now[k]);
+                    }
+                }
+                if left == 0 || self.misfit(&linear) <= before {
+                    break;
+                }
+                step *= 0.5;
+            }
+            let change = |(c, (now, aim)): (&usize, (&Vec<f64>, &Vec<f64>))| {
+                let candidate = &self.candidates[*c];
+                let each = |k: usize| step * (aim[k] - now[k]).abs() / candidate.typical[k];
+                if candidate.is_pattern() { 0.0 } else { (0..now.len()).map(each).fold(0.0, f64::max) }
+            };
+            let largest = chosen.iter().zip(now.iter().zip(&aim)).map(change).fold(0.0, f64::max);
+            if largest < SETTLED {
                 break;
             }
         }
     }
 
+    /// Minus twice the log posterior of the chosen numbers, but for a constant.
+    fn misfit(&self, linear: &Linearised) -> f64 {
+        let mut left = self.residual();
+        let mut prior = 0.0;
+        for &c in &self.chosen {
+            let candidate = &self.candidates[c];
+            for (k, column) in candidate.columns().enumerate() {
+                prior += ((candidate.values[k] - candidate.start[k]) / candidate.size(k)).powi(2);
+                if candidate.is_pattern() {
+                    left.axpy(-candidate.values[k] / candidate.typical[k], &linear.design.column(column), 1.0);
+                }
+            }
+        }
+        let series = self.problem.series(|row| !row.held_out);
+        let white = noise::whiten(&DMatrix::from_columns(&[left]), &series, self.shape).columns;
+        let used = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| white[(row, 0)].powi(2)));
+        used.sum::<f64>() / (self.sigma * self.sigma) + prior
+    }
+
     fn run(&mut self, before: &DVector<f64>, input: &Input) -> Identification {
         let shapes = noise::shapes();
-        let mut last = Vec::new();
         let mut linear = None;
         let mut posteriors = Vec::new();
         let mut ranking = Vec::new();
-        // Gear harmonics are searched before smooth curves may imitate them.
-        let rounds = if self.problem.free_device { 0 } else { HARMONICS };
-        for _ in 0..rounds {
+        // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
+        for _ in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let set = search.best(&self.chosen, &stiff);
             let score = search.full(&set);
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
+            let first = self.chosen.is_empty() && self.add_gear(&now);
             self.choose(set);
-            if !self.add_gear(&now) {
+            if !self.add_gear(&now) && !first {
                 break;
             }
         }
         for round in 0..ROUNDS {
-            let shapes = if self.shape.wander > 0.0 { noise::near(self.shape) } else { noise::few() };
+            let shapes = match self.shape {
+                noise::Shape { field: Some(_), .. } => vec![self.shape],
+                noise::Shape { wander, .. } if wander > 0.0 => noise::near(self.shape),
+                _ => noise::few(),
+            };
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
@@ -224,17 +311,159 @@ impl Engine {
                 b.sort_unstable();
                 a == b
             };
+            let gate = same && !whole && self.shape.field.is_none();
+            let field = if gate { self.field(&search, &now, &set) } else { None };
             self.choose(set.clone());
+            let pruned = !whole && self.prune();
             let outliers = self.mark_outliers();
             let gear = !whole && round + 1 < ROUNDS && self.add_gear(&now);
-            last.clone_from(&set);
+            let settled = same && !outliers && !gear && !pruned;
             linear = Some(now);
-            if same && !outliers && !gear {
+            if settled && field.is_none() {
                 break;
             }
+            self.shape = field.filter(|_| settled).unwrap_or(self.shape);
+        }
+        if let Some(linear) = linear.as_ref().filter(|_| self.is_unexplained()) {
+            self.withdraw(linear, &mut posteriors);
         }
         let after = self.residual();
         self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)
+    }
+
+    /// The goodness-of-fit gate: noise with a field over the place that explains more than the chosen set without it.
+    fn field(&self, search: &Search, linear: &Linearised, set: &[usize]) -> Option<noise::Shape> {
+        let (value, set_price) = (search.objective(set), search.prices(set));
+        let fields = noise::fields(self.problem.extent_mm());
+        let price = super::search::FIELD + (fields.len() as f64).ln();
+        let series = self.problem.series(|row| !row.held_out);
+        let columns = search.columns(set);
+        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
+        let renumbered: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        stacked = stacked.insert_column(columns.len(), 0.0);
+        stacked.set_column(columns.len(), &linear.data);
+        let shapes: Vec<noise::Shape> = fields
+            .iter()
+            .flat_map(|&field| noise::few().into_iter().map(move |shape| noise::Shape { field: Some(field), ..shape }))
+            .collect();
+        let gains: Vec<f64> = shapes
+            .par_iter()
+            .map(|&shape| {
+                let moments = [Moments::of(&stacked, &series, shape)];
+                let alone = super::score::score(&moments, &[]).evidence;
+                let beside = super::score::score(&moments, &renumbered).evidence - set_price;
+                alone.max(beside) - price - value
+            })
+            .collect();
+        let best = (0..shapes.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
+        (gains[best] > 0.0).then_some(shapes[best])
+    }
+
+    /// Drops members that the others, fitted anew without them, make up for: evidence about the fit of the whole set
+    /// does not see how far curved effects can follow.
+    fn prune(&mut self) -> bool {
+        let mut any = false;
+        loop {
+            let named: Vec<usize> = self.chosen.iter().copied().filter(|&c| !self.candidates[c].is_pattern()).collect();
+            if named.len() < 2 {
+                return any;
+            }
+            let mut best = (self.objective_here(), None);
+            for c in named {
+                let state = (self.candidates.clone(), self.chosen.clone());
+                self.choose(state.1.iter().copied().filter(|&o| o != c).collect());
+                let without = self.objective_here();
+                if without > best.0 {
+                    best = (without, Some(c));
+                }
+                (self.candidates, self.chosen) = state;
+            }
+            let Some(c) = best.1 else {
+                self.refit();
+                return any;
+            };
+            self.choose(self.chosen.iter().copied().filter(|&o| o != c).collect());
+            any = true;
+        }
+    }
+
+    /// Evidence of the chosen set less its price, about its own fit.
+    fn objective_here(&mut self) -> f64 {
+        let chosen = self.chosen.clone();
+        let linear = self.linearise(&chosen, &[self.shape]);
+        Search::new(&self.candidates, &linear.moments, &linear.always).objective(&chosen)
+    }
+
+    /// Whether something is left that no effect explains.
+    fn is_unexplained(&self) -> bool {
+        self.shape.field.is_some()
+            || self.shape.wander > noise::MOST_WANDER
+            || self.chosen.iter().any(|&c| self.candidates[c].is_pattern())
+    }
+
+    /// Beside something unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
+    ///
+    /// Patterns take part in the fits and not in the predictions: they are not in the cell. An effect stays if it lowers
+    /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
+    /// anything, and is withdrawn in any case.
+    fn withdraw(&mut self, linear: &Linearised, posteriors: &mut Vec<Posterior>) {
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let named = |&c: &usize| !self.candidates[c].is_pattern();
+        let bent = |&c: &usize| ["gear_harmonic", "joint_error_curve"].contains(&self.candidates[c].kind.as_str());
+        let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !(named(c) && bent(c))).collect();
+        loop {
+            let with = self.block_errors(linear, &search.columns(&set));
+            let worst = set
+                .iter()
+                .copied()
+                .filter(named)
+                .map(|c| {
+                    let less: Vec<usize> = set.iter().copied().filter(|&o| o != c).collect();
+                    let without = self.block_errors(linear, &search.columns(&less));
+                    let gains: Vec<f64> = without.iter().zip(&with).map(|(without, with)| without - with).collect();
+                    (c, in_standard_errors(&gains))
+                })
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            match worst {
+                Some((c, gain)) if gain < 1.0 => set.retain(|&o| o != c),
+                _ => break,
+            }
+        }
+        posteriors.retain(|(c, _)| set.contains(c));
+        self.choose(set);
+    }
+
+    /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
+    fn block_errors(&self, linear: &Linearised, columns: &[(usize, f64)]) -> Vec<f64> {
+        let mut blocks: Vec<(usize, usize)> =
+            self.problem.rows.iter().filter(|row| !row.held_out).map(|row| (row.run, row.block)).collect();
+        blocks.dedup();
+        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
+        stacked = stacked.insert_column(columns.len(), 0.0);
+        stacked.set_column(columns.len(), &linear.data);
+        let local: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        let in_cell: Vec<bool> = columns
+            .iter()
+            .map(|&(column, _)| {
+                !self
+                    .chosen
+                    .iter()
+                    .any(|&c| self.candidates[c].is_pattern() && self.candidates[c].columns().contains(&column))
+            })
+            .collect();
+        let of_block = |&block: &(usize, usize)| {
+            let series = self.problem.series(|row| !row.held_out && (row.run, row.block) != block);
+            let moments = Moments::of(&stacked, &series, self.shape);
+            let mut left = linear.data.clone();
+            if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
+                for (k, &(column, scale)) in columns.iter().enumerate().filter(|(k, _)| in_cell[*k]) {
+                    left.axpy(-mean[k] * scale, &linear.design.column(column), 1.0);
+                }
+            }
+            let rows = self.problem.rows.iter().filter(|row| !row.outlier && (row.run, row.block) == block);
+            rows.map(|row| left.rows(row.offset, row.seen.len()).norm_squared()).sum()
+        };
+        blocks.par_iter().map(of_block).collect()
     }
 
     /// Takes a set: what is no longer in it starts afresh, the rest is refitted together.
@@ -301,60 +530,37 @@ impl Engine {
         noise::whiten(&stacked, &series, self.shape).columns.column(0).into_owned()
     }
 
-    /// Searches joints and orders for a gear harmonic in what is left; adds it as a candidate if it pays.
+    /// Seeks gear harmonics in what other effects leave; whether they are a new candidate.
     fn add_gear(&mut self, linear: &Linearised) -> bool {
-        let Some(zero) = self.candidates.iter().find(|c| c.kind == "zero_offset") else { return false };
-        let known: Vec<(usize, usize)> = gear_terms(&self.candidates, &self.chosen);
-        if known.len() >= HARMONICS {
-            return false;
-        }
-        const TYPICAL_RAD: f64 = 5e-5;
-        let series = self.problem.series(|row| !row.held_out);
-        let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| row)).collect();
-        let (typical, first) = (zero.typical.clone(), zero.first);
         let left = self.pseudo_left();
-        let left = noise::whiten(&DMatrix::from_columns(&[left]), &series, self.shape).columns.select_rows(&used);
-        let problem = &self.problem;
-        let precision = self.sigma.powi(-2);
-        let shape = self.shape;
-        let pairs: Vec<(usize, usize)> = (0..6).flat_map(|j| (4..=ORDERS).map(move |n| (j, n))).collect();
-        let gains: Vec<f64> = pairs
-            .par_iter()
-            .map(|&(joint, order)| {
-                let along = linear.design.column(first + joint) * (TYPICAL_RAD / typical[joint]);
-                let mut columns = DMatrix::zeros(problem.scalars, 2);
-                for row in &problem.rows {
-                    let (sin, cos) = (order as f64 * ORDER_STEP * row.motor[joint]).sin_cos();
-                    for k in row.offset..row.offset + row.seen.len() {
-                        (columns[(k, 0)], columns[(k, 1)]) = (along[k] * cos, along[k] * sin);
-                    }
-                }
-                let white = noise::whiten(&columns, &series, shape).columns.select_rows(&used);
-                let gram = DMatrix::identity(2, 2) + white.tr_mul(&white) * precision;
-                let cross = white.tr_mul(&left) * precision;
-                gram.cholesky().map_or(0.0, |c| 0.5 * cross.dot(&c.solve(&cross)) - 0.5 * c.determinant().ln())
-            })
+        let Some(zero) = self.candidates.iter().find(|c| c.kind == "zero_offset") else { return false };
+        let comb = Comb::new(&self.problem, &linear.design, zero, self.shape, self.sigma);
+        let (terms, looked_at) = comb.terms(&left);
+        let known = |terms: &[Term]| {
+            let same = |c: &Candidate| c.kind == "gear_harmonic" && gear::terms_of(c) == terms;
+            self.candidates.iter().any(same)
+        };
+        let new: Vec<Candidate> = (1..=terms.len())
+            .map(|n| &terms[..n])
+            .filter(|terms| !known(terms))
+            .map(|terms| gear::candidate(terms, looked_at))
             .collect();
-        let Some(best) = (0..pairs.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])) else { return false };
-        let price = super::search::PRICE + (pairs.len() as f64).ln();
-        if gains[best] < price || known.contains(&pairs[best]) {
-            return false;
-        }
-        let terms: Vec<(usize, usize)> = known.iter().copied().chain([pairs[best]]).collect();
-        let variants = (pairs.len() as f64).powi(i32::try_from(terms.len()).unwrap_or(1));
-        let named: Vec<(usize, f64)> =
-            terms.iter().map(|&(joint, order)| (joint + 1, order as f64 * ORDER_STEP)).collect();
-        let effect = gear_harmonic(&named);
-        let home = Home::New(Shape(effect.clone_box()));
-        // One harmonic effect holds all terms: the shorter one gives way.
-        self.candidates.push(Candidate::new(effect.as_ref(), home, variants));
-        true
+        let any = !new.is_empty();
+        self.candidates.extend(new);
+        any
     }
 
-    /// What is left with the patterns of the chosen set taken off too.
+    /// What is left by the chosen effects but gear harmonics, patterns of the chosen set taken off too.
     fn pseudo_left(&mut self) -> DVector<f64> {
-        let patterns: Vec<usize> = self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect();
-        let mut left = self.residual();
+        let gear = |c: &usize| self.candidates[*c].kind == "gear_harmonic";
+        let others: Vec<(&Home, &[f64])> = self
+            .chosen
+            .iter()
+            .filter(|c| !gear(c))
+            .map(|&c| (&self.candidates[c].home, &self.candidates[c].values[..]))
+            .collect();
+        let mut left = self.problem.residual(&with(&self.declared, &others));
+        let patterns = self.patterns();
         if !patterns.is_empty() {
             let (design, _) =
                 candidates::design(&self.declared, &self.problem, &mut self.candidates, &[], &patterns, &left.clone());
@@ -441,6 +647,7 @@ impl Engine {
             extended.push(NewEffect { table: effect.to_table(), covariance: Some(covariance), provenance });
         }
         merge_curves(&mut added, &mut extended);
+        tie_angle_errors(&mut added);
         let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
         let wander_mm = self.sigma * self.shape.wander.sqrt();
         let unexplained = self.unexplained(linear);
@@ -480,13 +687,26 @@ impl Engine {
                 (part.dot(&left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0)
             });
             let with = match pattern {
-                Pattern::Place => "place in the work object".to_owned(),
                 Pattern::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
                 Pattern::Time => "time".to_owned(),
                 Pattern::Force => "cutting force".to_owned(),
                 Pattern::Jump(at) => format!("a jump at {at}/16 of the run"),
             };
             correlates.push(Correlate { with, r: share });
+        }
+        if let Some(field) = self.shape.field {
+            let residual = self.residual();
+            let series = self.problem.series(|row| !row.held_out);
+            let part = noise::field_of(&residual, &series, self.shape, field);
+            let fitted = DVector::from_iterator(
+                part.len(),
+                part.iter().zip(residual.iter()).map(|(p, r)| if *p == 0.0 { 0.0 } else { *r }),
+            );
+            let r = part.dot(&fitted) / (part.norm() * fitted.norm()).max(1e-12);
+            correlates.push(Correlate { with: "place in the work object".to_owned(), r });
+        }
+        if self.shape.wander > noise::MOST_WANDER {
+            correlates.push(Correlate { with: "time, slowly: far beyond an arm's wander".to_owned(), r: 1.0 });
         }
         correlates.sort_by(|a, b| b.r.abs().total_cmp(&a.r.abs()));
         Unexplained { significant: !correlates.is_empty(), correlates }
@@ -604,6 +824,28 @@ fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
     }
 }
 
+/// Mean of some gains over its standard error.
+fn in_standard_errors(gains: &[f64]) -> f64 {
+    let n = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
+    mean / variance.sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Harmonics and curves beside each other are one thing to these data: an error of the joint angle by the angle.
+fn tie_angle_errors(added: &mut [Added]) {
+    const KINDS: [&str; 2] = ["gear_harmonic", "joint_error_curve"];
+    if !KINDS.iter().all(|kind| added.iter().any(|effect| effect.kind == *kind)) {
+        return;
+    }
+    for effect in added {
+        if let Some(own) = KINDS.iter().position(|kind| effect.kind == *kind) {
+            effect.posterior = effect.posterior.min(0.5);
+            effect.not_told_apart_from.push(KINDS[1 - own].to_owned());
+        }
+    }
+}
+
 fn errors_of(norms: &[f64]) -> Errors {
     let n = norms.len().max(1) as f64;
     Errors {
@@ -620,23 +862,6 @@ fn fitted(declared: &Arm, candidate: &Candidate) -> Option<Box<dyn Effect>> {
         Home::New(shape) => Some(shape.0.with_values(&candidate.values)),
         Home::Pattern(_) => None,
     }
-}
-
-/// The terms of the chosen gear harmonic, as (joint from 0, order in quarters).
-fn gear_terms(candidates: &[Candidate], chosen: &[usize]) -> Vec<(usize, usize)> {
-    let mut found = Vec::new();
-    for &c in chosen.iter().filter(|&&c| candidates[c].kind == "gear_harmonic") {
-        let Home::New(shape) = &candidates[c].home else { continue };
-        let table = shape.0.to_table();
-        for term in table.get("terms").and_then(toml::Value::as_array).into_iter().flatten() {
-            let number = |key: &str| term.get(key).and_then(|v| v.as_float().or(v.as_integer().map(|i| i as f64)));
-            if let (Some(joint), Some(order)) = (number("joint"), number("order")) {
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                found.push((joint as usize - 1, (order / ORDER_STEP).round() as usize));
-            }
-        }
-    }
-    found
 }
 
 /// What to measure next.

@@ -8,6 +8,7 @@
 mod candidates;
 mod data;
 mod engine;
+mod gear;
 mod noise;
 mod outcome;
 mod score;

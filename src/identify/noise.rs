@@ -3,8 +3,12 @@
 //! Each axis of each run is `y_t = w_t + e_t`, e white with variance σ², w a first-order autoregression with
 //! stationary variance λσ² and correlation ρ from row to row. A Kalman filter whitens data and columns in one pass;
 //! rows that are not fitted are missing observations to it, so that blocks can be left out anywhere.
+//!
+//! A field over the place is what an effect that nobody lists leaves: equal where the arm returns, however much later.
+//! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a wander, nor
+//! for the effects that are named beside it.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Shape of the noise; its size σ is profiled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,14 +17,45 @@ pub(super) struct Shape {
     pub(super) wander: f64,
     /// Correlation of the wander from one row to the next.
     pub(super) correlation: f64,
+    /// What is left of effects that nobody lists.
+    pub(super) field: Option<Field>,
+}
+
+/// A smooth field over the place: squared-exponential covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Field {
+    /// Its variance over that of the white noise.
+    pub(super) share: f64,
+    /// Its length scale, mm.
+    pub(super) reach_mm: f64,
+}
+
+impl Field {
+    fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+        self.share * (-0.5 * (a - b).norm_squared() / (self.reach_mm * self.reach_mm)).exp()
+    }
+}
+
+/// A wander of more variance than this over the white noise is no arm's: something drifts.
+pub(super) const MOST_WANDER: f64 = 2.0;
+
+/// Fields that are tried over an area of this size, mm.
+pub(super) fn fields(extent_mm: f64) -> Vec<Field> {
+    let mut all = Vec::new();
+    for parts in [4.0, 8.0, 16.0, 32.0] {
+        for share in [0.5, 2.0, 8.0] {
+            all.push(Field { share, reach_mm: extent_mm / parts });
+        }
+    }
+    all
 }
 
 /// Shapes that are tried: none, then from faint to dominant and from three rows to fifty.
 pub(super) fn shapes() -> Vec<Shape> {
-    let mut all = vec![Shape { wander: 0.0, correlation: 0.0 }];
+    let mut all = vec![Shape { wander: 0.0, correlation: 0.0, field: None }];
     for wander in [0.06, 0.2, 0.5, 1.2, 3.0] {
         for correlation in [0.8, 0.9, 0.95] {
-            all.push(Shape { wander, correlation });
+            all.push(Shape { wander, correlation, field: None });
         }
     }
     all
@@ -53,11 +88,15 @@ impl Shape {
     }
 }
 
+/// (row of the stacked design, time index, standard deviation relative to σ).
+type Sample = (usize, usize, f64);
+
 /// One series of scalars in the order in which they were measured.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Series {
-    /// (row of the stacked design, time index, standard deviation relative to σ).
-    pub(super) samples: Vec<(usize, usize, f64)>,
+    pub(super) samples: Vec<Sample>,
+    /// Where each was taken, mm.
+    pub(super) places: Vec<Vector3<f64>>,
 }
 
 /// Whitened columns and the log determinant of the whitening (Σ ½ ln S_t, at σ = 1).
@@ -68,6 +107,9 @@ pub(super) struct Whitened {
 
 /// Whitens every column of `stacked` along the series.
 pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> Whitened {
+    if let Some(field) = shape.field {
+        return whiten_field(stacked, series, shape, field);
+    }
     let gains: Vec<Vec<Step>> = series.iter().map(|series| steps(series, shape)).collect();
     let log_scale = gains.iter().flatten().map(|step| 0.5 * step.variance.ln()).sum();
     let mut columns = stacked.clone();
@@ -83,6 +125,84 @@ pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) ->
         }
     }
     Whitened { columns, log_scale }
+}
+
+/// Rows whose field is seen together: what is further apart in a long run is taken as unrelated.
+const TOGETHER: usize = 400;
+
+fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: Field) -> Whitened {
+    let mut columns = stacked.clone();
+    let mut log_scale = 0.0;
+    let mut factors = Factors::new(shape, field);
+    for (samples, places) in chunks(series) {
+        let Some(factor) = factors.of(samples, places) else { continue };
+        log_scale += factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let rows: Vec<usize> = samples.iter().map(|sample| sample.0).collect();
+        let mut part = stacked.select_rows(&rows);
+        factor.solve_lower_triangular_mut(&mut part);
+        for (from, &to) in rows.iter().enumerate() {
+            columns.set_row(to, &part.row(from));
+        }
+    }
+    Whitened { columns, log_scale }
+}
+
+/// Stretches of each series that are seen together, with their places.
+fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Vector3<f64>])> {
+    series.iter().flat_map(|series| series.samples.chunks(TOGETHER).zip(series.places.chunks(TOGETHER)))
+}
+
+/// Cholesky factors of the covariance; the axes of a run share theirs.
+struct Factors {
+    shape: Shape,
+    field: Field,
+    known: Vec<(Vec<(usize, f64)>, DMatrix<f64>)>,
+}
+
+impl Factors {
+    fn new(shape: Shape, field: Field) -> Self {
+        Self { shape, field, known: Vec::new() }
+    }
+
+    fn of(&mut self, samples: &[Sample], places: &[Vector3<f64>]) -> Option<&DMatrix<f64>> {
+        // Places follow from run and time; runs come one after another, so that only the last chunks can be alike.
+        let key: Vec<(usize, f64)> = samples.iter().map(|sample| (sample.1, sample.2)).collect();
+        if self.known.last().is_none_or(|last| last.0 != key) {
+            let factor = covariance(samples, places, self.shape, self.field).cholesky()?.l();
+            self.known = vec![(key, factor)];
+        }
+        self.known.last().map(|last| &last.1)
+    }
+}
+
+/// Covariance of samples over σ²: white, wander and field; the lower triangle.
+fn covariance(samples: &[Sample], places: &[Vector3<f64>], shape: Shape, field: Field) -> DMatrix<f64> {
+    let size = samples.len();
+    let mut matrix = DMatrix::zeros(size, size);
+    for j in 0..size {
+        for i in j..size {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
+            let lag = samples[i].1.abs_diff(samples[j].1) as i32;
+            let wander = if shape.wander > 0.0 { shape.wander * shape.correlation.powi(lag) } else { 0.0 };
+            matrix[(i, j)] = wander + field.covariance(&places[i], &places[j]);
+        }
+        matrix[(j, j)] += samples[j].2.powi(2);
+    }
+    matrix
+}
+
+/// The field that a residual speaks for: its posterior mean at the samples, zero elsewhere.
+pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape, field: Field) -> DVector<f64> {
+    let mut mean = DVector::zeros(residual.len());
+    for (samples, places) in chunks(series) {
+        let rows: Vec<usize> = samples.iter().map(|sample| sample.0).collect();
+        let Some(factor) = covariance(samples, places, shape, field).cholesky() else { continue };
+        let weights = factor.solve(&residual.select_rows(&rows));
+        for (i, &row) in rows.iter().enumerate() {
+            mean[row] = (0..rows.len()).map(|j| field.covariance(&places[i], &places[j]) * weights[j]).sum();
+        }
+    }
+    mean
 }
 
 struct Step {
@@ -152,9 +272,10 @@ mod tests {
 
     #[test]
     fn whitening_is_the_inverse_square_root_of_the_covariance() {
-        let shape = Shape { wander: 0.8, correlation: 0.9 };
+        let shape = Shape { wander: 0.8, correlation: 0.9, field: None };
         let times = [0usize, 1, 2, 5, 6];
-        let series = [Series { samples: times.iter().enumerate().map(|(row, &t)| (row, t, 1.0)).collect() }];
+        let samples = times.iter().enumerate().map(|(row, &t)| (row, t, 1.0)).collect();
+        let series = [Series { samples, places: vec![Vector3::zeros(); 5] }];
         let covariance = DMatrix::from_fn(5, 5, |i, j| {
             let lag = times[i].abs_diff(times[j]);
             shape.wander * shape.correlation.powi(lag as i32) + f64::from(u8::from(i == j))
@@ -164,5 +285,18 @@ mod tests {
         assert!((product - DMatrix::identity(5, 5)).amax() < 1e-12);
         let half_log_det = 0.5 * covariance.determinant().ln();
         assert!((whitened.log_scale - half_log_det).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_field_that_is_nothing_whitens_as_none() {
+        let shape = Shape { wander: 0.5, correlation: 0.8, field: None };
+        let samples = (0..7).map(|t| (t, t, 1.0 + 0.1 * t as f64)).collect();
+        let places = (0..7).map(|t| Vector3::repeat(f64::from(t))).collect();
+        let series = [Series { samples, places }];
+        let plain = whiten(&DMatrix::identity(7, 7), &series, shape);
+        let none = Shape { field: Some(Field { share: 1e-15, reach_mm: 10.0 }), ..shape };
+        let field = whiten(&DMatrix::identity(7, 7), &series, none);
+        assert!((plain.columns - field.columns).amax() < 1e-9);
+        assert!((plain.log_scale - field.log_scale).abs() < 1e-9);
     }
 }

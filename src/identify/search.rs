@@ -12,10 +12,13 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 /// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
-pub(super) const PRICE: f64 = 6.0;
+pub(super) const PRICE: f64 = 8.0;
 
 /// What a flexible pattern must gain beyond a physical effect, nats.
 const FLEXIBLE: f64 = 10.0;
+
+/// What a field over the place must gain beyond the effects, nats: it can stand for any smooth one.
+pub(super) const FIELD: f64 = PRICE + FLEXIBLE;
 
 /// Whether every effect of the second kind is one of the first too: joint zeros are angles of the links' rows.
 fn contains(whole: &str, part: &str) -> bool {
@@ -24,6 +27,9 @@ fn contains(whole: &str, part: &str) -> bool {
 
 /// A family that contains another is not ruled out by parsimony alone until it loses by this much, nats.
 const NESTED: f64 = 2.5;
+
+/// Nats that count as one in a posterior: models are never quite true, and evidence is surer than it should be.
+const CAUTION: f64 = 2.0;
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
 const MOST: usize = 12;
@@ -71,8 +77,7 @@ impl<'a> Search<'a> {
         let columns = self.columns(&key);
         let active = self.active.borrow();
         let evidence = active.iter().map(|&s| self.profile(s, &columns)).fold(f64::NEG_INFINITY, f64::max);
-        let price: f64 = key.iter().map(|&c| self.price(c)).sum();
-        let value = evidence - price;
+        let value = evidence - self.prices(&key);
         self.known.borrow_mut().insert(key, value);
         value
     }
@@ -82,6 +87,11 @@ impl<'a> Search<'a> {
         let (evidence, sigma) = profiled(&self.moments[shape], columns, guess);
         self.sigmas.borrow_mut()[shape] = Some(sigma);
         evidence
+    }
+
+    /// What a set must gain over none, nats.
+    pub(super) fn prices(&self, set: &[usize]) -> f64 {
+        set.iter().map(|&c| self.price(c)).sum()
     }
 
     /// What a member must gain: more for its variants, and for what could stand for anything.
@@ -221,7 +231,8 @@ impl<'a> Search<'a> {
         let own = self.objective(set);
         let mut weights: BTreeMap<String, f64> = BTreeMap::new();
         let mut total = 1.0;
-        total += (self.objective(&without) - own).min(50.0).exp();
+        let share = |value: f64| ((value - own) / CAUTION).min(50.0).exp();
+        total += share(self.objective(&without));
         for (c, candidate) in self.candidates.iter().enumerate() {
             if c == member
                 || !allowed(candidate)
@@ -231,7 +242,7 @@ impl<'a> Search<'a> {
                 continue;
             }
             let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED } else { 0.0 };
-            let weight = (self.objective(&[&without[..], &[c]].concat()) - own + nested).min(50.0).exp();
+            let weight = share(self.objective(&[&without[..], &[c]].concat()) + nested);
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;
         }
