@@ -2,7 +2,7 @@
 
 use super::data::{Observation, Problem};
 use crate::effects::{Effect, KINDS, Survey};
-use crate::equilibrium::Arm;
+use crate::equilibrium::{Arm, Equilibrium};
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
@@ -267,6 +267,7 @@ pub(super) fn design(
         with(declared, &changes)
     };
     let whole = now(None);
+    let settled = problem.equilibria(&whole);
     let mut columns: Vec<DVector<f64>> = Vec::new();
     let mut firsts = Vec::new();
     for (i, &c) in wanted.iter().enumerate() {
@@ -282,8 +283,8 @@ pub(super) fn design(
             Home::Pattern(pattern) => columns.extend(pattern_columns(problem, *pattern, candidate.values.len())),
             home => {
                 let own = chosen.contains(&c).then(|| now(Some(c)));
-                let arm = own.as_ref().unwrap_or(&whole);
-                columns.extend((0..candidate.values.len()).map(|k| derivative(arm, problem, home, candidate, k, base)));
+                let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
+                columns.extend((0..candidate.values.len()).map(|k| about.derivative(home, candidate, k)));
             }
         }
     }
@@ -332,25 +333,30 @@ pub(super) fn with(arm: &Arm, changes: &[(&Home, &[f64])]) -> Arm {
 /// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
 const STEP: f64 = 0.05;
 
-fn derivative(
-    arm: &Arm,
-    problem: &Problem,
-    home: &Home,
-    candidate: &Candidate,
-    k: usize,
-    base: &DVector<f64>,
-) -> DVector<f64> {
-    let mut values = candidate.values.clone();
-    let (low, high) = candidate.bounds[k];
-    let step = STEP * candidate.typical[k];
-    let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
-    values[k] += step;
-    let moved = problem.residual(&with(arm, &[(home, &values)]));
-    let scale = candidate.typical[k] / step;
-    // The residual falls by what the prediction grows.
-    let mut column = (base - moved) * scale;
-    column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
-    column
+/// What derivatives are taken about.
+struct About<'a> {
+    /// The arm without the candidate's own numbers.
+    arm: &'a Arm,
+    problem: &'a Problem,
+    /// Residual and equilibria of the arm with them.
+    base: &'a DVector<f64>,
+    settled: &'a [Option<Equilibrium>],
+}
+
+impl About<'_> {
+    fn derivative(&self, home: &Home, candidate: &Candidate, k: usize) -> DVector<f64> {
+        let mut values = candidate.values.clone();
+        let (low, high) = candidate.bounds[k];
+        let step = STEP * candidate.typical[k];
+        let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
+        values[k] += step;
+        let moved = self.problem.residual_near(&with(self.arm, &[(home, &values)]), self.settled);
+        let scale = candidate.typical[k] / step;
+        // The residual falls by what the prediction grows.
+        let mut column = (self.base - moved) * scale;
+        column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
+        column
+    }
 }
 
 fn device_column(problem: &Problem, run: usize, axis: usize) -> DVector<f64> {

@@ -3,7 +3,7 @@
 use super::noise::Series;
 use crate::cell::Cell;
 use crate::correct::{Options, Prepared};
-use crate::equilibrium::Arm;
+use crate::equilibrium::{Arm, Equilibrium};
 use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::robot::{Joints, Pose};
@@ -197,25 +197,42 @@ impl Problem {
 
     /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
     pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
-        self.stack(|row| {
-            let prepared = &self.runs[row.run];
-            let there = arm.predict(&prepared.situation(row.point), &row.motor, &row.travel);
-            match (there, row.seen) {
-                (Ok(there), Seen::Position(seen)) => {
-                    let gap = seen - there.wobj_from_tcp.translation.vector * 1e3;
-                    [gap.x, gap.y, gap.z]
-                }
-                (Ok(there), Seen::Normal(seen)) => {
-                    [seen - 1e3 * prepared.normal_error(row.point, &there.wobj_from_tcp), 0.0, 0.0]
-                }
-                (Err(_), _) => [f64::NAN; 3],
-            }
-        })
+        self.stack(|row| self.equilibrium(arm, row).map_or([f64::NAN; 3], |there| self.gap(row, &there.wobj_from_tcp)))
+    }
+
+    /// Equilibrium at every row, where there is one.
+    pub(super) fn equilibria(&self, arm: &Arm) -> Vec<Option<Equilibrium>> {
+        self.rows.par_iter().map(|row| self.equilibrium(arm, row)).collect()
+    }
+
+    /// As [`Problem::residual`], for an arm near the one that settled at `known`.
+    pub(super) fn residual_near(&self, arm: &Arm, known: &[Option<Equilibrium>]) -> DVector<f64> {
+        let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
+            let situation = self.runs[row.run].situation(row.point);
+            let there = known.as_ref().map(|known| arm.nudged(&situation, &row.motor, &row.travel, known));
+            there.map_or([f64::NAN; 3], |there| self.gap(row, &there))
+        };
+        self.stacked(self.rows.par_iter().zip(known).map(of).collect())
+    }
+
+    fn equilibrium(&self, arm: &Arm, row: &Observation) -> Option<Equilibrium> {
+        arm.predict(&self.runs[row.run].situation(row.point), &row.motor, &row.travel).ok()
+    }
+
+    /// What was measured minus where the TCP is, mm.
+    fn gap(&self, row: &Observation, wobj_from_tcp: &Pose) -> [f64; 3] {
+        match row.seen {
+            Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),
+            Seen::Normal(seen) => [seen - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0],
+        }
     }
 
     /// A stacked vector from three numbers a row (one for normal errors).
     pub(super) fn stack(&self, of: impl Fn(&Observation) -> [f64; 3] + Sync + Send) -> DVector<f64> {
-        let parts: Vec<[f64; 3]> = self.rows.par_iter().map(of).collect();
+        self.stacked(self.rows.par_iter().map(of).collect())
+    }
+
+    fn stacked(&self, parts: Vec<[f64; 3]>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
         for (row, part) in self.rows.iter().zip(parts) {
             for (k, value) in part.into_iter().enumerate().take(row.seen.len()) {

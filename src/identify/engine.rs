@@ -44,12 +44,12 @@ const NAMED: f64 = 0.9;
 /// Rivals below this share of the posterior are not mentioned.
 const MENTIONED: f64 = 0.03;
 /// Steps of a refit at most, and how often one is halved.
-const REFITS: usize = 15;
+const REFITS: usize = 8;
 const HALVINGS: usize = 5;
 /// Changes below this share of the typical sizes are no longer followed.
 const SETTLED: f64 = 1e-4;
 /// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
-const LEAPS: usize = 8;
+const LEAPS: usize = 5;
 const LEAP: f64 = 1.0;
 /// Rounds of seeking gear harmonics before anything flexible is let in.
 const GEAR_ROUNDS: usize = 4;
@@ -314,10 +314,9 @@ impl Engine {
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
             self.choose(set.clone());
-            let pruned = !whole && self.prune();
             let outliers = self.mark_outliers();
             let gear = !whole && round + 1 < ROUNDS && self.add_gear(&now);
-            let settled = same && !outliers && !gear && !pruned;
+            let settled = same && !outliers && !gear && (whole || !self.prune());
             linear = Some(now);
             if settled && field.is_none() {
                 break;
