@@ -7,11 +7,14 @@ use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
+/// Family of the laws of the joints' springs.
+pub(super) const SPRING: &str = "spring";
+
 /// A kind, or for curves of one joint each, the kind and its joint. A spring that is off and one that is bent are two
 /// laws for one spring: a set has one of them.
 fn family(effect: &dyn Effect) -> String {
     if ["joint_stiffness", "stiffness_curve"].contains(&effect.kind()) {
-        return "spring".to_owned();
+        return SPRING.to_owned();
     }
     let table = effect.to_table();
     let curves = table.get("curves").and_then(toml::Value::as_array);
@@ -117,6 +120,11 @@ impl Candidate {
     /// Typical size of number `k` under this candidate's prior.
     pub(super) fn size(&self, k: usize) -> f64 {
         self.typical[k] * self.scale
+    }
+
+    /// Whether the prior has the typical sizes themselves: no smaller twin.
+    pub(super) fn is_full_size(&self) -> bool {
+        self.scale >= 1.0
     }
 
     pub(super) fn is_pattern(&self) -> bool {
@@ -328,6 +336,15 @@ pub(super) fn with(arm: &Arm, changes: &[(&Home, &[f64])]) -> Arm {
         }
     }
     Arm { robot: arm.robot.clone(), stiffness: arm.stiffness, effects }
+}
+
+/// The effect with its fitted numbers.
+pub(super) fn fitted(declared: &Arm, candidate: &Candidate) -> Option<Box<dyn Effect>> {
+    match &candidate.home {
+        Home::Declared(slot) => Some(declared.effects[*slot].with_values(&candidate.values)),
+        Home::New(shape) => Some(shape.0.with_values(&candidate.values)),
+        Home::Pattern(_) => None,
+    }
 }
 
 /// Step of a difference, as a share of the typical size: small against curvature, large against rounding.

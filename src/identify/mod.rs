@@ -8,11 +8,15 @@
 mod candidates;
 mod data;
 mod engine;
+mod explain;
+mod fit;
+mod gate;
 mod gear;
 mod noise;
 mod outcome;
 mod score;
 mod search;
+mod ties;
 
 pub use engine::{Input, identify};
 pub use outcome::{

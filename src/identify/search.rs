@@ -29,7 +29,7 @@ fn contains(whole: &str, part: &str) -> bool {
 const NESTED: f64 = 2.5;
 
 /// Nats that count as one in a posterior: models are never quite true, and evidence is surer than it should be.
-const CAUTION: f64 = 2.0;
+pub(super) const CAUTION: f64 = 2.0;
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
 const MOST: usize = 12;

@@ -1,0 +1,323 @@
+//! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
+
+use super::candidates::{Home, Pattern, fitted, with};
+use super::data::{Observation, Problem};
+use super::engine::{Engine, Input, Linearised, Posterior};
+use super::noise;
+use super::outcome::{
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
+};
+use super::score::posterior;
+use super::search::Search;
+use super::ties;
+use crate::cell::NewEffect;
+use nalgebra::DVector;
+
+/// A name needs this posterior; below it, the set that cannot be told apart.
+const NAMED: f64 = 0.9;
+/// Rivals below this share of the posterior are not mentioned.
+const MENTIONED: f64 = 0.03;
+
+impl Engine {
+    /// Every kind alone, best variant first.
+    pub(super) fn ranking(&self, search: &Search, linear: &Linearised) -> Vec<Ranked> {
+        let none = search.objective(&[]);
+        let mut best: Vec<(String, f64, usize)> = Vec::new();
+        for (c, candidate) in self.candidates.iter().enumerate().filter(|(_, c)| !c.is_pattern()) {
+            let gain = search.objective(&[c]) - none;
+            match best.iter_mut().find(|(kind, ..)| *kind == candidate.kind) {
+                Some(known) if known.1 < gain => (known.1, known.2) = (gain, c),
+                Some(_) => {}
+                None => best.push((candidate.kind.clone(), gain, c)),
+            }
+        }
+        best.sort_by(|a, b| b.1.total_cmp(&a.1));
+        best.into_iter()
+            .map(|(kind, gain, c)| {
+                let score = search.full(&[c]);
+                let columns = search.columns(&[c]);
+                let mut left = linear.data.clone();
+                if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
+                    for (column, value) in columns.iter().zip(mean.iter()) {
+                        left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
+                    }
+                }
+                Ranked { kind, held_out_rms_mm: self.errors(&left, |row| row.held_out).rms_mm, delta_bic: -2.0 * gain }
+            })
+            .collect()
+    }
+
+    pub(super) fn errors(&self, residual: &DVector<f64>, keep: impl Fn(&Observation) -> bool) -> Errors {
+        let norms: Vec<f64> = self
+            .problem
+            .rows
+            .iter()
+            .filter(|row| !row.outlier && keep(row))
+            .map(|row| residual.rows(row.offset, row.seen.len()).norm())
+            .collect();
+        errors_of(&norms)
+    }
+
+    pub(super) fn outcome(
+        &mut self,
+        before: &DVector<f64>,
+        after: &DVector<f64>,
+        posteriors: &[Posterior],
+        ranking: Vec<Ranked>,
+        linear: Option<&Linearised>,
+        input: &Input,
+    ) -> Identification {
+        let held_out = |row: &Observation| row.held_out;
+        let (errors_before, errors_after) = (self.errors(before, held_out), self.errors(after, held_out));
+        let mut added = Vec::new();
+        let mut extended = Vec::new();
+        let mut at = 0;
+        for &c in &self.chosen {
+            let candidate = &self.candidates[c];
+            let size = candidate.values.len();
+            let block = self.covariance.view((at, at), (size, size)).into_owned();
+            at += size;
+            let Some((_, (posterior, rivals))) = posteriors.iter().find(|(p, _)| *p == c) else { continue };
+            let effect = fitted(&self.declared, candidate);
+            let Some(effect) = effect else { continue };
+            let without: Vec<(&Home, &[f64])> = self
+                .chosen
+                .iter()
+                .filter(|&&o| o != c)
+                .map(|&o| (&self.candidates[o].home, &self.candidates[o].values[..]))
+                .collect();
+            let without = self.problem.residual(&with(&self.declared, &without));
+            let parameters = effect
+                .parameters()
+                .into_iter()
+                .enumerate()
+                .map(|(k, p)| {
+                    let half = 1.96 * candidate.typical[k] * block[(k, k)].max(0.0).sqrt();
+                    let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
+                    FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95 }
+                })
+                .collect();
+            let told = *posterior >= NAMED;
+            let not_told_apart_from =
+                rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED).map(|(kind, _)| kind.clone()).collect();
+            added.push(Added {
+                kind: candidate.kind.clone(),
+                posterior: *posterior,
+                held_out_rms_before_mm: self.errors(&without, held_out).rms_mm,
+                held_out_rms_after_mm: errors_after.rms_mm,
+                parameters,
+                not_told_apart_from,
+            });
+            let covariance = (0..size)
+                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.typical[i] * candidate.typical[j]).collect())
+                .collect();
+            let mut provenance = toml::Table::new();
+            provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
+            provenance.insert("data".into(), input.data_hash.into());
+            provenance.insert("rows".into(), i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX).into());
+            provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
+            provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
+            extended.push(NewEffect { table: effect.to_table(), covariance: Some(covariance), provenance });
+        }
+        merge_curves(&mut added, &mut extended);
+        ties::add(&mut added, &extended);
+        let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
+        let wander_mm = self.sigma * self.shape.wander.sqrt();
+        let unexplained = self.unexplained(linear);
+        let advice = advice(&added, &unexplained, &self.problem);
+        Identification {
+            rows: self.problem.rows.len(),
+            held_out_rows: self.problem.rows.iter().filter(|row| row.held_out).count(),
+            noise_mm: self.sigma,
+            wander_mm,
+            noise_floor_rms_mm: (axes * (self.sigma * self.sigma + wander_mm * wander_mm)).sqrt(),
+            before: errors_before,
+            after: errors_after,
+            after_rms_ci95_mm: self.bootstrap(after),
+            added,
+            ranking,
+            coverage: self.coverage(),
+            unexplained,
+            advice,
+            outliers: self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect(),
+            extended,
+            residuals: self.residual_rows(before, after),
+        }
+    }
+
+    /// Patterns that stayed in the set: more than noise, and in nobody's list.
+    pub(super) fn unexplained(&self, linear: Option<&Linearised>) -> Unexplained {
+        let mut correlates = Vec::new();
+        for &c in &self.chosen {
+            let Home::Pattern(pattern) = self.candidates[c].home else { continue };
+            let candidate = &self.candidates[c];
+            let share = linear.map_or(0.0, |linear| {
+                let mut part = DVector::zeros(self.problem.scalars);
+                for (k, column) in candidate.columns().enumerate() {
+                    part.axpy(candidate.values[k] / candidate.typical[k], &linear.design.column(column), 1.0);
+                }
+                let left = self.residual();
+                (part.dot(&left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0)
+            });
+            let with = match pattern {
+                Pattern::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
+                Pattern::Time => "time".to_owned(),
+                Pattern::Force => "cutting force".to_owned(),
+                Pattern::Jump(at) => format!("a jump at {at}/16 of the run"),
+            };
+            correlates.push(Correlate { with, r: share });
+        }
+        if let Some(field) = self.shape.field {
+            let residual = self.residual();
+            let series = self.problem.series(|row| !row.held_out);
+            let part = noise::field_of(&residual, &series, self.shape, field);
+            let fitted = DVector::from_iterator(
+                part.len(),
+                part.iter().zip(residual.iter()).map(|(p, r)| if *p == 0.0 { 0.0 } else { *r }),
+            );
+            let r = part.dot(&fitted) / (part.norm() * fitted.norm()).max(1e-12);
+            correlates.push(Correlate { with: "place in the work object".to_owned(), r });
+        }
+        if self.shape.wander > noise::MOST_WANDER {
+            correlates.push(Correlate { with: "time, slowly: far beyond an arm's wander".to_owned(), r: 1.0 });
+        }
+        correlates.sort_by(|a, b| b.r.abs().total_cmp(&a.r.abs()));
+        Unexplained { significant: !correlates.is_empty(), correlates }
+    }
+
+    /// Held-out rows outside the joint ranges that a fitted curve has seen.
+    pub(super) fn coverage(&self) -> Coverage {
+        let mut coverage = Coverage::default();
+        if !self.chosen.iter().any(|&c| self.candidates[c].kind == "joint_error_curve") {
+            return coverage;
+        }
+        let seen = |joint: usize| {
+            let fitted = self.problem.rows.iter().filter(|row| !row.held_out).map(move |row| row.motor[joint]);
+            fitted.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let ranges: Vec<(f64, f64)> = (0..6).map(seen).collect();
+        for row in self.problem.rows.iter().filter(|row| row.held_out) {
+            let outside: Vec<usize> =
+                (0..6).filter(|&j| row.motor[j] < ranges[j].0 || row.motor[j] > ranges[j].1).collect();
+            coverage.rows_outside += usize::from(!outside.is_empty());
+            coverage.joints_outside.extend(outside.iter().map(|j| j + 1));
+        }
+        coverage.joints_outside.sort_unstable();
+        coverage.joints_outside.dedup();
+        coverage
+    }
+
+    /// 95 % interval of the held-out rms: blocks drawn again and again.
+    pub(super) fn bootstrap(&self, after: &DVector<f64>) -> [f64; 2] {
+        const DRAWS: usize = 400;
+        let mut blocks: std::collections::BTreeMap<(usize, usize), Vec<f64>> = std::collections::BTreeMap::new();
+        for row in self.problem.rows.iter().filter(|row| row.held_out && !row.outlier) {
+            let size = after.rows(row.offset, row.seen.len()).norm_squared();
+            blocks.entry((row.run, row.block)).or_default().push(size);
+        }
+        let blocks: Vec<Vec<f64>> = blocks.into_values().collect();
+        // A fixed linear congruential sequence (Knuth's MMIX): the same data give the same interval.
+        let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+        let mut draw = |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            #[allow(clippy::cast_possible_truncation)]
+            let index = ((state >> 33) as usize) % n.max(1);
+            index
+        };
+        if blocks.is_empty() {
+            return [0.0; 2];
+        }
+        let mut all: Vec<f64> = (0..DRAWS)
+            .map(|_| {
+                let (sum, count) = (0..blocks.len()).fold((0.0, 0usize), |(sum, count), _| {
+                    let block = &blocks[draw(blocks.len())];
+                    (sum + block.iter().sum::<f64>(), count + block.len())
+                });
+                (sum / count.max(1) as f64).sqrt()
+            })
+            .collect();
+        all.sort_by(f64::total_cmp);
+        [all[DRAWS / 40], all[DRAWS - 1 - DRAWS / 40]]
+    }
+
+    pub(super) fn residual_rows(&self, before: &DVector<f64>, after: &DVector<f64>) -> Vec<ResidualRow> {
+        let whitened = self.whitened(after);
+        let three = |v: &DVector<f64>, row: &Observation, scale: f64| {
+            std::array::from_fn(|k| if k < row.seen.len() { v[row.offset + k] * scale } else { 0.0 })
+        };
+        self.problem
+            .rows
+            .iter()
+            .map(|row| ResidualRow {
+                run: row.run + 1,
+                line: row.line,
+                block: row.block,
+                held_out: row.held_out,
+                outlier: row.outlier,
+                prefit_mm: three(before, row, 1.0),
+                postfit_mm: three(after, row, 1.0),
+                whitened: three(&whitened, row, 1.0 / self.sigma),
+            })
+            .collect()
+    }
+}
+
+/// Curves of single joints become one effect with several curves, as the cell file has them.
+fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
+    let of_curves: Vec<usize> = (0..added.len()).filter(|&i| added[i].kind == "joint_error_curve").collect();
+    let Some((&first, rest)) = of_curves.split_first() else { return };
+    for (n, &i) in rest.iter().enumerate() {
+        let (other, table) = (added[i].clone(), extended[i].clone());
+        let renamed = other
+            .parameters
+            .into_iter()
+            .map(|p| FittedParameter { name: p.name.replacen("curves[0]", &format!("curves[{}]", n + 1), 1), ..p });
+        added[first].parameters.extend(renamed);
+        added[first].posterior = added[first].posterior.min(other.posterior);
+        added[first].held_out_rms_before_mm = added[first].held_out_rms_before_mm.max(other.held_out_rms_before_mm);
+        if let (Some(toml::Value::Array(into)), Some(toml::Value::Array(from))) =
+            (extended[first].table.get_mut("curves"), table.table.get("curves"))
+        {
+            into.extend(from.iter().cloned());
+        }
+        if let (Some(into), Some(from)) = (&mut extended[first].covariance, table.covariance) {
+            let (a, b) = (into.len(), from.len());
+            into.iter_mut().for_each(|row| row.extend(std::iter::repeat_n(0.0, b)));
+            into.extend(from.into_iter().map(|row| std::iter::repeat_n(0.0, a).chain(row).collect()));
+        }
+    }
+    for &i in rest.iter().rev() {
+        added.remove(i);
+        extended.remove(i);
+    }
+}
+
+fn errors_of(norms: &[f64]) -> Errors {
+    let n = norms.len().max(1) as f64;
+    Errors {
+        rms_mm: (norms.iter().map(|v| v * v).sum::<f64>() / n).sqrt(),
+        mean_mm: norms.iter().sum::<f64>() / n,
+        max_mm: norms.iter().copied().fold(0.0, f64::max),
+    }
+}
+
+/// What to measure next.
+fn advice(added: &[Added], unexplained: &Unexplained, problem: &Problem) -> Vec<String> {
+    let mut all = Vec::new();
+    for effect in added.iter().filter(|effect| !effect.not_told_apart_from.is_empty()) {
+        all.push(format!(
+            "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \
+             about its axis) and at load levels that reverse; more points of the same do not help",
+            effect.kind,
+            effect.not_told_apart_from.iter().map(|kind| format!("`{kind}`")).collect::<Vec<_>>().join(", "),
+        ));
+    }
+    if unexplained.significant {
+        let follows = unexplained.correlates.first().map_or(String::new(), |c| format!(" (it follows {})", c.with));
+        all.push(format!("something that no listed effect explains is left{follows}: repeat the run at another time and place to see what it is tied to"));
+    }
+    if problem.rows.iter().all(|row| !problem.runs[row.run].points[row.point].cuts()) && !problem.free_device {
+        all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());
+    }
+    all
+}

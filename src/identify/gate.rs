@@ -1,0 +1,147 @@
+//! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
+
+use super::engine::{Engine, Linearised, Posterior};
+use super::noise::{self, Moments};
+use super::score::{posterior, score};
+use super::search::{self, Search};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
+const OUTLIER: f64 = 5.0;
+
+impl Engine {
+    /// The goodness-of-fit gate: noise with a field over the place that explains more than the chosen set without it.
+    pub(super) fn field(&self, search: &Search, linear: &Linearised, set: &[usize]) -> Option<noise::Shape> {
+        let (value, set_price) = (search.objective(set), search.prices(set));
+        let fields = noise::fields(self.problem.extent_mm());
+        let price = search::FIELD + (fields.len() as f64).ln();
+        let series = self.problem.series(|row| !row.held_out);
+        let columns = search.columns(set);
+        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
+        let renumbered: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        stacked = stacked.insert_column(columns.len(), 0.0);
+        stacked.set_column(columns.len(), &linear.data);
+        let shapes: Vec<noise::Shape> = fields
+            .iter()
+            .flat_map(|&field| noise::few().into_iter().map(move |shape| noise::Shape { field: Some(field), ..shape }))
+            .collect();
+        let gains: Vec<f64> = shapes
+            .par_iter()
+            .map(|&shape| {
+                let moments = [Moments::of(&stacked, &series, shape)];
+                let alone = score(&moments, &[]).evidence;
+                let beside = score(&moments, &renumbered).evidence - set_price;
+                alone.max(beside) - price - value
+            })
+            .collect();
+        let best = (0..shapes.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
+        (gains[best] > 0.0).then_some(shapes[best])
+    }
+
+    /// Whether something is left that no effect explains.
+    pub(super) fn is_unexplained(&self) -> bool {
+        self.shape.field.is_some()
+            || self.shape.wander > noise::MOST_WANDER
+            || self.chosen.iter().any(|&c| self.candidates[c].is_pattern())
+    }
+
+    /// Beside something unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
+    ///
+    /// Patterns take part in the fits and not in the predictions: they are not in the cell. An effect stays if it lowers
+    /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
+    /// anything, and is withdrawn in any case.
+    pub(super) fn withdraw(&mut self, linear: &Linearised, posteriors: &mut Vec<Posterior>) {
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let named = |&c: &usize| !self.candidates[c].is_pattern();
+        let bent = |&c: &usize| ["gear_harmonic", "joint_error_curve"].contains(&self.candidates[c].kind.as_str());
+        let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !(named(c) && bent(c))).collect();
+        loop {
+            let with = self.block_errors(linear, &search.columns(&set));
+            let worst = set
+                .iter()
+                .copied()
+                .filter(named)
+                .map(|c| {
+                    let less: Vec<usize> = set.iter().copied().filter(|&o| o != c).collect();
+                    let without = self.block_errors(linear, &search.columns(&less));
+                    let gains: Vec<f64> = without.iter().zip(&with).map(|(without, with)| without - with).collect();
+                    (c, in_standard_errors(&gains))
+                })
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            match worst {
+                Some((c, gain)) if gain < 1.0 => set.retain(|&o| o != c),
+                _ => break,
+            }
+        }
+        posteriors.retain(|(c, _)| set.contains(c));
+        self.choose(set);
+    }
+
+    /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
+    pub(super) fn block_errors(&self, linear: &Linearised, columns: &[(usize, f64)]) -> Vec<f64> {
+        let mut blocks: Vec<(usize, usize)> =
+            self.problem.rows.iter().filter(|row| !row.held_out).map(|row| (row.run, row.block)).collect();
+        blocks.dedup();
+        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
+        stacked = stacked.insert_column(columns.len(), 0.0);
+        stacked.set_column(columns.len(), &linear.data);
+        let local: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        let in_cell: Vec<bool> = columns
+            .iter()
+            .map(|&(column, _)| {
+                !self
+                    .chosen
+                    .iter()
+                    .any(|&c| self.candidates[c].is_pattern() && self.candidates[c].columns().contains(&column))
+            })
+            .collect();
+        let of_block = |&block: &(usize, usize)| {
+            let series = self.problem.series(|row| !row.held_out && (row.run, row.block) != block);
+            let moments = Moments::of(&stacked, &series, self.shape);
+            let mut left = linear.data.clone();
+            if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
+                for (k, &(column, scale)) in columns.iter().enumerate().filter(|(k, _)| in_cell[*k]) {
+                    left.axpy(-mean[k] * scale, &linear.design.column(column), 1.0);
+                }
+            }
+            let rows = self.problem.rows.iter().filter(|row| !row.outlier && (row.run, row.block) == block);
+            rows.map(|row| left.rows(row.offset, row.seen.len()).norm_squared()).sum()
+        };
+        blocks.par_iter().map(of_block).collect()
+    }
+
+    /// Marks rows whose whitened residual no noise makes; says whether any is new.
+    pub(super) fn mark_outliers(&mut self) -> bool {
+        let whitened = self.whitened(&self.residual());
+        let limit = OUTLIER * self.sigma;
+        let far: Vec<usize> = (0..self.problem.rows.len())
+            .filter(|&i| {
+                let row = &self.problem.rows[i];
+                !row.outlier && (0..row.seen.len()).any(|k| whitened[row.offset + k].abs() > limit)
+            })
+            .collect();
+        // A tenth of the rows are not outliers but an effect.
+        if far.is_empty() || far.len() * 20 > self.problem.rows.len() {
+            return false;
+        }
+        for &i in &far {
+            self.problem.rows[i].outlier = true;
+        }
+        true
+    }
+
+    pub(super) fn whitened(&self, residual: &DVector<f64>) -> DVector<f64> {
+        let series = self.problem.series(|_| true);
+        let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
+        noise::whiten(&stacked, &series, self.shape).columns.column(0).into_owned()
+    }
+}
+
+/// Mean of some gains over its standard error.
+fn in_standard_errors(gains: &[f64]) -> f64 {
+    let n = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
+    mean / variance.sqrt().max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,210 @@
+//! Search for gear harmonics: joints and orders one by one in what is left, then each again beside the others.
+//!
+//! Orders are a continuum, so that they cannot all be candidates. Where a joint is seen over little of a turn,
+//! neighbouring orders are alike: the grid is as coarse as that allows and is refined about what it finds.
+
+use super::candidates::{Candidate, Home, Shape};
+use super::data::Problem;
+use super::noise::{self, Series};
+use super::search::PRICE;
+use crate::effects::gear_harmonic;
+use crate::robot::Joints;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Harmonics at most: a gear that needs more has no few clean ones.
+const MOST: usize = 4;
+/// Orders are whole or halves of a reducer's stages; quarters are finer than data resolve.
+const FINEST: f64 = 0.25;
+/// Periods that must be seen: over less, a harmonic and a smooth curve are one thing, and the curve claims less.
+const LEAST_PERIODS: f64 = 1.7;
+/// Harmonics of one joint at most.
+const MOST_OF_JOINT: usize = 2;
+/// Orders searched: teeth, pins and lobes of reducers; lower ones are a curve's.
+const LEAST_ORDER: f64 = 8.0;
+const LARGEST_ORDER: f64 = 160.0;
+/// Phase by which neighbouring orders may part over half the range, rad: less than an eighth of the gain is lost.
+const PHASE: f64 = 0.35;
+/// Joints that move less than this show no harmonic, rad.
+const STILL: f64 = 1e-3;
+/// Prior size of a harmonic in the search, rad.
+const TYPICAL_RAD: f64 = 5e-5;
+/// Times that every term is sought again beside the others.
+const SWEEPS: usize = 2;
+
+/// A harmonic: joint from 0, periods a turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Term {
+    pub(super) joint: usize,
+    pub(super) order: f64,
+}
+
+/// What the search looks at.
+pub(super) struct Comb<'a> {
+    pub(super) problem: &'a Problem,
+    /// Change of the residual per `TYPICAL_RAD` of each joint's error, mm.
+    along: [DVector<f64>; 6],
+    series: Vec<Series>,
+    used: Vec<usize>,
+    shape: noise::Shape,
+    precision: f64,
+    /// Half of the angle that each joint is seen over, rad.
+    half: Joints,
+}
+
+impl<'a> Comb<'a> {
+    /// `zero` has the columns of joint zeros in `design`.
+    pub(super) fn new(
+        problem: &'a Problem,
+        design: &DMatrix<f64>,
+        zero: &Candidate,
+        shape: noise::Shape,
+        sigma: f64,
+    ) -> Self {
+        let series = problem.series(|row| !row.held_out);
+        let used = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| row)).collect();
+        let along = std::array::from_fn(|j| design.column(zero.first + j) * (TYPICAL_RAD / zero.typical[j]));
+        let mut range = (Joints::repeat(f64::INFINITY), Joints::repeat(f64::NEG_INFINITY));
+        for row in problem.rows.iter().filter(|row| !row.held_out) {
+            range = (range.0.inf(&row.motor), range.1.sup(&row.motor));
+        }
+        Self { problem, along, series, used, shape, precision: sigma.powi(-2), half: 0.5 * (range.1 - range.0) }
+    }
+
+    /// Cosine and sine columns of a term, whitened, fitted rows only.
+    fn columns(&self, term: Term) -> DMatrix<f64> {
+        let mut columns = DMatrix::zeros(self.problem.scalars, 2);
+        let along = &self.along[term.joint];
+        for row in &self.problem.rows {
+            let (sin, cos) = (term.order * row.motor[term.joint]).sin_cos();
+            for k in row.offset..row.offset + row.seen.len() {
+                (columns[(k, 0)], columns[(k, 1)]) = (along[k] * cos, along[k] * sin);
+            }
+        }
+        self.white(&columns)
+    }
+
+    fn white(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        noise::whiten(columns, &self.series, self.shape).columns.select_rows(&self.used)
+    }
+
+    /// Evidence of the columns over none, nats, and what they leave.
+    fn fit(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
+        let size = columns.ncols();
+        let gram = DMatrix::identity(size, size) + columns.tr_mul(columns) * self.precision;
+        let cross = columns.tr_mul(data) * self.precision;
+        let Some(factor) = gram.cholesky() else { return (0.0, data.clone()) };
+        let mean = factor.solve(&cross);
+        let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+        (0.5 * cross.dot(&mean) - half_log_det, data - columns * mean)
+    }
+
+    fn step(&self, joint: usize) -> f64 {
+        (PHASE / self.half[joint]).clamp(FINEST, 4.0)
+    }
+
+    /// Lowest order of a joint that is seen over enough periods.
+    fn least(&self, joint: usize) -> f64 {
+        (LEAST_PERIODS * TAU / (2.0 * self.half[joint])).max(LEAST_ORDER)
+    }
+
+    /// The grid over all joints that move and have no harmonics enough.
+    fn grid(&self, found: &[Term]) -> Vec<Term> {
+        let of_joint = |joint: usize| {
+            let step = self.step(joint);
+            std::iter::successors(Some(self.least(joint)), move |order| Some(order + step))
+                .take_while(|order| *order <= LARGEST_ORDER)
+                .map(move |order| Term { joint, order })
+        };
+        let open = |joint: &usize| {
+            self.half[*joint] > STILL && found.iter().filter(|term| term.joint == *joint).count() < MOST_OF_JOINT
+        };
+        (0..6).filter(open).flat_map(of_joint).collect()
+    }
+
+    /// The best of some terms in what is left, and its gain.
+    fn best(&self, terms: &[Term], left: &DMatrix<f64>) -> Option<(Term, f64)> {
+        let gains: Vec<f64> = terms.par_iter().map(|&term| self.fit(&self.columns(term), left).0).collect();
+        let at = (0..terms.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
+        Some((terms[at], gains[at]))
+    }
+
+    /// The best order near a term.
+    fn refined(&self, term: Term, left: &DMatrix<f64>) -> Term {
+        let (step, least) = (self.step(term.joint), self.least(term.joint));
+        let near = |k: i32| Term { order: (term.order + f64::from(k) * step / 4.0).max(least), ..term };
+        let near: Vec<Term> = (-6..=6).map(near).collect();
+        let coarse = self.best(&near, left).map_or(term, |best| best.0);
+        // Quarters, whole numbers among them: gears have whole teeth.
+        let quarter = (coarse.order / FINEST).round() * FINEST;
+        let fine = |k: i32| Term { order: (quarter + f64::from(k) * FINEST).max(least), ..term };
+        let fine: Vec<Term> = (-3..=3).map(fine).collect();
+        self.best(&fine, left).map_or(coarse, |best| best.0)
+    }
+
+    fn without(&self, terms: &[Term], but: Option<usize>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
+        let kept = terms.iter().enumerate().filter(|(i, _)| Some(*i) != but).map(|(_, &term)| self.columns(term));
+        let parts: Vec<DVector<f64>> =
+            kept.flat_map(|pair| [pair.column(0).into_owned(), pair.column(1).into_owned()]).collect();
+        if parts.is_empty() { (0.0, data.clone()) } else { self.fit(&DMatrix::from_columns(&parts), data) }
+    }
+
+    /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
+    pub(super) fn terms(&self, residual: &DVector<f64>) -> (Vec<Term>, f64) {
+        let data = self.white(&DMatrix::from_columns(std::slice::from_ref(residual)));
+        let looked_at = self.grid(&[]).len().max(1) as f64;
+        let price = PRICE + looked_at.ln();
+        let mut found: Vec<Term> = Vec::new();
+        let (mut value, mut left) = (0.0, data.clone());
+        while found.len() < MOST {
+            let Some((next, gain)) = self.best(&self.grid(&found), &left) else { break };
+            if gain < 0.5 * price {
+                break;
+            }
+            let mut more = [&found[..], &[self.refined(next, &left)]].concat();
+            for _ in 0..SWEEPS {
+                for i in 0..more.len() {
+                    let (_, rest) = self.without(&more, Some(i), &data);
+                    // An alias of a term that was missing may have stood for it: the whole grid is asked again.
+                    let others: Vec<Term> = more.iter().enumerate().filter(|(o, _)| *o != i).map(|(_, t)| *t).collect();
+                    let again = self.best(&self.grid(&others), &rest).map_or(more[i], |best| best.0);
+                    let again = self.refined(again, &rest);
+                    let mine = self.fit(&self.columns(more[i]), &rest).0;
+                    if self.fit(&self.columns(again), &rest).0 > mine + 1e-6 {
+                        more[i] = again;
+                    }
+                }
+            }
+            let (now, rest) = self.without(&more, None, &data);
+            if now - value < price {
+                break;
+            }
+            (value, left, found) = (now, rest, more);
+        }
+        (found, looked_at)
+    }
+}
+
+/// The candidate with these terms; `looked_at` for each.
+pub(super) fn candidate(terms: &[Term], looked_at: f64) -> Candidate {
+    let named: Vec<(usize, f64)> = terms.iter().map(|term| (term.joint + 1, term.order)).collect();
+    let effect = gear_harmonic(&named);
+    let home = Home::New(Shape(effect.clone_box()));
+    let variants = looked_at.powi(i32::try_from(terms.len()).unwrap_or(1));
+    Candidate::new(effect.as_ref(), home, variants)
+}
+
+/// The terms of a gear candidate.
+pub(super) fn terms_of(candidate: &Candidate) -> Vec<Term> {
+    let Home::New(shape) = &candidate.home else { return Vec::new() };
+    let table = shape.0.to_table();
+    let number =
+        |term: &toml::Value, key: &str| term.get(key).and_then(|v| v.as_float().or(v.as_integer().map(|i| i as f64)));
+    let all = table.get("terms").and_then(toml::Value::as_array).into_iter().flatten();
+    all.filter_map(|term| {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // joints are 1 to 6
+        Some(Term { joint: number(term, "joint")? as usize - 1, order: number(term, "order")? })
+    })
+    .collect()
+}
