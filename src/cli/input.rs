@@ -61,6 +61,9 @@ pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>
 /// Reads inputs and finds out which belong to one program.
 pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     let jobs = all(inputs.iter().map(|path| job(path, format)))?;
+    if jobs.len() == 1 {
+        return Ok(jobs);
+    }
     let is_single = |job: &Job| job.language == Language::Rapid && !job.listed;
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
     let texts: Vec<Source> = modules.iter().map(|(_, job)| job.sources[0].clone()).collect();
@@ -84,7 +87,11 @@ pub(super) fn job(path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagno
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pgf")) {
         return listed(path);
     }
-    let source = source(path)?;
+    job_of(source(path)?, path, format)
+}
+
+/// One input that is read already.
+pub(super) fn job_of(source: Source, path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
     if source.bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(unknown_language(&source));
     }

@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod report;
 mod run;
+mod stream;
 
 use args::{Cli, Command, Common};
 use clap::Parser;
@@ -41,6 +42,7 @@ pub(crate) fn main() -> ExitCode {
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
+    output::clean_up_when_interrupted();
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {
         Command::Compensate(args) => run::run_compensate(args),
         Command::Predict(args) => run::run_predict(args),

@@ -1,12 +1,13 @@
 //! Outputs, written whole or not at all.
 //!
 //! A file is staged under a temporary name in its own folder and renamed when everything has succeeded; what goes to
-//! stdout waits in memory. What is dropped without [`Outputs::commit`] leaves no trace.
+//! stdout waits in memory, or in a temporary file where it is long. What is dropped without [`Outputs::commit`] leaves no
+//! trace, nor does a run that is interrupted.
 
 use deflex::program::detect;
 use deflex::text::Diagnostic;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -48,19 +49,75 @@ impl Drop for Folders {
 #[derive(Debug)]
 struct Staged {
     target: PathBuf,
-    /// `None` once renamed, and where the target is no regular file (a pipe, `/dev/null`).
-    temporary: Option<PathBuf>,
-    /// Bytes for a target that cannot be renamed to.
-    direct: Vec<u8>,
+    temporary: Temporary,
+    /// The target is no regular file (stdout, a pipe, `/dev/null`): it is written to, not replaced.
+    copied: bool,
 }
 
-impl Drop for Staged {
+/// A file that goes when this goes, or when the run is interrupted.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    /// Where it is; `None` once it has another name.
+    path: Option<PathBuf>,
+}
+
+/// The temporary files there are.
+static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
+    // A list of paths is whole even where a thread died holding it.
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Temporary {
+    fn create(path: PathBuf) -> io::Result<(Self, File)> {
+        // Listed while the lock is held: an interruption finds every file that there is.
+        let mut all = temporary();
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
+        all.push(path.clone());
+        Ok((Self { path: Some(path) }, file))
+    }
+
+    /// A nameless one in the system's folder.
+    pub(super) fn spool() -> io::Result<(Self, File)> {
+        let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
+        Self::create(std::env::temp_dir().join(format!("deflex.{}-{unique}.tmp", std::process::id())))
+    }
+
+    fn become_file(&mut self, target: &Path) -> io::Result<()> {
+        let Some(path) = &self.path else { return Ok(()) };
+        let mut all = temporary();
+        fs::rename(path, target)?;
+        all.retain(|other| other != path);
+        self.path = None;
+        Ok(())
+    }
+}
+
+impl Drop for Temporary {
     fn drop(&mut self) {
-        if let Some(temporary) = &self.temporary {
+        if let Some(path) = &self.path {
             // Nothing more can be done about a temporary file that will not go.
-            let _ = fs::remove_file(temporary);
+            let _ = fs::remove_file(path);
+            temporary().retain(|other| other != path);
         }
     }
+}
+
+/// Removes temporary files when the run is interrupted, and ends it.
+pub(super) fn clean_up_when_interrupted() {
+    /// As a shell reports a process that SIGINT ended.
+    const INTERRUPTED: i32 = 130;
+    // Without a handler an interruption leaves hidden files behind, no half outputs.
+    let _ = ctrlc::set_handler(|| {
+        // Kept locked: from here on no file gets its name, and none is made.
+        let all = temporary();
+        for path in all.iter() {
+            let _ = fs::remove_file(path);
+        }
+        #[allow(clippy::exit)] // the other threads hold what their destructors would need
+        std::process::exit(INTERRUPTED);
+    });
 }
 
 /// Distinguishes the temporary files of one process.
@@ -84,6 +141,16 @@ impl Outputs {
             self.stdout.extend_from_slice(bytes);
             return Ok(());
         }
+        self.open(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
+    }
+
+    /// Stages a file, `-` being stdout, that is written as the run goes on.
+    pub(super) fn open(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
+        if is_stdout(path) {
+            let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
+            self.staged.push(Staged { target: path.to_owned(), temporary, copied: true });
+            return Ok(file);
+        }
         self.make_folder_of(path).map_err(|error| cannot_write(path, &error))?;
         let target = resolved(path);
         if self.inputs.contains(&target) {
@@ -94,18 +161,21 @@ impl Outputs {
             ));
         }
         self.claim(&target)?;
-        let staged = stage(target, bytes).map_err(|error| cannot_write(path, &error))?;
+        let (staged, file) = stage(target).map_err(|error| cannot_write(path, &error))?;
         self.staged.push(staged);
-        Ok(())
+        Ok(file)
     }
 
     /// Stages a report or a summary, which is never meant to take a program's place.
     pub(super) fn add_report(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
-        let program = !is_stdout(path) && fs::read(path).is_ok_and(|old| detect("", &old).is_some());
-        if program {
-            return Err(refuse(path, "a program stands there", "choose another name for the report"));
-        }
+        not_a_program(path)?;
         self.add(path, bytes)
+    }
+
+    /// The same, written as the run goes on.
+    pub(super) fn open_report(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
+        not_a_program(path)?;
+        self.open(path)
     }
 
     /// Takes over what another has staged.
@@ -115,28 +185,22 @@ impl Outputs {
             self.staged.push(staged);
         }
         self.stdout.append(&mut other.stdout);
-
         Ok(())
     }
 
     /// Gives every file its name, then prints.
     pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
         for staged in &mut self.staged {
-            let done = match &staged.temporary {
-                Some(temporary) => fs::rename(temporary, &staged.target),
-                None => {
-                    OpenOptions::new().write(true).open(&staged.target).and_then(|mut f| f.write_all(&staged.direct))
-                }
-            };
-            done.map_err(|error| cannot_write(&staged.target, &error))?;
-            staged.temporary = None;
+            let (target, copied) = (&staged.target, staged.copied);
+            let done = if copied { copy(&staged.temporary, target) } else { staged.temporary.become_file(target) };
+            done.map_err(|error| cannot_write(target, &error))?;
         }
         self.made.list().clear();
         print(&self.stdout)
     }
 
     fn claim(&self, target: &Path) -> Result<(), Vec<Diagnostic>> {
-        match self.staged.iter().find(|staged| staged.target == target && staged.temporary.is_some()) {
+        match self.staged.iter().find(|staged| staged.target == target && !staged.copied) {
             Some(_) => Err(refuse(target, "two outputs have this name", "give each output a name of its own")),
             None => Ok(()),
         }
@@ -177,32 +241,49 @@ fn resolved(path: &Path) -> PathBuf {
     fs::canonicalize(path).ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
-fn stage(target: PathBuf, bytes: &[u8]) -> io::Result<Staged> {
+fn stage(target: PathBuf) -> io::Result<(Staged, File)> {
     let existing = fs::metadata(&target).ok();
     if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
     if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
-        return Ok(Staged { target, temporary: None, direct: bytes.to_vec() });
+        let (temporary, file) = Temporary::spool()?;
+        return Ok((Staged { target, temporary, copied: true }, file));
     }
     let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     let unique = COUNTER.fetch_add(1, Ordering::Relaxed);
-    let temporary = folder.join(format!(".{name}.{}-{unique}.tmp", std::process::id()));
-    let file = OpenOptions::new().write(true).create_new(true).open(&temporary)?;
-    // From here on, what fails removes the temporary file.
-    let staged = Staged { target, temporary: Some(temporary), direct: Vec::new() };
-    fill(file, bytes)?;
-    if let (Some(metadata), Some(temporary)) = (existing, &staged.temporary) {
-        fs::set_permissions(temporary, metadata.permissions())?;
+    let (temporary, file) = Temporary::create(folder.join(format!(".{name}.{}-{unique}.tmp", std::process::id())))?;
+    if let Some(metadata) = existing {
+        file.set_permissions(metadata.permissions())?;
     }
-    Ok(staged)
+    Ok((Staged { target, temporary, copied: false }, file))
 }
 
-fn fill(file: File, bytes: &[u8]) -> io::Result<()> {
-    let mut out = BufWriter::new(file);
-    out.write_all(bytes)?;
-    out.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+/// Writes a temporary file's bytes to what cannot be replaced; a reader of stdout that went away is no fault of ours.
+fn copy(temporary: &Temporary, target: &Path) -> io::Result<()> {
+    let Some(path) = &temporary.path else { return Ok(()) };
+    let mut from = File::open(path)?;
+    if !is_stdout(target) {
+        return io::copy(&mut from, &mut OpenOptions::new().write(true).open(target)?).map(|_| ());
+    }
+    let mut stdout = io::stdout().lock();
+    match io::copy(&mut from, &mut stdout).and_then(|_| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error),
+        _ => Ok(()),
+    }
+}
+
+fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
+    /// As much as a language is told from.
+    const LOOK: u64 = 64 * 1024;
+    let mut start = Vec::new();
+    let there = !is_stdout(path) && fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    let read = there && File::open(path).and_then(|file| file.take(LOOK).read_to_end(&mut start)).is_ok();
+    if read && detect("", &start).is_some() {
+        return Err(refuse(path, "a program stands there", "choose another name for the report"));
+    }
+    Ok(())
 }
 
 fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {

@@ -19,3 +19,24 @@ pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
 }
+
+/// A bar over the bytes of one long program.
+pub(super) fn bytes(total: u64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(total);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent}% {msg} {elapsed} (eta {eta})") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Moves it to where a program is.
+pub(super) fn at(bar: &ProgressBar, targets: usize, bytes: u64) {
+    bar.set_position(bytes);
+    if !bar.is_hidden() {
+        let seconds = bar.elapsed().as_secs_f64().max(1e-3);
+        bar.set_message(format!("{targets} targets, {:.0} a second", targets as f64 / seconds));
+    }
+}

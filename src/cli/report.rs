@@ -1,7 +1,7 @@
 //! Report rows of several programs in one file.
 
 use super::output::Outputs;
-use deflex::correct::{Corrected, Row};
+use deflex::correct::Row;
 use deflex::program::{Program, Role};
 use deflex::report::{FileSummary, write_csv};
 use deflex::text::Diagnostic;
@@ -9,6 +9,7 @@ use serde::Serialize;
 use std::path::Path;
 
 /// The report of one program.
+#[derive(Default)]
 pub(super) struct Rows {
     /// As INTERFACE.md has it.
     pub(super) csv: Vec<u8>,
@@ -79,12 +80,12 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
 }
 
 /// The sentence about one program, for stderr.
-pub(super) fn line(summary: &FileSummary, corrected: &Corrected) -> String {
+pub(super) fn line(summary: &FileSummary, written: bool) -> String {
     let mut line = format!("{}: {}", summary.path, deflex::report::summary_line(summary));
     if summary.max_error_mm > 0.0 {
         line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
     }
-    if corrected.rewritten.is_some() || !corrected.posted.is_empty() {
+    if written {
         line += &format!("; remaining max {:.6} mm", summary.max_remaining_mm);
     }
     line

@@ -4,6 +4,7 @@ use super::args::{Compensate, Corrected as What, Model, Predict, Reports};
 use super::input::{self, CellFile, Context, ForceFile, Job};
 use super::output::{Outputs, is_stdout};
 use super::report::{self, Rows};
+use super::stream::{Input, Streamed};
 use super::{Answer, Outcome, message, progress};
 use deflex::correct::{self, Correct, Corrected, Options, PostOptions, compensate, predict};
 use deflex::program::{Language, Program};
@@ -80,7 +81,7 @@ impl Done {
             return Err(corrected.failures);
         }
         let summary = FileSummary::new(name, &corrected);
-        let line = report::line(&summary, &corrected);
+        let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
         Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes })
     }
 }
@@ -132,14 +133,23 @@ fn finish(mut outputs: Outputs, setup: &Setup, done: Vec<Done>, reports: &Report
 
 pub(super) fn run_compensate(args: &Compensate) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct);
-    let jobs = input::jobs(&args.inputs, args.reading.format);
+    let (setup, jobs) = match Input::open(args)? {
+        Some(mut long) => {
+            let setup = setup?;
+            one_stdout(args, &[])?;
+            if let Some(done) = long.compensate(args, &setup, outputs(args, &[]))? {
+                return streamed(args, &setup, done);
+            }
+            let whole = long.whole()?;
+            (Ok(setup), input::job_of(whole, &args.inputs[0], args.reading.format).map(|job| vec![job]))
+        }
+        None => (setup, input::jobs(&args.inputs, args.reading.format)),
+    };
     let (mut setup, jobs) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
     one_stdout(args, &jobs)?;
-    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
-    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.sources).map(|s| PathBuf::from(&s.name)).collect();
-    let outputs = Outputs::new(read.chain(&listed));
+    let outputs = outputs(args, &jobs);
     let done = each(jobs, args.common.quiet, |job| {
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let program = setup.program(job)?;
@@ -167,6 +177,21 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
         Ok(done)
     })?;
     finish(outputs, &setup, done, &args.reports, args.common.quiet)
+}
+
+/// Outputs that take no input's place.
+fn outputs(args: &Compensate, jobs: &[Job]) -> Outputs {
+    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
+    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.sources).map(|s| PathBuf::from(&s.name)).collect();
+    Outputs::new(read.chain(&listed))
+}
+
+/// What is left to do for a long program, whose outputs but for the summary are staged.
+fn streamed(args: &Compensate, setup: &Setup, done: Streamed) -> Outcome {
+    let Streamed { outputs, summary, line, notes } = done;
+    let reports = Reports { report: None, ..args.reports.clone() };
+    let done = Done { outputs: outputs.sibling(), rows: Rows::default(), summary, line, notes };
+    finish(outputs, setup, vec![done], &reports, args.common.quiet)
 }
 
 /// Bytes of each corrected source.

@@ -2,7 +2,8 @@
 
 use super::path::{self, Point};
 use super::row::{Row, Status, difference};
-use super::solve::{self, Solved, Wish};
+use super::solve::{self, Last, Solved, Spread, Wish};
+use super::turns::Turns;
 use super::{Options, Prepared, frames, sigma, subdivide};
 use crate::cell::Cell;
 use crate::equilibrium::{Equilibrium, EquilibriumError};
@@ -63,16 +64,16 @@ pub fn predict(
         prepared.judge_against(original, program)?;
     }
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let there = solve::forward(&cell.arm, &prepared, &commands);
-    let mut out = Collected::new(program, cell, &prepared);
+    let there = solve::forward(&cell.arm, &prepared, &commands, Spread::Threads);
+    let mut out = Collected::new(program, &prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
             Ok(there) => out.row(i, &there),
             Err(error) => out.fail(i, &error),
         }
     }
-    sigma::fill(&mut out.rows, cell, &prepared, &commands);
-    Ok(out.finish(None, Vec::new()))
+    sigma::fill(&mut out.rows, cell, &prepared, &commands, Spread::Threads);
+    Ok(out.finish(notes(program, cell, &prepared), None, Vec::new()))
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -82,27 +83,90 @@ pub fn predict(
 /// # Errors
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
-    let prepared = Prepared::new(program, cell, options)?;
+    let carried = Carried::new(cell)?;
+    // Nobody else has a piece that could break off.
+    piece(program, cell, options, &carried, 0, Spread::Threads).unwrap_or(Err(Vec::new()))
+}
+
+/// What goes from piece to piece of a program, each through its own ordered pass.
+pub(super) struct Carried<'a> {
+    path: Turns<path::Carried<'a>>,
+    /// Of the corrected motion before rounding, which decides the directions of travel.
+    commanded: Turns<Last>,
+    /// Of the motion as written.
+    reached: Turns<Last>,
+    /// Last correction as written, base axes, m.
+    shift: Turns<Option<Vector3<f64>>>,
+}
+
+impl<'a> Carried<'a> {
+    /// Before the first piece.
+    pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
+        Ok(Self {
+            path: Turns::new(path::Carried::new(cell)?),
+            commanded: Turns::new(None),
+            reached: Turns::new(None),
+            shift: Turns::new(None),
+        })
+    }
+
+    /// Lets no piece wait for one that died.
+    pub(super) fn break_off(&self) {
+        self.path.break_off();
+        self.commanded.break_off();
+        self.reached.break_off();
+        self.shift.break_off();
+    }
+
+    /// Passes on what a piece that is refused does not change.
+    fn skip(&self, n: usize) {
+        self.commanded.take(n, |_| ());
+        self.reached.take(n, |_| ());
+        self.shift.take(n, |_| ());
+    }
+}
+
+/// Corrects piece `n` of a program, of which the ordered passes know all pieces before; `None` where one of these died.
+pub(super) fn piece(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    carried: &Carried<'_>,
+    n: usize,
+    spread: Spread,
+) -> Option<Result<Corrected, Vec<Diagnostic>>> {
+    let prepared = match carried.path.take(n, |path| path::prepare(program, cell, options, path))? {
+        Ok(prepared) => prepared,
+        Err(refused) => {
+            carried.skip(n);
+            return Some(Err(refused));
+        }
+    };
     let arm = &cell.arm;
     let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
     let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let uncorrected = solve::forward(arm, &prepared, &as_programmed);
-    let solved = solve::commands(cell, &prepared, &wishes);
+    let uncorrected = solve::forward(arm, &prepared, &as_programmed, spread);
+    let first = solve::first(arm, &prepared, &wishes, spread);
+    let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
+    let solved = solve::commands(arm, &prepared, &wishes, &first, &travels, spread);
 
-    let mut out = Collected::new(program, cell, &prepared);
-    let mut changes: Vec<Option<Change>> = vec![None; program.targets.len()];
+    let mut out = Collected::new(program, &prepared);
+    let mut changes: Vec<Option<Change>> = Vec::with_capacity(program.targets.len());
     let mut motors: Vec<Joints> = prepared.points.iter().map(|p| p.motor).collect();
     for (i, solved) in solved.iter().enumerate() {
-        match solved {
+        changes.push(match solved {
             Ok(solved) => {
                 if let Some(violation) = arm.robot.limit_violation(&solved.motor).filter(|_| wishes[i] != Wish::Keep) {
                     out.fail(i, &EquilibriumError::Unreachable(violation.into()));
                 }
                 motors[i] = solved.motor;
-                changes[i] = change(&program.targets[i], &prepared.points[i], solved, wishes[i], cell);
+                change(&program.targets[i], &prepared.points[i], solved, wishes[i], cell)
             }
-            Err(error) => out.fail(i, error),
-        }
+            Err(error) => {
+                out.fail(i, error);
+                None
+            }
+        });
     }
     let inserts = match options.subdivide {
         Some(tolerance) => subdivide::inserts(program, cell, &prepared, &motors, &wishes, tolerance),
@@ -114,25 +178,31 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
         let written = rewritten.written.clone();
         (Some(rewritten), written)
     } else {
-        let printed = |(i, point): (usize, &Point)| {
-            let pose = solved[i].as_ref().map_or(point.wobj_from_tcp, |s| s.wobj_from_tcp);
+        let printed = |i: usize| {
+            let pose = solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |s| s.wobj_from_tcp);
             solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
         };
-        (None, prepared.points.iter().enumerate().map(printed).collect())
+        (None, spread.map(prepared.points.len(), printed))
     };
 
     // What the controller will really hold, run forward.
-    let mut reached = Vec::with_capacity(motors.len());
-    for (i, point) in prepared.points.iter().enumerate() {
+    let reached = spread.map(motors.len(), |i| {
+        let point = &prepared.points[i];
         let unchanged = changes[i].is_none() && program.language == Language::Rapid;
-        let motor =
-            if unchanged { Ok(point.motor) } else { solve::controller_joints(arm, point, &written[i], &motors[i]) };
-        reached.push(motor.unwrap_or_else(|error| {
-            out.fail(i, &error.into());
-            motors[i]
-        }));
-    }
-    let after = solve::forward(arm, &prepared, &solve::travels(reached.iter().copied()));
+        if unchanged { Ok(point.motor) } else { solve::controller_joints(arm, point, &written[i], &motors[i]) }
+    });
+    let reached: Vec<Joints> = reached
+        .into_iter()
+        .enumerate()
+        .map(|(i, motor)| {
+            motor.unwrap_or_else(|error| {
+                out.fail(i, &error.into());
+                motors[i]
+            })
+        })
+        .collect();
+    let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
+    let after = solve::forward(arm, &prepared, &travels, spread);
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -153,7 +223,7 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
             }
             let left = after.wobj_from_tcp.translation.vector - point.reference.translation.vector;
             row.remaining_mm = 1e3 * left.norm();
-            let reason = kept.iter().find(|(target, _)| *target == i).map(|(_, reason)| *reason);
+            let reason = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
             let reason = reason.or(match program.targets[i].editable {
                 Editable::No(reason) => Some(reason),
                 _ => None,
@@ -167,8 +237,8 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
             out.fail(i, error);
         }
     }
-    check_limits(&mut out, cell, &prepared, &written, &changes);
-    sigma::fill(&mut out.rows, cell, &prepared, &as_programmed);
+    carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, &written, &changes, last))?;
+    sigma::fill(&mut out.rows, cell, &prepared, &as_programmed, spread);
     let posted = if program.language == Language::Cl {
         let post = |(i, (position_mm, quat)): (usize, &([f64; 3], [f64; 4]))| Posted {
             position_mm: *position_mm,
@@ -180,7 +250,8 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
     } else {
         Vec::new()
     };
-    Ok(out.finish(rewritten, posted))
+    let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
+    Some(Ok(out.finish(notes, rewritten, posted)))
 }
 
 /// The change of a target, or `None` where nothing is to be changed.
@@ -206,8 +277,8 @@ fn check_limits(
     prepared: &Prepared,
     written: &[([f64; 3], [f64; 4])],
     changes: &[Option<Change>],
+    last: &mut Option<Vector3<f64>>,
 ) {
-    let mut last: Option<Vector3<f64>> = None;
     for (i, point) in prepared.points.iter().enumerate() {
         let corrected = changes[i].is_some() || out.program.language == Language::Cl;
         let shift = if corrected {
@@ -239,25 +310,25 @@ fn check_limits(
                 "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant",
             );
         }
-        last = Some(shift);
+        *last = Some(shift);
     }
 }
 
 /// Rows and failures as they come.
 struct Collected<'a> {
     program: &'a Program,
-    cell: &'a Cell,
     prepared: &'a Prepared,
     rows: Vec<Row>,
-    failures: Vec<Diagnostic>,
+    /// With their points.
+    failures: Vec<(usize, Diagnostic)>,
     /// Points with a failure already: one message a point.
     failed: Vec<bool>,
 }
 
 impl<'a> Collected<'a> {
-    fn new(program: &'a Program, cell: &'a Cell, prepared: &'a Prepared) -> Self {
+    fn new(program: &'a Program, prepared: &'a Prepared) -> Self {
         let failed = vec![false; program.targets.len()];
-        Self { program, cell, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
+        Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
     }
 
     fn row(&mut self, i: usize, there: &Equilibrium) {
@@ -293,29 +364,39 @@ impl<'a> Collected<'a> {
         let name = target.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         let source = &self.program.sources[usize::from(target.source)];
         let message = format!("target {}{name}: {message}", target.ordinal);
-        self.failures.push(Diagnostic::error(code, "", message).at(source, target.span).help(help));
+        let failure = Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help);
+        self.failures.push((i, failure));
     }
 
-    fn finish(self, rewritten: Option<Rewritten>, posted: Vec<Posted>) -> Corrected {
-        let mut notes = self.program.diagnostics.clone();
-        if self.prepared.started == crate::robot::StartedFrom::NearestHome && !self.program.targets.is_empty() {
-            let source = &self.program.sources[usize::from(self.program.targets[0].source)];
-            let how = "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say how the arm stands at the first target: \
-                       the branch nearest home is taken";
-            notes.push(
-                Diagnostic::error("robot.start", "", how)
-                    .at(source, self.program.targets[0].span)
-                    .severity(Severity::Note)
-                    .help("give `[robot] start_deg` in the cell"),
-            );
-        }
-        for kind in &self.cell.controller.left_out {
-            let message =
-                format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
-            notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
-        }
-        Corrected { rows: self.rows, failures: self.failures, notes, rewritten, posted }
+    /// Failures in the order of the targets.
+    fn finish(mut self, notes: Vec<Diagnostic>, rewritten: Option<Rewritten>, posted: Vec<Posted>) -> Corrected {
+        self.failures.sort_by_key(|(i, _)| *i);
+        let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
+        Corrected { rows: self.rows, failures, notes, rewritten, posted }
     }
+}
+
+/// What is said of a run, once.
+fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
+    let mut notes = program.diagnostics.clone();
+    if prepared.started == crate::robot::StartedFrom::NearestHome
+        && let Some(first) = program.targets.first()
+    {
+        let source = &program.sources[usize::from(first.source)];
+        let how = "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say how the arm stands at the first target: \
+                   the branch nearest home is taken";
+        notes.push(
+            Diagnostic::error("robot.start", "", how)
+                .at(source, first.span)
+                .severity(Severity::Note)
+                .help("give `[robot] start_deg` in the cell"),
+        );
+    }
+    for kind in &cell.controller.left_out {
+        let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
+        notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
+    }
+    notes
 }
 
 impl Prepared {

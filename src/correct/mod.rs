@@ -16,13 +16,16 @@ mod post;
 mod row;
 mod sigma;
 mod solve;
+mod stream;
 mod subdivide;
+mod turns;
 
 pub use forces::{ForceRow, Forces};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use path::Point;
 pub use post::{PostOptions, post};
 pub use row::{Row, Status, Summary};
+pub use stream::{Sinks, StreamError, Streamed, compensate_pieces};
 
 use crate::cell::Cell;
 use crate::effects::Situation;
@@ -78,7 +81,7 @@ impl Prepared {
     /// # Errors
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        path::prepare(program, cell, options)
+        path::prepare(program, cell, options, &mut path::Carried::new(cell)?)
     }
 
     /// Points that were measured without a program.

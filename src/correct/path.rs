@@ -168,33 +168,60 @@ pub(super) fn travel(previous: &Joints, now: &Joints, held: &Joints) -> Joints {
 /// Chords shorter than this give no direction, m: printed digits.
 const CHORD: f64 = 1e-6;
 
-pub(super) fn prepare(program: &Program, cell: &Cell, options: &Options) -> Result<Prepared, Vec<Diagnostic>> {
+/// What the ordered pass takes along from target to target, and from piece to piece of a long program.
+pub(super) struct Carried<'a> {
+    laws: Laws<'a>,
+    started: StartedFrom,
+    /// Nominal joints of the target before, which choose the branch.
+    near: Option<Joints>,
+    /// The last point of the pieces before.
+    before: Option<Point>,
+    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
+    spun: Option<Vector3<f64>>,
+    /// It was said that a cutting force acts on an arm without a stiffness.
+    unsprung: bool,
+}
+
+impl<'a> Carried<'a> {
+    /// Before the first target.
+    pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
+        Ok(Self {
+            laws: Laws::new(cell)?,
+            started: StartedFrom::NearestHome,
+            near: None,
+            before: None,
+            spun: None,
+            unsprung: false,
+        })
+    }
+}
+
+/// The ordered pass over a program, or over a piece of one.
+pub(super) fn prepare(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    carried: &mut Carried<'_>,
+) -> Result<Prepared, Vec<Diagnostic>> {
     let tools = frames::tools(program, cell, options);
     let wobjs = frames::wobjs(program, cell);
     let (tools, wobjs) = match (tools, wobjs) {
         (Ok(tools), Ok(wobjs)) => (tools, wobjs),
         (tools, wobjs) => return Err([tools.err(), wobjs.err()].into_iter().flatten().flatten().collect()),
     };
-    let mut walk = Walk {
-        program,
-        cell,
-        options,
-        laws: Laws::new(cell)?,
-        errors: Vec::new(),
-        points: Vec::with_capacity(program.targets.len()),
-        started: StartedFrom::NearestHome,
-        near: None,
-        spun: None,
-    };
+    let mut walk =
+        Walk { program, cell, options, carried, errors: Vec::new(), points: Vec::with_capacity(program.targets.len()) };
     for (i, target) in program.targets.iter().enumerate() {
         let tool = tools[usize::from(target.tool)].unwrap_or(NO_TOOL);
         let base_from_wobj = wobjs[usize::from(target.wobj)].unwrap_or_else(Pose::identity);
         walk.step(i, target, &tool, &base_from_wobj);
     }
-    if let Some(at) = walk.points.iter().position(Point::cuts).filter(|_| cell.arm.stiffness.is_none()) {
+    let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
+    if let Some(at) = walk.points.iter().position(Point::cuts).filter(|_| unsprung) {
         // Rows stop at refused targets, so that the index is the target's only while there are none.
         let target = &program.targets[at];
         if walk.errors.is_empty() {
+            walk.carried.unsprung = true;
             walk.refuse(
                 target,
                 "cell.no-stiffness",
@@ -203,11 +230,12 @@ pub(super) fn prepare(program: &Program, cell: &Cell, options: &Options) -> Resu
             );
         }
     }
-    if walk.errors.is_empty() {
-        let Walk { points, laws, started, .. } = walk;
-        Ok(Prepared { points, started, laws: laws.laws })
+    let Walk { points, errors, carried, .. } = walk;
+    carried.before = points.last().cloned().or_else(|| carried.before.take());
+    if errors.is_empty() {
+        Ok(Prepared { points, started: carried.started, laws: carried.laws.laws.clone() })
     } else {
-        Err(walk.errors)
+        Err(errors)
     }
 }
 
@@ -218,20 +246,16 @@ const IDENTITY: Pose = Pose {
     translation: nalgebra::Translation3::new(0.0, 0.0, 0.0),
 };
 
-struct Walk<'a> {
+struct Walk<'a, 'c> {
     program: &'a Program,
     cell: &'a Cell,
     options: &'a Options,
-    laws: Laws<'a>,
+    carried: &'a mut Carried<'c>,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
-    started: StartedFrom,
-    near: Option<Joints>,
-    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
-    spun: Option<Vector3<f64>>,
 }
 
-impl Walk<'_> {
+impl Walk<'_, '_> {
     fn step(&mut self, i: usize, target: &Target, tool: &ToolFrame, base_from_wobj: &Pose) {
         let chord = self.chord(i, target, base_from_wobj);
         let wobj_from_tcp = match target.goal {
@@ -257,10 +281,10 @@ impl Walk<'_> {
                 );
             }
         };
-        let previous = self.points.last();
+        let previous = self.points.last().or(self.carried.before.as_ref());
         let held = previous.map_or_else(Joints::zeros, |p| p.travel);
-        let travel = self.near.map_or(held, |near| travel(&near, &motor, &held));
-        self.near = Some(motor);
+        let travel = self.carried.near.map_or(held, |near| travel(&near, &motor, &held));
+        self.carried.near = Some(motor);
 
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
@@ -271,14 +295,14 @@ impl Walk<'_> {
             _ => 0.0,
         };
         let axis = tool_axis(&wobj_from_tcp);
-        let frame = direction.and_then(|d| self.laws.feed_frame(&axis, &d));
+        let frame = direction.and_then(|d| self.carried.laws.feed_frame(&axis, &d));
         let frame = frame.or_else(|| {
             previous.and_then(|p| match p.load {
                 PointLoad::Law(_, frame) => Some(frame),
                 _ => None,
             })
         });
-        let load = match self.laws.load(
+        let load = match self.carried.laws.load(
             target,
             row.and_then(|r| r.force),
             frame,
@@ -296,7 +320,7 @@ impl Walk<'_> {
             tool: *tool,
             motor,
             travel,
-            normal: match (self.laws.has_engagement(), frame) {
+            normal: match (self.carried.laws.has_engagement(), frame) {
                 (true, Some(frame)) => frame * Vector3::z(),
                 _ => axis,
             },
@@ -312,7 +336,7 @@ impl Walk<'_> {
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
         let source = &self.program.sources[usize::from(target.source)];
-        self.errors.push(Diagnostic::error(code, "", message).at(source, target.span).help(help));
+        self.errors.push(Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help));
     }
 
     /// Chord into the target, out of it at the first, work object axes, m. Zero-length moves hold the last.
@@ -323,7 +347,7 @@ impl Walk<'_> {
             Goal::Joints { .. } => None,
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
-        if let Some(previous) = self.points.last() {
+        if let Some(previous) = self.points.last().or(self.carried.before.as_ref()) {
             let into = base_from_wobj.inv_mul(&(previous.base_from_wobj * previous.wobj_from_tcp));
             return here - into.translation.vector;
         }
@@ -337,17 +361,17 @@ impl Walk<'_> {
         let robot = &self.cell.arm.robot;
         let conf = match target.goal {
             Goal::Joints { deg } => {
-                if self.near.is_none() {
-                    self.started = StartedFrom::JointTarget;
+                if self.carried.near.is_none() {
+                    self.carried.started = StartedFrom::JointTarget;
                 }
                 return Ok(Joints::from(deg.map(f64::to_radians)));
             }
             Goal::Pose { conf, .. } => conf,
             Goal::Axis { .. } => None,
         };
-        let Some(near) = self.near else {
+        let Some(near) = self.carried.near else {
             let start = robot.start(base_from_flange, conf, self.cell.start.as_ref())?;
-            self.started = start.how;
+            self.carried.started = start.how;
             return Ok(start.motor);
         };
         match (target.motion, conf) {
@@ -370,8 +394,8 @@ impl Walk<'_> {
         const PARALLEL: f64 = 1e-4;
         let across = |v: Vector3<f64>| v - axis * v.dot(&axis);
         let x = reference.try_normalize(CHORD).and_then(|r| across(r).try_normalize(PARALLEL));
-        let x = x.or_else(|| self.spun.and_then(|held| across(held).try_normalize(PARALLEL)))?;
-        self.spun = Some(x);
+        let x = x.or_else(|| self.carried.spun.and_then(|held| across(held).try_normalize(PARALLEL)))?;
+        self.carried.spun = Some(x);
         let x = Rotation3::from_axis_angle(&Unit::new_normalize(axis), spin.turn) * x;
         let z = -axis;
         let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));

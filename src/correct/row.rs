@@ -112,13 +112,32 @@ impl Summary {
     /// Counts rows.
     #[must_use]
     pub fn of(rows: &[Row]) -> Self {
-        let mut sum = Self { targets: rows.len(), ..Self::default() };
-        let mut squares = (0.0, 0usize);
+        let mut tally = Tally::default();
+        tally.add(rows);
+        tally.summary()
+    }
+}
+
+/// A [`Summary`] on its way, row after row in running order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tally {
+    sum: Summary,
+    /// Of the errors of cutting targets, mm².
+    squares: f64,
+    cutting: usize,
+}
+
+impl Tally {
+    pub(super) fn add(&mut self, rows: &[Row]) {
+        let sum = &mut self.sum;
+        sum.targets += rows.len();
         for row in rows {
+            let (error, correction) = (row.error_norm_mm(), row.correction_norm_mm());
             match row.status {
                 Status::Ok => {
                     sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_mm);
-                    squares = (squares.0 + row.error_norm_mm().powi(2), squares.1 + 1);
+                    self.squares += error.powi(2);
+                    self.cutting += 1;
                 }
                 Status::Air => sum.air += 1,
                 Status::Kept(reason) => match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
@@ -126,14 +145,14 @@ impl Summary {
                     None => sum.kept.push((reason, 1)),
                 },
             }
-            sum.max_error_mm = sum.max_error_mm.max(row.error_norm_mm());
-            sum.max_correction_mm = sum.max_correction_mm.max(row.correction_norm_mm());
-            sum.corrected +=
-                usize::from(row.correction_norm_mm() > 0.0 || row.correction_deg.iter().any(|v| v.abs() > 0.0));
+            sum.max_error_mm = sum.max_error_mm.max(error);
+            sum.max_correction_mm = sum.max_correction_mm.max(correction);
+            sum.corrected += usize::from(correction > 0.0 || row.correction_deg.iter().any(|v| v.abs() > 0.0));
         }
-        if squares.1 > 0 {
-            sum.rms_error_mm = (squares.0 / squares.1 as f64).sqrt();
-        }
-        sum
+    }
+
+    pub(super) fn summary(self) -> Summary {
+        let rms_error_mm = if self.cutting > 0 { (self.squares / self.cutting as f64).sqrt() } else { 0.0 };
+        Summary { rms_error_mm, ..self.sum }
     }
 }

@@ -1,17 +1,17 @@
 //! Uncertainty of the predicted error from the covariance of the effects' parameters.
 
+use super::solve::Spread;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
 use crate::robot::Joints;
 use nalgebra::{DMatrix, Vector3};
-use rayon::prelude::*;
 
 /// Step of a parameter for its derivative, in standard deviations: the model is smooth on that scale.
 const STEP: f64 = 0.5;
 
 /// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter.
-pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands: &[(Joints, Joints)]) {
+pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands: &[(Joints, Joints)], spread: Spread) {
     let known: Vec<(usize, &DMatrix<f64>)> =
         cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
     if known.is_empty() || rows.len() != prepared.points.len() {
@@ -23,7 +23,7 @@ pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands:
         let columns: Vec<Option<Vec<Vector3<f64>>>> = (0..base.len())
             .map(|k| {
                 let step = STEP * covariance[(k, k)].max(0.0).sqrt();
-                (step > 0.0).then(|| column(cell, effect, &base, k, step, prepared, commands))
+                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, commands, spread))
             })
             .collect();
         for (a, left) in columns.iter().enumerate() {
@@ -43,12 +43,10 @@ pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands:
 /// Change of every predicted position with one parameter, m per unit.
 fn column(
     cell: &Cell,
-    effect: usize,
-    base: &[f64],
-    k: usize,
-    step: f64,
+    (effect, base, k, step): (usize, &[f64], usize, f64),
     prepared: &Prepared,
     commands: &[(Joints, Joints)],
+    spread: Spread,
 ) -> Vec<Vector3<f64>> {
     let at = |value: f64| {
         let mut values = base.to_vec();
@@ -62,10 +60,11 @@ fn column(
             stiffness: cell.arm.stiffness,
             effects: (0..cell.arm.effects.len()).map(with).collect(),
         };
-        let place = |(i, (motor, travel)): (usize, &(Joints, Joints))| {
+        let place = |i: usize| {
+            let (motor, travel) = &commands[i];
             arm.predict(&prepared.situation(i), motor, travel).map(|e| e.wobj_from_tcp.translation.vector).ok()
         };
-        commands.par_iter().enumerate().map(place).collect::<Vec<_>>()
+        spread.map(commands.len(), place)
     };
     let (up, down) = (at(base[k] + step), at(base[k] - step));
     let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {

@@ -2,7 +2,6 @@
 
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
-use crate::cell::Cell;
 use crate::equilibrium::{Arm, Command, Equilibrium, EquilibriumError};
 use crate::program::Editable;
 use crate::robot::{Joints, Pose, Unreachable};
@@ -39,66 +38,93 @@ impl Wish {
     }
 }
 
+/// How the points of a pass are spread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Spread {
+    /// Over all threads: a program as a whole.
+    Threads,
+    /// On this one: a piece of a program whose other pieces are on the others.
+    Here,
+}
+
+impl Spread {
+    /// Every index's value, in order.
+    pub(super) fn map<T: Send>(self, count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+        match self {
+            Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map(value).collect(),
+            Self::Here => (0..count).map(value).collect(),
+        }
+    }
+}
+
+/// Points that a thread takes at a time: a millisecond's work.
+const AT_LEAST: usize = 256;
+
 /// Forward equilibria of given commands, in order.
 pub(super) fn forward(
     arm: &Arm,
     prepared: &Prepared,
     commands: &[(Joints, Joints)],
+    spread: Spread,
 ) -> Vec<Result<Equilibrium, EquilibriumError>> {
-    commands
-        .par_iter()
-        .enumerate()
-        .map(|(i, (motor, travel))| arm.predict(&prepared.situation(i), motor, travel))
-        .collect()
+    spread.map(commands.len(), |i| arm.predict(&prepared.situation(i), &commands[i].0, &commands[i].1))
 }
 
+/// Motor angles last commanded and the direction of travel into them.
+pub(super) type Last = Option<(Joints, Joints)>;
+
 /// Directions of travel along a sequence of commanded motor angles.
-pub(super) fn travels(commands: impl Iterator<Item = Joints>) -> Vec<(Joints, Joints)> {
-    let mut last: Option<(Joints, Joints)> = None;
+pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -> Vec<(Joints, Joints)> {
     commands
         .map(|motor| {
             let travel = last.map_or_else(Joints::zeros, |(previous, held)| travel(&previous, &motor, &held));
-            last = Some((motor, travel));
+            *last = Some((motor, travel));
             (motor, travel)
         })
         .collect()
 }
 
-/// Corrected commands of every point.
-pub(super) fn commands(cell: &Cell, prepared: &Prepared, wishes: &[Wish]) -> Vec<Result<Solved, EquilibriumError>> {
-    let arm = &cell.arm;
-    // Travel as programmed decides first; where lost motion changes it, the ordered pass corrects it.
-    let first: Vec<Result<Command, EquilibriumError>> = prepared
-        .points
-        .par_iter()
-        .zip(wishes)
-        .enumerate()
-        .map(|(i, (point, wish))| one(arm, prepared, i, point, *wish, &point.travel))
-        .collect();
-    let travels = settle_travel(prepared, &first);
+/// Commands of every point with the travel as programmed, which decides first.
+pub(super) fn first(
+    arm: &Arm,
+    prepared: &Prepared,
+    wishes: &[Wish],
+    spread: Spread,
+) -> Vec<Result<Command, EquilibriumError>> {
+    spread.map(wishes.len(), |i| {
+        let point = &prepared.points[i];
+        one(arm, prepared, i, point, wishes[i], &point.travel)
+    })
+}
+
+/// Corrected commands of every point in their settled directions of travel.
+pub(super) fn commands(
+    arm: &Arm,
+    prepared: &Prepared,
+    wishes: &[Wish],
+    first: &[Result<Command, EquilibriumError>],
+    travels: &[Joints],
+    spread: Spread,
+) -> Vec<Result<Solved, EquilibriumError>> {
     let follows = arm.follows_command();
-    first
-        .into_par_iter()
-        .zip(&travels)
-        .enumerate()
-        .map(|(i, (command, travel))| {
-            let point = &prepared.points[i];
-            let mut command = command?;
-            let again = wishes[i] == Wish::Position && command.lost != Joints::zeros();
-            if (follows || again) && *travel != point.travel {
-                command = one(arm, prepared, i, point, wishes[i], travel)?;
-            }
-            let motor = command.commanded(travel);
-            let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
-            let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
-            match wishes[i] {
-                Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
-                Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
-                Wish::Pose => {}
-            }
-            Ok(Solved { motor, wobj_from_tcp })
-        })
-        .collect()
+    spread.map(wishes.len(), |i| {
+        let (point, travel) = (&prepared.points[i], &travels[i]);
+        let command = first[i].as_ref().map_err(Clone::clone)?;
+        let again = wishes[i] == Wish::Position && command.lost != Joints::zeros();
+        let motor = if (follows || again) && *travel != point.travel {
+            one(arm, prepared, i, point, wishes[i], travel)?.commanded(travel)
+        } else {
+            command.commanded(travel)
+        };
+        let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
+        let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
+        match wishes[i] {
+            Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
+            Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
+            Wish::Pose => {}
+        }
+        Ok(Solved { motor, wobj_from_tcp })
+    })
 }
 
 fn one(
@@ -120,15 +146,18 @@ fn one(
 /// Directions of the **corrected** motion, in order: lost motion is added in the direction of travel, and the
 /// direction follows from what is commanded. A direction holds if the command made with it moves that way; of two
 /// that hold, the joint keeps the one it has.
-fn settle_travel(prepared: &Prepared, commands: &[Result<Command, EquilibriumError>]) -> Vec<Joints> {
-    let mut last: Option<(Joints, Joints)> = None;
+pub(super) fn settle_travel(
+    prepared: &Prepared,
+    commands: &[Result<Command, EquilibriumError>],
+    last: &mut Last,
+) -> Vec<Joints> {
     commands
         .iter()
         .zip(&prepared.points)
         .map(|(command, point)| {
             let Ok(command) = command else { return point.travel };
-            let Some((previous, held)) = last else {
-                last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
+            let Some((previous, held)) = *last else {
+                *last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
                 return Joints::zeros();
             };
             let travel = Joints::from_fn(|i, _| {
@@ -140,7 +169,7 @@ fn settle_travel(prepared: &Prepared, commands: &[Result<Command, EquilibriumErr
                 let other = if held[i] == 0.0 { point.travel[i] } else { -held[i] };
                 [held[i], other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(point.travel[i])
             });
-            last = Some((command.commanded(&travel), travel));
+            *last = Some((command.commanded(&travel), travel));
             travel
         })
         .collect()

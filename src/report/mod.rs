@@ -8,7 +8,7 @@ mod inspect;
 mod summary;
 
 pub use ci::{CheckFile, check_json, junit, sarif};
-pub use csv::write_csv;
+pub use csv::{CSV_HEADER, csv_rows, write_csv};
 pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_text, difference};
 pub use identification::{identify_text, residual_csv};
 pub use inspect::{InspectFile, InspectFiles, KeptLine, inspect_table};

@@ -1,4 +1,5 @@
 use crate::correct::{Corrected, Summary};
+use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -49,7 +50,12 @@ impl FileSummary {
     /// Sums up a run.
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
-        let sum = Summary::of(&corrected.rows);
+        Self::of(path, &Summary::of(&corrected.rows), &corrected.failures)
+    }
+
+    /// The same from what was counted already.
+    #[must_use]
+    pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
         Self {
             path: path.to_owned(),
             targets: sum.targets,
@@ -60,11 +66,7 @@ impl FileSummary {
             rms_error_mm: sum.rms_error_mm,
             max_correction_mm: sum.max_correction_mm,
             max_remaining_mm: sum.max_remaining_mm,
-            failures: corrected
-                .failures
-                .iter()
-                .map(|f| FailureLine { line: f.line, message: f.message.clone() })
-                .collect(),
+            failures: failures.iter().map(|f| FailureLine { line: f.line, message: f.message.clone() }).collect(),
         }
     }
 }

@@ -51,11 +51,17 @@ impl Diagnostic {
 
     /// The same, at a place.
     #[must_use]
-    pub fn at(mut self, source: &Source, span: Span) -> Self {
+    pub fn at(self, source: &Source, span: Span) -> Self {
         let place = source.line_column(span.start as usize);
+        self.on_line(source, span, u32::try_from(place.line).unwrap_or(u32::MAX))
+    }
+
+    /// The same, at a place whose line is known: a program with a message a target is not counted through for each.
+    #[must_use]
+    pub fn on_line(mut self, source: &Source, span: Span, line: u32) -> Self {
         self.file.clone_from(&source.name);
-        self.line = place.line;
-        self.column = place.column;
+        self.line = line as usize;
+        self.column = source.column(span.start as usize);
         self.snippet = Some(snippet(source, span));
         self
     }

@@ -60,6 +60,14 @@ impl Source {
         }
         LineColumn { line, column: decode(&self.bytes[start..offset]).chars().count() + 1 }
     }
+
+    /// Column of an offset alone, from 1: linear in its line.
+    #[must_use]
+    pub fn column(&self, offset: usize) -> usize {
+        let before = &self.bytes[..offset.min(self.bytes.len())];
+        let start = before.iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |at| at + 1);
+        decode(&before[start..]).chars().count() + 1
+    }
 }
 
 /// Bytes as text for people: UTF-8 where valid, else Latin-1 (every byte one character).
@@ -85,6 +93,7 @@ mod tests {
     fn columns_count_characters_not_bytes() {
         let utf8 = Source::new("x", "äö;".as_bytes());
         assert_eq!(utf8.line_column(4).column, 3);
+        assert_eq!(utf8.column(4), 3);
         let latin1 = Source::new("x", &[0xE4, 0xF6, b';'][..]);
         assert_eq!(latin1.line_column(2).column, 3);
     }

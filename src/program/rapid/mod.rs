@@ -18,6 +18,7 @@ mod lex;
 mod literal;
 mod motion;
 mod moves;
+mod pieces;
 mod rewrite;
 mod run;
 mod statement;
@@ -26,6 +27,7 @@ mod syntax;
 mod tree;
 mod value;
 
+pub use pieces::{Next, PIECE, Piece, Pieces, StraightPiece};
 pub(super) use rewrite::rewrite;
 
 use super::{Language, Program};
@@ -44,6 +46,10 @@ pub(crate) struct Layout {
     offsets: Vec<Offset>,
     /// Executed motions, those whose target is not known when reading among them.
     pub(super) motions: usize,
+    /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `pieces`).
+    straight: bool,
+    /// The mark in force behind the last statement.
+    mark_behind: Option<super::Mark>,
 }
 
 /// Where one target stands in the text.
@@ -101,7 +107,7 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     if !errors.is_empty() {
         return Err(errors);
     }
-    let outcome = run::Runner::new(&sources, &files, written).run();
+    let outcome = run::Runner::new(&sources, &files, written).run(&files);
     if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return Err(outcome.diagnostics);
     }

@@ -7,7 +7,7 @@ use super::symbols::{Names, RoutineId, Symbols, Upper, declared};
 use super::tree::{File, RoutineKind, Statement};
 use super::value::{Place, Value};
 use super::{Layout, Site};
-use crate::program::{Editable, Kept, Mark, Motion, Target, Tool, Wobj};
+use crate::program::{Editable, Goal, Kept, Mark, Motion, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -161,13 +161,13 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs `main`, or every procedure that no other calls.
-    pub(super) fn run(mut self) -> Outcome {
+    pub(super) fn run(mut self, files: &[File]) -> Outcome {
         for id in self.entries() {
             if self.call(id, &[]) == Flow::Stop && self.steps >= MAX_STEPS {
                 break;
             }
         }
-        self.finish()
+        self.finish(files)
     }
 
     pub(super) fn entries(&self) -> Vec<RoutineId> {
@@ -391,7 +391,36 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    pub(super) fn finish(mut self) -> Outcome {
+    /// Whether each statement was a motion to an inline target or one that leaves nothing behind.
+    fn straight(&self, files: &[File]) -> bool {
+        // Entering and leaving the one procedure; assignments and unknown calls count on.
+        const EPOCH: u64 = 3;
+        let [file] = files else { return false };
+        let [module] = &file.modules[..] else { return false };
+        let [proc] = &module.routines[..] else { return false };
+        let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
+        let known = |target: &Target| match target.goal {
+            Goal::Joints { .. } => true,
+            _ => target.editable == Editable::Pose && target.name.is_none(),
+        };
+        proc.kind == RoutineKind::Proc
+            && proc.params.is_empty()
+            && proc.handlers.is_empty()
+            && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
+            && file.odd.is_empty()
+            && self.steps == proc.body.len()
+            && (self.epoch, self.changes) == (EPOCH, 0)
+            && !self.state.program_displacement
+            && !self.state.axis_offset
+            && self.external.is_none()
+            && self.pinned.is_empty()
+            && self.arcs == 0
+            && self.sites.iter().all(inline)
+            && self.targets.iter().all(known)
+    }
+
+    pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+        let straight = self.straight(files);
         if self.external_moves {
             for (target, _) in self.targets.iter_mut().zip(&self.on_axes).filter(|(_, on)| **on) {
                 if !matches!(target.editable, Editable::No(_)) {
@@ -426,6 +455,8 @@ impl<'a> Runner<'a> {
             sites: self.sites,
             offsets: self.offsets,
             motions: self.motions as usize,
+            straight,
+            mark_behind: self.state.mark,
         };
         Outcome {
             tools: self.tools,

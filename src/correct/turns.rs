@@ -1,0 +1,86 @@
+//! Ordered passes over the pieces of a program, whichever threads have them.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// State that goes from piece to piece in their order.
+#[derive(Debug)]
+pub(super) struct Turns<T> {
+    state: Mutex<State<T>>,
+    passed: Condvar,
+}
+
+#[derive(Debug)]
+struct State<T> {
+    /// The piece whose turn it is.
+    next: usize,
+    /// A piece died before its turn: nobody waits for it.
+    broken: bool,
+    value: T,
+}
+
+impl<T> Turns<T> {
+    pub(super) fn new(value: T) -> Self {
+        Self { state: Mutex::new(State { next: 0, broken: false, value }), passed: Condvar::new() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        // Whoever dies holding it says so by `broken`.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for the turn of piece `n`, works on what the pieces before it left, and passes it on; `None` where a piece
+    /// before it died.
+    pub(super) fn take<R>(&self, n: usize, work: impl FnOnce(&mut T) -> R) -> Option<R> {
+        let wait = |state: &mut State<T>| state.next != n && !state.broken;
+        let mut state = self.passed.wait_while(self.lock(), wait).unwrap_or_else(PoisonError::into_inner);
+        if state.broken {
+            return None;
+        }
+        let done = work(&mut state.value);
+        state.next = n + 1;
+        drop(state);
+        self.passed.notify_all();
+        Some(done)
+    }
+
+    /// Lets nobody wait any more.
+    pub(super) fn break_off(&self) {
+        self.lock().broken = true;
+        self.passed.notify_all();
+    }
+
+    pub(super) fn into_inner(self) -> T {
+        self.state.into_inner().unwrap_or_else(PoisonError::into_inner).value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Turns;
+
+    #[test]
+    fn pieces_take_turns_in_order_whatever_thread_has_them() {
+        let turns = Turns::new(Vec::new());
+        std::thread::scope(|scope| {
+            for first in [3, 1, 0, 2] {
+                let turns = &turns;
+                scope.spawn(move || {
+                    for round in 0..50 {
+                        turns.take(4 * round + first, |seen| seen.push(4 * round + first));
+                    }
+                });
+            }
+        });
+        assert_eq!(turns.into_inner(), (0..200).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn nobody_waits_for_a_piece_that_died() {
+        let turns = Turns::new(());
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| turns.take(1, |()| ()));
+            turns.break_off();
+            assert_eq!(waiting.join().ok(), Some(None));
+        });
+    }
+}

@@ -1,0 +1,320 @@
+//! A long program in pieces that fit in memory.
+//!
+//! One procedure that only moves from inline target to inline target is the same wherever it is cut between two
+//! statements: a piece is the module's head, a stretch of the body, and an end, and so a program of its own, which
+//! [`read`](super::read) reads like any other. What would make a piece mean something else than the same lines in the whole (an
+//! assignment, a call, a declared target, a moving external axis, …) is looked for in the piece as read; a program with any
+//! of that is not straight and is read whole.
+
+use super::lex::{self, Cursor, Kind};
+use super::symbols::harmless;
+use crate::program::{Language, Mark, Program, detect};
+use crate::text::{Source, Span};
+use std::io::{self, BufRead, Read};
+use std::ops::Range;
+
+/// Bytes of the body in a piece: about a thousand targets. Not a matter of threads: any number of them sees the same pieces.
+pub const PIECE: usize = 128 * 1024;
+
+/// Most bytes before the first motion and behind the last.
+const HEAD: usize = 1 << 20;
+
+/// Ends a piece that is not the last.
+const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
+
+/// A stretch of a program, with what makes it a program.
+#[derive(Debug)]
+pub struct Piece {
+    /// Head, stretch and end.
+    source: Source,
+    /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
+    own: Range<usize>,
+    /// Motions before it.
+    motions_before: u32,
+    motions: u32,
+    last_line: usize,
+    mark_behind: Option<Mark>,
+    last: bool,
+}
+
+/// A piece as read.
+#[derive(Debug)]
+pub struct StraightPiece {
+    /// The piece as a program; ordinals and lines are those of the whole.
+    pub program: Program,
+    /// Which bytes of its source stand in the file; edits lie within.
+    pub own: Range<usize>,
+    /// Whether it ends the program.
+    pub last: bool,
+}
+
+/// What [`Pieces::next`] came to.
+#[derive(Debug)]
+pub enum Next {
+    /// Another piece.
+    Piece(Piece),
+    /// There are no more.
+    End,
+    /// Here stands something that only the whole program tells the meaning of.
+    NotStraight,
+}
+
+/// Cuts a program into pieces, reading no further than needed.
+#[derive(Debug)]
+pub struct Pieces<R> {
+    input: R,
+    name: String,
+    /// Up to the line of the first motion.
+    head: Vec<u8>,
+    head_lines: usize,
+    /// Read and not yet cut.
+    rest: Vec<u8>,
+    lines: usize,
+    motions: u32,
+    /// Line of the last motion.
+    last_line: usize,
+    mark: Option<Mark>,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    First,
+    Further,
+    Ended,
+}
+
+impl<R: Read> Pieces<R> {
+    /// Reads the head; `None` where the input does not begin like a straight program.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn new(name: &str, input: R) -> io::Result<Option<Self>> {
+        let mut pieces = Self {
+            input,
+            name: name.to_owned(),
+            head: Vec::new(),
+            head_lines: 0,
+            rest: Vec::new(),
+            lines: 0,
+            motions: 0,
+            last_line: 0,
+            mark: None,
+            state: State::First,
+        };
+        pieces.fill(PIECE)?;
+        let Some(first) = first_motion(&pieces.rest) else { return Ok(None) };
+        pieces.head = pieces.rest.drain(..first).collect();
+        pieces.head_lines = pieces.head.iter().filter(|b| **b == b'\n').count();
+        let comments = pieces.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
+        pieces.mark = comments.filter_map(lex::mark).last();
+        pieces.lines = pieces.head_lines;
+        let head = Source::new(name, [&pieces.head, END].concat());
+        let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
+        let Some(head) = super::read(vec![head], Vec::new()).ok().filter(|_| rapid) else { return Ok(None) };
+        Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
+    }
+
+    /// Reads until so many bytes wait, or to the end.
+    fn fill(&mut self, wanted: usize) -> io::Result<()> {
+        let missing = wanted.saturating_sub(self.rest.len());
+        self.input.by_ref().take(missing as u64).read_to_end(&mut self.rest)?;
+        Ok(())
+    }
+
+    /// The next piece, cut behind a statement.
+    ///
+    /// # Errors
+    /// What the input reports.
+    pub fn next(&mut self) -> io::Result<Next> {
+        if self.state == State::Ended {
+            return Ok(Next::End);
+        }
+        let (motions_before, lines_before, mark_before) = (self.motions, self.lines, self.mark);
+        // A line that the piece's end cuts through is read on; one of more than a piece is no program's.
+        self.fill(2 * PIECE)?;
+        let Some(cut) = self.cut() else { return Ok(Next::NotStraight) };
+        let mark: &[u8] = match mark_before {
+            None => b"",
+            Some(Mark::Air) => b"! deflex air\n",
+            Some(Mark::Cut) => b"! deflex cut\n",
+        };
+        let mut bytes = Vec::with_capacity(self.head.len() + cut.stretch + END.len() + mark.len() + HEAD_ROOM);
+        bytes.extend_from_slice(&self.head);
+        let first = self.state == State::First;
+        // The first piece's marks stand in its head.
+        let before = if first { &[][..] } else { mark };
+        bytes.extend_from_slice(before);
+        let start = if first { 0 } else { bytes.len() };
+        bytes.extend_from_slice(&self.rest[..cut.stretch]);
+        let mut own = start..bytes.len();
+        self.rest.drain(..cut.stretch);
+        self.lines += cut.lines;
+        self.state = State::Further;
+        if cut.last {
+            self.fill(HEAD + 1)?;
+            if !is_end(&self.rest) {
+                return Ok(Next::NotStraight);
+            }
+            bytes.append(&mut self.rest);
+            own.end = bytes.len();
+            self.state = State::Ended;
+        } else {
+            bytes.extend_from_slice(END);
+        }
+        let added = self.head_lines + usize::from(!before.is_empty());
+        let mut source = Source::new(self.name.clone(), bytes);
+        // Below zero for no piece: the head's own lines stand before every stretch; a mark's line may be one too many.
+        let Some(lines_before) = (if first { Some(0) } else { lines_before.checked_sub(added) }) else {
+            return Ok(Next::NotStraight);
+        };
+        source.lines_before = lines_before;
+        Ok(Next::Piece(Piece {
+            source,
+            own,
+            motions_before,
+            motions: self.motions - motions_before,
+            last_line: self.last_line,
+            mark_behind: self.mark,
+            last: cut.last,
+        }))
+    }
+
+    /// Where the stretch ends that begins at `rest`; its motions and marks are counted.
+    fn cut(&mut self) -> Option<Cut> {
+        let (mut at, mut lines, mut behind_motion) = (0, 0, false);
+        let whole = self.rest.len() < 2 * PIECE;
+        while at < PIECE || !behind_motion {
+            let line = line_of(&self.rest[at..]);
+            let ended = line.last() == Some(&b'\n');
+            if line.is_empty() || !ended && !whole {
+                // The program ends without ENDPROC, or a line never ends.
+                return None;
+            }
+            let text = line.trim_ascii();
+            behind_motion = false;
+            match text.first() {
+                None => {}
+                Some(b'!') => self.mark = lex::mark(&text[1..]).or(self.mark),
+                Some(_) => {
+                    let word = first_word(text);
+                    if word.eq_ignore_ascii_case(b"ENDPROC") {
+                        return Some(Cut { stretch: at, lines, last: true });
+                    }
+                    behind_motion = is_motion(word);
+                    // A statement over several lines, or a comment behind one, is not worth a closer look.
+                    if !text.ends_with(b";") || !behind_motion && !harmless(word) {
+                        return None;
+                    }
+                    if behind_motion {
+                        self.motions += 1;
+                        self.last_line = self.lines + lines + 1;
+                    }
+                }
+            }
+            at += line.len();
+            lines += usize::from(ended);
+        }
+        Some(Cut { stretch: at, lines, last: false })
+    }
+}
+
+/// Room for what ends the last piece.
+const HEAD_ROOM: usize = 256;
+
+struct Cut {
+    /// Bytes.
+    stretch: usize,
+    /// Line ends in them.
+    lines: usize,
+    /// ENDPROC follows.
+    last: bool,
+}
+
+impl Piece {
+    /// Bytes of the file in this piece.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.own.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.own.is_empty()
+    }
+
+    /// Reads the piece; `None` where it is not straight after all.
+    #[must_use]
+    pub fn read(self) -> Option<StraightPiece> {
+        let mut program = super::read(vec![self.source], Vec::new()).ok()?;
+        let straight = layout(&program).is_some_and(|layout| {
+            // A mark behind the last motion is in force nowhere.
+            let marks = self.last || layout.mark_behind == self.mark_behind;
+            layout.straight && layout.motions == self.motions as usize && marks
+        });
+        // Line ends that only one of the two counts.
+        let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
+        for target in &mut program.targets {
+            target.ordinal = target.ordinal.checked_add(self.motions_before)?;
+        }
+        (straight && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StraightPiece {
+            program,
+            own: self.own,
+            last: self.last,
+        })
+    }
+}
+
+fn layout(program: &Program) -> Option<&super::Layout> {
+    match &program.layout {
+        crate::program::Layout::Rapid(layout) => Some(layout),
+        crate::program::Layout::Cl(_) => None,
+    }
+}
+
+/// The line at the start of `bytes`, with its end.
+fn line_of(mut bytes: &[u8]) -> &[u8] {
+    let all = bytes;
+    // Reading from a slice cannot fail.
+    let len = bytes.skip_until(b'\n').unwrap_or(0);
+    &all[..len]
+}
+
+fn first_word(text: &[u8]) -> &[u8] {
+    &text[..text.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(text.len())]
+}
+
+fn is_motion(word: &[u8]) -> bool {
+    [&b"MoveL"[..], b"MoveJ", b"MoveAbsJ"].iter().any(|motion| motion.eq_ignore_ascii_case(word))
+}
+
+/// Offset of the line of the first motion.
+fn first_motion(bytes: &[u8]) -> Option<usize> {
+    let mut at = 0;
+    while at < bytes.len() {
+        let line = line_of(&bytes[at..]);
+        if is_motion(first_word(line.trim_ascii())) {
+            return Some(at);
+        }
+        at += line.len();
+    }
+    None
+}
+
+/// Whether nothing but ENDPROC, ENDMODULE and comments stand here.
+fn is_end(bytes: &[u8]) -> bool {
+    if bytes.len() > HEAD {
+        return false;
+    }
+    let mut cursor = Cursor::new(bytes, Span::new(0, bytes.len()));
+    let mut words = [&b"ENDPROC"[..], b"ENDMODULE"].into_iter();
+    loop {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            Kind::End => return words.next().is_none(),
+            Kind::Word if words.next().is_some_and(|word| word.eq_ignore_ascii_case(cursor.text(lexeme))) => {}
+            _ => return false,
+        }
+    }
+}
