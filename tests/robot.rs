@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr)] // helpers of tests; a skipped test says so
 
-use deflex::robot::{BUILTIN, DhRow, Joints, Limits, Pose, Robot, chain, polish};
+use deflex::robot::{BUILTIN, DhRow, Joints, Limits, Links, Pose, Robot, polish};
 use nalgebra::{Matrix6, Rotation3, Translation3, Vector3, Vector6};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -26,7 +26,7 @@ fn vectors() -> Option<Value> {
 
 /// The paper's arm, axis 6 as the vectors have it.
 fn paper() -> Robot {
-    let mut rows = BUILTIN[0].robot().rows;
+    let mut rows = *BUILTIN[0].robot().links.rows();
     rows[5].theta = 90f64.to_radians();
     Robot::new("paper", rows, true, BUILTIN[0].robot().limits)
 }
@@ -135,7 +135,7 @@ fn a_chain_without_an_explicit_inverse_is_polished() {
     let robot = Robot::new("UR10", rows, false, limits);
     assert!(!robot.has_closed_form());
     let motor = joints([20.0, -70.0, 80.0, -50.0, 60.0, 15.0]);
-    let at = |serial: &Joints| chain(&rows, serial, None);
+    let at = |serial: &Joints| Links::new(rows).chain(serial, None);
     let seed = motor.map(|v| v + 0.15);
     let found = polish(&at, &robot.forward(&motor), &seed).unwrap();
     assert!((found - motor).amax() < 1e-9);

@@ -2,13 +2,13 @@
 
 use super::path::{self, Point};
 use super::row::{Row, Status, difference};
-use super::solve::{self, Last, Solved, Spread, Wish};
+use super::solve::{self, Landed, Last, Solved, Spread, Wish};
 use super::turns::Turns;
 use super::{Options, Prepared, frames, sigma, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{Equilibrium, EquilibriumError};
+use crate::equilibrium::{Command, EquilibriumError};
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
-use crate::robot::{Joints, Pose, conf_of};
+use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
@@ -64,7 +64,7 @@ pub fn predict(
         prepared.judge_against(original, program)?;
     }
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let there = solve::forward(&cell.arm, &prepared, &commands, Spread::Threads);
+    let there = solve::forward(&cell.arm, &prepared, &commands, |_| Joints::zeros(), Spread::Threads);
     let mut out = Collected::new(program, &prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
@@ -145,8 +145,9 @@ pub(super) fn piece(
     let arm = &cell.arm;
     let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
     let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let uncorrected = solve::forward(arm, &prepared, &as_programmed, spread);
     let first = solve::first(arm, &prepared, &wishes, spread);
+    let deflection = |i: usize| first[i].as_ref().map_or_else(|_| Joints::zeros(), Command::deflection);
+    let uncorrected = solve::forward(arm, &prepared, &as_programmed, deflection, spread);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
     let solved = solve::commands(arm, &prepared, &wishes, &first, &travels, spread);
 
@@ -202,7 +203,7 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
-    let after = solve::forward(arm, &prepared, &travels, spread);
+    let after = solve::forward(arm, &prepared, &travels, deflection, spread);
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -264,9 +265,8 @@ fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Ce
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
     // confdata follow only where they were true: posts write dummies.
-    let was = conf_of(robot, &point.motor);
-    let now = conf_of(robot, &solved.motor);
-    let conf = path::written_conf(target).filter(|written| *written == was && now != was).map(|_| now);
+    let was = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
+    let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|_| conf_of(robot, &solved.motor));
     Some(Change { position_mm, quat: (wish == Wish::Pose && !still(turn)).then_some(quat), conf })
 }
 
@@ -331,13 +331,13 @@ impl<'a> Collected<'a> {
         Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
     }
 
-    fn row(&mut self, i: usize, there: &Equilibrium) {
+    fn row(&mut self, i: usize, there: &Landed) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
         if !path::is_end(target) {
             return;
         }
         let normal = point.normal_error(&self.prepared.laws, &there.wobj_from_tcp);
-        let force = point.base_from_wobj.rotation.inverse() * there.load.cut;
+        let force = point.base_from_wobj.rotation.inverse() * there.cut;
         let mut row = Row::new(target, point, &there.wobj_from_tcp, normal, force);
         if let Editable::No(reason) = target.editable {
             row.status = Status::Kept(reason);

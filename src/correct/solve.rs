@@ -2,10 +2,11 @@
 
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Arm, Command, Equilibrium, EquilibriumError};
+use crate::equilibrium::{Arm, Command, EquilibriumError};
 use crate::program::Editable;
 use crate::robot::{Joints, Pose, Unreachable};
 use crate::text::number;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// A solved command.
@@ -60,14 +61,28 @@ impl Spread {
 /// Points that a thread takes at a time: a millisecond's work.
 const AT_LEAST: usize = 256;
 
-/// Forward equilibria of given commands, in order.
+/// Forward equilibria of given commands, in order, from deflections of the joints that are about right.
 pub(super) fn forward(
     arm: &Arm,
     prepared: &Prepared,
     commands: &[(Joints, Joints)],
+    deflection: impl Fn(usize) -> Joints + Sync + Send,
     spread: Spread,
-) -> Vec<Result<Equilibrium, EquilibriumError>> {
-    spread.map(commands.len(), |i| arm.predict(&prepared.situation(i), &commands[i].0, &commands[i].1))
+) -> Vec<Result<Landed, EquilibriumError>> {
+    spread.map(commands.len(), |i| {
+        let (motor, travel) = &commands[i];
+        let there = arm.predict_near(&prepared.situation(i), motor, travel, &deflection(i))?;
+        Ok(Landed { wobj_from_tcp: there.wobj_from_tcp, cut: there.load.cut })
+    })
+}
+
+/// Where a command ends up, as far as a report asks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Landed {
+    /// Actual TCP in the actual work object, m.
+    pub(super) wobj_from_tcp: Pose,
+    /// Cutting force on the tool, base axes, N.
+    pub(super) cut: Vector3<f64>,
 }
 
 /// Motor angles last commanded and the direction of travel into them.

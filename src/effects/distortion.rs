@@ -30,9 +30,9 @@ impl Twist {
         self.shift == Vector3::zeros() && self.turn == Vector3::zeros()
     }
 
-    /// [`Twist::pose`], without the trigonometry where nothing moves.
-    pub(crate) fn pose_or_identity(&self) -> Pose {
-        if self.is_zero() { Pose::identity() } else { self.pose() }
+    /// `from · pose`, without the arithmetic where nothing moves.
+    pub(crate) fn after(&self, from: &Pose) -> Pose {
+        if self.is_zero() { *from } else { from * self.pose() }
     }
 
     /// The motion as a pose: turn, then shift, in the axes it is given in.
@@ -91,23 +91,54 @@ impl Distortion {
 
     /// A share of the way to another distortion.
     pub(crate) fn towards(&self, other: &Self, share: f64) -> Self {
+        self.with(other, |a, b| a + share * (b - a))
+    }
+
+    /// By how much another distortion is less.
+    pub(crate) fn minus(&self, other: &Self) -> Self {
+        self.with(other, |a, b| a - b)
+    }
+
+    /// Sum of products, rad and m alike: an arm is some metres long.
+    pub(crate) fn dot(&self, other: &Self) -> f64 {
+        let twist = |a: &Twist, b: &Twist| a.shift.dot(&b.shift) + a.turn.dot(&b.turn);
+        let row = |(a, b): (&DhRow, &DhRow)| a.alpha * b.alpha + a.a * b.a + a.d * b.d + a.theta * b.theta;
+        let tilt = |(a, b): (&[f64; 2], &[f64; 2])| a[0] * b[0] + a[1] * b[1];
+        self.joints.dot(&other.joints)
+            + self.lost.dot(&other.lost)
+            + self.rows.iter().zip(&other.rows).map(row).sum::<f64>()
+            + self.tilt.iter().zip(&other.tilt).map(tilt).sum::<f64>()
+            + twist(&self.base, &other.base)
+            + twist(&self.flange, &other.flange)
+            + twist(&self.tcp, &other.tcp)
+            + twist(&self.wobj, &other.wobj)
+            + self.lag.dot(&other.lag)
+            + self.part.dot(&other.part)
+    }
+
+    /// Its size, rad and m alike.
+    pub(crate) fn norm(&self) -> f64 {
+        self.dot(self).sqrt()
+    }
+
+    /// Number by number.
+    fn with(&self, other: &Self, mix: impl Fn(f64, f64) -> f64 + Copy) -> Self {
         let twist =
-            |a: Twist, b: Twist| Twist { shift: a.shift.lerp(&b.shift, share), turn: a.turn.lerp(&b.turn, share) };
-        let mix = |a: f64, b: f64| a + share * (b - a);
+            |a: &Twist, b: &Twist| Twist { shift: a.shift.zip_map(&b.shift, mix), turn: a.turn.zip_map(&b.turn, mix) };
         Self {
-            joints: self.joints.lerp(&other.joints, share),
-            lost: self.lost.lerp(&other.lost, share),
+            joints: self.joints.zip_map(&other.joints, mix),
+            lost: self.lost.zip_map(&other.lost, mix),
             rows: std::array::from_fn(|i| {
                 let (a, b) = (self.rows[i], other.rows[i]);
                 DhRow { alpha: mix(a.alpha, b.alpha), a: mix(a.a, b.a), d: mix(a.d, b.d), theta: mix(a.theta, b.theta) }
             }),
             tilt: std::array::from_fn(|i| std::array::from_fn(|k| mix(self.tilt[i][k], other.tilt[i][k]))),
-            base: twist(self.base, other.base),
-            flange: twist(self.flange, other.flange),
-            tcp: twist(self.tcp, other.tcp),
-            wobj: twist(self.wobj, other.wobj),
-            lag: self.lag.lerp(&other.lag, share),
-            part: self.part.lerp(&other.part, share),
+            base: twist(&self.base, &other.base),
+            flange: twist(&self.flange, &other.flange),
+            tcp: twist(&self.tcp, &other.tcp),
+            wobj: twist(&self.wobj, &other.wobj),
+            lag: self.lag.zip_map(&other.lag, mix),
+            part: self.part.zip_map(&other.part, mix),
         }
     }
 }

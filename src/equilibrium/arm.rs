@@ -1,5 +1,5 @@
 use crate::effects::{Cutting, Distortion, Effect, Load, Situation, State};
-use crate::robot::{Frames, Joints, Pose, Robot, chain};
+use crate::robot::{Frames, Joints, Links, Pose, Robot};
 use nalgebra::{Translation3, Vector3};
 
 /// Standard gravity, m/s².
@@ -35,9 +35,9 @@ impl Arm {
     pub(super) fn frames(&self, motor: &Joints, distortion: &Distortion) -> Frames {
         let serial = self.robot.serial_from_motor(motor);
         let mut frames = if distortion.bends_links() {
-            chain(&self.bent_rows(distortion), &serial, Some(&distortion.tilt))
+            self.bent_links(distortion).chain(&serial, Some(&distortion.tilt))
         } else {
-            chain(&self.robot.rows, &serial, None)
+            self.robot.links.chain(&serial, None)
         };
         if !distortion.base.is_zero() {
             let base = distortion.base.pose();
@@ -49,17 +49,17 @@ impl Arm {
         frames
     }
 
-    /// Modified-DH rows with a distortion added.
-    pub(super) fn bent_rows(&self, distortion: &Distortion) -> [crate::robot::DhRow; 6] {
-        std::array::from_fn(|i| {
-            let (row, add) = (self.robot.rows[i], distortion.rows[i]);
+    /// The links with a distortion added.
+    pub(super) fn bent_links(&self, distortion: &Distortion) -> Links {
+        Links::new(std::array::from_fn(|i| {
+            let (row, add) = (self.robot.links.rows()[i], distortion.rows[i]);
             crate::robot::DhRow {
                 alpha: row.alpha + add.alpha,
                 a: row.a + add.a,
                 d: row.d + add.d,
                 theta: row.theta + add.theta,
             }
-        })
+        }))
     }
 
     /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`.
@@ -71,10 +71,10 @@ impl Arm {
         distortion: &Distortion,
     ) -> Look {
         let frames = self.frames(motor, distortion);
-        let at_flange = frames.base_from_flange() * distortion.flange.pose_or_identity();
-        let mut base_from_tcp = at_flange * situation.tool.flange_from_tcp * distortion.tcp.pose_or_identity();
+        let at_flange = distortion.flange.after(frames.base_from_flange());
+        let mut base_from_tcp = distortion.tcp.after(&(at_flange * situation.tool.flange_from_tcp));
         base_from_tcp.translation.vector += distortion.lag;
-        let base_from_wobj = situation.base_from_wobj * distortion.wobj.pose_or_identity();
+        let base_from_wobj = distortion.wobj.after(&situation.base_from_wobj);
         let mut in_part = base_from_tcp;
         in_part.translation.vector -= distortion.part;
         let seen = base_from_wobj.inv_mul(&in_part);
@@ -104,12 +104,15 @@ impl Arm {
     /// The chain pose (base to link 6, base motion taken off) that puts the TCP on `wobj_from_tcp` under a
     /// distortion: the inverse of the composition in [`Distortion`].
     pub(super) fn chain_pose(&self, situation: &Situation, wobj_from_tcp: &Pose, distortion: &Distortion) -> Pose {
-        let mut base_from_tcp = situation.base_from_wobj * distortion.wobj.pose_or_identity() * wobj_from_tcp;
+        let mut base_from_tcp = distortion.wobj.after(&situation.base_from_wobj) * wobj_from_tcp;
         base_from_tcp.translation =
             Translation3::from(base_from_tcp.translation.vector + distortion.part - distortion.lag);
-        let flange_from_tcp =
-            distortion.flange.pose_or_identity() * situation.tool.flange_from_tcp * distortion.tcp.pose_or_identity();
-        distortion.base.pose_or_identity().inv_mul(&(base_from_tcp * flange_from_tcp.inverse()))
+        let mut flange_from_tcp = distortion.tcp.after(&situation.tool.flange_from_tcp);
+        if !distortion.flange.is_zero() {
+            flange_from_tcp = distortion.flange.pose() * flange_from_tcp;
+        }
+        let base_from_last = base_from_tcp * flange_from_tcp.inverse();
+        if distortion.base.is_zero() { base_from_last } else { distortion.base.pose().inv_mul(&base_from_last) }
     }
 }
 

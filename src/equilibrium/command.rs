@@ -1,6 +1,6 @@
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Situation};
-use crate::robot::{Joints, Pose, chain, polish};
+use crate::robot::{Joints, Pose, polish};
 
 /// The command that ends up where it should.
 #[derive(Clone, Debug)]
@@ -20,6 +20,12 @@ impl Command {
     #[must_use]
     pub fn held(motor: &Joints) -> Self {
         Self { motor: *motor, free: *motor, lost: Joints::zeros(), load: Load::default() }
+    }
+
+    /// Actual minus commanded motor angles, but for lost motion, rad.
+    #[must_use]
+    pub fn deflection(&self) -> Joints {
+        self.motor - self.free
     }
 
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
@@ -64,8 +70,8 @@ impl Arm {
                 return Err(EquilibriumError::NotFinite);
             }
             if distortion.bends_links() {
-                let rows = self.bent_rows(&distortion);
-                let at = |serial: &Joints| chain(&rows, serial, Some(&distortion.tilt));
+                let links = self.bent_links(&distortion);
+                let at = |serial: &Joints| links.chain(serial, Some(&distortion.tilt));
                 motor = self.robot.motor_from_serial(&polish(&at, &wanted, &self.robot.serial_from_motor(&motor))?);
             } else if round == 0 || !distortion.joints_only() {
                 motor = self.robot.inverse_near_unlimited(&wanted, &motor)?;

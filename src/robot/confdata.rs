@@ -26,6 +26,13 @@ pub fn conf_of(robot: &Robot, motor: &Joints) -> Conf {
     }
 }
 
+/// Whether motor angles (rad) have this confdata: `conf_of(robot, motor) == conf`, mostly without a look at the posture.
+#[must_use]
+pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
+    let quarters = [(0, conf.cf1), (3, conf.cf4), (5, conf.cf6)];
+    quarters.into_iter().all(|(i, quarter)| quarter_turn(motor[i]) == quarter) && conf_of(robot, motor) == conf
+}
+
 #[cfg(test)]
 mod tests {
     use super::quarter_turn;

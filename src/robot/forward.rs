@@ -31,33 +31,55 @@ impl Frames {
     }
 }
 
-/// The chain of `rows` at **serial** joint angles; `tilt`, where given, turns each link by a rotation
-/// vector about x and y of its own frame (bearings that yield), rad.
-#[must_use]
-pub fn chain(rows: &[DhRow; 6], serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
-    let mut base_from_link = [Pose::identity(); 6];
-    let mut axes = [Vector3::zeros(); 6];
-    let mut rotation = Matrix3::identity();
-    let mut origin = Vector3::zeros();
-    for (i, row) in rows.iter().enumerate() {
-        let (sa, ca) = row.alpha.sin_cos();
-        let (st, ct) = (row.theta + serial[i]).sin_cos();
-        origin += rotation * Vector3::new(row.a, -row.d * sa, row.d * ca);
-        rotation *= Matrix3::new(ct, -st, 0.0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca);
-        axes[i] = rotation.column(2).into();
-        if let Some(tilt) = tilt {
-            rotation *= Rotation3::from_scaled_axis(Vector3::new(tilt[i][0], tilt[i][1], 0.0)).into_inner();
-        }
-        base_from_link[i] = Pose::from_parts(Translation3::from(origin), Rotation3::from_matrix_unchecked(rotation));
+/// Modified-DH rows with the sines of their twists: a chain that is gone through many times.
+#[derive(Clone, Copy, Debug)]
+pub struct Links {
+    rows: [DhRow; 6],
+    /// Sine and cosine of alpha.
+    twists: [(f64, f64); 6],
+}
+
+impl Links {
+    /// The links of these rows.
+    #[must_use]
+    pub fn new(rows: [DhRow; 6]) -> Self {
+        Self { rows, twists: rows.map(|row| row.alpha.sin_cos()) }
     }
-    Frames { base_from_link, axes }
+
+    /// The rows.
+    #[must_use]
+    pub fn rows(&self) -> &[DhRow; 6] {
+        &self.rows
+    }
+
+    /// The chain at **serial** joint angles; `tilt`, where given, turns each link by a rotation vector about x and y of
+    /// its own frame (bearings that yield), rad.
+    #[must_use]
+    pub fn chain(&self, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
+        let mut base_from_link = [Pose::identity(); 6];
+        let mut axes = [Vector3::zeros(); 6];
+        let mut rotation = Matrix3::identity();
+        let mut origin = Vector3::zeros();
+        for (i, (row, &(sa, ca))) in self.rows.iter().zip(&self.twists).enumerate() {
+            let (st, ct) = (row.theta + serial[i]).sin_cos();
+            origin += rotation * Vector3::new(row.a, -row.d * sa, row.d * ca);
+            rotation *= Matrix3::new(ct, -st, 0.0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca);
+            axes[i] = rotation.column(2).into();
+            if let Some(tilt) = tilt {
+                rotation *= Rotation3::from_scaled_axis(Vector3::new(tilt[i][0], tilt[i][1], 0.0)).into_inner();
+            }
+            base_from_link[i] =
+                Pose::from_parts(Translation3::from(origin), Rotation3::from_matrix_unchecked(rotation));
+        }
+        Frames { base_from_link, axes }
+    }
 }
 
 impl Robot {
     /// Frames of all links at motor angles (rad) of the nominal geometry.
     #[must_use]
     pub fn frames(&self, motor: &Joints) -> Frames {
-        chain(&self.rows, &self.serial_from_motor(motor), None)
+        self.links.chain(&self.serial_from_motor(motor), None)
     }
 
     /// Flange pose (tool0 in the base) at motor angles (rad) of the nominal geometry.

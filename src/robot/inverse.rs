@@ -1,6 +1,6 @@
-use super::{DhRow, Frames, Joints, LimitViolation, Pose, Robot, chain};
+use super::{DhRow, Frames, Joints, LimitViolation, Pose, Robot};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Which of the eight solutions: the signs that the explicit inverse chose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -111,7 +111,7 @@ impl ClosedForm {
         }
         for rear in [false, true] {
             let forward = if rear { -planar.sqrt() } else { planar.sqrt() };
-            let theta1 = wrist.y.atan2(wrist.x) - self.b.atan2(forward);
+            let theta1 = self.theta1(&wrist, forward);
             let (r, s) = (forward - self.a1, wrist.z - self.d1);
             let rho = r.hypot(s);
             let cosine = (rho * rho + self.a2 * self.a2 - self.l3 * self.l3) / (2.0 * self.a2 * rho);
@@ -122,13 +122,10 @@ impl ClosedForm {
             }
             for behind in [false, true] {
                 let lift = if behind { -cosine.acos() } else { cosine.acos() };
-                let e2 = s.atan2(r) + lift;
-                let forearm = (s - self.a2 * e2.sin()).atan2(r - self.a2 * e2.cos());
-                let e3 = forearm + self.gamma;
-                let wrists = self.wrist(flange, theta1, e3, q4);
-                for (flipped, [theta4, theta5, theta6]) in [false, true].into_iter().zip(wrists) {
-                    let theta = [theta1, -e2, e2 - e3, theta4, theta5, theta6];
-                    let serial = Vector6::from_fn(|i, _| theta[i] - self.theta[i]);
+                let (e2, e3) = self.elevations(r, s, lift);
+                let wrist = Wrist::new(flange, theta1, e3);
+                for flipped in [false, true] {
+                    let serial = self.serial(theta1, e2, e3, wrist.angles(flipped, q4 + self.theta[3]));
                     solutions[Branch { rear, behind, flipped }.cfx()] = Some(serial);
                 }
             }
@@ -136,30 +133,96 @@ impl ClosedForm {
         if solutions.iter().all(Option::is_none) { Err(out_of_reach) } else { Ok(solutions) }
     }
 
-    /// Both wrists: DH angles of axes 4, 5, 6.
-    fn wrist(&self, flange: &Matrix3<f64>, theta1: f64, e3: f64, q4: f64) -> [[f64; 3]; 2] {
+    fn theta1(&self, wrist: &Vector3<f64>, forward: f64) -> f64 {
+        wrist.y.atan2(wrist.x) - self.b.atan2(forward)
+    }
+
+    /// Elevations of lower arm and link 3 for a wrist centre at (r, s) from the shoulder.
+    fn elevations(&self, r: f64, s: f64, lift: f64) -> (f64, f64) {
+        let e2 = s.atan2(r) + lift;
+        let (sin, cos) = e2.sin_cos();
+        let forearm = (s - self.a2 * sin).atan2(r - self.a2 * cos);
+        (e2, forearm + self.gamma)
+    }
+
+    fn serial(&self, theta1: f64, e2: f64, e3: f64, [theta4, theta5, theta6]: [f64; 3]) -> Joints {
+        let theta = [theta1, -e2, e2 - e3, theta4, theta5, theta6];
+        Vector6::from_fn(|i, _| theta[i] - self.theta[i])
+    }
+
+    /// The solution of the branch that serial angles `near` are in, as [`ClosedForm::solve`] has it, and how far (rad) it
+    /// may be from them and still be nearer than any other; `None` where branches meet.
+    fn branch_of(&self, base_from_flange: &Pose, near: &Joints) -> Option<(Joints, f64)> {
+        let flange = base_from_flange.rotation.matrix();
+        let wrist = base_from_flange.translation.vector - flange.column(2) * self.d6;
+        let planar = wrist.x * wrist.x + wrist.y * wrist.y - self.b * self.b;
+        // Beyond, front and rear are a quarter turn of axis 1 apart at least.
+        if planar <= self.b * self.b {
+            return None;
+        }
+        let dh = near + Vector6::from(self.theta);
+        let front = self.theta1(&wrist, planar.sqrt());
+        let rear = wrap(dh[0] - front).abs() > FRAC_PI_2;
+        let forward = if rear { -planar.sqrt() } else { planar.sqrt() };
+        let theta1 = if rear { self.theta1(&wrist, forward) } else { front };
+        let (r, s) = (forward - self.a1, wrist.z - self.d1);
+        let rho = r.hypot(s);
+        let cosine = (rho * rho + self.a2 * self.a2 - self.l3 * self.l3) / (2.0 * self.a2 * rho);
+        if !(-1.0..=1.0).contains(&cosine) {
+            return None;
+        }
+        let lift = cosine.acos();
+        // Lower arm over forearm, or under it.
+        let behind = wrap(dh[2] + self.gamma) < 0.0;
+        let (e2, e3) = self.elevations(r, s, if behind { -lift } else { lift });
+        let wrist = Wrist::new(flange, theta1, e3);
+        if wrist.sine < SINGULAR_WRIST {
+            return None;
+        }
+        let serial = self.serial(theta1, e2, e3, wrist.angles(wrap(dh[4]) < 0.0, 0.0));
+        // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
+        Some((serial, lift.min(PI - lift).min(FRAC_PI_4)))
+    }
+}
+
+/// The wrist's part of a pose: `link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6)`.
+struct Wrist {
+    turn: Matrix3<f64>,
+    /// |sin θ5|.
+    sine: f64,
+}
+
+impl Wrist {
+    fn new(flange: &Matrix3<f64>, theta1: f64, e3: f64) -> Self {
         let (s1, c1) = theta1.sin_cos();
         let (se, ce) = e3.sin_cos();
         // Link 3 in the base: x along the elevation e3 in the arm plane, z across it.
         let link3 = Matrix3::new(c1 * ce, c1 * se, -s1, s1 * ce, s1 * se, c1, se, -ce, 0.0);
-        // link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6)
         let m = link3.transpose() * flange;
-        let m = Matrix3::from_columns(&[m.column(0).into_owned(), m.column(2).into_owned(), -m.column(1)]);
-        let sine = m[(0, 1)].hypot(m[(2, 1)]);
-        [1.0, -1.0].map(|sign| {
-            let theta5 = (sign * sine).atan2(m[(1, 1)]);
-            if sine < SINGULAR_WRIST {
-                let theta4 = q4 + self.theta[3];
-                let rest = (Rotation3::from_axis_angle(&Vector3::y_axis(), theta4)
-                    * Rotation3::from_axis_angle(&Vector3::z_axis(), theta5))
-                .inverse()
-                    * m;
-                return [theta4, theta5, rest[(0, 2)].atan2(rest[(0, 0)])];
-            }
-            let theta4 = (sign * m[(2, 1)]).atan2(-sign * m[(0, 1)]);
-            [theta4, theta5, (sign * m[(1, 2)]).atan2(sign * m[(1, 0)])]
-        })
+        let turn = Matrix3::from_columns(&[m.column(0).into_owned(), m.column(2).into_owned(), -m.column(1)]);
+        Self { turn, sine: turn[(0, 1)].hypot(turn[(2, 1)]) }
     }
+
+    /// DH angles of axes 4, 5, 6; a singular wrist holds `theta4`.
+    fn angles(&self, flipped: bool, theta4: f64) -> [f64; 3] {
+        let (m, sign) = (&self.turn, if flipped { -1.0 } else { 1.0 });
+        let theta5 = (sign * self.sine).atan2(m[(1, 1)]);
+        if self.sine < SINGULAR_WRIST {
+            let rest = (Rotation3::from_axis_angle(&Vector3::y_axis(), theta4)
+                * Rotation3::from_axis_angle(&Vector3::z_axis(), theta5))
+            .inverse()
+                * m;
+            return [theta4, theta5, rest[(0, 2)].atan2(rest[(0, 0)])];
+        }
+        let theta4 = (sign * m[(2, 1)]).atan2(-sign * m[(0, 1)]);
+        [theta4, theta5, (sign * m[(1, 2)]).atan2(sign * m[(1, 0)])]
+    }
+}
+
+/// An angle within ±π.
+fn wrap(angle: f64) -> f64 {
+    // Rounding is a call where the processor's own is not assumed.
+    if angle.abs() < 3.0 { angle } else { angle - (angle / TAU).round() * TAU }
 }
 
 impl Robot {
@@ -171,14 +234,13 @@ impl Robot {
     /// The pose is out of reach.
     pub fn inverse(&self, base_from_flange: &Pose, near: &Joints) -> Result<Solutions, Unreachable> {
         if let Some(closed) = self.closed_form() {
-            let wrap = |v: f64| v - (v / std::f64::consts::TAU).round() * std::f64::consts::TAU;
             return match closed.solve(base_from_flange, near[3]) {
                 // Serial joint 3 is wrapped before it becomes a motor angle: motor 3 = serial 3 + motor 2.
                 Ok(serial) => Ok(serial.map(|s| s.map(|s| self.motor_from_serial(&s.map(wrap))))),
                 Err(by) => Err(Unreachable::OutOfReach { by_mm: 1e3 * by }),
             };
         }
-        let at = |serial: &Joints| chain(&self.rows, serial, None);
+        let at = |serial: &Joints| self.links.chain(serial, None);
         let serial = polish(&at, base_from_flange, &self.serial_from_motor(near))?;
         let motor = self.motor_from_serial(&serial);
         let (rear, behind) = self.posture(&motor);
@@ -201,6 +263,15 @@ impl Robot {
     /// # Errors
     /// The pose is out of reach.
     pub fn inverse_near_unlimited(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
+        // On a path the branch is the one before: the other seven are not looked at where they are surely further off.
+        let same =
+            self.closed_form().and_then(|closed| closed.branch_of(base_from_flange, &self.serial_from_motor(near)));
+        if let Some((serial, reach)) = same {
+            let motor = self.nearest_turns(&self.motor_from_serial(&serial.map(wrap)), near);
+            if (motor - near).norm_squared() < reach * reach {
+                return Ok(motor);
+            }
+        }
         let solutions = self.inverse(base_from_flange, near)?;
         solutions
             .iter()
@@ -278,12 +349,6 @@ pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
     let shift = to.translation.vector - from.translation.vector;
     let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
-}
-
-/// Angle of a rotation, rad, exact for small angles too.
-#[must_use]
-pub(crate) fn rotation_angle(rotation: &Rotation3<f64>) -> f64 {
-    rotation_vector(rotation).norm()
 }
 
 /// Rotation vector of a rotation, exact for small angles too, rad.

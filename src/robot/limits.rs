@@ -39,12 +39,9 @@ impl Robot {
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;
-        let mut rows: Vec<(usize, f64, f64, f64)> =
-            (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i])).collect();
-        if let Some((min, max)) = limits.elbow.filter(|_| self.parallelogram) {
-            rows.push((6, motor[2] - motor[1], min, max));
-        }
-        rows.into_iter()
+        let axes = (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i]));
+        let elbow = limits.elbow.filter(|_| self.parallelogram);
+        axes.chain(elbow.map(|(min, max)| (6, motor[2] - motor[1], min, max)))
             .filter_map(|(axis, value, min, max)| {
                 let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };
                 (by > LIMIT_SLACK).then(|| LimitViolation {
@@ -63,8 +60,12 @@ impl Robot {
         use std::f64::consts::TAU;
         let mut out = *motor;
         for i in [0, 1, 2, 3, 4, 5] {
-            let nearest = motor[i] + ((near[i] - motor[i]) / TAU).round() * TAU;
             let inside = |v: f64| v >= self.limits.min[i] - LIMIT_SLACK && v <= self.limits.max[i] + LIMIT_SLACK;
+            // On a path: less than half a turn away.
+            if (near[i] - motor[i]).abs() < 3.0 && inside(motor[i]) {
+                continue;
+            }
+            let nearest = motor[i] + ((near[i] - motor[i]) / TAU).round() * TAU;
             out[i] = [nearest, nearest - TAU, nearest + TAU]
                 .into_iter()
                 .filter(|&v| inside(v))

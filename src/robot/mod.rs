@@ -14,10 +14,10 @@ mod model;
 mod start;
 
 pub use builtin::{BUILTIN, Builtin};
-pub use confdata::{conf_of, quarter_turn};
-pub use forward::{Frames, chain};
+pub use confdata::{conf_is, conf_of, quarter_turn};
+pub use forward::{Frames, Links};
+pub(crate) use inverse::rotation_vector;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
-pub(crate) use inverse::{rotation_angle, rotation_vector};
 pub use limits::{LimitViolation, Limits};
 pub use model::{DhRow, Robot};
 pub use start::{Start, StartedFrom};

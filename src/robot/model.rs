@@ -1,5 +1,5 @@
 use super::inverse::ClosedForm;
-use super::{Joints, Limits, Pose};
+use super::{Joints, Limits, Links, Pose};
 
 /// One modified Denavit-Hartenberg row (Craig): `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Robot {
     /// Name for messages.
     pub model: String,
     /// Geometry, base to flange.
-    pub rows: [DhRow; 6],
+    pub links: Links,
     /// Whether motor 3 sets the forearm's angle to link 1 instead of to link 2.
     pub parallelogram: bool,
     /// Axis limits at the motors.
@@ -36,7 +36,14 @@ impl Robot {
     #[must_use]
     pub fn new(model: impl Into<String>, rows: [DhRow; 6], parallelogram: bool, limits: Limits) -> Self {
         let closed_form = ClosedForm::of(&rows);
-        Self { model: model.into(), rows, parallelogram, limits, world_from_base: Pose::identity(), closed_form }
+        Self {
+            model: model.into(),
+            links: Links::new(rows),
+            parallelogram,
+            limits,
+            world_from_base: Pose::identity(),
+            closed_form,
+        }
     }
 
     /// The same robot standing elsewhere.

@@ -78,6 +78,12 @@ const ENCRYPTED: u8 = 0xF0;
 /// # Errors
 /// The program as a whole is refused (encrypted, not RAPID): every reason found.
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    let dialect = dialect::of(&sources);
+    read_as(dialect, sources, context)
+}
+
+/// [`read`] where the maker is known.
+fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
     let mut sources = sources;
     sources.extend(context);
@@ -112,7 +118,6 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
         return Err(outcome.diagnostics);
     }
     let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
-    let dialect = dialect::of(&sources[..written]);
     Ok(Program {
         written,
         language: Language::Rapid,

@@ -13,8 +13,8 @@ use crate::text::{Source, Span};
 use std::io::{self, BufRead, Read};
 use std::ops::Range;
 
-/// Bytes of the body in a piece: about a thousand targets. Not a matter of threads: any number of them sees the same pieces.
-pub const PIECE: usize = 128 * 1024;
+/// Bytes of the body in a piece: some hundred targets, which stay in a core's own memory. Not a matter of threads: any number of them sees the same pieces.
+pub const PIECE: usize = 32 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
@@ -25,6 +25,7 @@ const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 /// A stretch of a program, with what makes it a program.
 #[derive(Debug)]
 pub struct Piece {
+    dialect: &'static str,
     /// Head, stretch and end.
     source: Source,
     /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
@@ -64,6 +65,7 @@ pub enum Next {
 pub struct Pieces<R> {
     input: R,
     name: String,
+    dialect: &'static str,
     /// Up to the line of the first motion.
     head: Vec<u8>,
     head_lines: usize,
@@ -93,6 +95,7 @@ impl<R: Read> Pieces<R> {
         let mut pieces = Self {
             input,
             name: name.to_owned(),
+            dialect: "rapid",
             head: Vec::new(),
             head_lines: 0,
             rest: Vec::new(),
@@ -112,6 +115,7 @@ impl<R: Read> Pieces<R> {
         let head = Source::new(name, [&pieces.head, END].concat());
         let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
         let Some(head) = super::read(vec![head], Vec::new()).ok().filter(|_| rapid) else { return Ok(None) };
+        pieces.dialect = head.dialect;
         Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
     }
 
@@ -170,6 +174,7 @@ impl<R: Read> Pieces<R> {
         };
         source.lines_before = lines_before;
         Ok(Next::Piece(Piece {
+            dialect: self.dialect,
             source,
             own,
             motions_before,
@@ -247,7 +252,7 @@ impl Piece {
     /// Reads the piece; `None` where it is not straight after all.
     #[must_use]
     pub fn read(self) -> Option<StraightPiece> {
-        let mut program = super::read(vec![self.source], Vec::new()).ok()?;
+        let mut program = super::read_as(self.dialect, vec![self.source], Vec::new()).ok()?;
         let straight = layout(&program).is_some_and(|layout| {
             // A mark behind the last motion is in force nowhere.
             let marks = self.last || layout.mark_behind == self.mark_behind;
