@@ -145,9 +145,11 @@ impl Engine {
                 break;
             }
         }
+        let whole = self.problem.free_device;
         for round in 0..ROUNDS {
             let shapes = match self.shape {
                 noise::Shape { field: Some(_), .. } => vec![self.shape],
+                _ if whole => noise::coarse(),
                 noise::Shape { wander, .. } if wander > 0.0 => noise::near(self.shape),
                 _ => noise::few(),
             };
@@ -155,7 +157,6 @@ impl Engine {
             let now = self.linearise(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
-            let whole = self.problem.free_device;
             let set = if whole { search.staged() } else { search.best(&self.chosen, &everything) };
             let score = search.full(&set);
             posteriors = set

@@ -67,6 +67,11 @@ pub(super) fn few() -> Vec<Shape> {
     shapes().into_iter().filter(|s| s.wander == 0.0 || s.correlation == 0.9 && s.wander < 1.0).collect()
 }
 
+/// White, and one wander of the usual size: for data over the whole robot, where the noise decides nothing.
+pub(super) fn coarse() -> Vec<Shape> {
+    vec![Shape { wander: 0.0, correlation: 0.0, field: None }, Shape { wander: 0.5, correlation: 0.9, field: None }]
+}
+
 /// Shapes near one, and white.
 #[allow(clippy::float_cmp)] // shapes come from one list
 pub(super) fn near(shape: Shape) -> Vec<Shape> {
@@ -152,26 +157,29 @@ fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Vector3<f64>]
     series.iter().flat_map(|series| series.samples.chunks(TOGETHER).zip(series.places.chunks(TOGETHER)))
 }
 
+/// Time index and relative standard deviation.
+type Spacing = (usize, f64);
+
 /// Cholesky factors of the covariance; the axes of a run share theirs.
 struct Factors {
     shape: Shape,
     field: Field,
-    known: Vec<(Vec<(usize, f64)>, DMatrix<f64>)>,
+    /// Times and standard deviations of the last chunk, and its factor.
+    last: Option<(Vec<Spacing>, DMatrix<f64>)>,
 }
 
 impl Factors {
     fn new(shape: Shape, field: Field) -> Self {
-        Self { shape, field, known: Vec::new() }
+        Self { shape, field, last: None }
     }
 
     fn of(&mut self, samples: &[Sample], places: &[Vector3<f64>]) -> Option<&DMatrix<f64>> {
         // Places follow from run and time; runs come one after another, so that only the last chunks can be alike.
-        let key: Vec<(usize, f64)> = samples.iter().map(|sample| (sample.1, sample.2)).collect();
-        if self.known.last().is_none_or(|last| last.0 != key) {
-            let factor = covariance(samples, places, self.shape, self.field).cholesky()?.l();
-            self.known = vec![(key, factor)];
+        let key: Vec<Spacing> = samples.iter().map(|sample| (sample.1, sample.2)).collect();
+        if self.last.as_ref().is_none_or(|last| last.0 != key) {
+            self.last = Some((key, covariance(samples, places, self.shape, self.field).cholesky()?.l()));
         }
-        self.known.last().map(|last| &last.1)
+        self.last.as_ref().map(|last| &last.1)
     }
 }
 
@@ -254,7 +262,8 @@ impl Moments {
         let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, _)| row)).collect();
         let columns = if used.len() == columns.nrows() { columns } else { columns.select_rows(&used) };
         let width = columns.ncols() - 1;
-        let full = columns.tr_mul(&columns);
+        // A product by blocks; `tr_mul` goes column by column.
+        let full = columns.transpose() * &columns;
         Self {
             gram: full.view((0, 0), (width, width)).into_owned(),
             cross: full.view((0, width), (width, 1)).column(0).into_owned(),

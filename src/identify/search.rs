@@ -158,17 +158,23 @@ impl<'a> Search<'a> {
                 None => break,
             }
         }
-        let value = self.objective(&set);
-        let mut curves: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
-        for c in pool.into_iter().filter(curve) {
-            let gain = self.objective(&[&set[..], &[c]].concat()) - value;
-            let known = curves.entry(&self.candidates[c].family).or_insert((gain, c));
-            if gain > known.0 {
-                *known = (gain, c);
+        // Curves hide one another: those that gain are taken together, then the rest is asked again beside them.
+        loop {
+            let value = self.objective(&set);
+            let mut curves: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
+            for &c in pool.iter().filter(|&&c| curve(&c) && self.joins(&set, c)) {
+                let gain = self.objective(&[&set[..], &[c]].concat()) - value;
+                let known = curves.entry(&self.candidates[c].family).or_insert((gain, c));
+                if gain > known.0 {
+                    *known = (gain, c);
+                }
+            }
+            let before = set.len();
+            set.extend(curves.into_values().filter(|(gain, _)| *gain > least).map(|(_, c)| c));
+            if set.len() == before {
+                return set;
             }
         }
-        set.extend(curves.into_values().filter(|(gain, _)| *gain > least).map(|(_, c)| c));
-        set
     }
 
     /// Keeps the noise shapes that are best for something.
