@@ -1,4 +1,4 @@
-"""Makes the blind table's cells: `generate.py [-o FOLDER] [--seeds N] [--jobs N] [--kinds a,b]`.
+"""Makes the blind table's cells: `generate.py [-o FOLDER] [--seeds N] [--first N] [--jobs N] [--kinds a,b]`.
 
 Each case is a folder with cell.toml, part.mod, measured.csv, transfer.mod, transfer_measured.csv and truth.json;
 index.csv lists them. The same call gives the same bytes.
@@ -217,13 +217,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=pathlib.Path, default=pathlib.Path("target/blind"))
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0, help="number of the first seed: others than those that rules were tuned on")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--kinds", help="only these, by comma: a kind, none, pair, unlisted")
     a = parser.parse_args()
     only = set(a.kinds.split(",")) if a.kinds else None
     jobs = []
     for plan in PLANS:
-        for index in range(a.seeds):
+        for index in range(a.first, a.first + a.seeds):
             groups = [("single", m.__name__, [m]) for m in LISTED] + [("none", "none", [])]
             groups += [("pair", "pair", list(PAIRS[index % len(PAIRS)])), ("unlisted", "unlisted", [UNLISTED[index % len(UNLISTED)]])]
             jobs += [(a.output, plan, group, name, makers, index) for group, name, makers in groups if only is None or name in only]

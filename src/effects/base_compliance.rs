@@ -8,7 +8,7 @@ pub(super) const KIND: Kind = Kind {
     name: "base_compliance",
     summary: "the pedestal or foundation yields",
     read: |table| checked(table.try_into::<BaseCompliance>()?),
-    candidates: |_| vec![Box::new(BaseCompliance::default())],
+    candidates: |survey| if survey.is_loaded() { vec![Box::new(BaseCompliance::default())] } else { vec![] },
 };
 
 /// Motion of the base along and about its axes, at its origin.

@@ -7,7 +7,9 @@ pub(super) const KIND: Kind = Kind {
     name: "bearing_compliance",
     summary: "links and bearings yield across the joint axes",
     read: |table| checked(table.try_into::<BearingCompliance>()?),
-    candidates: |_| vec![Box::new(BearingCompliance { rad_per_nm: [[0.0; 2]; 6] })],
+    candidates: |survey| {
+        if survey.is_loaded() { vec![Box::new(BearingCompliance { rad_per_nm: [[0.0; 2]; 6] })] } else { vec![] }
+    },
 };
 
 /// Turn of each link about x and y of its own frame, under what acts on it and beyond.

@@ -19,7 +19,7 @@ pub(super) const KIND: Kind = Kind {
 };
 
 /// Knot spacings to choose from, degrees: finer curves follow a gear's waves, coarser ones need fewer data.
-const SPACINGS_DEG: [f64; 3] = [4.0, 8.0, 20.0];
+const SPACINGS_DEG: [f64; 4] = [2.5, 4.0, 8.0, 20.0];
 
 /// A joint that moved less shows no curve, degrees.
 const LEAST_RANGE_DEG: f64 = 4.0;

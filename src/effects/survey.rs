@@ -27,3 +27,12 @@ pub struct Survey<'a> {
     /// Largest wanted position in the work object, m.
     pub position_max: Vector3<f64>,
 }
+
+impl Survey<'_> {
+    /// Whether loads that change are known: what yields to loads only cannot be seen by the arm's own weight alone,
+    /// which is to be found too.
+    #[must_use]
+    pub fn is_loaded(&self) -> bool {
+        self.has_force || self.has_payload
+    }
+}

@@ -132,11 +132,13 @@ impl Candidate {
     }
 }
 
-/// Priors of the smaller twins of each candidate, as shares of the typical sizes.
-const SMALLER: [f64; 2] = [0.3, 0.08];
+/// Priors of the twins of each candidate, as shares of the typical sizes: milling cells are calibrated before they cut.
+const SIZES: [f64; 2] = [0.3, 0.08];
+/// The same for robots seen whole by a tracker, as they left the factory.
+const SIZES_WHOLE: [f64; 2] = [6.0, 0.3];
 
-/// Knots of one joint's curve at most, in data over the whole robot.
-const MOST_KNOTS: usize = 100;
+/// Measured rows that a knot of a curve needs, in data over the whole robot.
+const ROWS_OF_A_KNOT: usize = 10;
 
 /// Time constants that are tried, as shares of the run's length.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
@@ -159,8 +161,8 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
         }
         let mut variants = (kind.candidates)(&survey);
         if problem.free_device && kind.name == "joint_error_curve" {
-            // Over a whole turn the finest knots are hundreds a joint: more than the rows hold.
-            variants.retain(|effect| effect.parameters().len() <= MOST_KNOTS);
+            // Over a whole turn the finest knots are hundreds a joint: more than the rows may hold.
+            variants.retain(|effect| ROWS_OF_A_KNOT * effect.parameters().len() <= problem.rows.len());
         }
         if kind.name == "thermal_growth" {
             variants = time_constants(variants, &survey);
@@ -170,10 +172,10 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
         found.extend(variants.into_iter().map(new));
     }
-    // Effects smaller than the typical size compete too, on the same columns.
-    let sizes = (SMALLER.len() + 1) as f64;
-    found.iter_mut().for_each(|candidate| candidate.variants *= sizes);
-    let twin = |c: &Candidate| SMALLER.map(|scale| Candidate { scale, ..c.clone() });
+    // Effects of other sizes than the typical one compete too, on the same columns.
+    let sizes = if problem.free_device { SIZES_WHOLE } else { SIZES };
+    found.iter_mut().for_each(|candidate| candidate.variants *= (sizes.len() + 1) as f64);
+    let twin = |c: &Candidate| sizes.map(|scale| Candidate { scale, ..c.clone() });
     let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
     found.extend(twins);
     found.extend(patterns(&survey, problem));

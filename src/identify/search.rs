@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
     /// any wrong detail of the model is.
     pub(super) fn staged(&self) -> Vec<usize> {
         /// Nats a row: half a percent of what is left.
-        const SHARE: f64 = 0.0025;
+        const SHARE: f64 = 0.0015;
         let least = self.moments.first().map_or(0.0, |m| SHARE * m.count as f64);
         let curve = |c: &usize| self.candidates[*c].kind == "joint_error_curve";
         let pool: Vec<usize> = (0..self.candidates.len()).filter(|c| !self.candidates[*c].is_pattern()).collect();
