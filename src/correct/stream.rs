@@ -135,7 +135,7 @@ impl<R: Read> Run<'_, R> {
     fn next(&self) -> Option<(usize, crate::program::rapid::Piece)> {
         let mut reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
         let (n, pieces) = &mut *reader;
-        match pieces.next() {
+        match pieces.take() {
             Ok(Next::Piece(piece)) => {
                 *n += 1;
                 return Some((*n - 1, piece));

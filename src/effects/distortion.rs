@@ -77,16 +77,17 @@ impl Distortion {
     /// Whether the chain's links themselves differ: the explicit inverse then is a seed only.
     #[must_use]
     pub fn bends_links(&self) -> bool {
-        self.rows != [DhRow::default(); 6] || self.tilt != [[0.0; 2]; 6]
+        let rows = self.rows.iter().fold(0, |any, row| any | bits([row.alpha, row.a, row.d, row.theta]));
+        self.tilt.iter().fold(rows, |any, tilt| any | bits(*tilt)) != 0
     }
 
     /// Whether only joint angles differ: the nominal inverse is then exact.
     #[must_use]
     pub fn joints_only(&self) -> bool {
-        !self.bends_links()
-            && [self.base, self.flange, self.tcp, self.wobj].iter().all(Twist::is_zero)
-            && self.lag == Vector3::zeros()
-            && self.part == Vector3::zeros()
+        let twists = [&self.base, &self.flange, &self.tcp, &self.wobj];
+        let shifts = twists.map(|twist| bits(twist.shift.into()) | bits(twist.turn.into()));
+        let any = shifts.iter().fold(bits(self.lag.into()) | bits(self.part.into()), |any, shift| any | shift);
+        any == 0 && !self.bends_links()
     }
 
     /// A share of the way to another distortion.
@@ -101,11 +102,14 @@ impl Distortion {
 
     /// Sum of products, rad and m alike: an arm is some metres long.
     pub(crate) fn dot(&self, other: &Self) -> f64 {
+        let joints = self.joints.dot(&other.joints) + self.lost.dot(&other.lost);
+        if self.joints_only() {
+            return joints;
+        }
         let twist = |a: &Twist, b: &Twist| a.shift.dot(&b.shift) + a.turn.dot(&b.turn);
         let row = |(a, b): (&DhRow, &DhRow)| a.alpha * b.alpha + a.a * b.a + a.d * b.d + a.theta * b.theta;
         let tilt = |(a, b): (&[f64; 2], &[f64; 2])| a[0] * b[0] + a[1] * b[1];
-        self.joints.dot(&other.joints)
-            + self.lost.dot(&other.lost)
+        joints
             + self.rows.iter().zip(&other.rows).map(row).sum::<f64>()
             + self.tilt.iter().zip(&other.tilt).map(tilt).sum::<f64>()
             + twist(&self.base, &other.base)
@@ -121,8 +125,15 @@ impl Distortion {
         self.dot(self).sqrt()
     }
 
-    /// Number by number.
+    /// Number by number; zeros stay zero.
     fn with(&self, other: &Self, mix: impl Fn(f64, f64) -> f64 + Copy) -> Self {
+        if self.joints_only() && other.joints_only() {
+            return Self {
+                joints: self.joints.zip_map(&other.joints, mix),
+                lost: self.lost.zip_map(&other.lost, mix),
+                ..Self::default()
+            };
+        }
         let twist =
             |a: &Twist, b: &Twist| Twist { shift: a.shift.zip_map(&b.shift, mix), turn: a.turn.zip_map(&b.turn, mix) };
         Self {
@@ -141,4 +152,9 @@ impl Distortion {
             part: self.part.zip_map(&other.part, mix),
         }
     }
+}
+
+/// Zero where all numbers are, without a branch for each.
+fn bits<const N: usize>(values: [f64; N]) -> u64 {
+    values.iter().fold(0, |any, value| any | value.abs().to_bits())
 }

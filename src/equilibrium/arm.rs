@@ -1,5 +1,5 @@
 use crate::effects::{Cutting, Distortion, Effect, Load, Situation, State};
-use crate::robot::{Frames, Joints, Links, Pose, Robot};
+use crate::robot::{Frames, Joints, Links, Pose, Robot, Turns};
 use nalgebra::{Translation3, Vector3};
 
 /// Standard gravity, m/s².
@@ -31,13 +31,13 @@ impl Arm {
         self.effects.iter().any(|effect| effect.follows_command())
     }
 
-    /// Frames of the links under a distortion, at actual motor angles.
-    pub(super) fn frames(&self, motor: &Joints, distortion: &Distortion) -> Frames {
+    /// Frames of the links under a distortion, at actual motor angles near those of `near`.
+    fn frames(&self, near: &Turns, motor: &Joints, distortion: &Distortion) -> Frames {
         let serial = self.robot.serial_from_motor(motor);
         let mut frames = if distortion.bends_links() {
-            self.bent_links(distortion).chain(&serial, Some(&distortion.tilt))
+            self.bent_links(distortion).chain_near(near, &serial, Some(&distortion.tilt))
         } else {
-            self.robot.links.chain(&serial, None)
+            self.robot.links.chain_near(near, &serial, None)
         };
         if !distortion.base.is_zero() {
             let base = distortion.base.pose();
@@ -62,15 +62,21 @@ impl Arm {
         }))
     }
 
+    /// The turns at motor angles, near which the arm is looked at.
+    pub(super) fn turns(&self, motor: &Joints) -> Turns {
+        self.robot.links.turns(&self.robot.serial_from_motor(motor))
+    }
+
     /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`.
     pub(super) fn look(
         &self,
         situation: &Situation,
         motor_commanded: &Joints,
+        near: &Turns,
         motor: &Joints,
         distortion: &Distortion,
     ) -> Look {
-        let frames = self.frames(motor, distortion);
+        let frames = self.frames(near, motor, distortion);
         let at_flange = distortion.flange.after(frames.base_from_flange());
         let mut base_from_tcp = distortion.tcp.after(&(at_flange * situation.tool.flange_from_tcp));
         base_from_tcp.translation.vector += distortion.lag;

@@ -77,7 +77,7 @@ impl Arm {
                 motor = self.robot.inverse_near_unlimited(&wanted, &motor)?;
             }
             let guess = commanded.unwrap_or(motor);
-            let look = self.look(situation, &guess, &motor, &distortion);
+            let look = self.look(situation, &guess, &self.turns(&motor), &motor, &distortion);
             let free = motor - look.distortion.joints;
             let next = free + travel.component_mul(&look.distortion.lost);
             let gap = next - guess;

@@ -79,11 +79,12 @@ impl Arm {
     ) -> Pose {
         const ROUNDS: usize = 2;
         let (mut motor, mut distortion) = (from.motor, from.distortion.clone());
+        let near = self.turns(&motor);
         for _ in 0..ROUNDS {
-            distortion = self.look(situation, motor_commanded, &motor, &distortion).distortion;
+            distortion = self.look(situation, motor_commanded, &near, &motor, &distortion).distortion;
             motor = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
         }
-        self.look(situation, motor_commanded, &motor, &distortion).seen
+        self.look(situation, motor_commanded, &near, &motor, &distortion).seen
     }
 
     fn settle(
@@ -96,12 +97,13 @@ impl Arm {
     ) -> Result<Equilibrium, EquilibriumError> {
         let mut distortion = Distortion { joints: *deflection, ..Distortion::default() };
         let mut motor = motor_commanded + deflection;
+        let near = self.turns(&motor);
         let mut before: Option<Round> = None;
         let mut first_step = f64::INFINITY;
         let mut step = f64::INFINITY;
         let mut axis = 0;
         for round in 0..ROUNDS {
-            let look = self.look(situation, motor_commanded, &motor, &distortion);
+            let look = self.look(situation, motor_commanded, &near, &motor, &distortion);
             let left = look.distortion.minus(&distortion);
             // Zero before the first look, which is no lost motion's fault.
             if left.norm() < LEFT && (round > 0 || look.distortion.lost == distortion.lost) {

@@ -56,22 +56,78 @@ impl Links {
     /// its own frame (bearings that yield), rad.
     #[must_use]
     pub fn chain(&self, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
+        self.turned(&Turns::of(&self.angles(serial)), tilt)
+    }
+
+    /// The chain close to where `near` was taken: the same to rounding, without a sine.
+    #[must_use]
+    pub fn chain_near(&self, near: &Turns, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
+        self.turned(&near.nudged(&self.angles(serial)), tilt)
+    }
+
+    /// The turns at serial joint angles, for [`Links::chain_near`].
+    #[must_use]
+    pub fn turns(&self, serial: &Joints) -> Turns {
+        Turns::of(&self.angles(serial))
+    }
+
+    fn angles(&self, serial: &Joints) -> Joints {
+        Joints::from_fn(|i, _| self.rows[i].theta + serial[i])
+    }
+
+    fn turned(&self, turns: &Turns, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
         let mut base_from_link = [Pose::identity(); 6];
         let mut axes = [Vector3::zeros(); 6];
-        let mut rotation = Matrix3::identity();
+        let (mut x, mut y, mut z) = (Vector3::x(), Vector3::y(), Vector3::z());
         let mut origin = Vector3::zeros();
         for (i, (row, &(sa, ca))) in self.rows.iter().zip(&self.twists).enumerate() {
-            let (st, ct) = (row.theta + serial[i]).sin_cos();
-            origin += rotation * Vector3::new(row.a, -row.d * sa, row.d * ca);
-            rotation *= Matrix3::new(ct, -st, 0.0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca);
-            axes[i] = rotation.column(2).into();
+            let (st, ct) = turns.sines[i];
+            // Rx(alpha) Tx(a) Rz(theta) Tz(d), column by column.
+            let across = y * ca + z * sa;
+            z = z * ca - y * sa;
+            origin += x * row.a + z * row.d;
+            (x, y) = (x * ct + across * st, across * ct - x * st);
+            axes[i] = z;
+            let mut rotation = Matrix3::from_columns(&[x, y, z]);
             if let Some(tilt) = tilt {
                 rotation *= Rotation3::from_scaled_axis(Vector3::new(tilt[i][0], tilt[i][1], 0.0)).into_inner();
+                (x, y, z) = (rotation.column(0).into(), rotation.column(1).into(), rotation.column(2).into());
             }
             base_from_link[i] =
                 Pose::from_parts(Translation3::from(origin), Rotation3::from_matrix_unchecked(rotation));
         }
         Frames { base_from_link, axes }
+    }
+}
+
+/// DH angles with their sines and cosines.
+#[derive(Clone, Copy, Debug)]
+pub struct Turns {
+    angles: Joints,
+    sines: [(f64, f64); 6],
+}
+
+impl Turns {
+    fn of(angles: &Joints) -> Self {
+        Self { angles: *angles, sines: std::array::from_fn(|i| angles[i].sin_cos()) }
+    }
+
+    /// Those at angles close by, by the sum of angles; a deflection is some 1e-4 rad.
+    fn nudged(&self, angles: &Joints) -> Self {
+        /// The series below are exact to rounding up to here.
+        const SMALL: f64 = 0.01;
+        let step = angles - self.angles;
+        let sine = |i: usize| {
+            let (d, (s, c)) = (step[i], self.sines[i]);
+            if d.is_nan() || d.abs() > SMALL {
+                return angles[i].sin_cos();
+            }
+            let dd = d * d;
+            let sin = d * (1.0 - dd * (1.0 / 6.0 - dd / 120.0));
+            let less = dd * (0.5 - dd * (1.0 / 24.0 - dd / 720.0));
+            (s + (c * sin - s * less), c - (s * sin + c * less))
+        };
+        Self { angles: *angles, sines: std::array::from_fn(sine) }
     }
 }
 
@@ -105,5 +161,27 @@ impl Robot {
             jacobian.column_mut(1).axpy(-1.0, &forearm, 1.0);
         }
         jacobian
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::BUILTIN;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_chain_close_by_is_the_chain(
+            at in proptest::array::uniform6(-3.0_f64..3.0),
+            step in proptest::array::uniform6(-0.011_f64..0.011),
+        ) {
+            let (links, at) = (&BUILTIN[0].robot().links, Joints::from(at));
+            let serial = at + Joints::from(step);
+            let (near, plain) = (links.chain_near(&links.turns(&at), &serial, None), links.chain(&serial, None));
+            let (near, plain) = (near.base_from_flange(), plain.base_from_flange());
+            prop_assert!((near.translation.vector - plain.translation.vector).norm() < 4e-15);
+            prop_assert!((near.rotation.matrix() - plain.rotation.matrix()).norm() < 4e-15);
+        }
     }
 }

@@ -15,7 +15,7 @@ mod start;
 
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_is, conf_of, quarter_turn};
-pub use forward::{Frames, Links};
+pub use forward::{Frames, Links, Turns};
 pub(crate) use inverse::rotation_vector;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};

@@ -63,6 +63,31 @@ fn read_short(token: &[u8]) -> Option<f64> {
     Some(if negative { -value } else { value })
 }
 
+/// The number that `bytes` begin with and its length, where it is an optional sign, digits, and a point between digits: what
+/// [`read`] gives for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
+#[must_use]
+pub fn read_leading(bytes: &[u8]) -> Option<(f64, usize)> {
+    const MOST_DIGITS: usize = 15; // below 2^53
+    let sign = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
+    let (mut mantissa, mut point, mut len) = (0_u64, None, sign);
+    for &byte in &bytes[sign..] {
+        match byte {
+            b'0'..=b'9' => mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(byte - b'0')),
+            b'.' if point.is_none() && len > sign => point = Some(len),
+            _ => break,
+        }
+        len += 1;
+    }
+    let decimals = point.map_or(0, |point| len - point - 1);
+    let digits = len - sign - usize::from(point.is_some());
+    if digits == 0 || digits > MOST_DIGITS || point == Some(len - 1) {
+        return None;
+    }
+    #[allow(clippy::cast_precision_loss)] // below 2^53
+    let value = mantissa as f64 / TENS[decimals];
+    Some((if bytes[0] == b'-' { -value } else { value }, len))
+}
+
 /// A short exponent: `9`, `+09`, `-3`.
 fn exponent(tail: &[u8]) -> Option<i32> {
     let (sign, digits) = match tail {
@@ -84,9 +109,64 @@ pub fn decimals(token: &[u8]) -> usize {
 /// Appends `value` with exactly `decimals` digits behind the point, rounded half to even on the
 /// exact binary value, and never a negative zero.
 pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
-    match scaled(value, decimals) {
-        Some(digits) => write_digits(out, value < 0.0, digits, decimals),
+    match Fixed::of(value, decimals) {
+        Some(fixed) => fixed.write(out),
         None => write_fixed_plain(out, value, decimals),
+    }
+}
+
+/// A number as [`write_fixed`] prints it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fixed {
+    negative: bool,
+    digits: u64,
+    decimals: usize,
+}
+
+impl Fixed {
+    /// `value` with so many digits behind the point; `None` for what no program has.
+    #[must_use]
+    pub fn of(value: f64, decimals: usize) -> Option<Self> {
+        let digits = scaled_soon(value, decimals).or_else(|| scaled(value, decimals))?;
+        Some(Self { negative: value < 0.0 && digits != 0, digits, decimals })
+    }
+
+    /// What a reader of the digits gets, exactly rounded; `None` where they are too many for that to be one division.
+    #[must_use]
+    pub fn value(self) -> Option<f64> {
+        const EXACT: u64 = 1 << 53;
+        #[allow(clippy::cast_precision_loss)] // below 2^53
+        let value = (self.digits < EXACT).then(|| self.digits as f64 / TENS[self.decimals])?;
+        Some(if self.negative { -value } else { value })
+    }
+
+    /// Appends the digits.
+    pub fn write(self, out: &mut Vec<u8>) {
+        const SIZE: usize = 40; // sign, 20 digits, point; more than enough for 15 decimals with a zero before
+        let mut text = [b'0'; SIZE];
+        let (mut at, mut rest) = (SIZE, self.digits);
+        let mut put = |at: &mut usize| {
+            *at -= 1;
+            #[allow(clippy::cast_possible_truncation)]
+            let digit = (rest % 10) as u8;
+            text[*at] = b'0' + digit;
+            rest /= 10;
+            rest > 0
+        };
+        for _ in 0..self.decimals {
+            put(&mut at);
+        }
+        let point = at;
+        at -= usize::from(self.decimals > 0);
+        while put(&mut at) {}
+        if self.decimals > 0 {
+            text[point - 1] = b'.';
+        }
+        if self.negative {
+            at -= 1;
+            text[at] = b'-';
+        }
+        out.extend_from_slice(&text[at..]);
     }
 }
 
@@ -101,11 +181,28 @@ pub fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
     }
 }
 
+/// [`scaled`] where the product's own rounding cannot matter: small numbers that are not close to a tie.
+fn scaled_soon(value: f64, decimals: usize) -> Option<u64> {
+    /// Products below are off by less than 1e9 · 2^-53, a tenth of what a tie is kept away.
+    const SMALL: f64 = 1e9;
+    const FROM_TIE: f64 = 1e-6;
+    let product = value.abs() * TENS.get(decimals).filter(|_| decimals <= MOST_DECIMALS)?;
+    if product.is_nan() || product >= SMALL {
+        return None;
+    }
+    #[allow(clippy::cast_possible_truncation)]
+    let whole = product as i64;
+    #[allow(clippy::cast_precision_loss)]
+    let off = product - whole as f64 - 0.5;
+    (off.abs() > FROM_TIE).then_some(whole.unsigned_abs() + u64::from(off > 0.0))
+}
+
+/// 2^53 · 10^15 is below 2^103.
+const MOST_DECIMALS: usize = 15;
+
 /// |value| · 10^decimals as an integer, rounded half to even on the exact value; `None` where it does not fit.
 fn scaled(value: f64, decimals: usize) -> Option<u64> {
     const FRACTION: u32 = 52;
-    /// 2^53 · 10^15 is below 2^103.
-    const MOST_DECIMALS: usize = 15;
     let bits = value.to_bits();
     let exponent = i32::try_from(bits >> FRACTION & 0x7FF).ok()?;
     // Subnormal numbers, infinities and NaN are none of a program's.
@@ -127,35 +224,6 @@ fn scaled(value: f64, decimals: usize) -> Option<u64> {
     let half = if shift == 0 { u128::MAX } else { 1 << (shift - 1) };
     let up = rest > half || rest == half && whole & 1 == 1;
     u64::try_from(whole + u128::from(up)).ok()
-}
-
-fn write_digits(out: &mut Vec<u8>, negative: bool, mut digits: u64, decimals: usize) {
-    const SIZE: usize = 24; // sign, 20 digits, point
-    let mut text = [b'0'; SIZE];
-    let negative = negative && digits != 0;
-    let mut at = SIZE;
-    for place in 0.. {
-        if place == decimals && decimals > 0 {
-            at -= 1;
-            text[at] = b'.';
-        }
-        if digits == 0 && place > decimals {
-            break;
-        }
-        at -= 1;
-        #[allow(clippy::cast_possible_truncation)]
-        let digit = (digits % 10) as u8;
-        text[at] = b'0' + digit;
-        digits /= 10;
-        if digits == 0 && place >= decimals {
-            break;
-        }
-    }
-    if negative {
-        at -= 1;
-        text[at] = b'-';
-    }
-    out.extend_from_slice(&text[at..]);
 }
 
 #[cfg(test)]
@@ -201,6 +269,15 @@ mod tests {
 
     proptest! {
         #[test]
+        fn what_is_printed_is_what_a_reader_gets(value in -20_000.0_f64..20_000.0, decimals in 0_usize..16) {
+            let mut text = Vec::new();
+            write_fixed(&mut text, value, decimals);
+            if let Some(read_back) = Fixed::of(value, decimals).and_then(Fixed::value) {
+                prop_assert_eq!(Some(read_back.to_bits()), read_plain(&text).map(f64::to_bits));
+            }
+        }
+
+        #[test]
         fn any_number_prints_as_the_reference_does(bits in any::<u64>(), decimals in 0_usize..18) {
             let value = f64::from_bits(bits);
             prop_assume!(value.is_finite());
@@ -212,6 +289,15 @@ mod tests {
         fn lengths_print_as_the_reference_does(value in -20_000.0_f64..20_000.0, decimals in 0_usize..16) {
             let (fast, plain) = both(value, decimals);
             prop_assert_eq!(fast, plain);
+        }
+
+        #[test]
+        fn a_leading_number_is_the_token(token in "[-+]?[0-9]{0,17}\\.?[0-9]{0,9}", rest in "[,e\\] ]?") {
+            let text = format!("{token}{rest}");
+            if let Some((value, len)) = read_leading(text.as_bytes()) {
+                prop_assert_eq!(len, token.len());
+                prop_assert_eq!(Some(value.to_bits()), read_plain(token.as_bytes()).map(f64::to_bits));
+            }
         }
 
         #[test]

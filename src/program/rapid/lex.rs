@@ -48,6 +48,9 @@ pub(super) struct Lexeme {
 }
 
 impl Lexeme {
+    /// Nowhere.
+    const NONE: Self = Self { kind: Kind::End, start: usize::MAX, end: usize::MAX };
+
     pub(super) fn span(self) -> Span {
         Span::new(self.start, self.end)
     }
@@ -125,6 +128,13 @@ fn placeholder(input: Bytes<'_>) -> Found<'_> {
 /// The lexeme at the start of `input`: its kind and length, which is 0 only at the end.
 pub(super) fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
     let Some(&first) = input.first() else { return (Kind::End, 0) };
+    // A word in ASCII, which most lexemes are.
+    if first.is_ascii_alphabetic() {
+        let end = input.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).unwrap_or(input.len());
+        if input.get(end).is_none_or(u8::is_ascii) {
+            return (Kind::Word, end);
+        }
+    }
     let taken = |kind: Kind, found: Found<'_>| match found {
         Ok((_, part)) => (kind, part.len()),
         Err(_) => (Kind::Junk, 1),
@@ -171,12 +181,21 @@ pub(super) struct Cursor<'a> {
     pub(super) behind: usize,
     /// The last `! deflex …` comment passed, for whoever walks statements.
     pub(super) mark: Option<Mark>,
+    /// What was seen last: it is looked at several times before it is passed.
+    seen: Lexeme,
 }
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8], span: Span) -> Self {
         let range = span.range();
-        Self { bytes, at: range.start, end: range.end.min(bytes.len()), behind: range.start, mark: None }
+        Self {
+            bytes,
+            at: range.start,
+            end: range.end.min(bytes.len()),
+            behind: range.start,
+            mark: None,
+            seen: Lexeme::NONE,
+        }
     }
 
     /// Passes blanks and comments.
@@ -205,9 +224,12 @@ impl<'a> Cursor<'a> {
 
     /// The next lexeme that is not blank, without passing it.
     pub(super) fn peek(&mut self) -> Lexeme {
-        self.skip();
-        let (kind, len) = lexeme(&self.bytes[self.at..self.end]);
-        Lexeme { kind, start: self.at, end: self.at + len }
+        if self.seen.start != self.at {
+            self.skip();
+            let (kind, len) = lexeme(&self.bytes[self.at..self.end]);
+            self.seen = Lexeme { kind, start: self.at, end: self.at + len };
+        }
+        self.seen
     }
 
     /// Passes and gives the next lexeme that is not blank.

@@ -156,6 +156,18 @@ fn mark(bytes: &[u8], at: usize, wanted: u8) -> Option<usize> {
 
 /// `sign? number`: the value and where it ends. Blanks between sign and number are legal.
 fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
+    // Axes that are not there, as most writers print them.
+    for unused in [&b"9E9"[..], b"9E+09"] {
+        let end = at + unused.len();
+        if bytes.get(at..end) == Some(unused) && matches!(bytes.get(end), Some(b',' | b']')) {
+            return Some((9e9, end));
+        }
+    }
+    if let Some(short) = text::number::read_leading(&bytes[at.min(bytes.len())..])
+        && matches!(bytes.get(at + short.1), Some(b',' | b']'))
+    {
+        return Some((short.0, at + short.1));
+    }
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
     let token = unsigned(bytes, from)?;

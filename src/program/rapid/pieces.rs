@@ -49,7 +49,7 @@ pub struct StraightPiece {
     pub last: bool,
 }
 
-/// What [`Pieces::next`] came to.
+/// What [`Pieces::take`] came to.
 #[derive(Debug)]
 pub enum Next {
     /// Another piece.
@@ -110,7 +110,7 @@ impl<R: Read> Pieces<R> {
         pieces.head = pieces.rest.drain(..first).collect();
         pieces.head_lines = pieces.head.iter().filter(|b| **b == b'\n').count();
         let comments = pieces.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
-        pieces.mark = comments.filter_map(lex::mark).last();
+        pieces.mark = comments.rev().find_map(lex::mark);
         pieces.lines = pieces.head_lines;
         let head = Source::new(name, [&pieces.head, END].concat());
         let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
@@ -130,7 +130,7 @@ impl<R: Read> Pieces<R> {
     ///
     /// # Errors
     /// What the input reports.
-    pub fn next(&mut self) -> io::Result<Next> {
+    pub fn take(&mut self) -> io::Result<Next> {
         if self.state == State::Ended {
             return Ok(Next::End);
         }

@@ -18,6 +18,8 @@ const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Print {
     tokens: [Option<Vec<u8>>; 11],
+    /// The numbers of position and orientation that stand there then, where they are known.
+    values: [Option<f64>; 7],
 }
 
 /// Position and orientation as the controller holds them.
@@ -35,14 +37,14 @@ pub(in crate::program) fn rewrite(
     let mut cloned = HashMap::new();
     if changes.iter().any(Option::is_some) {
         (prints, cloned) = writer.literals(changes);
-        for (literal, print) in prints.iter().enumerate() {
-            if let Some(print) = print {
-                writer.edit_literal(&layout.literals[literal], print);
-            }
-        }
     }
     let offsets = writer.offsets(changes, &prints);
     let written = (0..program.targets.len()).map(|i| writer.written(i, &prints, &cloned, &offsets)).collect();
+    for (literal, print) in prints.into_iter().enumerate() {
+        if let Some(print) = print {
+            writer.edit_literal(&layout.literals[literal], print);
+        }
+    }
     let inserted = insert::write(&mut writer, inserts);
     let mut edits = writer.edits;
     for edits in &mut edits {
@@ -133,8 +135,8 @@ impl<'a> Writer<'a> {
         let mut print = Print::default();
         let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
         for axis in 0..3 {
-            let old = self.token(literal, axis);
-            print.tokens[axis] = new_token(old, change.position_mm[axis], self.options.position_decimals);
+            let new = New::of(self.token(literal, axis), change.position_mm[axis], self.options.position_decimals);
+            (print.tokens[axis], print.values[axis]) = (new.token, new.value);
         }
         if let Some(wanted) = change.quat.filter(|q| turned(*q, quat)) {
             let mut wanted = unit(wanted);
@@ -143,25 +145,26 @@ impl<'a> Writer<'a> {
                 wanted = wanted.map(|c| -c);
             }
             for (c, value) in wanted.into_iter().enumerate() {
-                print.tokens[3 + c] = new_token(self.token(literal, 3 + c), value, self.options.quat_decimals);
+                let new = New::of(self.token(literal, 3 + c), value, self.options.quat_decimals);
+                (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
             }
         }
         if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf) {
             for (c, value) in quarters(wanted).into_iter().enumerate() {
                 // A configuration that is a name stays; it is not this target's own.
                 if !literal.token(7 + c).is_empty() {
-                    print.tokens[7 + c] = new_token(self.token(literal, 7 + c), f64::from(value), 0);
+                    print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
                 }
             }
         }
         print
     }
 
-    fn edit_literal(&mut self, literal: &Literal, print: &Print) {
+    fn edit_literal(&mut self, literal: &Literal, print: Print) {
         let Some(edits) = self.edits.get_mut(literal.source as usize) else { return };
-        for (i, token) in print.tokens.iter().enumerate() {
+        for (i, token) in print.tokens.into_iter().enumerate() {
             if let Some(content) = token {
-                edits.push(Edit { span: literal.token(i), content: content.clone() });
+                edits.push(Edit { span: literal.token(i), content });
             }
         }
     }
@@ -188,6 +191,9 @@ impl<'a> Writer<'a> {
     /// Position and orientation as written after `print`, f32-rounded; the orientation as printed.
     fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
         let value = |i: usize| {
+            if let Some(value) = print.and_then(|p| p.values[i]) {
+                return single(value);
+            }
             let new = print.and_then(|p| p.tokens[i].as_deref());
             single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(0.0))
         };
@@ -230,7 +236,8 @@ impl<'a> Writer<'a> {
                 let [w, x, y, z] = unit(quat);
                 d = rotate([w, -x, -y, -z], d);
             }
-            let print = std::array::from_fn(|k| new_token(self.bytes(tokens[k]), d[k], self.options.position_decimals));
+            let print =
+                std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token);
             users.push((i, tokens[0], tokens));
             match wishes.get(&tokens[0]) {
                 None => {
@@ -337,32 +344,57 @@ fn signed(token: &[u8]) -> Option<f64> {
     Some(if negative { -value } else { value })
 }
 
-/// The new text of a token, in its own style; `None` where the printed value stays what it is.
-fn new_token(old: &[u8], value: f64, least: usize) -> Option<Vec<u8>> {
-    let decimals = places(old).max(least).min(MAX_DECIMALS);
-    let mut out = Vec::new();
-    number::write_fixed(&mut out, value, decimals);
-    let was = signed(old);
-    if number::read(&out).is_some() && number::read(&out) == was {
-        return None;
-    }
-    // `+1.5` and `0012.5` keep their looks.
-    let digits = old.trim_start_with_sign();
-    let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
-    if whole > 1 && digits[0] == b'0' {
-        let sign = usize::from(out[0] == b'-');
-        let now = out[sign..].iter().take_while(|b| b.is_ascii_digit()).count();
-        out.splice(sign..sign, std::iter::repeat_n(b'0', whole.saturating_sub(now)));
-    }
-    if old.first() == Some(&b'+') && out[0] != b'-' {
-        out.insert(0, b'+');
-    }
-    Some(out)
+/// What becomes of a token.
+struct New {
+    /// Its new text, in its own style; `None` where the printed value stays what it is.
+    token: Option<Vec<u8>>,
+    /// The number that stands there then, where it is known.
+    value: Option<f64>,
 }
+
+impl New {
+    fn of(old: &[u8], value: f64, least: usize) -> Self {
+        let decimals = places(old).max(least).min(MAX_DECIMALS);
+        let mut out = Vec::with_capacity(TOKEN);
+        let fixed = number::Fixed::of(value, decimals);
+        let printed = match fixed {
+            Some(fixed) => {
+                fixed.write(&mut out);
+                fixed.value().or_else(|| number::read(&out))
+            }
+            None => {
+                number::write_fixed_plain(&mut out, value, decimals);
+                number::read(&out)
+            }
+        };
+        let was = signed(old);
+        if printed.is_some() && printed == was {
+            return Self { token: None, value: was };
+        }
+        // `+1.5` and `0012.5` keep their looks.
+        let digits = old.trim_start_with_sign();
+        let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+        if whole > 1 && digits[0] == b'0' {
+            let sign = usize::from(out[0] == b'-');
+            let now = out[sign..].iter().take_while(|b| b.is_ascii_digit()).count();
+            out.splice(sign..sign, std::iter::repeat_n(b'0', whole.saturating_sub(now)));
+        }
+        if old.first() == Some(&b'+') && out[0] != b'-' {
+            out.insert(0, b'+');
+        }
+        Self { token: Some(out), value: printed }
+    }
+}
+
+/// Bytes of a usual token.
+const TOKEN: usize = 16;
 
 /// Decimal places that a token's value has: digits behind the point, less its exponent.
 fn places(token: &[u8]) -> usize {
     let digits = number::decimals(token);
+    if token.iter().all(|b| !b.is_ascii_alphabetic()) {
+        return digits;
+    }
     let exponent = token
         .iter()
         .position(|b| matches!(b, b'e' | b'E'))
