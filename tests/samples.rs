@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used)] // helpers of tests
 
 use deflex::cell::Cell;
-use deflex::correct::{Options, Status, compensate, predict};
+use deflex::correct::{Options, Prepared, Status, compensate, predict};
 use deflex::program::{Program, cl, rapid};
 use deflex::text::{Source, apply};
+use nalgebra::Matrix6;
 use std::path::Path;
 
 /// What single precision and four decimals leave, mm: well below a micrometre.
@@ -23,7 +24,7 @@ fn lands(program: &Program, cell: &Cell) {
     let corrected = compensate(program, cell, &Options::default()).unwrap();
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures[0]);
     for row in corrected.rows.iter().filter(|row| row.status == Status::Ok) {
-        assert!(row.remaining_mm < REMAINS_MM, "target {}: {}", row.target, row.remaining_mm);
+        assert!(row.remaining_norm_mm() < REMAINS_MM, "target {}: {:?}", row.target, row.remaining_mm);
     }
     let Some(rewritten) = corrected.rewritten else { return };
     let mut bytes = Vec::new();
@@ -63,4 +64,32 @@ fn threads_do_not_change_a_byte() {
         (corrected.rows, corrected.rewritten.unwrap().edits)
     };
     assert_eq!(with(1), with(7));
+}
+
+#[test]
+fn the_stiffness_of_a_joint_model_is_that_of_its_jacobian() {
+    let program = rapid::read(vec![source("slot/slot.mod")], Vec::new()).unwrap();
+    let cell = cell("slot/cell.toml");
+    let options = Options { stiffness: true, ..Options::default() };
+    let rows = predict(&program, &cell, &options, None).unwrap().rows;
+    let points = Prepared::new(&program, &cell, &options).unwrap().points;
+    let (robot, stiffness) = (&cell.arm.robot, cell.arm.stiffness.unwrap());
+    for (row, point) in rows.iter().zip(&points).filter(|(row, _)| row.status == Status::Ok) {
+        let found = row.stiffness.unwrap();
+        let tcp = (point.base_from_wobj * point.wobj_from_tcp).translation.vector;
+        let jacobian = robot.jacobian(&robot.frames(&point.motor), &tcp);
+        let forces = jacobian.fixed_rows::<3>(0);
+        // C = J K⁻¹ Jᵀ, in base axes.
+        let compliance = forces * Matrix6::from_diagonal(&stiffness.map(f64::recip)) * forces.transpose();
+        let normal = point.base_from_wobj.rotation * point.normal;
+        let eigenvalues = compliance.symmetric_eigenvalues();
+        // The load turns the arm a little from where the program says.
+        for (found, compliance) in [
+            (found.normal_n_per_mm, normal.dot(&(compliance * normal))),
+            (found.least_n_per_mm, eigenvalues.max()),
+            (found.most_n_per_mm, eigenvalues.min()),
+        ] {
+            approx::assert_relative_eq!(found, 1e-3 / compliance, max_relative = 0.01);
+        }
+    }
 }

@@ -97,6 +97,7 @@ impl Input {
             program: &mut program,
             report: &mut report,
             rows: &|rows| if wanted { csv_rows(rows) } else { Vec::new() },
+            each: &mut |_| (),
             progress: &|targets, bytes| progress::at(&bar, targets, bytes),
         };
         let threads = rayon::current_num_threads();

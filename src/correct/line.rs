@@ -4,7 +4,7 @@ use super::path::{self, Point};
 use super::row::{Row, Status, difference};
 use super::solve::{self, Landed, Last, Solved, Spread, Wish};
 use super::turns::Turns;
-use super::{Options, Prepared, frames, sigma, subdivide};
+use super::{Options, Prepared, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
 use crate::equilibrium::{Command, EquilibriumError};
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
@@ -73,6 +73,9 @@ pub fn predict(
         }
     }
     sigma::fill(&mut out.rows, cell, &prepared, &commands, Spread::Threads);
+    if options.stiffness {
+        stiffness::fill(&mut out.rows, program, cell, &prepared, &commands, Spread::Threads);
+    }
     Ok(out.finish(notes(program, cell, &prepared), None, Vec::new()))
 }
 
@@ -223,7 +226,7 @@ pub(super) fn piece(
                 (row.correction_mm, row.correction_deg) = difference(&point.wobj_from_tcp, &corrected);
             }
             let left = after.wobj_from_tcp.translation.vector - point.reference.translation.vector;
-            row.remaining_mm = 1e3 * left.norm();
+            row.remaining_mm = (1e3 * left).into();
             let reason = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
             let reason = reason.or(match program.targets[i].editable {
                 Editable::No(reason) => Some(reason),
@@ -240,6 +243,9 @@ pub(super) fn piece(
     }
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, &written, &changes, last))?;
     sigma::fill(&mut out.rows, cell, &prepared, &as_programmed, spread);
+    if options.stiffness {
+        stiffness::fill(&mut out.rows, program, cell, &prepared, &as_programmed, spread);
+    }
     let posted = if program.language == Language::Cl {
         let post = |(i, (position_mm, quat)): (usize, &([f64; 3], [f64; 4]))| Posted {
             position_mm: *position_mm,

@@ -16,6 +16,7 @@ mod post;
 mod row;
 mod sigma;
 mod solve;
+mod stiffness;
 mod stream;
 mod subdivide;
 mod turns;
@@ -25,6 +26,7 @@ pub use line::{Corrected, Posted, compensate, predict};
 pub use path::Point;
 pub use post::{PostOptions, post};
 pub use row::{Row, Status, Summary};
+pub use stiffness::Stiffness;
 pub use stream::{Sinks, StreamError, Streamed, compensate_pieces};
 
 use crate::cell::Cell;
@@ -61,6 +63,8 @@ pub struct Options {
     pub allow_clones: bool,
     /// Insert targets where the correction bends by more than this between targets, m.
     pub subdivide: Option<f64>,
+    /// Find the stiffness of the TCP at every target too: six more equilibria each.
+    pub stiffness: bool,
 }
 
 /// A program with everything solved before its equilibria: for callers that have questions of their own, such as

@@ -1,3 +1,4 @@
+use super::Stiffness;
 use super::path::Point;
 use crate::program::Target;
 use crate::robot::{Pose, rotation_vector};
@@ -38,12 +39,14 @@ pub struct Row {
     pub correction_mm: [f64; 3],
     /// Its rotation vector, degrees.
     pub correction_deg: [f64; 3],
-    /// Predicted from the numbers as written, by the forward model, mm.
-    pub remaining_mm: f64,
+    /// Error that remains, predicted from the numbers as written by the forward model, work object axes, mm.
+    pub remaining_mm: [f64; 3],
     /// Force on the tool, work object axes, N.
     pub force_n: [f64; 3],
     /// Standard uncertainty of the predicted error, per axis, mm.
     pub sigma_mm: Option<f64>,
+    /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
+    pub stiffness: Option<Stiffness>,
 }
 
 impl Row {
@@ -57,6 +60,12 @@ impl Row {
     #[must_use]
     pub fn correction_norm_mm(&self) -> f64 {
         Vector3::from(self.correction_mm).norm()
+    }
+
+    /// Size of the error that remains, mm.
+    #[must_use]
+    pub fn remaining_norm_mm(&self) -> f64 {
+        Vector3::from(self.remaining_mm).norm()
     }
 
     /// A row with the predicted error of `actual`, and nothing corrected.
@@ -73,9 +82,10 @@ impl Row {
             error_normal_mm: 1e3 * error_normal,
             correction_mm: [0.0; 3],
             correction_deg: [0.0; 3],
-            remaining_mm: Vector3::from(error_mm).norm(),
+            remaining_mm: error_mm,
             force_n: force.into(),
             sigma_mm: None,
+            stiffness: None,
         }
     }
 }
@@ -135,7 +145,7 @@ impl Tally {
             let (error, correction) = (row.error_norm_mm(), row.correction_norm_mm());
             match row.status {
                 Status::Ok => {
-                    sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_mm);
+                    sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_norm_mm());
                     self.squares += error.powi(2);
                     self.cutting += 1;
                 }

@@ -24,6 +24,8 @@ pub struct Sinks<'a> {
     pub report: &'a mut (dyn Write + Send),
     /// Report rows to text.
     pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
+    /// Given the report rows in running order, a piece at a time.
+    pub each: &'a mut (dyn FnMut(&[Row]) + Send),
     /// Told the targets and the bytes of input done so far.
     pub progress: &'a (dyn Fn(usize, u64) + Sync),
 }
@@ -202,6 +204,7 @@ fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
 struct Writer<'a> {
     program: &'a mut (dyn Write + Send),
     report: &'a mut (dyn Write + Send),
+    each: &'a mut (dyn FnMut(&[Row]) + Send),
     tally: Tally,
     targets: usize,
     bytes: u64,
@@ -215,6 +218,7 @@ impl<'a> Writer<'a> {
         Self {
             program: &mut *sinks.program,
             report: &mut *sinks.report,
+            each: &mut *sinks.each,
             tally: Tally::default(),
             targets: 0,
             bytes: 0,
@@ -235,6 +239,7 @@ impl<'a> Writer<'a> {
         self.failures.add(done.corrected.failures);
         self.notes.extend(done.corrected.notes);
         self.tally.add(&done.corrected.rows);
+        (self.each)(&done.corrected.rows);
         self.targets += done.corrected.rows.len();
         self.bytes += done.bytes;
         progress(self.targets, self.bytes);

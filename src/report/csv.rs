@@ -48,7 +48,7 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
             (&[row.error_normal_mm], ERROR),
             (&row.correction_mm, ERROR),
             (&row.correction_deg, ANGLE),
-            (&[row.remaining_mm], ERROR),
+            (&[row.remaining_norm_mm()], ERROR),
         ];
         for (values, decimals) in groups.into_iter().chain([(&row.force_n[..], FORCE)]) {
             for &value in values {

@@ -1,0 +1,102 @@
+//! How stiffly the cell holds the TCP at each target.
+
+use super::path::is_end;
+use super::solve::Spread;
+use super::{Prepared, Row};
+use crate::cell::Cell;
+use crate::effects::Cutting;
+use crate::program::Program;
+use crate::robot::Joints;
+use nalgebra::{Matrix3, Vector3};
+
+/// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
+///
+/// C is the change of the TCP's position in the work object with that force, through every effect of the cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness {
+    /// Along the surface normal n: 1/(nᵀCn).
+    pub normal_n_per_mm: f64,
+    /// In the softest direction: 1 over the largest eigenvalue of C's symmetric part.
+    pub least_n_per_mm: f64,
+    /// In the stiffest direction: 1 over the smallest one.
+    pub most_n_per_mm: f64,
+}
+
+impl Stiffness {
+    /// From the compliance (m/N) and the unit normal; `None` where the TCP does not yield.
+    fn of(compliance: &Matrix3<f64>, normal: &Vector3<f64>) -> Option<Self> {
+        let symmetric = 0.5 * (compliance + compliance.transpose());
+        let along = symmetric.symmetric_eigenvalues();
+        let n_per_mm = |yields: f64| 1e-3 / yields;
+        let yields = along.min() > 0.0 && along.max().is_finite();
+        yields.then(|| Self {
+            normal_n_per_mm: n_per_mm(normal.dot(&(symmetric * normal))),
+            least_n_per_mm: n_per_mm(along.max()),
+            most_n_per_mm: n_per_mm(along.min()),
+        })
+    }
+}
+
+/// Half the difference of force that is tried, N: large against rounding, small against what bends the arm visibly.
+const STEP: f64 = 50.0;
+
+/// Fills `stiffness` by differences of equilibria about the force that acts.
+pub(super) fn fill(
+    rows: &mut [Row],
+    program: &Program,
+    cell: &Cell,
+    prepared: &Prepared,
+    commands: &[(Joints, Joints)],
+    spread: Spread,
+) {
+    // Targets that failed have no row.
+    let mut ends = program.targets.iter().enumerate().filter(|(_, target)| is_end(target));
+    let at: Vec<Option<usize>> =
+        rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect();
+    let of = |n: usize| at[n].and_then(|i| stiffness(cell, prepared, i, &commands[i], &rows[n].force_n.into()));
+    let found = spread.map(rows.len(), of);
+    for (row, found) in rows.iter_mut().zip(found) {
+        row.stiffness = found;
+    }
+}
+
+fn stiffness(
+    cell: &Cell,
+    prepared: &Prepared,
+    i: usize,
+    (motor, travel): &(Joints, Joints),
+    force: &Vector3<f64>,
+) -> Option<Stiffness> {
+    let mut situation = prepared.situation(i);
+    let into_wobj = situation.base_from_wobj.rotation.inverse();
+    let mut under = |force: Vector3<f64>| {
+        situation.cutting = Cutting::Constant(force);
+        let there = cell.arm.predict(&situation, motor, travel).ok()?;
+        Some((there.wobj_from_tcp.translation.vector, into_wobj * there.load.cut))
+    };
+    let (mut moves, mut forces) = (Matrix3::zeros(), Matrix3::zeros());
+    for axis in 0..3 {
+        let step = Vector3::ith(axis, STEP);
+        let (more, less) = (under(force + step)?, under(force - step)?);
+        moves.set_column(axis, &(more.0 - less.0));
+        // Some effects change the force itself, so the one that really acts is taken.
+        forces.set_column(axis, &(more.1 - less.1));
+    }
+    Stiffness::of(&(moves * forces.try_inverse()?), &prepared.points[i].normal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn principal_stiffnesses_and_the_one_along_a_normal() {
+        // Springs of 1000, 2000 and 4000 N/mm along x, y and z.
+        let compliance = Matrix3::from_diagonal(&Vector3::new(1e-6, 0.5e-6, 0.25e-6));
+        let found = Stiffness::of(&compliance, &Vector3::y()).unwrap();
+        approx::assert_relative_eq!(found.normal_n_per_mm, 2000.0, max_relative = 1e-12);
+        approx::assert_relative_eq!(found.least_n_per_mm, 1000.0, max_relative = 1e-12);
+        approx::assert_relative_eq!(found.most_n_per_mm, 4000.0, max_relative = 1e-12);
+        assert_eq!(Stiffness::of(&Matrix3::zeros(), &Vector3::y()), None);
+    }
+}
