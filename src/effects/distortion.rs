@@ -90,14 +90,15 @@ impl Distortion {
         any == 0 && !self.bends_links()
     }
 
-    /// A share of the way to another distortion.
-    pub(crate) fn towards(&self, other: &Self, share: f64) -> Self {
-        self.with(other, |a, b| a + share * (b - a))
+    /// Goes a share of the way to another distortion.
+    pub(crate) fn go_towards(&mut self, other: &Self, share: f64) {
+        self.merge(other, |a, b| a + share * (b - a));
     }
 
-    /// By how much another distortion is less.
-    pub(crate) fn minus(&self, other: &Self) -> Self {
-        self.with(other, |a, b| a - b)
+    /// Becomes the difference of two others.
+    pub(crate) fn set_difference(&mut self, a: &Self, b: &Self) {
+        self.clone_from(a);
+        self.merge(b, |a, b| a - b);
     }
 
     /// Sum of products, rad and m alike: an arm is some metres long.
@@ -125,32 +126,30 @@ impl Distortion {
         self.dot(self).sqrt()
     }
 
-    /// Number by number; zeros stay zero.
-    fn with(&self, other: &Self, mix: impl Fn(f64, f64) -> f64 + Copy) -> Self {
+    /// Takes in another number by number; two zeros give zero.
+    fn merge(&mut self, other: &Self, mix: impl Fn(f64, f64) -> f64 + Copy) {
+        self.joints.zip_apply(&other.joints, |a, b| *a = mix(*a, b));
+        self.lost.zip_apply(&other.lost, |a, b| *a = mix(*a, b));
         if self.joints_only() && other.joints_only() {
-            return Self {
-                joints: self.joints.zip_map(&other.joints, mix),
-                lost: self.lost.zip_map(&other.lost, mix),
-                ..Self::default()
-            };
+            return;
         }
-        let twist =
-            |a: &Twist, b: &Twist| Twist { shift: a.shift.zip_map(&b.shift, mix), turn: a.turn.zip_map(&b.turn, mix) };
-        Self {
-            joints: self.joints.zip_map(&other.joints, mix),
-            lost: self.lost.zip_map(&other.lost, mix),
-            rows: std::array::from_fn(|i| {
-                let (a, b) = (self.rows[i], other.rows[i]);
-                DhRow { alpha: mix(a.alpha, b.alpha), a: mix(a.a, b.a), d: mix(a.d, b.d), theta: mix(a.theta, b.theta) }
-            }),
-            tilt: std::array::from_fn(|i| std::array::from_fn(|k| mix(self.tilt[i][k], other.tilt[i][k]))),
-            base: twist(&self.base, &other.base),
-            flange: twist(&self.flange, &other.flange),
-            tcp: twist(&self.tcp, &other.tcp),
-            wobj: twist(&self.wobj, &other.wobj),
-            lag: self.lag.zip_map(&other.lag, mix),
-            part: self.part.zip_map(&other.part, mix),
+        let merge = |a: &mut f64, b: f64| *a = mix(*a, b);
+        for (row, with) in self.rows.iter_mut().zip(&other.rows) {
+            merge(&mut row.alpha, with.alpha);
+            merge(&mut row.a, with.a);
+            merge(&mut row.d, with.d);
+            merge(&mut row.theta, with.theta);
         }
+        for (tilt, with) in self.tilt.iter_mut().flatten().zip(other.tilt.iter().flatten()) {
+            merge(tilt, *with);
+        }
+        let twists = [(&mut self.base, &other.base), (&mut self.flange, &other.flange)];
+        for (twist, with) in twists.into_iter().chain([(&mut self.tcp, &other.tcp), (&mut self.wobj, &other.wobj)]) {
+            twist.shift.zip_apply(&with.shift, merge);
+            twist.turn.zip_apply(&with.turn, merge);
+        }
+        self.lag.zip_apply(&other.lag, merge);
+        self.part.zip_apply(&other.part, merge);
     }
 }
 

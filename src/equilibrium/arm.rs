@@ -17,11 +17,18 @@ pub struct Arm {
 }
 
 /// The arm looked at in one state: where it is, what acts on it, what that does to it.
+#[derive(Clone, Debug)]
 pub(super) struct Look {
     pub(super) load: Load,
     pub(super) distortion: Distortion,
     /// The TCP as seen from the actual work object, under the distortion that was put in.
     pub(super) seen: Pose,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { load: Load::default(), distortion: Distortion::default(), seen: Pose::identity() }
+    }
 }
 
 impl Arm {
@@ -67,7 +74,8 @@ impl Arm {
         self.robot.links.turns(&self.robot.serial_from_motor(motor))
     }
 
-    /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`.
+    /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`: into a place that
+    /// is used again, since a look is a kilobyte and taken many times.
     pub(super) fn look(
         &self,
         situation: &Situation,
@@ -75,7 +83,8 @@ impl Arm {
         near: &Turns,
         motor: &Joints,
         distortion: &Distortion,
-    ) -> Look {
+        look: &mut Look,
+    ) {
         let frames = self.frames(near, motor, distortion);
         let at_flange = distortion.flange.after(frames.base_from_flange());
         let mut base_from_tcp = distortion.tcp.after(&(at_flange * situation.tool.flange_from_tcp));
@@ -83,7 +92,7 @@ impl Arm {
         let base_from_wobj = distortion.wobj.after(&situation.base_from_wobj);
         let mut in_part = base_from_tcp;
         in_part.translation.vector -= distortion.part;
-        let seen = base_from_wobj.inv_mul(&in_part);
+        look.seen = base_from_wobj.inv_mul(&in_part);
 
         let state = State {
             robot: &self.robot,
@@ -95,16 +104,15 @@ impl Arm {
             gravity: self.robot.world_from_base.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY),
             situation,
         };
-        let mut load = Load { cut: cutting_force(situation, &seen), ..Load::default() };
+        look.load = Load { cut: cutting_force(situation, &look.seen), ..Load::default() };
         for effect in &self.effects {
-            effect.load(&state, &mut load);
+            effect.load(&state, &mut look.load);
         }
-        load.fill_torque(&self.robot, &frames, &base_from_tcp.translation.vector);
-        let mut out = Distortion::default();
+        look.load.fill_torque(&self.robot, &frames, &base_from_tcp.translation.vector);
+        look.distortion = Distortion::default();
         for effect in &self.effects {
-            effect.distort(&state, &load, &mut out);
+            effect.distort(&state, &look.load, &mut look.distortion);
         }
-        Look { load, distortion: out, seen }
     }
 
     /// The chain pose (base to link 6, base motion taken off) that puts the TCP on `wobj_from_tcp` under a

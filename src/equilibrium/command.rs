@@ -1,3 +1,4 @@
+use super::arm::Look;
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Situation};
 use crate::robot::{Joints, Pose, polish};
@@ -64,6 +65,7 @@ impl Arm {
         let mut change = f64::INFINITY;
         let mut settled = 0;
         let mut axis = 0;
+        let mut look = Look::default();
         for round in 0..ROUNDS {
             let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
             if !wanted.translation.vector.iter().all(|v| v.is_finite()) {
@@ -77,7 +79,7 @@ impl Arm {
                 motor = self.robot.inverse_near_unlimited(&wanted, &motor)?;
             }
             let guess = commanded.unwrap_or(motor);
-            let look = self.look(situation, &guess, &self.turns(&motor), &motor, &distortion);
+            self.look(situation, &guess, &self.turns(&motor), &motor, &distortion, &mut look);
             let free = motor - look.distortion.joints;
             let next = free + travel.component_mul(&look.distortion.lost);
             let gap = next - guess;
@@ -92,7 +94,7 @@ impl Arm {
                 return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
             }
             commanded = Some(next);
-            distortion = look.distortion;
+            std::mem::swap(&mut distortion, &mut look.distortion);
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * change, axis })
     }

@@ -1,3 +1,4 @@
+use super::arm::Look;
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Situation};
 use crate::robot::{Joints, Pose};
@@ -80,11 +81,14 @@ impl Arm {
         const ROUNDS: usize = 2;
         let (mut motor, mut distortion) = (from.motor, from.distortion.clone());
         let near = self.turns(&motor);
+        let mut look = Look::default();
         for _ in 0..ROUNDS {
-            distortion = self.look(situation, motor_commanded, &near, &motor, &distortion).distortion;
+            self.look(situation, motor_commanded, &near, &motor, &distortion, &mut look);
+            std::mem::swap(&mut distortion, &mut look.distortion);
             motor = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
         }
-        self.look(situation, motor_commanded, &near, &motor, &distortion).seen
+        self.look(situation, motor_commanded, &near, &motor, &distortion, &mut look);
+        look.seen
     }
 
     fn settle(
@@ -98,24 +102,29 @@ impl Arm {
         let mut distortion = Distortion { joints: *deflection, ..Distortion::default() };
         let mut motor = motor_commanded + deflection;
         let near = self.turns(&motor);
-        let mut before: Option<Round> = None;
+        let (mut first, mut second) = (Round::default(), Round::default());
+        let (mut now, mut before) = (&mut first, &mut second);
         let mut first_step = f64::INFINITY;
         let mut step = f64::INFINITY;
         let mut axis = 0;
         for round in 0..ROUNDS {
-            let look = self.look(situation, motor_commanded, &near, &motor, &distortion);
-            let left = look.distortion.minus(&distortion);
+            self.look(situation, motor_commanded, &near, &motor, &distortion, &mut now.look);
+            let Round { look, left } = &mut *now;
+            left.set_difference(&look.distortion, &distortion);
             // Zero before the first look, which is no lost motion's fault.
             if left.norm() < LEFT && (round > 0 || look.distortion.lost == distortion.lost) {
-                return Ok(Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load, distortion });
+                return Ok(Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load.clone(), distortion });
             }
             // `max` and comparisons pass over what is not a number, so the pose itself is looked at.
             if !look.seen.translation.vector.iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
             }
-            let mut next =
-                if share < 1.0 { distortion.towards(&look.distortion, share) } else { look.distortion.clone() };
-            if let Some(before) = &before {
+            if share < 1.0 {
+                distortion.go_towards(&look.distortion, share);
+            } else {
+                distortion.clone_from(&look.distortion);
+            }
+            if round > 0 {
                 step = before.step(&look.seen);
                 if round == 1 {
                     first_step = step;
@@ -125,34 +134,33 @@ impl Arm {
                     break;
                 }
                 if share >= 1.0 {
-                    next = next.towards(&before.answer, before.secant(&left));
+                    distortion.go_towards(&before.look.distortion, before.secant(left));
                 }
             }
-            before = Some(Round { answer: look.distortion, left, seen: look.seen });
-            distortion = next;
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
             axis = (moved - motor).iamax() + 1;
             motor = moved;
+            std::mem::swap(&mut now, &mut before);
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * step, axis })
     }
 }
 
 /// A round of the iteration.
+#[derive(Default)]
 struct Round {
-    /// The distortion that the loads there make.
-    answer: Distortion,
-    /// By how much that differs from the one they were taken at.
+    look: Look,
+    /// By how much the distortion that the loads there make differs from the one that they were taken at.
     left: Distortion,
-    seen: Pose,
 }
 
 impl Round {
     /// How far the TCP has moved since, m or rad.
     fn step(&self, seen: &Pose) -> f64 {
+        let last = &self.look.seen;
         // The chord of a small turn is its angle.
-        let turn = FRAC_1_SQRT_2 * (seen.rotation.matrix() - self.seen.rotation.matrix()).norm();
-        (seen.translation.vector - self.seen.translation.vector).norm().max(turn)
+        let turn = FRAC_1_SQRT_2 * (seen.rotation.matrix() - last.rotation.matrix()).norm();
+        (seen.translation.vector - last.translation.vector).norm().max(turn)
     }
 
     /// The share of the way back to this round's answer that leaves least of `left`, what the round behind it has left
@@ -161,9 +169,10 @@ impl Round {
     fn secant(&self, left: &Distortion) -> f64 {
         /// Loop gains of ±0.9.
         const TAME: std::ops::Range<f64> = -9.0..0.475;
-        let change = left.minus(&self.left);
-        let size = change.dot(&change);
-        let share = left.dot(&change) / size;
+        // |left − before|² and left · (left − before).
+        let (now, both, before) = (left.dot(left), left.dot(&self.left), self.left.dot(&self.left));
+        let size = now - 2.0 * both + before;
+        let share = (now - both) / size;
         if size > 0.0 && TAME.contains(&share) { share } else { 0.0 }
     }
 }
