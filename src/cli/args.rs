@@ -148,6 +148,16 @@ pub(super) struct Reports {
     /// Summary as JSON; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) json: Option<PathBuf>,
+    /// Page with the toolpath in 3-D and the errors along it, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) html: Option<PathBuf>,
+}
+
+impl Reports {
+    /// How many of them go to stdout.
+    pub(super) fn to_stdout(&self) -> usize {
+        [&self.report, &self.json, &self.html].into_iter().flatten().filter(|path| path.as_os_str() == "-").count()
+    }
 }
 
 #[derive(Debug, Args)]
@@ -270,6 +280,9 @@ pub(super) struct Diff {
     /// All of it as JSON; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) json: Option<PathBuf>,
+    /// Page with the toolpath in 3-D and the shifts along it, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) html: Option<PathBuf>,
     #[command(flatten)]
     pub(super) reading: Reading,
     /// Only the exit code tells
@@ -300,6 +313,9 @@ pub(super) struct Identify {
     /// The answer as JSON; `-` or nothing for stdout
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
     pub(super) json: Option<PathBuf>,
+    /// Page with residuals before and after, the ranking and what is left, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) html: Option<PathBuf>,
     #[command(flatten)]
     pub(super) reading: Reading,
     #[command(flatten)]

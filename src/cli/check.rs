@@ -2,13 +2,14 @@
 
 use super::args::{Check, CheckFormat, Format};
 use super::input::{self, Context, Job};
-use super::output::{Outputs, is_stdout};
+use super::output::Outputs;
 use super::report::{self, Rows};
 use super::run::{Originals, Setup, both, one_thing};
 use super::{Answer, Outcome, message};
 use deflex::correct::{Corrected, Row, compensate, predict};
 use deflex::program::{Program, Role, Target};
-use deflex::report::{CheckFile, check_json, difference, junit, sarif};
+use deflex::report::html::{PathKind, PathPage, PathTrace};
+use deflex::report::{CheckFile, FileSummary, check_json, difference, junit, sarif};
 use deflex::text::Diagnostic;
 use rayon::prelude::*;
 use std::path::Path;
@@ -19,14 +20,21 @@ const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
 pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(&args.format)?;
     let context = Context::of(&args.context)?;
-    let (mut setup, jobs) = both(Setup::read(&args.model, context, args.correct), input::jobs(&args.inputs, kind))?;
+    let (mut setup, jobs) =
+        both(Setup::read(&args.model, context, args.correct, &args.reports), input::jobs(&args.inputs, kind))?;
     if let Some(most) = args.max_correction {
         setup.cell.cell.limits.max_correction = 1e-3 * most;
     }
-    one_thing(1 + [&args.reports.report, &args.reports.json].into_iter().flatten().filter(|p| is_stdout(p)).count())?;
+    one_thing(1 + args.reports.to_stdout())?;
+    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len()));
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
-    let checked: Vec<_> = jobs.into_par_iter().map(|job| one(args, &setup, &originals, job)).collect();
-    let (files, rows): (Vec<CheckFile>, Vec<Rows>) = input::all(checked)?.into_iter().unzip();
+    let checked: Vec<_> = jobs.into_par_iter().map(|job| one(args, &setup, &originals, path.clone(), job)).collect();
+    let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
+    for Checked { file, rows: report, path } in input::all(checked)? {
+        files.push(file);
+        rows.push(report);
+        paths.extend(path);
+    }
 
     let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
     let text = match form {
@@ -41,6 +49,10 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
     if let Some(path) = &args.reports.report {
         outputs.add_report(path, &report::joined(&rows))?;
+    }
+    if let Some(path) = &args.reports.html {
+        let page = PathPage { kind: PathKind::Predict, cell: &setup.cell.name, programs: &paths };
+        outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;
     message::print(&setup.notes(), args.common.quiet);
@@ -65,7 +77,21 @@ fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<D
     Ok((form.unwrap_or_default(), kind))
 }
 
-fn one(args: &Check, setup: &Setup, originals: &Originals, job: Job) -> Result<(CheckFile, Rows), Vec<Diagnostic>> {
+/// One program, judged.
+struct Checked {
+    file: CheckFile,
+    rows: Rows,
+    /// For `--html`.
+    path: Option<(FileSummary, PathTrace)>,
+}
+
+fn one(
+    args: &Check,
+    setup: &Setup,
+    originals: &Originals,
+    trace: Option<PathTrace>,
+    job: Job,
+) -> Result<Checked, Vec<Diagnostic>> {
     let path = job.name.clone();
     let original = originals.of(&job, setup)?;
     let program = setup.program(job)?;
@@ -79,9 +105,14 @@ fn one(args: &Check, setup: &Setup, originals: &Originals, job: Job) -> Result<(
         Ok(predicted) => predicted,
         Err(errors) => {
             let findings = about_the_program(errors)?;
-            return Ok((CheckFile { path, targets, findings }, Rows::new(&program, &[])));
+            let file = CheckFile { path, targets, findings };
+            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: None });
         }
     };
+    let shown = trace.map(|mut trace| {
+        trace.extend(&predicted.rows);
+        (FileSummary::new(&path, &predicted), trace)
+    });
     let place = Places::new(&program);
     let over = predicted.rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
     let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
@@ -101,7 +132,7 @@ fn one(args: &Check, setup: &Setup, originals: &Originals, job: Job) -> Result<(
     findings.sort_by_key(|finding| (finding.file.clone(), finding.line, finding.column));
     findings.dedup();
     let rows = Rows::new(&program, &predicted.rows);
-    Ok((CheckFile { path, targets, findings }, rows))
+    Ok(Checked { file: CheckFile { path, targets, findings }, rows, path: shown })
 }
 
 /// Where targets stand in the text.

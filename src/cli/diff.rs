@@ -6,6 +6,7 @@ use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::run::{both, one_thing};
 use super::{Answer, Outcome};
+use deflex::report::html::diff_page;
 use deflex::report::{diff_csv, diff_text, difference};
 
 use std::path::Path;
@@ -15,7 +16,7 @@ pub(super) fn run(args: &Diff) -> Outcome {
     let read = |path: &Path| input::program_alone(input::job(path, args.reading.format)?, &context);
     let (original, corrected) = both(read(&args.original), read(&args.corrected))?;
     let found = difference(&original, &corrected);
-    let printed = [&args.report, &args.json].into_iter().flatten().filter(|path| is_stdout(path)).count();
+    let printed = [&args.report, &args.json, &args.html].into_iter().flatten().filter(|path| is_stdout(path)).count();
     one_thing(printed)?;
 
     let mut outputs = Outputs::new([&args.original, &args.corrected].into_iter().chain(&args.reading.context));
@@ -27,6 +28,10 @@ pub(super) fn run(args: &Diff) -> Outcome {
     }
     if let Some(path) = &args.json {
         outputs.add_report(path, pretty(&found)?.as_bytes())?;
+    }
+    if let Some(path) = &args.html {
+        let page = diff_page(&original, &args.corrected.display().to_string(), &found);
+        outputs.add_report(path, page.as_bytes())?;
     }
     outputs.commit()?;
     Ok(if found.is_empty() { Answer::Yes } else { Answer::No })

@@ -10,12 +10,17 @@ use deflex::cell::extended;
 use deflex::identify::{Input, identify};
 use deflex::measured::Table;
 use deflex::program::Program;
+use deflex::report::html::identification_page;
 use deflex::report::{identify_text, residual_csv};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Identify) -> Outcome {
-    let printed = [&args.output, &args.report, &args.json].into_iter().flatten().filter(|path| is_stdout(path)).count();
+    let printed = [&args.output, &args.report, &args.json, &args.html]
+        .into_iter()
+        .flatten()
+        .filter(|path| is_stdout(path))
+        .count();
     one_thing(printed)?;
     let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
     let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &cell, &context, &pair[0], &pair[1])));
@@ -43,6 +48,10 @@ pub(super) fn run(args: &Identify) -> Outcome {
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;
+    }
+    if let Some(path) = &args.html {
+        let data: Vec<String> = args.run.iter().chain(&args.poses).map(|path| path.display().to_string()).collect();
+        outputs.add_report(path, identification_page(&found, &cell.name, &data).as_bytes())?;
     }
     if printed == 0 {
         outputs.add(Path::new("-"), identify_text(&found).as_bytes())?;

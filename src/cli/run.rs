@@ -9,6 +9,7 @@ use super::{Answer, Outcome, message, progress};
 use deflex::correct::{self, Correct, Corrected, Options, PostOptions, compensate, predict};
 use deflex::program::{Language, Program};
 use deflex::report::FileSummary;
+use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::text::{Diagnostic, apply};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -23,7 +24,12 @@ pub(super) struct Setup {
 }
 
 impl Setup {
-    pub(super) fn read(model: &Model, context: Context, what: What) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn read(
+        model: &Model,
+        context: Context,
+        what: What,
+        reports: &Reports,
+    ) -> Result<Self, Vec<Diagnostic>> {
         let cell = CellFile::read(&model.cell);
         let forces = model.forces.as_deref().map(ForceFile::read).transpose();
         let (cell, forces) = match (cell, forces) {
@@ -37,6 +43,7 @@ impl Setup {
             },
             forces: forces.as_ref().map(|file| file.forces.clone()),
             tool: model.tool.clone(),
+            stiffness: reports.html.is_some(),
             ..Options::default()
         };
         Ok(Self { cell, forces, context, options })
@@ -73,16 +80,27 @@ struct Done {
     summary: FileSummary,
     line: String,
     notes: Vec<Diagnostic>,
+    /// For `--html`.
+    path: Option<PathTrace>,
 }
 
 impl Done {
-    fn new(name: &str, program: &Program, corrected: Corrected, outputs: Outputs) -> Result<Self, Vec<Diagnostic>> {
+    fn new(
+        name: &str,
+        program: &Program,
+        corrected: Corrected,
+        outputs: Outputs,
+        mut path: Option<PathTrace>,
+    ) -> Result<Self, Vec<Diagnostic>> {
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }
         let summary = FileSummary::new(name, &corrected);
         let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
-        Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes })
+        if let Some(path) = &mut path {
+            path.extend(&corrected.rows);
+        }
+        Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes, path })
     }
 }
 
@@ -107,13 +125,21 @@ fn each(
 }
 
 /// Gathers what the programs came to, writes it, and says so.
-fn finish(mut outputs: Outputs, setup: &Setup, done: Vec<Done>, reports: &Reports, quiet: bool) -> Outcome {
+fn finish(
+    mut outputs: Outputs,
+    setup: &Setup,
+    kind: PathKind,
+    done: Vec<Done>,
+    reports: &Reports,
+    quiet: bool,
+) -> Outcome {
     let mut notes = setup.notes();
-    let (mut rows, mut summaries, mut lines) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut rows, mut summaries, mut lines, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for program in done {
         outputs.append(program.outputs)?;
         notes.extend(program.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         rows.push(program.rows);
+        paths.extend(program.path.map(|path| (program.summary.clone(), path)));
         summaries.push(program.summary);
         lines.push(program.line);
     }
@@ -122,6 +148,10 @@ fn finish(mut outputs: Outputs, setup: &Setup, done: Vec<Done>, reports: &Report
     }
     if let Some(path) = &reports.json {
         report::json(&mut outputs, path, &summaries)?;
+    }
+    if let Some(path) = &reports.html {
+        let page = PathPage { kind, cell: &setup.cell.name, programs: &paths };
+        outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;
     message::print(&setup.cell.own(notes), quiet);
@@ -132,7 +162,7 @@ fn finish(mut outputs: Outputs, setup: &Setup, done: Vec<Done>, reports: &Report
 }
 
 pub(super) fn run_compensate(args: &Compensate) -> Outcome {
-    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct);
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
     let (setup, jobs) = match Input::open(args)? {
         Some(mut long) => {
             let setup = setup?;
@@ -150,6 +180,7 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
     setup.options.allow_clones = args.allow_clones;
     one_stdout(args, &jobs)?;
     let outputs = outputs(args, &jobs);
+    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len()));
     let done = each(jobs, args.common.quiet, |job| {
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let program = setup.program(job)?;
@@ -169,14 +200,14 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
         };
         let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
         place(args, &mut outputs, written.into_iter().chain(companions))?;
-        let mut done = Done::new(&name, &program, corrected, outputs)?;
+        let mut done = Done::new(&name, &program, corrected, outputs, path.clone())?;
         done.notes.extend(notes);
         if let Some(dir) = &args.out_dir {
             done.outputs.add_report(&dir.join(stem.with_extension("report.csv")), &done.rows.csv)?;
         }
         Ok(done)
     })?;
-    finish(outputs, &setup, done, &args.reports, args.common.quiet)
+    finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
 }
 
 /// Outputs that take no input's place.
@@ -188,10 +219,10 @@ fn outputs(args: &Compensate, jobs: &[Job]) -> Outputs {
 
 /// What is left to do for a long program, whose outputs but for the summary are staged.
 fn streamed(args: &Compensate, setup: &Setup, done: Streamed) -> Outcome {
-    let Streamed { outputs, summary, line, notes } = done;
+    let Streamed { outputs, summary, line, notes, path } = done;
     let reports = Reports { report: None, ..args.reports.clone() };
-    let done = Done { outputs: outputs.sibling(), rows: Rows::default(), summary, line, notes };
-    finish(outputs, setup, vec![done], &reports, args.common.quiet)
+    let done = Done { outputs: outputs.sibling(), rows: Rows::default(), summary, line, notes, path };
+    finish(outputs, setup, PathKind::Compensate, vec![done], &reports, args.common.quiet)
 }
 
 /// Bytes of each corrected source.
@@ -283,40 +314,41 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
         return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
     }
     let program = args.out_dir.is_none() && args.output.as_deref().is_none_or(is_stdout);
-    let others = [&args.reports.report, &args.reports.json].into_iter().flatten().filter(|path| is_stdout(path));
-    one_thing(usize::from(program) + others.count())
+    one_thing(usize::from(program) + args.reports.to_stdout())
 }
 
 /// Stdout carries one result.
 pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     if count > 1 {
         let message = "more than one result would go to stdout";
-        return Err(vec![Diagnostic::error("usage.stdout", "", message).help("give -o, --report or --json a file")]);
+        return Err(vec![
+            Diagnostic::error("usage.stdout", "", message).help("give -o, --report, --json or --html a file"),
+        ]);
     }
     Ok(())
 }
 
 pub(super) fn run_predict(args: &Predict) -> Outcome {
-    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct);
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
     let jobs = input::jobs(&args.inputs, args.reading.format);
     let (setup, jobs) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
-    let to_stdout = reports.json.as_deref().is_some_and(is_stdout);
-    if reports.report.is_none() && !to_stdout {
+    if reports.report.is_none() && reports.to_stdout() == 0 {
         reports.report = Some(PathBuf::from("-"));
     }
-    one_thing([&reports.report, &reports.json].into_iter().flatten().filter(|path| is_stdout(path)).count())?;
+    one_thing(reports.to_stdout())?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
     let outputs = Outputs::new(read.chain(&args.against));
+    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len()));
     let done = each(jobs, args.common.quiet, |job| {
         let name = job.name.clone();
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;
         let predicted = predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
-        Done::new(&name, &program, predicted.map_err(|e| setup.cell.own(e))?, outputs.sibling())
+        Done::new(&name, &program, predicted.map_err(|e| setup.cell.own(e))?, outputs.sibling(), path.clone())
     })?;
-    finish(outputs, &setup, done, &reports, args.common.quiet)
+    finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)
 }
 
 /// Both values, or the errors of both.

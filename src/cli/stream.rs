@@ -6,6 +6,7 @@ use super::run::Setup;
 use super::{progress, report};
 use deflex::correct::{Sinks, StreamError, compensate_pieces};
 use deflex::program::rapid::{PIECE, Pieces};
+use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Source};
 use std::fs::File;
@@ -27,6 +28,7 @@ pub(super) struct Streamed {
     pub(super) summary: FileSummary,
     pub(super) line: String,
     pub(super) notes: Vec<Diagnostic>,
+    pub(super) path: Option<PathTrace>,
 }
 
 impl Input {
@@ -93,11 +95,12 @@ impl Input {
         report.write_all(CSV_HEADER.as_bytes()).map_err(no_report)?;
 
         let bar = progress::bytes(self.bytes, args.common.quiet);
+        let mut path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, 1));
         let mut sinks = Sinks {
             program: &mut program,
             report: &mut report,
             rows: &|rows| if wanted { csv_rows(rows) } else { Vec::new() },
-            each: &mut |_| (),
+            each: &mut |rows| path.iter_mut().for_each(|path| path.extend(rows)),
             progress: &|targets, bytes| progress::at(&bar, targets, bytes),
         };
         let threads = rayon::current_num_threads();
@@ -107,7 +110,7 @@ impl Input {
             Ok(done) if done.failures.is_empty() => {
                 let summary = FileSummary::of(&name, &done.summary, &[]);
                 let line = report::line(&summary, true);
-                Ok(Some(Streamed { outputs, summary, line, notes: done.notes }))
+                Ok(Some(Streamed { outputs, summary, line, notes: done.notes, path }))
             }
             Ok(done) => Err(done.failures),
             Err(StreamError::NotStraight) => Ok(None),

@@ -31,6 +31,9 @@ pub struct Difference {
 /// A target that moved.
 #[derive(Clone, Debug, Serialize)]
 pub struct MovedTarget {
+    /// Index into the first program's targets.
+    #[serde(skip)]
+    pub index: usize,
     /// Ordinal.
     pub target: u32,
     /// Line in the first program.
@@ -82,8 +85,16 @@ pub fn difference(first: &Program, second: &Program) -> Difference {
         if mm > SAME || deg > SAME || conf.is_some() {
             (out.max_mm, out.max_deg) = (out.max_mm.max(mm), out.max_deg.max(deg));
             let conf = conf.map(|(a, b)| (list(a), list(b)));
-            let moved =
-                MovedTarget { target: a.ordinal, line: a.line, shift_mm: shift.into(), mm, deg, step_mm: step, conf };
+            let moved = MovedTarget {
+                index: i,
+                target: a.ordinal,
+                line: a.line,
+                shift_mm: shift.into(),
+                mm,
+                deg,
+                step_mm: step,
+                conf,
+            };
             out.moved.push(moved);
         }
         if first.language == second.language {

@@ -3,6 +3,7 @@
 mod ci;
 mod csv;
 mod diff;
+pub mod html;
 mod identification;
 mod inspect;
 mod summary;

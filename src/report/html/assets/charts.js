@@ -1,0 +1,98 @@
+// Charts along the path, one above the other with a common cursor and a common zoom (uPlot).
+
+class Charts {
+  // `choose` is given the index of a clicked point.
+  constructor(root, choose) {
+    this.root = root;
+    this.choose = choose;
+    this.plots = [];
+    this.marked = -1;
+    new ResizeObserver(() => this.resize()).observe(root);
+  }
+
+  // panels: [{ title, unit, digits, series: [{ label, values, style }] }] over common x values.
+  show(x, xLabel, panels, points) {
+    this.plots.forEach((plot) => plot.destroy());
+    this.root.replaceChildren();
+    this.x = x;
+    this.scale = null;
+    this.plots = panels.map((panel, i) => this.plot(panel, x, xLabel, i === panels.length - 1, points));
+  }
+
+  plot(panel, x, xLabel, last, points) {
+    const host = element("div", { className: "plot" });
+    this.root.append(host);
+    const axis = {
+      stroke: theme("--muted"),
+      font: `12px ${theme("--font")}`,
+      grid: { stroke: theme("--grid"), width: 1 },
+      ticks: { stroke: theme("--grid"), width: 1, size: 4 },
+    };
+    const series = panel.series.map(({ label, style }) => ({
+      label,
+      stroke: theme(`--${style}`),
+      width: points ? 0 : style === "before" ? 1.25 : 1.75,
+      dash: style === "before" && !points ? [5, 3] : undefined,
+      paths: points ? () => null : undefined,
+      points: points ? { show: true, size: style === "before" ? 5 : 4, width: 1.25, stroke: theme(`--${style}`), fill: style === "before" ? "transparent" : theme(`--${style}`) } : { show: x.length === 1 },
+      value: (_, value) => (value == null ? "" : value.toFixed(panel.digits)),
+    }));
+    const mark = (plot) => {
+      if (this.marked < 0) return;
+      const at = Math.round(plot.valToPos(this.x[this.marked], "x", true));
+      const { left, top, width, height } = plot.bbox;
+      if (at < left || at > left + width) return;
+      plot.ctx.save();
+      plot.ctx.fillStyle = theme("--chosen");
+      plot.ctx.fillRect(at, top, Math.max(1, uPlot.pxRatio), height);
+      plot.ctx.restore();
+    };
+    const options = {
+      title: undefined,
+      width: Math.max(280, this.root.clientWidth),
+      height: last ? 168 : 142,
+      padding: [10, 8, 0, 0],
+      scales: { x: { time: false } },
+      cursor: {
+        sync: { key: "path" },
+        drag: { x: true, y: false },
+        points: { size: 7 },
+      },
+      legend: { live: true },
+      axes: [
+        { ...axis, label: last ? xLabel : undefined, labelSize: 20, labelFont: axis.font, size: last ? 30 : 22, values: (_, ticks) => ticks.map((tick) => (Number.isInteger(tick) ? grouped(tick) : "")) },
+        { ...axis, label: `${panel.title}, ${panel.unit}`, labelSize: 20, labelFont: `600 12px ${theme("--font")}`, size: 62 },
+      ],
+      series: [{ label: xLabel, value: (_, value) => (value == null ? "" : grouped(value)) }, ...series],
+      hooks: {
+        draw: [mark],
+        setScale: [(plot, key) => key === "x" && this.follow(plot)],
+        ready: [(plot) => plot.over.addEventListener("click", () => {
+          const i = plot.cursor.idx;
+          if (this.choose && i != null) this.choose(i);
+        })],
+      },
+    };
+    const data = [x, ...panel.series.map(({ values }) => values.map((value) => (Number.isNaN(value) ? null : value)))];
+    return new uPlot(options, data, host);
+  }
+
+  // Gives all charts the zoom of one.
+  follow(from) {
+    if (this.following) return;
+    this.following = true;
+    const { min, max } = from.scales.x;
+    this.plots.filter((plot) => plot !== from).forEach((plot) => plot.setScale("x", { min, max }));
+    this.following = false;
+  }
+
+  mark(i) {
+    this.marked = i;
+    this.plots.forEach((plot) => plot.redraw(false, false));
+  }
+
+  resize() {
+    const width = Math.max(280, this.root.clientWidth);
+    this.plots.filter((plot) => plot.width !== width).forEach((plot) => plot.setSize({ width, height: plot.height }));
+  }
+}

@@ -1,0 +1,79 @@
+// Numbers of the page: 32-bit integers in base64, each over a power of ten, so that they print as in the CSV report.
+
+const ABSENT = -(2 ** 31);
+
+class Column {
+  constructor({ decimals, data }) {
+    const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+    const view = new DataView(bytes.buffer);
+    this.decimals = decimals;
+    this.raw = Int32Array.from({ length: bytes.length / 4 }, (_, i) => view.getInt32(4 * i, true));
+  }
+
+  has(i) {
+    return this.raw[i] !== ABSENT;
+  }
+
+  // As a number, NaN where absent.
+  at(i) {
+    return this.has(i) ? this.raw[i] / 10 ** this.decimals : NaN;
+  }
+
+  // As the CSV prints it.
+  text(i) {
+    return this.has(i) ? this.at(i).toFixed(this.decimals).replace(/^-(0\.?0*)$/, "$1") : "";
+  }
+
+  numbers() {
+    return Array.from(this.raw, (_, i) => this.at(i));
+  }
+}
+
+class Path {
+  constructor(json) {
+    Object.assign(this, json);
+    this.columns = Object.fromEntries(Object.entries(json.columns).map(([key, column]) => [key, new Column(column)]));
+    this.length = this.kept;
+  }
+
+  has(key) {
+    return key in this.columns;
+  }
+
+  column(key) {
+    return this.columns[key];
+  }
+
+  status(i) {
+    return this.statuses[this.columns.status.raw[i]];
+  }
+
+  name(i) {
+    return this.names[this.columns.name.raw[i]];
+  }
+
+  // Index of a target, or of the nearest one that was kept.
+  find(target) {
+    const all = this.columns.target.raw;
+    let [low, high] = [0, all.length - 1];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (all[middle] < target) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+}
+
+const byId = (id) => document.getElementById(id);
+
+const element = (name, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+};
+
+// Colours of the style sheet, which knows light, dark and print.
+const theme = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+const grouped = (count) => count.toLocaleString("en");

@@ -1,0 +1,232 @@
+// What a page shows of its data, and how its parts answer to one another.
+
+const page = JSON.parse(byId("data").textContent);
+
+// Colourings of the 3-D view: the column, what it is called, its unit; from nought where `zero`.
+const COLOURS = [
+  { key: "error_mm", label: "Predicted error", unit: "mm", zero: true },
+  { key: "correction_mm", label: "Correction", unit: "mm", zero: true },
+  { key: "remaining_mm", label: "Remaining error", unit: "mm", zero: true },
+  { key: "shift_mm", label: "Shift", unit: "mm", zero: true },
+  { key: "turn_deg", label: "Turn", unit: "°", zero: true },
+  { key: "step_mm", label: "Step from the target before", unit: "mm", zero: true },
+  { key: "stiffness_normal_n_per_mm", label: "Stiffness along the normal", unit: "N/mm", zero: false },
+  { key: "stiffness_least_n_per_mm", label: "Least stiffness", unit: "N/mm", zero: false },
+];
+
+// Rows of the target panel: a label and the columns behind it.
+const triple = (before, after) => ["x", "y", "z"].map((axis) => `${before}${axis}${after}`);
+const FIGURES = [
+  ["Position, mm", triple("", "_mm")],
+  ["Error, mm", triple("error_", "_mm")],
+  ["size", ["error_mm"]],
+  ["along the normal", ["error_normal_mm"]],
+  ["uncertainty an axis", ["sigma_mm"]],
+  ["Error, °", triple("error_r", "_deg")],
+  ["Correction, mm", triple("correction_", "_mm")],
+  ["size", ["correction_mm"]],
+  ["Correction, °", triple("correction_r", "_deg")],
+  ["Remaining, mm", triple("remaining_", "_mm")],
+  ["size", ["remaining_mm"]],
+  ["Shift, mm", triple("shift_", "_mm")],
+  ["size", ["shift_mm"]],
+  ["Turn, °", ["turn_deg"]],
+  ["Step, mm", ["step_mm"]],
+  ["Force, N", triple("f", "_n")],
+  ["Stiffness, N/mm", []],
+  ["along the normal", ["stiffness_normal_n_per_mm"]],
+  ["softest direction", ["stiffness_least_n_per_mm"]],
+  ["stiffest direction", ["stiffness_most_n_per_mm"]],
+];
+
+const paths = page.paths.map((json) => new Path(json));
+
+// What the level of detail leaves out.
+const detail = (path, things) =>
+  path.kept === path.count
+    ? `All ${grouped(path.count)} ${things} are shown.`
+    : `${grouped(path.kept)} of ${grouped(path.count)} ${things} are shown: of every ${path.stride} in a row the first, and those with the largest sizes. ` +
+      "The figures above and in the tables are of all of them; the CSV report lists each.";
+
+const numbers = (path, key) => path.column(key).numbers();
+
+const legend = (entries) =>
+  byId("key").replaceChildren(...entries.map(([style, label]) => element("span", { className: `swatch ${style}`, textContent: label })));
+
+class PathPage {
+  constructor() {
+    this.view = new View(byId("path"), {
+      hover: (i, x, y) => this.hover(i, x, y),
+      choose: (i) => this.choose(i),
+      step: (by) => this.choose(Math.max(0, Math.min(this.path.length - 1, this.chosen + by))),
+    });
+    this.charts = new Charts(byId("plots"), (i) => this.choose(i));
+    document.querySelectorAll("[data-view]").forEach((button) =>
+      button.addEventListener("click", () => (button.dataset.view === "fit" ? this.view.fit() : this.view.look(button.dataset.view))));
+    byId("colour").addEventListener("change", () => this.colour());
+    const program = byId("program");
+    if (program) {
+      program.replaceChildren(...paths.map((path, i) => element("option", { value: i, textContent: path.title })));
+      program.addEventListener("change", () => this.show(paths[program.value]));
+    }
+    this.show(paths[0]);
+  }
+
+  show(path) {
+    this.path = path;
+    const before = byId("colour").value;
+    const colours = COLOURS.filter(({ key }) => path.has(key));
+    byId("colour").replaceChildren(...colours.map(({ key, label }) => element("option", { value: key, textContent: label })));
+    if (colours.some(({ key }) => key === before)) byId("colour").value = before;
+    byId("detail").textContent = path.length ? detail(path, "targets") : "No target has a position to show.";
+    if (!path.length) return;
+    this.view.setPath(path);
+    this.colour();
+    this.plot();
+    const sizes = numbers(path, byId("colour").value);
+    this.choose(sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
+  }
+
+  colour() {
+    const { key, label, unit, zero } = COLOURS.find((colour) => colour.key === byId("colour").value);
+    const values = numbers(this.path, key);
+    let [low, high] = [Infinity, -Infinity];
+    values.forEach((value, i) => {
+      if (this.path.status(i) === "air" || Number.isNaN(value)) return;
+      [low, high] = [Math.min(low, value), Math.max(high, value)];
+    });
+    if (!(high >= low)) [low, high] = [0, 0];
+    if (zero) low = 0;
+    this.view.setColours(values, low, high);
+    const stops = Array.from({ length: 12 }, (_, i) => ramp(i / 11));
+    byId("ramp").style.background = `linear-gradient(to right, ${stops.join(",")})`;
+    [byId("low").textContent, byId("high").textContent] = [low, high].map((value) => `${+value.toPrecision(4)}`);
+    const air = this.view.air.length ? "; grey: no cutting force" : "";
+    byId("what").textContent = `${label}, ${unit}${page.kind === "diff" ? "" : air}`;
+  }
+
+  plot() {
+    const { path } = this;
+    const x = numbers(path, "target");
+    const line = (label, key, style) => (path.has(key) ? [{ label, values: numbers(path, key), style }] : []);
+    const panels = [];
+    if (page.kind === "diff") {
+      byId("charts-title").textContent = "Shift along the path";
+      ["x", "y", "z"].forEach((axis) =>
+        panels.push({ title: axis.toUpperCase(), unit: "mm", digits: 6, series: line("shift", `shift_${axis}_mm`, "after") }));
+      panels.push({ title: "Turn", unit: "°", digits: 6, series: line("turn", "turn_deg", "after") });
+      legend([]);
+    } else {
+      const corrected = path.has("remaining_x_mm");
+      byId("charts-title").textContent = corrected ? "Error along the path, before and after" : "Predicted error along the path";
+      ["x", "y", "z"].forEach((axis) =>
+        panels.push({
+          title: axis.toUpperCase(),
+          unit: "mm",
+          digits: 6,
+          series: [...line(corrected ? "before" : "error", `error_${axis}_mm`, "before"), ...line("after", `remaining_${axis}_mm`, "after")],
+        }));
+      if (!corrected) panels.push({ title: "Normal", unit: "mm", digits: 6, series: line("error", "error_normal_mm", "before") });
+      if (path.has("stiffness_normal_n_per_mm")) {
+        const series = [
+          ...line("along the normal", "stiffness_normal_n_per_mm", "normal"),
+          ...line("softest direction", "stiffness_least_n_per_mm", "least"),
+          ...line("stiffest direction", "stiffness_most_n_per_mm", "most"),
+        ];
+        panels.push({ title: "Stiffness", unit: "N/mm", digits: 1, series });
+      }
+      legend([["before", corrected ? "before" : "predicted"], ...(corrected ? [["after", "after"]] : []),
+        ...(path.has("stiffness_normal_n_per_mm") ? [["normal", "stiffness along the normal"], ["least", "softest"], ["most", "stiffest"]] : [])]);
+    }
+    this.charts.show(x, "target", panels, false);
+  }
+
+  choose(i) {
+    const { path } = this;
+    this.chosen = i;
+    this.view.chosen = i;
+    this.view.redraw();
+    this.charts.mark(i);
+    const name = path.name(i) ? ` ${path.name(i)}` : "";
+    byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
+    const rows = [element("tr", {}, element("th", { textContent: "Line" }), this.cell(["line"], i)),
+      element("tr", {}, element("th", { textContent: "Status" }), element("td", { colSpan: 3, textContent: path.status(i) }))];
+    for (const [label, keys] of FIGURES) {
+      const shown = keys.filter((key) => path.has(key) && path.column(key).has(i));
+      const heading = !keys.length && path.has("stiffness_normal_n_per_mm");
+      if (!shown.length && !heading) continue;
+      const part = /^[a-z]/.test(label);
+      const cells = shown.length === 3 ? shown.map((key) => this.cell([key], i, 1)) : shown.length ? [this.cell(shown, i)] : [];
+      rows.push(element("tr", { className: part ? "part" : "" }, element("th", { textContent: label }), ...cells));
+    }
+    byId("figures").replaceChildren(element("table", {}, element("tbody", {}, ...rows)));
+    byId("figures").dataset.target = path.column("target").raw[i];
+  }
+
+  cell([key], i, span = 3) {
+    const cell = element("td", { className: "number", colSpan: span, textContent: this.path.column(key).text(i) });
+    cell.dataset.key = key;
+    return cell;
+  }
+
+  hover(i, x, y) {
+    const tip = byId("tip");
+    tip.hidden = i < 0;
+    this.view.canvas.style.cursor = i < 0 ? "grab" : "pointer";
+    if (i < 0) return;
+    const { path } = this;
+    const { key, label, unit } = COLOURS.find((colour) => colour.key === byId("colour").value);
+    tip.textContent = `target ${path.column("target").raw[i]}${path.name(i) ? ` ${path.name(i)}` : ""} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${path.column(key).text(i)} ${unit}`;
+    const canvas = this.view.canvas;
+    tip.style.left = `${canvas.offsetLeft + Math.max(0, Math.min(x + 14, canvas.clientWidth - tip.offsetWidth))}px`;
+    tip.style.top = `${canvas.offsetTop + Math.max(0, y - tip.offsetHeight - 10)}px`;
+  }
+
+  repaint() {
+    const { chosen } = this;
+    if (!this.path.length) return;
+    this.colour();
+    this.plot();
+    this.charts.mark(chosen);
+    this.view.resize();
+  }
+}
+
+class ResidualPage {
+  constructor() {
+    this.path = paths[0];
+    this.charts = new Charts(byId("plots"), null);
+    byId("charts-title").textContent = "Residuals before and after";
+    byId("detail").textContent = detail(this.path, "rows");
+    byId("rows").addEventListener("change", () => this.repaint());
+    this.repaint();
+  }
+
+  repaint() {
+    const { path } = this;
+    const all = byId("rows").value === "all";
+    const held = path.has("held_out") ? path.column("held_out").raw : [];
+    const wanted = Array.from(held, (_, i) => i).filter((i) => all || held[i] === 1);
+    const pick = (key) => wanted.map((i) => path.column(key).at(i));
+    const panel = (title, before, after) => ({
+      title,
+      unit: "mm",
+      digits: 6,
+      series: [{ label: "declared cell", values: pick(before), style: "before" }, { label: "extended cell", values: pick(after), style: "after" }],
+    });
+    const panels = [panel("Size", "prefit_mm", "postfit_mm")];
+    ["x", "y", "z"].filter((axis) => path.has(`prefit_${axis}_mm`)).forEach((axis) =>
+      panels.push(panel(axis.toUpperCase(), `prefit_${axis}_mm`, `postfit_${axis}_mm`)));
+    legend([["before ring", "declared cell"], ["after dot", "extended cell"]]);
+    this.charts.show(pick("target"), "row", panels, true);
+  }
+}
+
+const shown = page.kind === "identify" ? new ResidualPage() : new PathPage();
+
+// The pictures are painted in the colours of the moment: again where these change.
+const repaint = () => shown.repaint();
+for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", repaint);
+
+// For whoever drives the page from outside.
+window.deflex = shown;

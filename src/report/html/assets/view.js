@@ -1,0 +1,311 @@
+// The toolpath in 3-D on a plain canvas: orthographic, z up, turned about the vertical.
+
+// viridis (van der Walt and Smith), which colour-blind readers and grey printers can follow.
+const VIRIDIS = ["#440154", "#482475", "#414487", "#355f8d", "#2a788e", "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26", "#fde725"];
+
+// What is large stands out: dark on a light page, bright on a dark one. The end that would drown is left out.
+const ramp = (share) => {
+  const dark = theme("--scheme") === "dark";
+  const place = (dark ? 0.18 + 0.82 * share : 0.9 * (1 - share)) * (VIRIDIS.length - 1);
+  const low = Math.min(Math.floor(place), VIRIDIS.length - 2);
+  const channel = (hex, at) => parseInt(hex.slice(1 + 2 * at, 3 + 2 * at), 16);
+  const mixed = [0, 1, 2].map((c) => channel(VIRIDIS[low], c) * (1 - place + low) + channel(VIRIDIS[low + 1], c) * (place - low));
+  return `rgb(${mixed.map(Math.round).join(",")})`;
+};
+
+const SHADES = 32;
+// Points drawn while turning; at rest all are.
+const MOST_MOVING = 4000;
+// Farther than this from the pointer, nothing is meant, px.
+const REACH = 14;
+
+const VIEWS = { iso: [-55, 28], top: [-90, 90], front: [-90, 0], side: [0, 0] };
+
+class View {
+  constructor(canvas, { hover, choose, step }) {
+    this.canvas = canvas;
+    this.on = { hover, choose, step };
+    [this.azimuth, this.elevation] = VIEWS.iso;
+    this.zoom = 1;
+    this.pan = [0, 0];
+    this.chosen = -1;
+    this.listen();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+  }
+
+  setPath(path) {
+    const [x, y, z] = ["x_mm", "y_mm", "z_mm"].map((key) => path.column(key).numbers());
+    this.path = path;
+    this.points = [x, y, z];
+    const range = (v) => v.reduce(([low, high], w) => [Math.min(low, w), Math.max(high, w)], [Infinity, -Infinity]);
+    this.box = this.points.map(range);
+    this.screen = new Float32Array(2 * path.length);
+    this.fit();
+  }
+
+  // Shades of the line: `values` over [low, high], air apart.
+  setColours(values, low, high) {
+    const { path } = this;
+    this.shades = Array.from({ length: SHADES }, () => []);
+    this.air = [];
+    for (let i = 1; i < path.length; i++) {
+      const share = (values[i] - low) / (high - low || 1);
+      if (path.status(i) === "air" || !(share >= 0)) this.air.push(i);
+      else this.shades[Math.min(Math.floor(share * SHADES), SHADES - 1)].push(i);
+    }
+    this.redraw();
+  }
+
+  resize() {
+    const scale = window.devicePixelRatio || 1;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    [this.canvas.width, this.canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
+    this.redraw();
+  }
+
+  fit() {
+    this.zoom = 1;
+    this.pan = [0, 0];
+    this.redraw();
+  }
+
+  look(name) {
+    [this.azimuth, this.elevation] = VIEWS[name];
+    this.fit();
+  }
+
+  // Screen axes in the work object.
+  axes() {
+    const [a, e] = [this.azimuth, this.elevation].map((degrees) => (degrees * Math.PI) / 180);
+    const right = [-Math.sin(a), Math.cos(a), 0];
+    const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
+    return [right, up];
+  }
+
+  // Pixels a millimetre that show the whole box.
+  scale() {
+    const size = this.axes().map((axis) => axis.reduce((sum, c, i) => sum + Math.abs(c) * (this.box[i][1] - this.box[i][0]), 0));
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    const room = 0.84;
+    return room * this.zoom * Math.min(width / (size[0] || 1e-6), height / (size[1] || 1e-6), 1e6);
+  }
+
+  project() {
+    const [right, up] = this.axes();
+    const scale = this.scale();
+    const middle = this.box.map(([low, high]) => (low + high) / 2);
+    const centre = [this.canvas.clientWidth / 2 + this.pan[0], this.canvas.clientHeight / 2 + this.pan[1]];
+    const [x, y, z] = this.points;
+    for (let i = 0; i < this.path.length; i++) {
+      const [px, py, pz] = [x[i] - middle[0], y[i] - middle[1], z[i] - middle[2]];
+      this.screen[2 * i] = centre[0] + scale * (px * right[0] + py * right[1] + pz * right[2]);
+      this.screen[2 * i + 1] = centre[1] - scale * (px * up[0] + py * up[1] + pz * up[2]);
+    }
+    return scale;
+  }
+
+  // On the next frame, once.
+  redraw(moving = false) {
+    if (moving) {
+      clearTimeout(this.rest);
+      this.rest = setTimeout(() => this.redraw(), 150);
+    }
+    this.moving = moving;
+    if (!this.pending) this.pending = requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.pending = 0;
+    const { canvas, path } = this;
+    if (!path || !this.shades || !canvas.width || !canvas.clientWidth) return;
+    const context = canvas.getContext("2d");
+    const density = canvas.width / canvas.clientWidth;
+    context.setTransform(density, 0, 0, density, 0, 0);
+    context.fillStyle = theme("--stage");
+    context.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    const scale = this.project();
+    const skip = this.moving ? Math.max(1, Math.ceil(path.length / MOST_MOVING)) : 1;
+    context.lineCap = "round";
+    context.lineJoin = "round";
+    const dots = path.length <= 400;
+    this.stroke(context, this.air, skip, theme("--air"), 1, false);
+    this.shades.forEach((list, i) => this.stroke(context, list, skip, ramp(i / (SHADES - 1)), 2.5, dots));
+    this.drawChosen(context);
+    this.drawTriad(context);
+    this.drawScale(context, scale);
+    Object.assign(canvas.dataset, { azimuth: this.azimuth, elevation: this.elevation, zoom: this.zoom.toFixed(4) });
+  }
+
+  stroke(context, list, skip, colour, width, dots) {
+    if (!list.length) return;
+    const { screen } = this;
+    context.beginPath();
+    for (const i of list) {
+      if (i % skip && i !== this.path.length - 1) continue;
+      const from = 2 * Math.max(0, i - (i % skip || skip));
+      context.moveTo(screen[from], screen[from + 1]);
+      context.lineTo(screen[2 * i], screen[2 * i + 1]);
+    }
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.stroke();
+    if (!dots) return;
+    context.beginPath();
+    for (const i of list) {
+      context.moveTo(screen[2 * i], screen[2 * i + 1]);
+      context.arc(screen[2 * i], screen[2 * i + 1], 2.8, 0, 2 * Math.PI);
+    }
+    context.fillStyle = colour;
+    context.fill();
+  }
+
+  drawChosen(context) {
+    if (this.chosen < 0) return;
+    const [x, y] = [this.screen[2 * this.chosen], this.screen[2 * this.chosen + 1]];
+    for (const [radius, colour, width] of [[8, theme("--stage"), 5], [8, theme("--chosen"), 2.5]]) {
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.stroke();
+    }
+  }
+
+  drawTriad(context) {
+    const [right, up] = this.axes();
+    const [x0, y0, length] = [40, this.canvas.clientHeight - 40, 24];
+    context.font = `600 12px ${theme("--font")}`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    ["X", "Y", "Z"].forEach((label, i) => {
+      const [x, y] = [right[i], -up[i]];
+      if (Math.hypot(x, y) < 0.15) return;
+      context.beginPath();
+      context.moveTo(x0, y0);
+      context.lineTo(x0 + x * length, y0 + y * length);
+      context.strokeStyle = theme("--muted");
+      context.lineWidth = 1.5;
+      context.stroke();
+      context.fillStyle = theme("--text");
+      context.fillText(label, x0 + x * (length + 9), y0 + y * (length + 9));
+    });
+  }
+
+  // A bar of a round number of millimetres.
+  drawScale(context, scale) {
+    const most = 120 / scale;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const length = power * [5, 2, 1].find((step) => step * power <= most);
+    const [x, y] = [this.canvas.clientWidth - 20, this.canvas.clientHeight - 24];
+    context.beginPath();
+    context.moveTo(x - length * scale, y - 4);
+    context.lineTo(x - length * scale, y);
+    context.lineTo(x, y);
+    context.lineTo(x, y - 4);
+    context.strokeStyle = theme("--text");
+    context.lineWidth = 1.5;
+    context.stroke();
+    context.fillStyle = theme("--text");
+    context.font = `12px ${theme("--font")}`;
+    context.textAlign = "right";
+    context.textBaseline = "bottom";
+    context.fillText(`${+length.toPrecision(1)} mm`, x, y - 6);
+  }
+
+  // The target under the pointer, −1 where there is none.
+  near(x, y) {
+    let [best, nearest] = [REACH ** 2, -1];
+    for (let i = 0; i < this.path.length; i++) {
+      const distance = (this.screen[2 * i] - x) ** 2 + (this.screen[2 * i + 1] - y) ** 2;
+      if (distance < best) [best, nearest] = [distance, i];
+    }
+    return nearest;
+  }
+
+  place(i) {
+    return [this.screen[2 * i], this.screen[2 * i + 1]];
+  }
+
+  turn(azimuth, elevation) {
+    this.azimuth = ((((this.azimuth + azimuth + 180) % 360) + 360) % 360) - 180;
+    this.elevation = Math.max(-90, Math.min(90, this.elevation + elevation));
+    this.redraw(true);
+  }
+
+  move(x, y) {
+    this.pan = [this.pan[0] + x, this.pan[1] + y];
+    this.redraw(true);
+  }
+
+  // About a point of the canvas that stays where it is.
+  magnify(factor, x = this.canvas.clientWidth / 2, y = this.canvas.clientHeight / 2) {
+    const zoom = Math.max(0.2, Math.min(2000, this.zoom * factor));
+    const [cx, cy] = [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
+    const ratio = zoom / this.zoom;
+    this.pan = [x - cx - ratio * (x - cx - this.pan[0]), y - cy - ratio * (y - cy - this.pan[1])];
+    this.zoom = zoom;
+    this.redraw(true);
+  }
+
+  listen() {
+    const { canvas } = this;
+    const fingers = new Map();
+    let moved = 0;
+    const place = (event) => {
+      const box = canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, place(event));
+      moved = 0;
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const now = place(event);
+      const before = fingers.get(event.pointerId);
+      if (!before) {
+        this.on.hover(this.near(...now), ...now);
+        return;
+      }
+      const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
+      moved += Math.abs(dx) + Math.abs(dy);
+      fingers.set(event.pointerId, now);
+      if (fingers.size === 2) {
+        const other = [...fingers].find(([id]) => id !== event.pointerId)[1];
+        const apart = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
+        this.magnify(apart(now) / apart(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+        this.move(dx / 2, dy / 2);
+      } else if (event.shiftKey || event.buttons & 6) this.move(dx, dy);
+      else if (moved > 3) this.turn(-0.4 * dx, 0.4 * dy);
+    });
+    const lift = (event) => {
+      const clicked = fingers.delete(event.pointerId) && moved <= 3 && event.type === "pointerup";
+      if (!clicked) return;
+      const i = this.near(...place(event));
+      if (i >= 0) this.on.choose(i);
+    };
+    canvas.addEventListener("pointerup", lift);
+    canvas.addEventListener("pointercancel", lift);
+    canvas.addEventListener("pointerleave", () => this.on.hover(-1));
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.magnify(Math.exp(-0.0015 * event.deltaY), ...place(event));
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const sides = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+      const side = sides[event.key];
+      if (side && event.shiftKey) this.move(-20 * -side[0], 20 * side[1]);
+      else if (side) this.turn(-5 * side[0], 5 * side[1]);
+      else if (event.key === "+" || event.key === "=") this.magnify(1.25);
+      else if (event.key === "-") this.magnify(0.8);
+      else if (event.key === "0" || event.key === "Home") this.fit();
+      else if (event.key === ",") this.on.step(-1);
+      else if (event.key === ".") this.on.step(1);
+      else return;
+      event.preventDefault();
+    });
+  }
+}

@@ -1,0 +1,96 @@
+//! The page of `diff`.
+
+use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
+use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use crate::program::{Goal, Program, Role};
+use crate::report::Difference;
+use serde_json::json;
+
+const CHANNELS: &[Channel] = &[
+    Channel { key: "x_mm", decimals: 4 },
+    Channel { key: "y_mm", decimals: 4 },
+    Channel { key: "z_mm", decimals: 4 },
+    Channel { key: "shift_x_mm", decimals: 6 },
+    Channel { key: "shift_y_mm", decimals: 6 },
+    Channel { key: "shift_z_mm", decimals: 6 },
+    Channel { key: "shift_mm", decimals: 6 },
+    Channel { key: "turn_deg", decimals: 6 },
+    Channel { key: "step_mm", decimals: 6 },
+];
+
+/// The page of the differences between `original` and the program called `corrected`.
+#[must_use]
+pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> String {
+    let name = original.sources.first().map_or("", |source| source.name.as_str());
+    let mut path = trace(original, found).json();
+    path["title"] = json!(name);
+    let changed = format!("{} of {} targets changed", found.moved.len(), found.targets);
+    let mut body = tiles(&[
+        Tile {
+            key: "max_mm",
+            value: mm(found.max_mm),
+            unit: "mm",
+            label: "Largest shift",
+            aside: format!("mean {} mm of those that changed", decimals(found.mean_mm, 4)),
+        },
+        Tile { key: "max_deg", value: mm(found.max_deg), unit: "°", label: "Largest turn", aside: changed },
+        Tile {
+            key: "max_step_mm",
+            value: mm(found.max_step_mm),
+            unit: "mm",
+            label: "Largest step",
+            aside: "between the shifts of neighbours".to_owned(),
+        },
+        Tile {
+            key: "other",
+            value: found.other.len().to_string(),
+            unit: "",
+            label: "Other differences",
+            aside: "anything but a target's numbers".to_owned(),
+        },
+    ]);
+    body += STAGE;
+    if !found.other.is_empty() {
+        let mut table = Table::new("others", &[("line", true), ("what", false)]);
+        for other in &found.other {
+            let line = if other.line > 0 { other.line.to_string() } else { String::new() };
+            table.row([line, escape(&other.what)]);
+        }
+        body += &section("other", "Other differences", table.html());
+    }
+    body += &section("words", "What the figures are", WORDS);
+    let data = json!({ "kind": "diff", "paths": [path] });
+    let (title, subtitle) = (format!("{name} → {corrected}"), "targets of the second program against the first");
+    Document { kicker: "diff", title: &title, subtitle, body: &body, data: &data }.html()
+}
+
+/// Targets of the first program that have a position of their own: joint targets have none without a cell.
+fn trace(original: &Program, found: &Difference) -> Trace {
+    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    let mut moved = found.moved.iter().peekable();
+    for (i, target) in original.targets.iter().enumerate() {
+        let change = moved.next_if(|moved| moved.index == i);
+        let (Role::End, Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. }) = (target.role, target.goal)
+        else {
+            continue;
+        };
+        let (shift, size, turn, step) =
+            change.map_or(([0.0; 3], 0.0, 0.0, 0.0), |m| (m.shift_mm, m.mm, m.deg, m.step_mm));
+        trace.push(Sample {
+            target: target.ordinal,
+            line: target.line,
+            name: target.name.clone(),
+            status: if change.is_some() { "changed" } else { "same" },
+            values: position_mm.into_iter().chain(shift).chain([size, turn, step]).collect(),
+            peaks: [size, step],
+        });
+    }
+    trace
+}
+
+const WORDS: &str = "<dl>
+<dt>Shift</dt><dd>Position in the second program minus that in the first, in the axes of the target's work object.</dd>
+<dt>Turn</dt><dd>Angle between the two orientations; for cutter location data, between the two tool axes.</dd>
+<dt>Step</dt><dd>Difference between the shift of a target and that of the one before.</dd>
+</dl>
+";

@@ -1,0 +1,249 @@
+//! The page of `identify`.
+
+use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
+use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use crate::identify::{Added, Identification, ResidualRow};
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+const CHANNELS: &[Channel] = &[
+    Channel { key: "run", decimals: 0 },
+    Channel { key: "block", decimals: 0 },
+    Channel { key: "held_out", decimals: 0 },
+    Channel { key: "prefit_x_mm", decimals: 6 },
+    Channel { key: "prefit_y_mm", decimals: 6 },
+    Channel { key: "prefit_z_mm", decimals: 6 },
+    Channel { key: "prefit_mm", decimals: 6 },
+    Channel { key: "postfit_x_mm", decimals: 6 },
+    Channel { key: "postfit_y_mm", decimals: 6 },
+    Channel { key: "postfit_z_mm", decimals: 6 },
+    Channel { key: "postfit_mm", decimals: 6 },
+];
+
+/// The page of what was found about the cell called `cell`, from the files called `data`.
+#[must_use]
+pub fn identification_page(found: &Identification, cell: &str, data: &[String]) -> String {
+    let mut body = figures(found);
+    body += &section("added", "Added to the cell", added(&found.added));
+    body += CHARTS;
+    body += &section("ranking", "Every effect alone", ranking(found));
+    // Read by name, so that a page is whole whatever an answer has to say.
+    let json = serde_json::to_value(found).unwrap_or_default();
+    if let Some(rows) = json.get("separability").and_then(Value::as_array).filter(|rows| !rows.is_empty()) {
+        body += &section("separability", "What these data can tell apart", generic_table("apart", rows));
+    }
+    body += &section("left", "What is left", left(found));
+    if !found.advice.is_empty() {
+        let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
+        body += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
+    }
+    body += &section("words", "What the figures are", WORDS);
+    let mut rows = trace(&found.residuals).json();
+    rows["title"] = json!("residuals");
+    let page = json!({ "kind": "identify", "paths": [rows] });
+    let (title, subtitle) = (data.join(", "), format!("measured on cell {cell}"));
+    Document { kicker: "identify", title: &title, subtitle: &subtitle, body: &body, data: &page }.html()
+}
+
+fn figures(found: &Identification) -> String {
+    let [low, high] = found.after_rms_ci95_mm;
+    let errors = |errors: &crate::identify::Errors| {
+        format!("mean {}, largest {} mm", decimals(errors.mean_mm, 4), decimals(errors.max_mm, 4))
+    };
+    tiles(&[
+        Tile {
+            key: "before.rms_mm",
+            value: decimals(found.before.rms_mm, 6),
+            unit: "mm rms",
+            label: "Declared cell",
+            aside: errors(&found.before),
+        },
+        Tile {
+            key: "after.rms_mm",
+            value: decimals(found.after.rms_mm, 6),
+            unit: "mm rms",
+            label: "Extended cell",
+            aside: format!("{}; 95 % [{}, {}] mm", errors(&found.after), decimals(low, 4), decimals(high, 4)),
+        },
+        Tile {
+            key: "noise_floor_rms_mm",
+            value: decimals(found.noise_floor_rms_mm, 6),
+            unit: "mm rms",
+            label: "Noise floor",
+            aside: format!(
+                "white {} mm, wander {} mm an axis",
+                decimals(found.noise_mm, 4),
+                decimals(found.wander_mm, 4)
+            ),
+        },
+        Tile {
+            key: "held_out_rows",
+            value: found.held_out_rows.to_string(),
+            unit: "rows",
+            label: "Held out",
+            aside: format!("of {}: no fit has seen them, and the errors here are theirs", found.rows),
+        },
+    ])
+}
+
+fn added(added: &[Added]) -> String {
+    if added.is_empty() {
+        return "<p>Nothing: the declared cell explains the data to the noise.</p>\n".to_owned();
+    }
+    let mut out = String::new();
+    for effect in added {
+        let kind = escape(&effect.kind);
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "<h3><code>{kind}</code></h3>\n<p>Posterior {}. On held-out rows {} mm rms without it, {} mm with it, the others kept.{}</p>",
+            decimals(effect.posterior, 3),
+            decimals(effect.held_out_rms_before_mm, 4),
+            decimals(effect.held_out_rms_after_mm, 4),
+            match &effect.not_told_apart_from[..] {
+                [] => String::new(),
+                kinds => format!(" <strong>Not told apart from {}.</strong>", escape(&kinds.join(", "))),
+            }
+        );
+        let head = [("parameter", false), ("value", true), ("95 % interval", true), ("unit", false)];
+        let mut table = Table::new("parameters", &head);
+        for p in &effect.parameters {
+            let [low, high] = p.ci95;
+            let interval = format!("[{low:.3e}, {high:.3e}]");
+            table.row([
+                format!("<code>{}</code>", escape(&p.name)),
+                format!("{:.4e}", p.value),
+                interval,
+                escape(p.unit),
+            ]);
+        }
+        // A curve has dozens of numbers: they are there for who wants them.
+        const SHOWN: usize = 12;
+        if effect.parameters.len() > SHOWN {
+            let _ = writeln!(
+                out,
+                "<details><summary>{} parameters</summary>{}</details>",
+                effect.parameters.len(),
+                table.html()
+            );
+        } else {
+            out += &table.html();
+        }
+    }
+    out
+}
+
+fn ranking(found: &Identification) -> String {
+    if found.ranking.is_empty() {
+        return "<p>No effect could be tried with these data.</p>\n".to_owned();
+    }
+    let most = found.ranking.iter().map(|r| r.held_out_rms_mm).fold(found.before.rms_mm, f64::max);
+    let mut table = Table::new("ranked", &[("effect", false), ("held-out rms, mm", true), ("ΔBIC", true)]);
+    for ranked in &found.ranking {
+        let was_added = found.added.iter().any(|added| added.kind == ranked.kind);
+        let mark = if was_added { " <span class=\"mark\">added</span>" } else { "" };
+        table.row([
+            format!("<code>{}</code>{mark}", escape(&ranked.kind)),
+            bar(&decimals(ranked.held_out_rms_mm, 4), ranked.held_out_rms_mm / most),
+            decimals(ranked.delta_bic, 1),
+        ]);
+    }
+    table.html()
+}
+
+/// Objects as rows, their keys as columns.
+fn generic_table(id: &str, rows: &[Value]) -> String {
+    let cell = |value: &Value| match value {
+        Value::String(text) => escape(text),
+        Value::Number(number) if number.is_f64() => decimals(number.as_f64().unwrap_or_default(), 4),
+        Value::Array(list) => {
+            let list: Vec<String> =
+                list.iter().map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_owned)).collect();
+            escape(&list.join(", "))
+        }
+        other => escape(&other.to_string()),
+    };
+    let keys: Vec<&String> = rows[0].as_object().map_or_else(Vec::new, |first| first.keys().collect());
+    let mut out = format!("<div class=\"scroll\"><table id=\"{id}\"><thead><tr>");
+    out.extend(keys.iter().map(|key| format!("<th>{}</th>", escape(&key.replace('_', " ")))));
+    out.push_str("</tr></thead><tbody>\n");
+    for row in rows {
+        out.push_str("<tr>");
+        out.extend(keys.iter().map(|key| format!("<td>{}</td>", cell(&row[key.as_str()]))));
+        out.push_str("</tr>\n");
+    }
+    out + "</tbody></table></div>\n"
+}
+
+fn left(found: &Identification) -> String {
+    let mut out = if found.unexplained.significant {
+        "<p><strong>More is left than noise, and no named effect explains it.</strong></p>\n".to_owned()
+    } else {
+        "<p>Nothing but noise.</p>\n".to_owned()
+    };
+    if !found.unexplained.correlates.is_empty() {
+        let mut table = Table::new("correlates", &[("follows", false), ("r", true)]);
+        for correlate in &found.unexplained.correlates {
+            table.row([escape(&correlate.with), bar(&decimals(correlate.r, 2), correlate.r.abs())]);
+        }
+        out += &table.html();
+    }
+    if found.coverage.rows_outside > 0 {
+        let joints: Vec<String> = found.coverage.joints_outside.iter().map(ToString::to_string).collect();
+        let (rows, joints) = (found.coverage.rows_outside, joints.join(", "));
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "<p>{rows} held-out rows lie outside what the curves were fitted on (joints {joints}): no gain is claimed there.</p>"
+        );
+    }
+    if !found.outliers.is_empty() {
+        let lines: Vec<String> = found.outliers.iter().map(ToString::to_string).collect();
+        let _ = writeln!(out, "<p>Left out as outliers: lines {}.</p>", lines.join(", "));
+    }
+    out
+}
+
+fn trace(rows: &[ResidualRow]) -> Trace {
+    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    let norm = |v: &[f64; 3]| v.iter().filter(|v| v.is_finite()).map(|v| v * v).sum::<f64>().sqrt();
+    for (i, row) in rows.iter().enumerate() {
+        let (before, after) = (norm(&row.prefit_mm), norm(&row.postfit_mm));
+        let place = [row.run as f64, row.block as f64, f64::from(u8::from(row.held_out))];
+        trace.push(Sample {
+            target: u32::try_from(i + 1).unwrap_or(u32::MAX),
+            line: u32::try_from(row.line).unwrap_or(u32::MAX),
+            name: None,
+            status: match (row.outlier, row.held_out) {
+                (true, _) => "outlier",
+                (false, true) => "held out",
+                (false, false) => "fitted",
+            },
+            values: place
+                .into_iter()
+                .chain(row.prefit_mm)
+                .chain([before])
+                .chain(row.postfit_mm)
+                .chain([after])
+                .collect(),
+            peaks: [before, after],
+        });
+    }
+    trace
+}
+
+const CHARTS: &str = r#"<section id="charts">
+<div class="heading"><h2 id="charts-title"></h2><p class="key" id="key"></p><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></div>
+<div id="plots"></div>
+<p class="hint">Drag in a chart to zoom in, double-click to zoom out.</p>
+<p class="note" id="detail"></p>
+</section>
+"#;
+
+const WORDS: &str = "<dl>
+<dt>Residual</dt><dd>Measured minus predicted position. Before: by the declared cell, nothing fitted but the pose of the measuring device. After: by the extended cell.</dd>
+<dt>Held out</dt><dd>Rows that no fit, no choice of effect and no smoothing has seen.</dd>
+<dt>Posterior</dt><dd>Probability of the effect against everything that could stand in its place, given these data.</dd>
+<dt>ΔBIC</dt><dd>Twice the log evidence of the declared cell over that of the cell with this one effect: negative is better.</dd>
+</dl>
+";

@@ -1,0 +1,212 @@
+//! The shell of a page, and what its tables are made of.
+
+use serde_json::Value;
+use std::fmt::{Display, Write};
+
+const STYLE: &str = include_str!("assets/page.css");
+const SCRIPTS: [&str; 4] = [
+    include_str!("assets/data.js"),
+    include_str!("assets/view.js"),
+    include_str!("assets/charts.js"),
+    include_str!("assets/page.js"),
+];
+const UPLOT: &str = include_str!("vendor/uplot-1.6.32/uPlot.iife.min.js");
+const UPLOT_STYLE: &str = include_str!("vendor/uplot-1.6.32/uPlot.min.css");
+const UPLOT_LICENSE: &str = include_str!("vendor/uplot-1.6.32/LICENSE");
+
+/// A whole page.
+pub(super) struct Document<'a> {
+    /// What was done, in a word.
+    pub(super) kicker: &'a str,
+    /// What it was done to.
+    pub(super) title: &'a str,
+    /// With what.
+    pub(super) subtitle: &'a str,
+    /// HTML between the heading and the footer.
+    pub(super) body: &'a str,
+    /// What the scripts draw.
+    pub(super) data: &'a Value,
+}
+
+impl Document<'_> {
+    pub(super) fn html(&self) -> String {
+        let (kicker, title, subtitle) = (escape(self.kicker), escape(self.title), escape(self.subtitle));
+        // `<` would end the element that the data stand in.
+        let data = self.data.to_string().replace('<', "\\u003c");
+        let (version, licence, body) = (env!("CARGO_PKG_VERSION"), escape(UPLOT_LICENSE), self.body);
+        let scripts = SCRIPTS.concat();
+        format!(
+            r#"<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<meta name="color-scheme" content="light dark">
+<meta name="generator" content="deflex {version}">
+<link rel="icon" href="data:,">
+<title>{title} · {kicker}</title>
+<style>
+{UPLOT_STYLE}
+{STYLE}</style>
+</head>
+<body>
+<header>
+<p class="kicker">deflex {kicker}</p>
+<h1>{title}</h1>
+<p class="subtitle">{subtitle}</p>
+</header>
+<main>
+<noscript><p class="note">The tables of this page are complete; its pictures need JavaScript.</p></noscript>
+{body}</main>
+<footer>
+<p>Made by deflex {version}. This page is complete in itself and loads nothing.</p>
+<details><summary>Licence of the charts: uPlot 1.6.32</summary><pre>{licence}</pre></details>
+</footer>
+<script type="application/json" id="data">{data}</script>
+<script>
+{UPLOT}
+</script>
+<script>
+"use strict";
+(() => {{
+{scripts}}})();
+</script>
+</body>
+</html>
+"#
+        )
+    }
+}
+
+/// Text as HTML.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// One figure in large type, with what it is below it.
+pub(super) struct Tile {
+    pub(super) key: &'static str,
+    pub(super) value: String,
+    pub(super) unit: &'static str,
+    pub(super) label: &'static str,
+    /// A second figure in small type.
+    pub(super) aside: String,
+}
+
+pub(super) fn tiles(tiles: &[Tile]) -> String {
+    let mut out = String::from("<section class=\"tiles\">\n");
+    for Tile { key, value, unit, label, aside } in tiles {
+        let (value, aside) = (escape(value), escape(aside));
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "<div class=\"tile\"><p class=\"label\">{label}</p><p class=\"figure\"><span data-key=\"{key}\">{value}</span> <span class=\"unit\">{unit}</span></p><p class=\"aside\">{aside}</p></div>"
+        );
+    }
+    out + "</section>\n"
+}
+
+/// A table; cells are HTML, and those of columns that are marked are numbers.
+pub(super) struct Table {
+    id: &'static str,
+    head: Vec<(&'static str, bool)>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// Columns: heading, whether it holds numbers.
+    pub(super) fn new(id: &'static str, head: &[(&'static str, bool)]) -> Self {
+        Self { id, head: head.to_vec(), rows: Vec::new() }
+    }
+
+    pub(super) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+
+    pub(super) fn html(&self) -> String {
+        let class = |number: bool| if number { " class=\"number\"" } else { "" };
+        let mut out = format!("<div class=\"scroll\"><table id=\"{}\"><thead><tr>", self.id);
+        for (heading, number) in &self.head {
+            // Writing to a String cannot fail.
+            let _ = write!(out, "<th{}>{heading}</th>", class(*number));
+        }
+        out.push_str("</tr></thead><tbody>\n");
+        for row in &self.rows {
+            out.push_str("<tr>");
+            for (cell, (_, number)) in row.iter().zip(&self.head) {
+                let _ = write!(out, "<td{}>{cell}</td>", class(*number));
+            }
+            out.push_str("</tr>\n");
+        }
+        out + "</tbody></table></div>\n"
+    }
+}
+
+pub(super) fn section(id: &str, heading: &str, body: impl Display) -> String {
+    format!("<section id=\"{id}\">\n<h2>{heading}</h2>\n{body}</section>\n")
+}
+
+/// A bar as long as a share of the largest, with its number before it.
+pub(super) fn bar(text: &str, share: f64) -> String {
+    let percent = 100.0 * share.clamp(0.0, 1.0);
+    format!("{text}<span class=\"bar\"><span style=\"width:{percent:.1}%\"></span></span>")
+}
+
+/// Millimetres with six decimals, as the CSV has them; no negative zero.
+pub(super) fn mm(value: f64) -> String {
+    decimals(value, 6)
+}
+
+pub(super) fn decimals(value: f64, decimals: usize) -> String {
+    let mut text = Vec::new();
+    crate::text::number::write_fixed(&mut text, value, decimals);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+/// The places of a page's 3-D view, its target panel and its charts: the scripts fill them.
+pub(super) const STAGE: &str = r#"<section class="stage" id="stage">
+<div class="view">
+<div class="toolbar" role="toolbar" aria-label="View">
+<label>Colour <select id="colour"></select></label>
+<span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button></span>
+</div>
+<canvas id="path" tabindex="0" role="application" aria-label="Toolpath in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the targets."></canvas>
+<div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="what"></span></div>
+<p class="hint">Drag turns, shift-drag moves, wheel zooms, click selects. Keys: arrows turn, + − zoom, <kbd>,</kbd> <kbd>.</kbd> step through targets, <kbd>0</kbd> fits.</p>
+<div id="tip" role="status" hidden></div>
+</div>
+<aside class="panel" aria-live="polite">
+<h2 id="chosen">Target</h2>
+<div id="figures"></div>
+</aside>
+</section>
+<p class="note" id="detail"></p>
+<section id="charts">
+<div class="heading"><h2 id="charts-title"></h2><p class="key" id="key"></p></div>
+<div id="plots"></div>
+<p class="hint">Drag in a chart to zoom in, double-click to zoom out, click to select the target.</p>
+</section>
+"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_in_a_name_or_the_data_is_markup() {
+        let data = serde_json::json!({ "name": "</script><b>" });
+        let page = Document { kicker: "diff", title: "<i>\"&", subtitle: "", body: "", data: &data }.html();
+        assert!(page.contains("<h1>&lt;i&gt;&quot;&amp;</h1>") && page.contains("\\u003c/script>\\u003cb>"));
+    }
+}

@@ -1,0 +1,247 @@
+//! The page of `compensate` and `predict`.
+
+use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
+use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use crate::correct::{Row, Status};
+use crate::report::FileSummary;
+use serde_json::json;
+
+/// What a page is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// A program was corrected.
+    Compensate,
+    /// What the cell would cut.
+    Predict,
+}
+
+/// Columns of a report row, in the order of [`values`].
+const CHANNELS: &[Channel] = &[
+    Channel { key: "x_mm", decimals: 4 },
+    Channel { key: "y_mm", decimals: 4 },
+    Channel { key: "z_mm", decimals: 4 },
+    Channel { key: "error_x_mm", decimals: 6 },
+    Channel { key: "error_y_mm", decimals: 6 },
+    Channel { key: "error_z_mm", decimals: 6 },
+    Channel { key: "error_mm", decimals: 6 },
+    Channel { key: "error_rx_deg", decimals: 7 },
+    Channel { key: "error_ry_deg", decimals: 7 },
+    Channel { key: "error_rz_deg", decimals: 7 },
+    Channel { key: "error_normal_mm", decimals: 6 },
+    Channel { key: "fx_n", decimals: 3 },
+    Channel { key: "fy_n", decimals: 3 },
+    Channel { key: "fz_n", decimals: 3 },
+    Channel { key: "sigma_mm", decimals: 6 },
+    Channel { key: "stiffness_normal_n_per_mm", decimals: 1 },
+    Channel { key: "stiffness_least_n_per_mm", decimals: 1 },
+    Channel { key: "stiffness_most_n_per_mm", decimals: 1 },
+    Channel { key: "correction_x_mm", decimals: 6 },
+    Channel { key: "correction_y_mm", decimals: 6 },
+    Channel { key: "correction_z_mm", decimals: 6 },
+    Channel { key: "correction_mm", decimals: 6 },
+    Channel { key: "correction_rx_deg", decimals: 7 },
+    Channel { key: "correction_ry_deg", decimals: 7 },
+    Channel { key: "correction_rz_deg", decimals: 7 },
+    Channel { key: "remaining_x_mm", decimals: 6 },
+    Channel { key: "remaining_y_mm", decimals: 6 },
+    Channel { key: "remaining_z_mm", decimals: 6 },
+    Channel { key: "remaining_mm", decimals: 6 },
+];
+
+/// Those that a correction adds.
+const CORRECTED: usize = 11;
+
+fn values(row: &Row, kind: PathKind) -> Vec<f64> {
+    let mut values = Vec::with_capacity(CHANNELS.len());
+    values.extend(row.position_mm);
+    values.extend(row.error_mm);
+    values.push(row.error_norm_mm());
+    values.extend(row.error_deg);
+    values.push(row.error_normal_mm);
+    values.extend(row.force_n);
+    values.push(row.sigma_mm.unwrap_or(f64::NAN));
+    let stiffness = row.stiffness.map(|s| [s.normal_n_per_mm, s.least_n_per_mm, s.most_n_per_mm]);
+    values.extend(stiffness.unwrap_or([f64::NAN; 3]));
+    if kind == PathKind::Compensate {
+        values.extend(row.correction_mm);
+        values.push(row.correction_norm_mm());
+        values.extend(row.correction_deg);
+        values.extend(row.remaining_mm);
+        values.push(row.remaining_norm_mm());
+    }
+    values
+}
+
+/// The path of one program, which takes its rows one by one in bounded memory.
+#[derive(Clone, Debug)]
+pub struct PathTrace {
+    kind: PathKind,
+    trace: Trace,
+}
+
+impl PathTrace {
+    /// An empty path, one of `programs` on a page.
+    #[must_use]
+    pub fn new(kind: PathKind, programs: usize) -> Self {
+        let channels = match kind {
+            PathKind::Compensate => CHANNELS,
+            PathKind::Predict => &CHANNELS[..CHANNELS.len() - CORRECTED],
+        };
+        Self { kind, trace: Trace::new(channels, MOST_STRETCHES / programs.max(1)) }
+    }
+
+    /// Adds rows in running order.
+    pub fn extend(&mut self, rows: &[Row]) {
+        for row in rows {
+            self.trace.push(Sample {
+                target: row.target,
+                line: row.line,
+                name: row.name.clone(),
+                status: match row.status {
+                    Status::Ok => "ok",
+                    Status::Air => "air",
+                    Status::Kept(_) => "kept",
+                },
+                values: values(row, self.kind),
+                peaks: [row.error_norm_mm(), row.remaining_norm_mm()],
+            });
+        }
+    }
+}
+
+/// The page of a run over one or more programs.
+#[derive(Clone, Copy, Debug)]
+pub struct PathPage<'a> {
+    /// What was done.
+    pub kind: PathKind,
+    /// Cell file, as the user typed it.
+    pub cell: &'a str,
+    /// Each program: its sums, which are over all targets, and its path.
+    pub programs: &'a [(FileSummary, PathTrace)],
+}
+
+impl PathPage<'_> {
+    /// The page.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let corrects = self.kind == PathKind::Compensate;
+        let title = match self.programs {
+            [(one, _)] => one.path.clone(),
+            several => format!("{} programs", several.len()),
+        };
+        let mut body = self.tiles();
+        if self.programs.len() > 1 {
+            body += "<p class=\"choice\"><label>Program <select id=\"program\"></select></label></p>\n";
+        }
+        body += STAGE;
+        if self.programs.len() > 1 || self.programs.iter().any(|(sum, _)| !sum.kept.is_empty()) {
+            body += &section("programs", "Programs", self.table());
+        }
+        body += &section(
+            "words",
+            "What the figures are",
+            if corrects { [WORDS, CORRECTION].concat() } else { WORDS.into() },
+        );
+        let programs: Vec<_> = self
+            .programs
+            .iter()
+            .map(|(sum, trace)| {
+                let mut path = trace.trace.json();
+                path["title"] = json!(sum.path);
+                path
+            })
+            .collect();
+        let kicker = if corrects { "compensate" } else { "predict" };
+        let data = json!({ "kind": kicker, "paths": programs });
+        let subtitle = format!("cell {}", self.cell);
+        Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data }.html()
+    }
+
+    /// Sums over all programs.
+    fn tiles(&self) -> String {
+        let sums = || self.programs.iter().map(|(sum, _)| sum);
+        let most = |of: fn(&FileSummary) -> f64| sums().map(of).fold(0.0, f64::max);
+        let count = |of: fn(&FileSummary) -> usize| sums().map(of).sum::<usize>();
+        let kept: usize = sums().flat_map(|sum| &sum.kept).map(|kept| kept.count).sum();
+        let rms = match self.programs {
+            [(one, _)] => format!("rms {} mm over cutting targets", decimals(one.rms_error_mm, 4)),
+            _ => String::new(),
+        };
+        let mut all = vec![
+            Tile {
+                key: "targets",
+                value: count(|sum| sum.targets).to_string(),
+                unit: "",
+                label: "Targets",
+                aside: format!("{} without cutting force", count(|sum| sum.air)),
+            },
+            Tile {
+                key: "max_error_mm",
+                value: mm(most(|sum| sum.max_error_mm)),
+                unit: "mm",
+                label: "Largest predicted error",
+                aside: rms,
+            },
+        ];
+        if self.kind == PathKind::Compensate {
+            all.push(Tile {
+                key: "max_correction_mm",
+                value: mm(most(|sum| sum.max_correction_mm)),
+                unit: "mm",
+                label: "Largest correction",
+                aside: format!("{} targets corrected, {kept} kept as they were", count(|sum| sum.corrected)),
+            });
+            all.push(Tile {
+                key: "max_remaining_mm",
+                value: mm(most(|sum| sum.max_remaining_mm)),
+                unit: "mm",
+                label: "Largest remaining error",
+                aside: "of cutting targets, on the numbers as written".to_owned(),
+            });
+        }
+        tiles(&all)
+    }
+
+    fn table(&self) -> String {
+        let head = [
+            ("program", false),
+            ("targets", true),
+            ("air", true),
+            ("corrected", true),
+            ("kept, and why", false),
+            ("largest error, mm", true),
+            ("rms error, mm", true),
+            ("largest correction, mm", true),
+            ("largest remaining, mm", true),
+        ];
+        let mut table = Table::new("sums", &head);
+        for (sum, _) in self.programs {
+            let kept: Vec<String> = sum.kept.iter().map(|kept| format!("{} {}", kept.count, kept.reason)).collect();
+            table.row([
+                escape(&sum.path),
+                sum.targets.to_string(),
+                sum.air.to_string(),
+                sum.corrected.to_string(),
+                escape(&kept.join(", ")),
+                mm(sum.max_error_mm),
+                mm(sum.rms_error_mm),
+                mm(sum.max_correction_mm),
+                mm(sum.max_remaining_mm),
+            ]);
+        }
+        table.html()
+    }
+}
+
+const WORDS: &str = "<dl>
+<dt>Error</dt><dd>Actual minus programmed position of the loaded tool centre point (TCP), as the cell predicts it, in the axes of the target's work object. <em>Along the normal</em>: at the point of contact, out of the material.</dd>
+<dt>Force</dt><dd>What the workpiece exerts on the tool, in work object axes.</dd>
+<dt>Stiffness</dt><dd>Force on the tool that moves the TCP by a millimetre, through every effect of the cell, at the force that acts there: along the surface normal n, 1/(nᵀCn), and in the softest and the stiffest direction, one over the largest and the smallest eigenvalue of the compliance C.</dd>
+</dl>
+";
+
+const CORRECTION: &str = "<dl>
+<dt>Correction</dt><dd>Commanded minus programmed.</dd>
+<dt>Remaining error</dt><dd>The same prediction for the corrected program, from its numbers as they are written.</dd>
+</dl>
+";

@@ -1,0 +1,263 @@
+//! A path of any length in bounded memory: the level of detail of a page.
+
+use crate::text::number::write_fixed;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// One column of numbers, kept with as many decimals as the CSV report has: a page shows the CSV's own figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Channel {
+    /// Name of the CSV column.
+    pub(super) key: &'static str,
+    /// Decimals.
+    pub(super) decimals: usize,
+}
+
+/// One target as it is put into a [`Trace`].
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    /// Ordinal, rising from sample to sample.
+    pub(super) target: u32,
+    /// Line in the program or the table.
+    pub(super) line: u32,
+    /// Name, where it has one.
+    pub(super) name: Option<Arc<str>>,
+    /// What happened to it, in a word or two.
+    pub(super) status: &'static str,
+    /// One number a channel; what is not finite is absent.
+    pub(super) values: Vec<f64>,
+    /// Sizes whose largest samples are kept whatever the level of detail.
+    pub(super) peaks: [f64; 2],
+}
+
+/// A sample in fixed point.
+#[derive(Clone, Debug)]
+struct Kept {
+    target: u32,
+    line: u32,
+    name: Option<Arc<str>>,
+    status: &'static str,
+    values: Vec<i32>,
+    peaks: [f64; 2],
+}
+
+/// Marks a value that is absent.
+const ABSENT: i32 = i32::MIN;
+
+/// Stretches of a page with one path: three samples of up to 27 columns each come to less than 4 MB in base64.
+pub(super) const MOST_STRETCHES: usize = 8192;
+
+/// Samples of a path, thinned as it grows.
+///
+/// The path is cut into stretches of 1, 2, 4, … samples: each keeps its first sample and those with the largest
+/// [`Sample::peaks`]. When there are too many stretches, neighbours are merged. Memory is bounded by the number of
+/// stretches, and what is kept depends on the samples alone.
+#[derive(Clone, Debug)]
+pub(super) struct Trace {
+    channels: &'static [Channel],
+    most: usize,
+    /// Samples a stretch.
+    stride: usize,
+    count: usize,
+    stretches: Vec<Stretch>,
+    last: Option<Kept>,
+}
+
+#[derive(Clone, Debug)]
+struct Stretch {
+    first: Kept,
+    /// Where they are not the first itself.
+    peaks: [Option<Kept>; 2],
+}
+
+impl Stretch {
+    fn peak(&self, i: usize) -> &Kept {
+        self.peaks[i].as_ref().unwrap_or(&self.first)
+    }
+
+    /// Takes in a later sample where it is larger.
+    fn take(&mut self, later: &Kept) {
+        for i in 0..self.peaks.len() {
+            if later.peaks[i] > self.peak(i).peaks[i] {
+                self.peaks[i] = Some(later.clone());
+            }
+        }
+    }
+
+    fn merge(&mut self, later: &Self) {
+        for i in 0..self.peaks.len() {
+            if later.peak(i).peaks[i] > self.peak(i).peaks[i] {
+                self.peaks[i] = Some(later.peak(i).clone());
+            }
+        }
+    }
+}
+
+impl Trace {
+    /// An empty path that keeps at most `most` stretches (at least 2, an even number).
+    pub(super) fn new(channels: &'static [Channel], most: usize) -> Self {
+        let most = most.max(2).next_multiple_of(2);
+        Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None }
+    }
+
+    /// Adds the next sample.
+    pub(super) fn push(&mut self, sample: Sample) {
+        let fixed = |(channel, value): (&Channel, f64)| fixed(value, channel.decimals);
+        let kept = Kept {
+            target: sample.target,
+            line: sample.line,
+            name: sample.name,
+            status: sample.status,
+            values: self.channels.iter().zip(sample.values).map(fixed).collect(),
+            peaks: sample.peaks,
+        };
+        if self.count.is_multiple_of(self.stride) && self.stretches.len() == self.most {
+            self.coarsen();
+        }
+        match self.stretches.last_mut() {
+            Some(stretch) if !self.count.is_multiple_of(self.stride) => stretch.take(&kept),
+            _ => self.stretches.push(Stretch { first: kept.clone(), peaks: [None, None] }),
+        }
+        self.last = Some(kept);
+        self.count += 1;
+    }
+
+    fn coarsen(&mut self) {
+        let merge = |pair: &[Stretch]| {
+            let mut both = pair[0].clone();
+            pair[1..].iter().for_each(|later| both.merge(later));
+            both
+        };
+        self.stretches = self.stretches.chunks(2).map(merge).collect();
+        self.stride *= 2;
+    }
+
+    fn kept(&self) -> Vec<&Kept> {
+        let mut all: Vec<&Kept> = Vec::with_capacity(2 * self.stretches.len() + 1);
+        for stretch in &self.stretches {
+            let mut group = vec![&stretch.first];
+            group.extend(stretch.peaks.iter().flatten());
+            group.sort_by_key(|kept| kept.target);
+            all.extend(group);
+        }
+        all.extend(&self.last);
+        all.dedup_by_key(|kept| kept.target);
+        all
+    }
+
+    /// The columns for the page: little-endian 32-bit integers in base64, to be divided by 10^decimals.
+    pub(super) fn json(&self) -> Value {
+        let kept = self.kept();
+        let column = |decimals: usize, values: &mut dyn Iterator<Item = i32>| {
+            let bytes: Vec<u8> = values.flat_map(i32::to_le_bytes).collect();
+            json!({ "decimals": decimals, "data": base64(&bytes) })
+        };
+        let mut columns = serde_json::Map::new();
+        columns.insert("target".to_owned(), column(0, &mut kept.iter().map(|k| k.target.cast_signed())));
+        columns.insert("line".to_owned(), column(0, &mut kept.iter().map(|k| k.line.cast_signed())));
+        for (i, channel) in self.channels.iter().enumerate() {
+            if kept.iter().any(|k| k.values[i] != ABSENT) {
+                let column = column(channel.decimals, &mut kept.iter().map(|k| k.values[i]));
+                columns.insert(channel.key.to_owned(), column);
+            }
+        }
+        let (statuses, status) = words(kept.iter().map(|k| k.status));
+        let (names, name) = words(kept.iter().map(|k| k.name.as_deref().unwrap_or("")));
+        columns.insert("status".to_owned(), column(0, &mut status.into_iter()));
+        columns.insert("name".to_owned(), column(0, &mut name.into_iter()));
+        json!({ "count": self.count, "kept": kept.len(), "stride": self.stride, "columns": columns, "statuses": statuses, "names": names })
+    }
+}
+
+/// Distinct words in the order met, and the index of each.
+fn words<'a>(all: impl Iterator<Item = &'a str>) -> (Vec<&'a str>, Vec<i32>) {
+    let mut known = std::collections::HashMap::new();
+    let mut list = Vec::new();
+    let mut index = |word: &'a str| {
+        *known.entry(word).or_insert_with(|| {
+            list.push(word);
+            i32::try_from(list.len() - 1).unwrap_or(i32::MAX)
+        })
+    };
+    let indices = all.map(&mut index).collect();
+    (list, indices)
+}
+
+/// The digits that the CSV report prints, as an integer. What does not fit is absent.
+fn fixed(value: f64, decimals: usize) -> i32 {
+    if !value.is_finite() {
+        return ABSENT;
+    }
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    text.retain(|&b| b != b'.');
+    std::str::from_utf8(&text).ok().and_then(|digits| digits.parse().ok()).unwrap_or(ABSENT)
+}
+
+/// RFC 4648, with padding.
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = chunk.iter().fold(0_u32, |word, &b| word << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
+        for i in 0..4 {
+            let letter = LETTERS[(word >> (18 - 6 * i) & 63) as usize];
+            out.push(if i <= chunk.len() { char::from(letter) } else { '=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const CHANNELS: &[Channel] = &[Channel { key: "error_mm", decimals: 6 }];
+
+    fn trace(values: &[f64], most: usize) -> Trace {
+        let mut trace = Trace::new(CHANNELS, most);
+        for (i, &value) in values.iter().enumerate() {
+            let target = i as u32 + 1;
+            let values = vec![value];
+            trace.push(Sample { target, line: target, name: None, status: "ok", values, peaks: [value, -value] });
+        }
+        trace
+    }
+
+    #[test]
+    fn base64_is_that_of_rfc_4648() {
+        for (plain, coded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+    }
+
+    #[test]
+    fn figures_are_those_of_the_csv() {
+        assert_eq!([fixed(-0.123_456_5, 6), fixed(12.5, 4), fixed(-1e-9, 6)], [-123_457, 125_000, 0]);
+        assert_eq!([fixed(f64::NAN, 6), fixed(1e9, 6)], [ABSENT, ABSENT]);
+    }
+
+    #[test]
+    fn a_short_path_is_kept_whole() {
+        let trace = trace(&[0.3, 0.1, 0.2], 4);
+        let targets: Vec<u32> = trace.kept().iter().map(|k| k.target).collect();
+        assert_eq!((trace.stride, targets), (1, vec![1, 2, 3]));
+    }
+
+    proptest! {
+        #[test]
+        fn ends_and_extremes_stay_in_bounded_memory(values in prop::collection::vec(-1.0..1.0_f64, 1..400), half in 1..20_usize) {
+            let trace = trace(&values, 2 * half);
+            let kept = trace.kept();
+            prop_assert!(trace.stretches.len() <= 2 * half);
+            prop_assert!(kept.windows(2).all(|pair| pair[0].target < pair[1].target));
+            prop_assert_eq!((kept[0].target, kept[kept.len() - 1].target), (1, values.len() as u32));
+            for extreme in [values.iter().copied().fold(-2.0, f64::max), values.iter().copied().fold(2.0, f64::min)] {
+                prop_assert!(kept.iter().any(|k| k.values[0] == fixed(extreme, 6)));
+            }
+            // No stretch of the path is passed over.
+            prop_assert!(kept.windows(2).all(|pair| (pair[1].target - pair[0].target) as usize <= trace.stride));
+        }
+    }
+}
