@@ -139,6 +139,19 @@ fn listed(path: &Path) -> Result<Job, Vec<Diagnostic>> {
         ]);
     }
     let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(file)).collect();
+    let missing: Vec<String> = paths
+        .iter()
+        .zip(&files)
+        .filter(|(path, _)| !path.is_file())
+        .map(|(_, file)| file.display().to_string())
+        .collect();
+    if !missing.is_empty() {
+        let message = format!("the list names modules that are not beside it: {}", missing.join(", "));
+        return Err(vec![
+            Diagnostic::error("program.pgf", &list.name, message)
+                .help("copy them there, or give the modules themselves"),
+        ]);
+    }
     Ok(Job {
         name: list.name.clone(),
         sources: sources(&paths)?,

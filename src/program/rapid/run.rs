@@ -160,27 +160,35 @@ impl<'a> Runner<'a> {
         runner
     }
 
-    /// Runs `main`, or every procedure that no other calls.
+    /// Runs `main`; where it moves nothing (a station's empty one, say), every procedure that no other calls.
     pub(super) fn run(mut self, files: &[File]) -> Outcome {
-        for id in self.entries() {
-            if self.call(id, &[]) == Flow::Stop && self.steps >= MAX_STEPS {
-                break;
+        let main = self.main();
+        if let Some(main) = main {
+            self.call(main, &[]);
+        }
+        if self.motions == 0 {
+            for id in self.uncalled().into_iter().filter(|id| Some(*id) != main) {
+                if self.call(id, &[]) == Flow::Stop && self.steps >= MAX_STEPS {
+                    break;
+                }
             }
         }
         self.finish(files)
     }
 
-    pub(super) fn entries(&self) -> Vec<RoutineId> {
-        let written = |id: &RoutineId| id.file < self.written;
-        let procs: Vec<RoutineId> = self
-            .symbols
-            .all()
-            .filter(|id| written(id) && self.symbols.routine(*id).kind == RoutineKind::Proc)
-            .collect();
+    /// Procedures of the files that are edited.
+    fn procs(&self) -> Vec<RoutineId> {
+        let own = |id: &RoutineId| id.file < self.written && self.symbols.routine(*id).kind == RoutineKind::Proc;
+        self.symbols.all().filter(own).collect()
+    }
+
+    fn main(&self) -> Option<RoutineId> {
         let name = |id: &RoutineId| &self.symbols.sources[id.file].bytes[self.symbols.routine(*id).name.range()];
-        if let Some(main) = procs.iter().find(|id| name(id).eq_ignore_ascii_case(b"main")) {
-            return vec![*main];
-        }
+        self.procs().into_iter().find(|id| name(id).eq_ignore_ascii_case(b"main"))
+    }
+
+    fn uncalled(&self) -> Vec<RoutineId> {
+        let procs = self.procs();
         let mut called = HashSet::new();
         for &id in &procs {
             let mut calls = Vec::new();
