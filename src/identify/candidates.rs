@@ -1,6 +1,7 @@
 //! What may be added to a cell, and the change that each of its numbers makes to every row.
 
 use super::data::{Observation, Problem};
+use super::device;
 use crate::effects::{Effect, KINDS, Survey};
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::robot::Joints;
@@ -302,12 +303,10 @@ pub(super) fn design(
         candidates[c].first = first;
     }
     let mut always = Vec::new();
-    if problem.free_device {
-        for run in 0..problem.runs.len() {
-            for axis in 0..6 {
-                always.push(columns.len());
-                columns.push(device_column(problem, run, axis));
-            }
+    for (run, device) in problem.devices.iter().enumerate() {
+        for axis in 0..device.unknowns() {
+            always.push(columns.len());
+            columns.push(device::column(problem, run, axis));
         }
     }
     if columns.is_empty() {
@@ -377,24 +376,6 @@ impl About<'_> {
         column
     }
 }
-
-fn device_column(problem: &Problem, run: usize, axis: usize) -> DVector<f64> {
-    /// Prior of a free frame, mm and rad: anything that a registration may be off.
-    const FREE: (f64, f64) = (100.0, 0.1);
-    problem.stack(|row| {
-        if row.run != run {
-            return [0.0; 3];
-        }
-        let seen = problem.runs[run].points[row.point].wobj_from_tcp.translation.vector * 1e3;
-        let unit = Vector3::ith(axis % 3, 1.0);
-        // The device's frame moves: the point moves the other way in it.
-        let moved = if axis < 3 { -unit * FREE.0 } else { -unit.cross(&seen) * FREE.1 };
-        moved.into()
-    })
-}
-
-/// Sizes of the free frame's columns, mm and rad, in the order of [`design`].
-pub(super) const FREE_FRAME: [f64; 6] = [100.0, 100.0, 100.0, 0.1, 0.1, 0.1];
 
 fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVector<f64>> {
     /// In mm, as the prior of [`Candidate::pattern`].

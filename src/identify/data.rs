@@ -1,5 +1,6 @@
 //! Measured rows beside what the cell predicts for them.
 
+use super::device::{self, Device};
 use super::noise::Series;
 use crate::cell::Cell;
 use crate::correct::{Options, Prepared};
@@ -18,13 +19,20 @@ pub(super) enum Seen {
     Position(Vector3<f64>),
     /// Error along the surface normal, mm.
     Normal(f64),
+    /// Length from the instrument's fixed point, mm.
+    Distance(f64),
 }
 
 impl Seen {
+    fn of(row: &MeasuredRow) -> Option<Self> {
+        let position = row.position_mm.map(|p| Self::Position(p.into()));
+        position.or(row.normal_mm.map(Self::Normal)).or(row.distance_mm.map(Self::Distance))
+    }
+
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Position(_) => 3,
-            Self::Normal(_) => 1,
+            Self::Normal(_) | Self::Distance(_) => 1,
         }
     }
 }
@@ -58,8 +66,12 @@ pub(super) struct Problem {
     pub(super) rows: Vec<Observation>,
     /// Scalars in all.
     pub(super) scalars: usize,
-    /// Whether the frame of the measuring device is unknown (`--poses`).
+    /// Whether rows carry their own motor angles (`--poses`), over the whole robot.
     pub(super) free_device: bool,
+    /// Rows with a measured orientation.
+    pub(super) orientations: usize,
+    /// What is unknown of each run's instrument.
+    pub(super) devices: Vec<Device>,
 }
 
 /// Blocks that a run is cut into; every fourth is held out.
@@ -71,7 +83,14 @@ const ELSEWHERE_MM: f64 = 50.0;
 impl Problem {
     /// Aligns runs to their programs.
     pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
-        let mut problem = Self { runs: Vec::new(), rows: Vec::new(), scalars: 0, free_device: false };
+        let mut problem = Self {
+            runs: Vec::new(),
+            rows: Vec::new(),
+            scalars: 0,
+            free_device: false,
+            orientations: 0,
+            devices: Vec::new(),
+        };
         for (program, table) in runs {
             let has_force = table.rows.iter().any(|row| row.force_n.is_some());
             let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
@@ -85,8 +104,7 @@ impl Problem {
             for row in &table.rows {
                 match place(program, row) {
                     Ok(point) => {
-                        let seen =
-                            row.position_mm.map(|p| Seen::Position(p.into())).or(row.normal_mm.map(Seen::Normal));
+                        let seen = Seen::of(row);
                         taken.extend(seen.map(|seen| (point, row, seen)));
                     }
                     Err(message) => errors.push(at_line(table, row.line, message)),
@@ -94,7 +112,7 @@ impl Problem {
             }
             belongs(&prepared, table, &taken, &mut errors);
             if taken.is_empty() && errors.is_empty() {
-                errors.push(at_line(table, 1, "no row has a measured position or normal error".to_owned()));
+                errors.push(at_line(table, 1, "no row has a measured position, normal error or distance".to_owned()));
             }
             if !errors.is_empty() {
                 errors.truncate(20);
@@ -107,7 +125,10 @@ impl Problem {
                 problem.push(run, point, order, row, motor, travel, seen, &blocks);
             }
             problem.runs.push(prepared);
+            problem.devices.push(Device::Known);
+            problem.find_fixed_point(run, table)?;
         }
+        problem.scale_weights();
         Ok(problem)
     }
 
@@ -124,22 +145,31 @@ impl Problem {
                 Diagnostic::error("identify.tool", "", message).help("declare one [tools.NAME], or give --tool NAME"),
             ]);
         };
-        let mut problem = Self { runs: Vec::new(), rows: Vec::new(), scalars: 0, free_device: true };
+        let mut problem = Self {
+            runs: Vec::new(),
+            rows: Vec::new(),
+            scalars: 0,
+            free_device: true,
+            orientations: 0,
+            devices: Vec::new(),
+        };
         for table in tables {
             let mut points = Vec::new();
             let mut pairs = Vec::new();
             let mut taken = Vec::new();
             let mut previous: Option<(Joints, Joints)> = None;
             for row in &table.rows {
-                let (Some(deg), Some(position)) = (row.motor_deg, row.position_mm) else {
-                    let message = "a row of --poses needs q1_deg … q6_deg and x_mm, y_mm, z_mm".to_owned();
+                let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)));
+                let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
+                    let message =
+                        "a row of --poses needs q1_deg … q6_deg, and x_mm, y_mm, z_mm or distance_mm".to_owned();
                     return Err(vec![at_line(table, row.line, message)]);
                 };
                 let motor = Joints::from(deg.map(f64::to_radians));
                 let travel = crate::correct::travel_into(previous, &motor);
                 previous = Some((motor, travel));
                 let base_from_tcp = cell.arm.robot.forward(&motor) * tool.flange_from_tcp;
-                pairs.push((base_from_tcp.translation.vector, Vector3::from(position) * 1e-3));
+                pairs.push((base_from_tcp.translation.vector, seen));
                 let mut point = crate::correct::Point::measured(base_from_tcp, tool, motor, travel);
                 (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);
                 point.payload = row.payload_kg.unwrap_or(0.0);
@@ -147,21 +177,33 @@ impl Problem {
                     point.set_force(force.into());
                 }
                 points.push(point);
-                taken.push((row, motor, travel, Seen::Position(position.into())));
+                taken.push((row, motor, travel, seen));
             }
             let blocks = Blocks::of(&taken.iter().map(|(row, ..)| row.holdout).collect::<Vec<_>>());
-            let fitted: Vec<(Vector3<f64>, Vector3<f64>)> =
-                pairs.iter().enumerate().filter(|(i, _)| !blocks.held_out(*i)).map(|(_, pair)| *pair).collect();
-            let base_from_device = registration(&fitted);
-            for point in &mut points {
-                point.place_in(&base_from_device);
+            let fitted: Vec<(Vector3<f64>, Vector3<f64>)> = pairs
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| !blocks.held_out(*i))
+                .filter_map(|(_, (there, seen))| match seen {
+                    Seen::Position(seen) => Some((*there, seen * 1e-3)),
+                    _ => None,
+                })
+                .collect();
+            // Lengths alone have no frame: the base's will do.
+            let device = if fitted.is_empty() { Device::Known } else { Device::Frame };
+            if device == Device::Frame {
+                let base_from_device = registration(&fitted);
+                points.iter_mut().for_each(|point| point.place_in(&base_from_device));
             }
             let run = problem.runs.len();
             for (order, (row, motor, travel, seen)) in taken.into_iter().enumerate() {
                 problem.push(run, order, order, row, motor, travel, seen, &blocks);
             }
             problem.runs.push(Prepared::of_points(points));
+            problem.devices.push(device);
+            problem.find_fixed_point(run, table)?;
         }
+        problem.scale_weights();
         Ok(problem)
     }
 
@@ -178,6 +220,7 @@ impl Problem {
         blocks: &Blocks,
     ) {
         let offset = self.scalars;
+        self.orientations += usize::from(row.quat.is_some());
         self.scalars += seen.len();
         self.rows.push(Observation {
             run,
@@ -224,6 +267,10 @@ impl Problem {
         match row.seen {
             Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),
             Seen::Normal(seen) => [seen - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0],
+            Seen::Distance(seen) => match self.devices[row.run] {
+                Device::Point(from) => [seen - (wobj_from_tcp.translation.vector * 1e3 - from).norm(), 0.0, 0.0],
+                _ => [f64::NAN; 3],
+            },
         }
     }
 
@@ -272,12 +319,36 @@ impl Problem {
         (high - low).norm()
     }
 
-    /// Moves the device's frame by a small motion in its own axes (mm, rad).
-    pub(super) fn move_device(&mut self, run: usize, shift_mm: &Vector3<f64>, turn: &Vector3<f64>) {
-        let step = Pose::from_parts(Translation3::from(shift_mm * 1e-3), Rotation3::from_scaled_axis(*turn));
-        for point in &mut self.runs[run].points {
-            let base_from_device = point.base_from_wobj * step;
-            point.place_in(&base_from_device);
+    /// Finds the fixed point that a run's lengths were measured from.
+    fn find_fixed_point(&mut self, run: usize, table: &Table) -> Result<(), Vec<Diagnostic>> {
+        let of_run = |row: &&Observation| row.run == run;
+        let lengths = self.rows.iter().filter(of_run).filter(|row| matches!(row.seen, Seen::Distance(_))).count();
+        if lengths == 0 {
+            return Ok(());
+        }
+        if lengths < self.rows.iter().filter(of_run).count() {
+            let message = "some rows have a distance and others a position: expected one kind of instrument a file";
+            return Err(vec![at_line(table, 1, message.to_owned()).help("give them as two runs")]);
+        }
+        let places = self
+            .rows
+            .iter()
+            .filter(of_run)
+            .map(|row| (row, 1e3 * self.runs[run].points[row.point].wobj_from_tcp.translation.vector));
+        let Some(point) = device::fixed_point(places) else {
+            let message = "too few distances to find the point that they were measured from".to_owned();
+            return Err(vec![at_line(table, 1, message)]);
+        };
+        self.devices[run] = Device::Point(point);
+        Ok(())
+    }
+
+    /// Standard deviations become relative to their quadratic mean, so that σ is in mm whether they are given or not.
+    fn scale_weights(&mut self) {
+        let n = self.rows.len().max(1) as f64;
+        let mean = (self.rows.iter().map(|row| row.weight * row.weight).sum::<f64>() / n).sqrt();
+        if mean > 0.0 {
+            self.rows.iter_mut().for_each(|row| row.weight /= mean);
         }
     }
 }
@@ -322,7 +393,7 @@ fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Se
         .iter()
         .filter_map(|(point, _, seen)| match seen {
             Seen::Position(seen) => Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen)),
-            Seen::Normal(_) => None,
+            Seen::Normal(_) | Seen::Distance(_) => None,
         })
         .collect();
     let median = |change: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {

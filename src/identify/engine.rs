@@ -2,6 +2,7 @@
 
 use super::candidates::{self, Candidate, Home, with};
 use super::data::Problem;
+use super::explain::Ranking;
 use super::gear::{self, Comb, Term};
 use super::noise::{self, Moments};
 use super::outcome::Identification;
@@ -130,7 +131,7 @@ impl Engine {
         let shapes = noise::shapes();
         let mut linear = None;
         let mut posteriors = Vec::new();
-        let mut ranking = Vec::new();
+        let mut ranking = Ranking::default();
         // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
         for _ in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
@@ -196,6 +197,7 @@ impl Engine {
         }
         if let Some(linear) = linear.as_ref().filter(|_| self.is_unexplained()) {
             self.withdraw(linear, &mut posteriors);
+            self.add_map(&mut posteriors);
         }
         let after = self.residual();
         self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)

@@ -1,14 +1,16 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
-use super::candidates::{Home, Pattern, fitted, with};
+use super::candidates::{Candidate, Home, Pattern, fitted, with};
+use super::controller;
 use super::data::{Observation, Problem};
 use super::engine::{Engine, Input, Linearised, Posterior};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation, Unexplained,
 };
 use super::score::posterior;
 use super::search::Search;
+use super::separability::{self, Trace};
 use super::ties;
 use crate::cell::NewEffect;
 use nalgebra::DVector;
@@ -18,9 +20,16 @@ const NAMED: f64 = 0.9;
 /// Rivals below this share of the posterior are not mentioned.
 const MENTIONED: f64 = 0.03;
 
+/// Every kind alone, and how far apart they are.
+#[derive(Default)]
+pub(super) struct Ranking {
+    pub(super) kinds: Vec<Ranked>,
+    pub(super) separability: Vec<Separation>,
+}
+
 impl Engine {
-    /// Every kind alone, best variant first.
-    pub(super) fn ranking(&self, search: &Search, linear: &Linearised) -> Vec<Ranked> {
+    /// Every kind alone, best variant first, and how far apart they are.
+    pub(super) fn ranking(&self, search: &Search, linear: &Linearised) -> Ranking {
         let none = search.objective(&[]);
         let mut best: Vec<(String, f64, usize)> = Vec::new();
         for (c, candidate) in self.candidates.iter().enumerate().filter(|(_, c)| !c.is_pattern()) {
@@ -32,19 +41,40 @@ impl Engine {
             }
         }
         best.sort_by(|a, b| b.1.total_cmp(&a.1));
-        best.into_iter()
-            .map(|(kind, gain, c)| {
-                let score = search.full(&[c]);
-                let columns = search.columns(&[c]);
-                let mut left = linear.data.clone();
-                if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
-                    for (column, value) in columns.iter().zip(mean.iter()) {
-                        left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
+        let mut ranking = Ranking::default();
+        let mut traces = Vec::new();
+        let frames = linear.always.len();
+        for (kind, gain, c) in best {
+            let score = search.full(&[c]);
+            let columns = search.columns(&[c]);
+            let mut left = linear.data.clone();
+            let mut own = DVector::zeros(linear.data.len());
+            let mut numbers = DVector::zeros(self.candidates[c].values.len());
+            if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
+                for (n, (column, value)) in columns.iter().zip(mean.iter()).enumerate() {
+                    left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
+                    if n >= frames {
+                        own.axpy(value * column.1, &linear.design.column(column.0), 1.0);
+                        numbers[n - frames] = value * column.1;
                     }
                 }
-                Ranked { kind, held_out_rms_mm: self.errors(&left, |row| row.held_out).rms_mm, delta_bic: -2.0 * gain }
-            })
-            .collect()
+            }
+            let rms_mm = self.errors(&own, |row| !row.held_out).rms_mm;
+            traces.push((Trace { candidate: &self.candidates[c], numbers }, rms_mm));
+            let held_out_rms_mm = self.errors(&left, |row| row.held_out).rms_mm;
+            ranking.kinds.push(Ranked { kind, held_out_rms_mm, delta_bic: -2.0 * gain });
+        }
+        let score = search.full(&[]);
+        let frame = self.candidates.iter().find(|c| c.kind == "work_object_frame");
+        let nuisance: Vec<usize> =
+            linear.always.iter().copied().chain(frame.into_iter().flat_map(Candidate::columns)).collect();
+        // The noise is that of the best kind: the declared cell's residual has the effect in it.
+        let sigma = traces.first().map_or(score.sigma, |(trace, _)| {
+            let c = self.candidates.iter().position(|c| std::ptr::eq(c, trace.candidate)).unwrap_or(0);
+            search.full(&[c]).sigma
+        });
+        ranking.separability = separability::pairs(&traces, &nuisance, &linear.moments[0], sigma);
+        ranking
     }
 
     pub(super) fn errors(&self, residual: &DVector<f64>, keep: impl Fn(&Observation) -> bool) -> Errors {
@@ -63,7 +93,7 @@ impl Engine {
         before: &DVector<f64>,
         after: &DVector<f64>,
         posteriors: &[Posterior],
-        ranking: Vec<Ranked>,
+        ranking: Ranking,
         linear: Option<&Linearised>,
         input: &Input,
     ) -> Identification {
@@ -124,7 +154,8 @@ impl Engine {
         let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
         let wander_mm = self.sigma * self.shape.wander.sqrt();
         let unexplained = self.unexplained(linear);
-        let advice = advice(&added, &unexplained, &self.problem);
+        let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem);
+        advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
         Identification {
             rows: self.problem.rows.len(),
             held_out_rows: self.problem.rows.iter().filter(|row| row.held_out).count(),
@@ -135,7 +166,8 @@ impl Engine {
             after: errors_after,
             after_rms_ci95_mm: self.bootstrap(after),
             added,
-            ranking,
+            ranking: ranking.kinds,
+            separability: ranking.separability,
             coverage: self.coverage(),
             unexplained,
             advice,
@@ -301,20 +333,34 @@ fn errors_of(norms: &[f64]) -> Errors {
     }
 }
 
+/// A rival with its d′ on these rows, where it is small.
+fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
+    match pairs.iter().find(|pair| pair.of == effect.kind && pair.from == *rival) {
+        Some(pair) => format!("`{rival}` (d′ {:.1}; 5 would do)", pair.d_prime),
+        None => format!("`{rival}`"),
+    }
+}
+
 /// What to measure next.
-fn advice(added: &[Added], unexplained: &Unexplained, problem: &Problem) -> Vec<String> {
+fn advice(added: &[Added], unexplained: &Unexplained, pairs: &[Separation], problem: &Problem) -> Vec<String> {
     let mut all = Vec::new();
     for effect in added.iter().filter(|effect| !effect.not_told_apart_from.is_empty()) {
         all.push(format!(
             "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \
              about its axis) and at load levels that reverse; more points of the same do not help",
             effect.kind,
-            effect.not_told_apart_from.iter().map(|kind| format!("`{kind}`")).collect::<Vec<_>>().join(", "),
+            effect.not_told_apart_from.iter().map(|kind| name_with_distance(effect, kind, pairs)).collect::<Vec<_>>().join(", "),
         ));
     }
     if unexplained.significant {
         let follows = unexplained.correlates.first().map_or(String::new(), |c| format!(" (it follows {})", c.with));
         all.push(format!("something that no listed effect explains is left{follows}: repeat the run at another time and place to see what it is tied to"));
+    }
+    if problem.orientations > 0 {
+        all.push(format!(
+            "{} measured orientations were read and not used: positions alone are fitted and scored",
+            problem.orientations
+        ));
     }
     if problem.rows.iter().all(|row| !problem.runs[row.run].points[row.point].cuts()) && !problem.free_device {
         all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());

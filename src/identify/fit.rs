@@ -1,11 +1,12 @@
 //! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
 
-use super::candidates::{FREE_FRAME, SPRING, fitted};
+use super::candidates::{SPRING, fitted};
+use super::device;
 use super::engine::{Engine, Linearised, Posterior};
 use super::noise;
 use super::score::posterior;
 use super::search::{CAUTION, Search};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 
 /// Steps of a refit at most, and how often one is halved.
@@ -61,10 +62,11 @@ impl Engine {
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
             let Some((mean, covariance)) = posterior(moments, &columns, self.sigma) else { return };
             let frames = linear.always.len();
-            for run in 0..frames / 6 {
-                let part = |k: usize| mean[6 * run + k] * FREE_FRAME[k];
-                let (shift, turn) = (Vector3::new(part(0), part(1), part(2)), Vector3::new(part(3), part(4), part(5)));
-                self.problem.move_device(run, &shift, &turn);
+            let mut unknown = 0;
+            for run in 0..self.problem.devices.len() {
+                let unknowns = self.problem.devices[run].unknowns();
+                device::shift(&mut self.problem, run, &mean.as_slice()[unknown..unknown + unknowns]);
+                unknown += unknowns;
             }
             // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
             let wide: Vec<_> = columns.iter().map(|&(column, _)| (column, 1.0)).collect();
@@ -86,8 +88,8 @@ impl Engine {
                     values
                 })
                 .collect();
-            // A device's frame has moved already, and its problem is as good as linear.
-            let halvings = if self.problem.free_device { 0 } else { HALVINGS };
+            // An instrument that was moved has moved already, and its problem is as good as linear.
+            let halvings = if frames > 0 { 0 } else { HALVINGS };
             let before = self.misfit(&linear);
             let mut step = 1.0;
             for left in (0..=halvings).rev() {

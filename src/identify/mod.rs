@@ -6,7 +6,9 @@
 //! ```
 
 mod candidates;
+mod controller;
 mod data;
+mod device;
 mod engine;
 mod explain;
 mod fit;
@@ -16,9 +18,11 @@ mod noise;
 mod outcome;
 mod score;
 mod search;
+mod separability;
 mod ties;
 
 pub use engine::{Input, identify};
 pub use outcome::{
-    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
+    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
+    Unexplained,
 };

@@ -24,6 +24,8 @@ pub struct Identification {
     pub added: Vec<Added>,
     /// Every kind of effect alone, best first.
     pub ranking: Vec<Ranked>,
+    /// Pairs of effects that these rows do not hold well apart, closest first.
+    pub separability: Vec<Separation>,
     /// Rows that a fitted curve does not cover.
     pub coverage: Coverage,
     /// What is left over.
@@ -93,6 +95,17 @@ pub struct Ranked {
     pub held_out_rms_mm: f64,
     /// −2 × log evidence against the declared cell: negative is better.
     pub delta_bic: f64,
+}
+
+/// How far one effect is from what another could imitate.
+#[derive(Clone, Debug, Serialize)]
+pub struct Separation {
+    /// The effect that is there, at 0.03 mm rms.
+    pub of: String,
+    /// The effect that may be taken for it.
+    pub from: String,
+    /// What is left of its trace, over the noise: above 5 told apart, below 3 not.
+    pub d_prime: f64,
 }
 
 /// Rows outside what was seen.

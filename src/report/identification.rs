@@ -47,6 +47,14 @@ pub fn identify_text(found: &Identification) -> String {
     for ranked in found.ranking.iter().take(RANKED) {
         let _ = writeln!(out, "  {:26} {:14.4} {:14.1}", ranked.kind, ranked.held_out_rms_mm, ranked.delta_bic);
     }
+    const PAIRS: usize = 6; // the whole list is in the JSON
+    let close: Vec<_> = found.separability.iter().filter(|pair| pair.d_prime < 5.0).take(PAIRS).collect();
+    if !close.is_empty() {
+        out.push_str("\nhard to tell apart on these rows (d′ at 0.03 mm; from 5 on told apart)\n");
+    }
+    for pair in close {
+        let _ = writeln!(out, "  {:26} taken for {:26} {:5.1}", pair.of, pair.from, pair.d_prime);
+    }
     if found.coverage.rows_outside > 0 {
         let _ = writeln!(
             out,

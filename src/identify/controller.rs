@@ -1,0 +1,57 @@
+//! Whether the controller already corrects what the cell corrects.
+
+use super::data::Problem;
+use super::noise::{self, Moments};
+use super::score::score;
+use crate::effects::Covered;
+use crate::equilibrium::Arm;
+use nalgebra::{DMatrix, DVector};
+
+/// Share of a declared effect that data may still show where it has been corrected away.
+const GONE: f64 = 0.3;
+/// What the data must gain without it, nats: as a name must.
+const PRICE: f64 = super::search::PRICE;
+
+/// What the controller seems to correct although the cell declares it as uncorrected, in words.
+pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVector<f64>) -> Vec<String> {
+    let found = [(Covered::Gravity, "gravity"), (Covered::Geometry, "geometry")].into_iter().filter_map(|(what, word)| {
+        let kept = declared.effects.iter().filter(|effect| effect.covered_by() != Some(what));
+        let effects: Vec<_> = kept.map(|effect| effect.clone_box()).collect();
+        if effects.len() == declared.effects.len() {
+            return None;
+        }
+        let without = Arm { robot: declared.robot.clone(), stiffness: declared.stiffness, effects };
+        let residual = problem.residual(&without);
+        // What the declared effect moves, and the share of it that was measured.
+        let moved = &residual - before;
+        let share = residual.dot(&moved) / moved.norm_squared();
+        let gain = evidence(problem, &residual) - evidence(problem, before);
+        (share.abs() < GONE && gain > PRICE).then(|| {
+            format!(
+                "the controller seems to correct {word} already: of what the cell's effects of {word} move, {:.0} % is in the data, and \
+                 the declared cell is off by {:.4} mm rms with them and {:.4} mm without; if so, say `[controller] compensates = [\"{word}\"]`",
+                100.0 * share,
+                rms(problem, before),
+                rms(problem, &residual),
+            )
+        })
+    });
+    found.collect()
+}
+
+/// Evidence of a residual as mere noise.
+fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
+    let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
+    let series = problem.series(|row| !row.held_out);
+    let moments: Vec<Moments> = noise::few().into_iter().map(|shape| Moments::of(&stacked, &series, shape)).collect();
+    score(&moments, &[]).evidence
+}
+
+/// Of the fitted rows, mm.
+fn rms(problem: &Problem, residual: &DVector<f64>) -> f64 {
+    let rows = problem.rows.iter().filter(|row| !row.held_out);
+    let (sum, count) = rows.fold((0.0, 0usize), |(sum, count), row| {
+        (sum + residual.rows(row.offset, row.seen.len()).norm_squared(), count + 1)
+    });
+    (sum / count.max(1) as f64).sqrt()
+}

@@ -1,0 +1,134 @@
+//! What is unknown of a measuring instrument: nothing, the frame of a tracker, the fixed point of a draw-wire.
+
+use super::data::{Observation, Problem, Seen};
+use crate::robot::Pose;
+use nalgebra::{DVector, Matrix3, Matrix4, Rotation3, Translation3, Vector3, Vector4};
+
+/// The unknown part of a run's instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Device {
+    /// It measures in the work object.
+    Known,
+    /// It measures in a frame of its own: the pose of that frame is fitted.
+    Frame,
+    /// It measures lengths from this point, which is fitted: work object axes, mm.
+    Point(Vector3<f64>),
+}
+
+/// Prior of a shift and of a turn, mm and rad: anything that a registration may be off.
+const FREE: (f64, f64) = (100.0, 0.1);
+
+impl Device {
+    /// Numbers that are fitted.
+    pub(super) fn unknowns(self) -> usize {
+        match self {
+            Self::Known => 0,
+            Self::Frame => 6,
+            Self::Point(_) => 3,
+        }
+    }
+}
+
+/// Change of every prediction with unknown `axis` of a run's instrument, mm per prior size.
+pub(super) fn column(problem: &Problem, run: usize, axis: usize) -> DVector<f64> {
+    let unit = Vector3::ith(axis % 3, 1.0);
+    problem.stack(|row| {
+        if row.run != run {
+            return [0.0; 3];
+        }
+        let seen = problem.runs[run].points[row.point].wobj_from_tcp.translation.vector * 1e3;
+        match problem.devices[run] {
+            Device::Known => [0.0; 3],
+            // The frame moves: the point moves the other way in it.
+            Device::Frame if axis < 3 => (-unit * FREE.0).into(),
+            Device::Frame => (-unit.cross(&seen) * FREE.1).into(),
+            Device::Point(from) => [-(seen - from).normalize().dot(&unit) * FREE.0, 0.0, 0.0],
+        }
+    })
+}
+
+/// Moves a run's instrument by its unknowns, in prior sizes.
+pub(super) fn shift(problem: &mut Problem, run: usize, unknowns: &[f64]) {
+    let three = |from: usize, size: f64| Vector3::from_fn(|k, _| unknowns[from + k] * size);
+    match problem.devices[run] {
+        Device::Known => {}
+        Device::Frame => {
+            let step = Pose::from_parts(
+                Translation3::from(three(0, FREE.0) * 1e-3),
+                Rotation3::from_scaled_axis(three(3, FREE.1)),
+            );
+            for point in &mut problem.runs[run].points {
+                let base_from_device = point.base_from_wobj * step;
+                point.place_in(&base_from_device);
+            }
+        }
+        Device::Point(from) => problem.devices[run] = Device::Point(from + three(0, FREE.0)),
+    }
+}
+
+/// The point from which lengths (mm) were measured to known places (mm); `None` where too few are known.
+///
+/// |p − d|² is linear in d and |d|², so that a start needs no guess; over a plane the side is open, and the one that
+/// fits better is taken, the upper where both do.
+pub(super) fn fixed_point<'a>(rows: impl Iterator<Item = (&'a Observation, Vector3<f64>)>) -> Option<Vector3<f64>> {
+    let pairs: Vec<(Vector3<f64>, f64)> = rows
+        .filter_map(|(row, place)| match row.seen {
+            Seen::Distance(length) if !row.held_out => Some((place, length)),
+            _ => None,
+        })
+        .collect();
+    const LEAST: usize = 4;
+    if pairs.len() < LEAST {
+        return None;
+    }
+    let n = pairs.len() as f64;
+    let centre = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / n;
+    let scatter: Matrix3<f64> =
+        pairs.iter().map(|(p, _)| (p - centre) * (p - centre).transpose()).sum::<Matrix3<f64>>() / n;
+    let axes = scatter.symmetric_eigen();
+    let flat = axes.eigenvalues.imin();
+    let mut normal: Vector3<f64> = axes.eigenvectors.column(flat).into();
+    if normal.z < 0.0 {
+        normal = -normal;
+    }
+    // Ridge, mm²: keeps a direction without spread at the centre, from where both sides are tried.
+    const RIDGE: f64 = 1.0;
+    let (mut matrix, mut right) = (Matrix4::identity() * RIDGE, Vector4::zeros());
+    matrix[(3, 3)] = 0.0;
+    for (p, length) in &pairs {
+        let q = p - centre;
+        let row = Vector4::new(-2.0 * q.x, -2.0 * q.y, -2.0 * q.z, 1.0);
+        matrix += row * row.transpose();
+        right += row * (length * length - q.norm_squared());
+    }
+    let solved = matrix.lu().solve(&right)?;
+    let near = Vector3::new(solved.x, solved.y, solved.z);
+    let above = (solved.w - near.norm_squared()).max(0.0).sqrt();
+    let misfit =
+        |d: &Vector3<f64>| pairs.iter().map(|(p, length)| (length - (p - centre - d).norm()).powi(2)).sum::<f64>();
+    let starts = [near + above * normal, near, near - above * normal];
+    let settled = starts.map(|start| descend(&pairs, centre, start));
+    settled.into_iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b))).map(|d| centre + d)
+}
+
+/// Gauss-Newton on the lengths.
+fn descend(pairs: &[(Vector3<f64>, f64)], centre: Vector3<f64>, mut at: Vector3<f64>) -> Vector3<f64> {
+    const STEPS: usize = 50;
+    /// Damping, in rows: a plane says nothing of the height above it near the plane itself.
+    const DAMPING: f64 = 1e-6;
+    for _ in 0..STEPS {
+        let (mut matrix, mut right) = (Matrix3::identity() * DAMPING, Vector3::zeros());
+        for (p, length) in pairs {
+            let from = at - (p - centre);
+            let unit = from.normalize();
+            matrix += unit * unit.transpose();
+            right += unit * (length - from.norm());
+        }
+        let Some(step) = matrix.cholesky().map(|factor| factor.solve(&right)) else { return at };
+        at += step;
+        if step.norm() < 1e-9 {
+            break;
+        }
+    }
+    at
+}
