@@ -49,3 +49,38 @@ fn a_table_of_another_program_is_refused() {
     bench.run("identify --run part.mod --cell cell.toml").exits(2);
     bench.run("identify --cell cell.toml").exits(2);
 }
+
+/// The sample as a draw-wire would have seen it: lengths from a point that nobody tells.
+#[test]
+fn lengths_from_an_unknown_point_name_the_same_effect() {
+    const FROM_MM: [f64; 3] = [350.0, -800.0, 900.0];
+    let bench = sample();
+    let measured = bench.read("measured.csv");
+    let mut lengths = String::from("target,distance_mm,fx_n,fy_n,fz_n,time_s\n");
+    for line in measured.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let square: f64 = (0..3).map(|k| (cells[1 + k].parse::<f64>().unwrap() - FROM_MM[k]).powi(2)).sum();
+        lengths += &format!("{},{:.5},{}\n", cells[0], square.sqrt(), cells[4..].join(","));
+    }
+    bench.write("lengths.csv", lengths);
+    let ran = bench.run("identify --run part.mod lengths.csv --cell cell.toml --json --quiet").exits(0);
+    let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(found["added"][0]["kind"], "backlash");
+    assert_eq!(found["added"].as_array().unwrap().len(), 1);
+    let rms = |which: &str| found[which]["rms_mm"].as_f64().unwrap();
+    assert!(rms("after") < 0.2 * rms("before"));
+}
+
+/// Weights that are given and not in the data: the controller took them off by itself.
+#[test]
+fn a_correction_that_the_controller_makes_too_is_pointed_out() {
+    let bench = sample();
+    let cell = bench.read("cell.toml");
+    let weights = "\n[[effect]]\nkind = \"gravity\"\nmass_kg = [0, 0, 0, 0, 0, 0]\nfirst_moment_kg_m = \
+                   [[0, 0, 0], [60, 0, 0], [0, 40, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]\n";
+    bench.write("heavy.toml", cell + weights);
+    let ran = bench.run("identify --run part.mod measured.csv --cell heavy.toml --json --quiet").exits(0);
+    let found: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let advice = found["advice"].to_string();
+    assert!(advice.contains("compensates = [\\\"gravity\\\"]"), "{advice}");
+}
