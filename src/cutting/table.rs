@@ -15,8 +15,15 @@ pub const TABLE_BOUND: f64 = 1e-3;
 /// Error that construction allows at its check points; a tenth of the bound, for what lies between.
 const ALLOWED: f64 = 0.1 * TABLE_BOUND;
 
-/// Depth range, a share of the programmed depth either way.
-const DEPTH_SHARE: f64 = 0.5;
+/// Depth range towards less, a share of the programmed depth: the force goes to zero with the depth, and with it what a
+/// relative error may be.
+const LESS: f64 = 0.5;
+
+/// Depth range towards more, first what is tried first. Weight alone sags a large arm by some millimetres, whatever the depth.
+fn ranges_towards_more(depth: f64) -> [f64; 3] {
+    const SAG: f64 = 2.5e-3;
+    [SAG.max(1.5 * depth), 1.5 * depth, LESS * depth]
+}
 
 /// First try of the other ranges, halved until the table is good enough: turn of the axis (rad),
 /// y shift as a share of the radial width. Joints yield by some 1e-4 rad in a cut.
@@ -25,7 +32,7 @@ const SIDE_SHARE: f64 = 0.1;
 const HALVINGS: usize = 5;
 
 /// Depth cells tried, coarse first.
-const CELLS: [usize; 2] = [16, 48];
+const CELLS: [usize; 3] = [16, 48, 96];
 
 /// Feeds per tooth over the programmed one for which the bound is checked.
 const FEEDS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
@@ -52,6 +59,8 @@ pub struct ForceTable {
 struct Grid {
     /// Two directions square to the programmed axis, feed frame.
     across: [Vector3<f64>; 2],
+    /// Shift at the middle of the depth range, and half its width, m.
+    depth_middle: f64,
     depth_range: f64,
     turn_range: f64,
     side_range: f64,
@@ -80,16 +89,17 @@ impl ForceTable {
     /// range until the error is far below [`TABLE_BOUND`]. Where no range will do, every call is
     /// the integral's.
     pub fn new(milling: Milling) -> Self {
-        let mut share = 1.0;
-        for _ in 0..HALVINGS {
-            for cells in CELLS {
-                let mut grid = Grid::new(&milling, share, cells);
-                grid.error = grid.measured_error(&milling);
-                if grid.error <= ALLOWED {
-                    return ForceTable { milling, grid: Some(grid) };
-                }
+        let tries = (0..HALVINGS).flat_map(|halvings| {
+            let share = 0.5_f64.powi(i32::try_from(halvings).unwrap_or(0));
+            let more = ranges_towards_more(milling.engagement().depth);
+            more.into_iter().flat_map(move |more| CELLS.map(|cells| (share, more, cells)))
+        });
+        for (share, more, cells) in tries {
+            let mut grid = Grid::new(&milling, share, more, cells);
+            grid.error = grid.measured_error(&milling);
+            if grid.error <= ALLOWED {
+                return ForceTable { milling, grid: Some(grid) };
             }
-            share *= 0.5;
         }
         ForceTable { milling, grid: None }
     }
@@ -104,10 +114,10 @@ impl ForceTable {
         self.grid.as_ref().map(|grid| grid.error)
     }
 
-    /// Ranges about the programmed pose: depth (m), turn of the axis (rad), y shift (m; 0 in a
-    /// slot, where it changes nothing).
+    /// Ranges about the programmed pose, either way: depth (m; towards more it may be wider), turn of the axis (rad), y
+    /// shift (m; 0 in a slot, where it changes nothing).
     pub fn ranges(&self) -> Option<[f64; 3]> {
-        let of = |g: &Grid| [g.depth_range, g.turn_range, if g.side { g.side_range } else { 0.0 }];
+        let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range, if g.side { g.side_range } else { 0.0 }];
         self.grid.as_ref().map(of)
     }
 
@@ -140,13 +150,15 @@ impl Place {
 }
 
 impl Grid {
-    fn new(milling: &Milling, share: f64, cells: usize) -> Self {
+    fn new(milling: &Milling, share: f64, more: f64, cells: usize) -> Self {
         let engagement = milling.engagement();
         let axis = milling.axis_in_feed();
         let y = axis.cross(&Vector3::x()).normalize();
         let mut grid = Grid {
             across: [y.cross(&axis), y],
-            depth_range: DEPTH_SHARE * engagement.depth,
+            // A tip that is higher cuts less.
+            depth_middle: 0.5 * (LESS * engagement.depth - more),
+            depth_range: 0.5 * (LESS * engagement.depth + more),
             turn_range: TURN * share,
             side_range: SIDE_SHARE * share * engagement.width,
             side: engagement.mode != Mode::Slot,
@@ -202,7 +214,7 @@ impl Grid {
 
     fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
         Place {
-            depth: shift.z / self.depth_range,
+            depth: (shift.z - self.depth_middle) / self.depth_range,
             turn: self.across.map(|across| across.dot(axis) / self.turn_range),
             side: if self.side { shift.y / self.side_range } else { 0.0 },
             lead: axis.x / self.turn_range,
@@ -211,7 +223,7 @@ impl Grid {
 
     /// The integral at a place.
     fn integral(&self, milling: &Milling, place: &Place) -> Values {
-        let shift = Vector3::new(0.0, place.side * self.side_range, place.depth * self.depth_range);
+        let shift = Vector3::new(0.0, place.side * self.side_range, self.depth_middle + place.depth * self.depth_range);
         let ForceParts { edge: e, cutting: c } = milling.force_parts(&shift, &self.axis(milling, place.turn));
         [e.x, e.y, e.z, c.x, c.y, c.z]
     }

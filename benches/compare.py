@@ -1,0 +1,281 @@
+#!/usr/bin/env python3
+"""Runs deflex and the programs it is compared with in turn, prints ratios as Markdown, draws how cost grows.
+
+  benches/compare.py [--anchors DIR] [--targets N] [--runs N]        a table on stdout
+  benches/compare.py --figure docs/speed.svg [--largest N]           how time and memory grow
+
+--anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor; what
+is not there is left out. Times are wall seconds, median of the runs, which take turns; memory is the operating system's peak.
+"""
+import argparse
+import math
+import os
+import pathlib
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parent
+DEFLEX = ROOT / "target/release/deflex"
+
+HEAD = """MODULE Mill
+  PERS tooldata tMill:=[TRUE,[[321.5,0,148.25],[0.70710678,0,0.70710678,0]],[38,[90,0,60],[1,0,0,0],0,0,0]];
+  PERS wobjdata wPart:=[FALSE,TRUE,"",[[1600,-200,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PROC main()
+"""
+UNUSED = "[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tMill\\WObj:=wPart;"
+ROW = 1000  # targets of a row over the surface
+
+
+def generate(path, targets):
+    """A wavy surface in rows, inline targets of about 146 bytes."""
+    rows = []
+    for i in range(min(targets, ROW)):
+        x = 0.3 * i
+        half = 0.0436 + 0.5 * math.atan(0.3 * math.cos(0.02 * x))
+        z = 40.0 + 15.0 * math.sin(0.02 * x)
+        rows.append((f"    MoveL [[{x:.3f},", f",{z:.3f}],[0.00000000,{math.cos(half):.8f},0.00000000,{math.sin(half):.8f}],{UNUSED}\n"))
+    with open(path, "w") as out:
+        out.write(HEAD)
+        for row in range(math.ceil(targets / ROW)):
+            y = f"{0.02 * row:.3f}"
+            some = rows[: targets - row * ROW]
+            # Back and forth.
+            out.writelines(a + y + b for a, b in (some if row % 2 == 0 else reversed(some)))
+        out.write("  ENDPROC\nENDMODULE\n")
+
+
+def run(command, stdin=None, stdout=None):
+    """Wall seconds, peak MiB. Through time(1): a child of this interpreter would begin with its peak."""
+    with tempfile.NamedTemporaryFile("r") as note:
+        start = time.perf_counter()
+        timed = ["/usr/bin/time", "-f", "%M", "-o", note.name, *(str(c) for c in command)]
+        process = subprocess.run(timed, stdin=stdin, stdout=stdout or subprocess.DEVNULL, stderr=subprocess.PIPE)
+        seconds = time.perf_counter() - start
+        if process.returncode:
+            sys.exit(f"{timed}: exit {process.returncode}\n{process.stderr.decode()[:2000]}")
+        return seconds, int(note.read().split()[-1]) / 1024
+
+
+def in_turn(jobs, runs):
+    """Median seconds and most memory of each job: one warm-up, then A B C, A B C, …"""
+    got = {name: [] for name in jobs}
+    for turn in range(runs + 1):
+        for name, job in jobs.items():
+            came = job()
+            if turn or runs == 1:
+                got[name].append(came)
+    return {name: (statistics.median(t for t, _ in rows), max(m for _, m in rows)) for name, rows in got.items()}
+
+
+def compensate(program, folder, threads, cell=HERE / "cell.toml"):
+    outputs = ["-o", folder / "out.mod", "--report", folder / "out.csv"]
+    return [DEFLEX, "compensate", program, "--cell", cell, *outputs, "--jobs", threads, "--quiet"]
+
+
+def piped(program, folder, threads):
+    with open(program) as from_, open(folder / "pipe.mod", "w") as to:
+        return run([DEFLEX, "compensate", "-", "--cell", HERE / "cell.toml", "--jobs", threads, "--quiet"], from_, to)
+
+
+def with_effects(folder):
+    """The cell with what costs nothing that it does not use."""
+    cell = folder / "effects.toml"
+    cell.write_text((HERE / "cell.toml").read_text() + EFFECTS["gravity"] + EFFECTS["backlash"])
+    return cell
+
+
+EFFECTS = {
+    "gravity": """
+[[effect]]
+kind = "gravity"
+mass_kg = [0, 200, 150, 60, 30, 10]
+first_moment_kg_m = [[0, 0, 0], [100, 0, 0], [30, 60, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+tool = true
+""",
+    "backlash": """
+[[effect]]
+kind = "backlash"
+half_gap_rad = [1e-5, 2e-5, 2e-5, 3e-5, 3e-5, 5e-5]
+""",
+    "gear_harmonic": """
+[[effect]]
+kind = "gear_harmonic"
+terms = [{ joint = 1, order = 1.0, cos_rad = 1e-5, sin_rad = 2e-5 }, { joint = 2, order = 2.0, cos_rad = 1e-5, sin_rad = 2e-5 }]
+""",
+    "tool_wear": """
+[[effect]]
+kind = "tool_wear"
+per_m = 0.0001
+""",
+    "zero_offset": """
+[[effect]]
+kind = "zero_offset"
+offset_rad = [1e-5, 2e-5, 1e-5, 2e-5, 1e-5, 2e-5]
+""",
+    "tool_frame": """
+[[effect]]
+kind = "tool_frame"
+d_mm = [0.01, 0.02, 0.03]
+d_rad = [1e-5, 1e-5, 1e-5]
+""",
+}
+
+
+def table(args, folder):
+    program = folder / "part.mod"
+    generate(program, args.targets)
+    jobs = {}
+    floor = pathlib.Path(args.anchors or "") / "target/release/pipeline_floor"
+    if args.anchors and floor.exists():
+        for threads in (1, 4):
+            command = [floor, "job", program, folder / "floor.mod", folder / "floor.csv", threads, "e"]
+            jobs[f"floor (explicit inverse, forward check), {threads} thr"] = lambda c=command: run(c)
+    else:
+        print("the floor is left out: no --anchors with target/release/pipeline_floor", file=sys.stderr)
+    for threads in (1, 4):
+        jobs[f"deflex, {threads} thr"] = lambda t=threads: run(compensate(program, folder, t))
+    jobs["deflex, gravity and backlash, 1 thr"] = lambda: run(compensate(program, folder, 1, with_effects(folder)))
+    jobs["deflex, pipe to pipe, 4 thr"] = lambda: piped(program, folder, 4)
+    got = in_turn(jobs, args.runs)
+    print(f"{args.targets:,} targets, {program.stat().st_size / 1e6:.0f} MB of RAPID, median of {args.runs} runs\n")
+    print("| | ns a target | over the floor, same threads | peak MiB |\n|---|---|---|---|")
+    for name, (seconds, memory) in got.items():
+        floors = [s for other, (s, _) in got.items() if other.startswith("floor") and other.endswith(name[-5:])]
+        ratio = f"{seconds / floors[0]:.1f}" if floors else "–"
+        print(f"| {name} | {1e9 * seconds / args.targets:,.0f} | {ratio} | {memory:.0f} |")
+    speed_up = got["deflex, 1 thr"][0] / got["deflex, 4 thr"][0]
+    print(f"\nFour threads are {speed_up:.1f} times as fast as one.")
+
+
+def figure(args, folder):
+    """Panels of (x, seconds, MiB)."""
+    panels = []
+    for threads in (1, 4):
+        points, targets = [], 1000
+        while targets <= args.largest:
+            program = folder / "part.mod"
+            generate(program, targets)
+            seconds, memory = run(compensate(program, folder, threads))
+            points.append((targets, seconds, memory))
+            print(f"{threads} threads, {targets} targets: {seconds:.3f} s, {memory:.0f} MiB", file=sys.stderr)
+            targets *= 10
+        panels.append((f"targets ({threads} thread{'s' * (threads > 1)})", points, True))
+
+    generate(folder / "part.mod", 100_000)
+    points, cell = [], (HERE / "cell.toml").read_text()
+    for count, kind in enumerate(["", *EFFECTS]):
+        cell += EFFECTS.get(kind, "")
+        (folder / "cell.toml").write_text(cell)
+        points.append((count, *run(compensate(folder / "part.mod", folder, 1, folder / "cell.toml"))))
+    panels.append(("effects besides springs and cut (10⁵ targets, 1 thread)", points, False))
+
+    points = []
+    for count in (1, 2, 4, 8, 16):
+        batch, out = folder / "batch", folder / "corrected"
+        for old in (batch, out):
+            shutil.rmtree(old, ignore_errors=True)
+            old.mkdir()
+        for i in range(count):
+            generate(batch / f"part{i}.mod", 20_000)
+            text = (batch / f"part{i}.mod").read_text()
+            (batch / f"part{i}.mod").write_text(text.replace("MODULE Mill", f"MODULE Mill{i}", 1))
+        inputs = sorted(batch.iterdir())
+        command = [DEFLEX, "compensate", *inputs, "--cell", HERE / "cell.toml", "--out-dir", out, "--jobs", 4, "--quiet"]
+        points.append((count, *run(command)))
+    panels.append(("programs in a batch (2·10⁴ targets each, 4 threads)", points, True))
+
+    points = identification(folder)
+    panels.append(("measured rows of an identification", points, True))
+    pathlib.Path(args.figure).write_text(svg(panels))
+    for name, points, _ in panels:
+        print(name)
+        for x, seconds, memory in points:
+            print(f"  {x:>10,}  {seconds:8.3f} s  {memory:6.0f} MiB")
+
+
+def identification(folder):
+    """The closed-loop sample's rows, over and over along a program as long."""
+    sample = ROOT / "samples/closed-loop"
+    lines = (sample / "part.mod").read_text().splitlines(keepends=True)
+    moves = [i for i, line in enumerate(lines) if line.lstrip().startswith("MoveL")]
+    header, *rows = (sample / "measured.csv").read_text().splitlines()
+    at = header.split(",").index("target")
+    points = []
+    for times in (1, 4, 16):
+        body = [lines[i] for i in moves] * times
+        (folder / "long.mod").write_text("".join(lines[: moves[0]] + body + lines[moves[-1] + 1 :]))
+        with open(folder / "long.csv", "w") as out:
+            out.write(header + "\n")
+            for copy in range(times):
+                for row in rows:
+                    cells = row.split(",")
+                    if not cells[at].isdigit():
+                        return points
+                    cells[at] = str(int(cells[at]) + copy * len(moves))
+                    out.write(",".join(cells) + "\n")
+        command = [DEFLEX, "identify", "--run", folder / "long.mod", folder / "long.csv", "--cell", sample / "cell.toml", "--quiet"]
+        points.append((times * len(rows), *run(command)))
+        print(f"{points[-1][0]} rows: {points[-1][1]:.2f} s", file=sys.stderr)
+    return points
+
+
+def svg(panels):
+    """Time in blue, memory in orange; log-log where x is a size, so that a straight line of slope one is cost as work."""
+    width, height, gap, left = 300, 190, 70, 60
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + len(panels[:3]) * (width + gap)}" height="{2 * (height + gap) + 20}" '
+        'font-family="sans-serif" font-size="11">',
+        '<rect width="100%" height="100%" fill="white"/>',
+    ]
+    for i, (name, points, logarithmic) in enumerate(panels):
+        x0, y0 = left + (i % 3) * (width + gap), 30 + (i // 3) * (height + gap)
+        out.append(f'<text x="{x0}" y="{y0 - 10}" font-weight="bold">{name}</text>')
+        out.append(f'<rect x="{x0}" y="{y0}" width="{width}" height="{height}" fill="none" stroke="#888"/>')
+        if not points:
+            continue
+        xs = [math.log10(p[0]) if logarithmic else p[0] for p in points]
+        span = (xs[-1] - xs[0]) or 1
+        for column, colour, unit, side in ((1, "#1f5fbf", "s", "start"), (2, "#d9770a", "MiB", "end")):
+            ys = [math.log10(p[column]) for p in points]
+            low, high = math.floor(min(ys)), math.ceil(max(ys) + 1e-9)
+            high += high == low
+            place = lambda x, y: (x0 + 12 + (width - 24) * (x - xs[0]) / span, y0 + height - height * (y - low) / (high - low))
+            dots = [place(x, y) for x, y in zip(xs, ys)]
+            out.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.5" points="{" ".join(f"{a:.1f},{b:.1f}" for a, b in dots)}"/>')
+            out += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}"/>' for a, b in dots]
+            for tick in range(low, high + 1):
+                y = place(0, tick)[1]
+                x, anchor = (x0 - 4, "end") if side == "start" else (x0 + width + 4, "start")
+                out.append(f'<text x="{x}" y="{y + 4:.1f}" text-anchor="{anchor}" fill="{colour}">{10.0 ** tick:g} {unit}</text>')
+        for x, p in zip(xs, points):
+            at = x0 + 12 + (width - 24) * (x - xs[0]) / span
+            label = f"10{'⁰¹²³⁴⁵⁶⁷⁸'[round(math.log10(p[0]))]}" if logarithmic and p[0] >= 1000 and math.log10(p[0]).is_integer() else f"{p[0]:,}"
+            out.append(f'<text x="{at:.1f}" y="{y0 + height + 15}" text-anchor="middle">{label}</text>')
+    return "\n".join(out + ["</svg>", ""])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--anchors", default=os.environ.get("ANCHORS"))
+    parser.add_argument("--targets", type=int, default=1_000_000)
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--figure")
+    parser.add_argument("--largest", type=int, default=10_000_000)
+    parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")
+    args = parser.parse_args()
+    if args.generate:
+        return generate(args.generate, args.targets)
+    if not os.access("/usr/bin/time", os.X_OK):
+        sys.exit("/usr/bin/time is needed for the peak memory: apt-get install time")
+    subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT, check=True)
+    with tempfile.TemporaryDirectory(dir=os.environ.get("DATA")) as folder:
+        (figure if args.figure else table)(args, pathlib.Path(folder))
+
+
+if __name__ == "__main__":
+    main()
