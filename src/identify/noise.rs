@@ -133,7 +133,7 @@ pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) ->
 }
 
 /// Rows whose field is seen together: what is further apart in a long run is taken as unrelated.
-const TOGETHER: usize = 400;
+const TOGETHER: usize = 300;
 
 fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: Field) -> Whitened {
     let mut columns = stacked.clone();

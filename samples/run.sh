@@ -1,0 +1,25 @@
+#!/bin/sh
+# Corrects the slot and the blade (as RAPID and as CL data), closes the loop on the measured sample, and judges each
+# corrected program against its original. Programs, reports and pages are left in samples/out/.
+set -eu
+cd "$(dirname "$0")"
+mkdir -p out
+cargo build --release --quiet
+deflex=$PWD/../target/release/deflex
+
+for program in slot/slot.mod blade/blade.mod blade/blade.aptsource; do
+    folder=$(dirname "$program")
+    name=$(basename "$program" | tr . _)
+    echo
+    echo "== $program"
+    "$deflex" compensate "$program" --cell "$folder/cell.toml" -o "out/$name.corrected.mod" \
+        --report "out/$name.report.csv" --html "out/$name.html"
+    "$deflex" check "out/$name.corrected.mod" --cell "$folder/cell.toml" --against "$program" --max-error 0.001
+done
+
+echo
+echo "== closed-loop: which effect does the cell lack?"
+"$deflex" identify --run closed-loop/part.mod closed-loop/measured.csv --cell closed-loop/cell.toml \
+    -o out/extended.toml --report out/residuals.csv --json out/identification.json --html out/identification.html
+"$deflex" compensate closed-loop/transfer.mod --cell out/extended.toml \
+    --forces closed-loop/transfer_measured.csv -o out/transfer.corrected.mod --report out/transfer.report.csv
