@@ -5,7 +5,7 @@ use super::input::{self, Context, Job, all};
 use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
-use deflex::program::{Language, round_trip};
+use deflex::program::{Language, detect, round_trip};
 use deflex::report::{InspectFile, InspectFiles, inspect_table};
 use deflex::text::Diagnostic;
 use rayon::prelude::*;
@@ -78,12 +78,17 @@ fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         if kind.is_dir() {
             found.extend(programs(&path)?);
-        } else if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str())) {
+        } else if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()) || ending == "txt" && says_so(&path)) {
             found.push(path);
         }
     }
     found.sort();
     Ok(found)
+}
+
+/// Whether a text file is a program by what stands in it.
+fn says_so(path: &Path) -> bool {
+    std::fs::read(path).is_ok_and(|bytes| detect("", &bytes).is_some())
 }
 
 /// What is understood of one file. A file that is refused is an answer; one that cannot be opened is none.

@@ -70,8 +70,12 @@ fn inspect_says_what_was_understood() {
         assert_eq!((file["motion_targets"].as_u64(), file["literal_targets"].as_u64()), (Some(4), Some(4)));
         assert!(file["refused"].is_null());
     }
+    bench.write("saved.txt", PROGRAM).write("lost.pgf", "<Program><Module>gone.mod</Module></Program>");
     let folder = bench.run("inspect .").exits(0).stdout;
-    assert!(folder.contains("part.mod") && folder.contains("part.apt") && !folder.contains("other.txt"), "{folder}");
+    for found in ["part.mod", "part.apt", "saved.txt", "not beside it: gone.mod"] {
+        assert!(folder.contains(found), "{found}: {folder}");
+    }
+    assert!(!folder.contains("other.txt"), "{folder}");
     let other = bench.run("inspect other.txt --json").exits(0);
     let json: serde_json::Value = serde_json::from_str(&other.stdout).unwrap();
     assert!(json["files"][0]["refused"].is_string());

@@ -60,6 +60,8 @@ pub(super) struct ArcSlot {
     pub(super) first: usize,
     /// Its centre, as often as printed.
     pub(super) centres: [Option<Xyz>; 2],
+    /// It is no arc that can be followed: the end is gone to straight.
+    pub(super) straight: bool,
 }
 
 /// A start that `FROM` prints.

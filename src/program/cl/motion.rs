@@ -142,7 +142,7 @@ impl Reader<'_> {
             arc.chords(tolerance).map(|n| (arc, n))
         });
         let slot = u32::try_from(self.layout.arcs.len()).unwrap_or(u32::MAX);
-        self.layout.arcs.push(ArcSlot { first: self.targets.len(), centres: pending.centres });
+        self.layout.arcs.push(ArcSlot { first: self.targets.len(), centres: pending.centres, straight: path.is_err() });
         match path {
             Ok((arc, chords)) => {
                 self.arcs += usize::from(!ahead);
@@ -267,14 +267,10 @@ impl Reader<'_> {
         let centre_spans: Vec<Span> = round.iter().map(|t| t.span).take(3).collect();
         let xyz = [spans[3], spans[4], spans[5]];
         let centres = [Some([centre_spans[0], centre_spans[1], centre_spans[2]]), Some([spans[0], spans[1], spans[2]])];
-        match (tangent, self.modal.position) {
-            (Some(tangent), Some(start)) => {
-                let axis = cross(sub(start, centre), tangent);
-                let circle = Circle { centre, axis, radius: Some(radius), turns: 1.0 };
-                self.pending = Some(PendingArc { circle, centres, record });
-            }
-            _ => self.keep(record, "arc without a start or its direction"),
-        }
+        let axis = tangent.zip(self.modal.position).map(|(tangent, start)| cross(sub(start, centre), tangent));
+        // Without a start or its direction it is no arc; its centre moves with its end all the same.
+        let circle = Circle { centre, axis: axis.unwrap_or([0.0; 3]), radius: Some(radius), turns: 1.0 };
+        self.pending = Some(PendingArc { circle, centres, record });
         self.arrive(record, xyz, end, true);
         Ok(())
     }

@@ -88,7 +88,10 @@ impl Writer<'_> {
             Slot::AlongAxis if norm(sub(wanted, before)) > SAME_MM => return Err("increment along the tool axis"),
             Slot::AlongAxis => {}
             Slot::OnArc { arc } | Slot::ArcEnd { arc, .. } => {
-                if self.layout.arcs[arc as usize].first == at {
+                let slot = &self.layout.arcs[arc as usize];
+                if slot.straight {
+                    self.arc = Ok(());
+                } else if slot.first == at {
                     self.arc = self.rigid(program, changes, arc, wanted, before);
                 }
                 self.arc?;

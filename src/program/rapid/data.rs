@@ -158,9 +158,16 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The same for a function of the program, which is not followed.
-    pub(super) fn forget_what_calls_change(&mut self, scope: Scope, name: &[u8]) {
-        let Some(id) = self.symbols.find_routine(scope.module, name) else { return };
+    /// The same for a function, which is not followed: what it changes through its arguments, and of the module.
+    pub(super) fn forget_what_a_function_changes(&mut self, scope: Scope, call: &Call) {
+        let bytes = self.bytes(scope.source as usize);
+        for word in self.symbols.changed_arguments(scope.module, bytes, call) {
+            if let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()])) {
+                self.symbols.variables[at].content = Content::Is(Value::Unknown(RUN_TIME));
+                (self.epoch, self.changes) = (self.epoch + 1, self.changes + 1);
+            }
+        }
+        let Some(id) = self.symbols.find_routine(scope.module, &bytes[call.name.range()]) else { return };
         let mut names = Vec::new();
         self.symbols.assigned_names(id, &self.symbols.routine(id).body, &mut names);
         for name in names {

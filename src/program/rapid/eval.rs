@@ -307,9 +307,9 @@ impl Runner<'_> {
             let mut cursor = Cursor::new(bytes, *span);
             values.push(self.expression(scope, &mut cursor, 0, depth + 1));
         }
+        self.forget_what_a_function_changes(scope, call);
         if self.symbols.find_routine(scope.module, &bytes[call.name.range()]).is_some() {
             values.iter().for_each(|v| self.pin_value(v));
-            self.forget_what_calls_change(scope, &bytes[call.name.range()]);
             return Value::Unknown(RUN_TIME);
         }
         let num = |i: usize| values.get(i).and_then(Value::num);

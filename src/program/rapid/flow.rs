@@ -3,7 +3,7 @@
 use super::eval::{RUN_TIME, Scope};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
-use super::run::{Flow, MAX_ROUNDS, MAX_STEPS, MAX_TARGETS, Marker, Runner, State, late_name};
+use super::run::{Flow, MAX_ROUNDS, Marker, Runner, State, late_name};
 use super::symbols::{Content, RoutineId, Upper, first_word};
 use super::tree::Statement;
 use super::value::Value;
@@ -99,7 +99,7 @@ impl<'a> Runner<'a> {
         let flow = match (from, to, step) {
             #[allow(clippy::cast_precision_loss)]
             (Some(from), Some(to), None | Some(Some(_)))
-                if ((to - from) / step.flatten().unwrap_or(1.0)).abs() <= MAX_TARGETS as f64 =>
+                if ((to - from) / step.flatten().unwrap_or(1.0)).abs() <= self.most_steps as f64 =>
             {
                 let step = step.flatten().unwrap_or(if to >= from { 1.0 } else { -1.0 });
                 self.count(counter, from, to, step, body)
@@ -130,8 +130,8 @@ impl<'a> Runner<'a> {
         let mut value = from;
         while if step > 0.0 { value <= to } else { value >= to } {
             self.symbols.variables[counter].content = Content::Is(Value::Num(value, None));
-            self.steps += 1;
-            if self.steps > MAX_STEPS {
+            self.steps = self.steps.saturating_add(1);
+            if self.steps > self.most_steps {
                 return self.give_up();
             }
             let flow = self.block(body);

@@ -110,6 +110,11 @@ impl Call {
         &self.optional[..self.optionals]
     }
 
+    /// All that is given, by place or by name.
+    pub(super) fn given(&self) -> impl Iterator<Item = Span> {
+        self.positional().iter().copied().chain(self.optional().iter().map(|(_, value)| *value))
+    }
+
     pub(super) fn option(&self, bytes: &[u8], name: &[u8]) -> Option<Span> {
         self.optional().iter().find(|(n, _)| bytes[n.range()].eq_ignore_ascii_case(name)).map(|o| o.1)
     }

@@ -62,8 +62,8 @@ impl<'a> Runner<'a> {
             _ => {}
         }
         // What it is given it may change.
-        for argument in call.positional() {
-            let word = first_word(bytes, *argument);
+        for argument in call.given() {
+            let word = first_word(bytes, argument);
             if word.is_empty() {
                 continue;
             }

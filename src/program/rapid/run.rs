@@ -14,12 +14,14 @@ use std::sync::Arc;
 
 /// Calls deeper than this are not followed: a procedure that calls itself has no end when reading.
 pub(super) const MAX_CALLS: usize = 48;
-/// Statements run in all: ends loops whose condition never changes.
-pub(super) const MAX_STEPS: usize = 20_000_000;
+/// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
+const STEPS: usize = 500_000;
+const STEPS_PER_BYTE: usize = 4;
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 pub(super) const MAX_ROUNDS: usize = 100_000;
-/// Targets in all, loops expanded.
-pub(super) const MAX_TARGETS: usize = 10_000_000;
+/// Targets in all, loops expanded, and for each byte of the program besides: a file of one line must not fill the memory.
+const TARGETS: usize = 200_000;
+const TARGETS_PER_BYTE: usize = 1;
 /// Largest deviation of |q|² from 1 that can be a matter of printing (LANGUAGES: repairable up to 0.1).
 pub(super) const MAX_NORM_ERROR: f64 = 0.1;
 
@@ -68,6 +70,10 @@ pub(super) struct Runner<'a> {
     /// Inside a branch or loop whose condition is not known.
     pub(super) unsure: usize,
     pub(super) steps: usize,
+    pub(super) most_steps: usize,
+    pub(super) most_targets: usize,
+    /// Routines that were run.
+    pub(super) entered: HashSet<RoutineId>,
     pub(super) epoch: u64,
     /// Assignments so far: a loop without any never ends by itself.
     pub(super) changes: u64,
@@ -118,6 +124,7 @@ impl<'a> Runner<'a> {
             literals.extend_from_slice(&file.literals);
         }
         first_literal.push(literals.len());
+        let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
         let mut runner = Self {
             symbols: Symbols::new(sources, files),
             written,
@@ -125,6 +132,9 @@ impl<'a> Runner<'a> {
             state: State::default(),
             unsure: 0,
             steps: 0,
+            most_steps: STEPS + STEPS_PER_BYTE * bytes,
+            most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
+            entered: HashSet::new(),
             epoch: 1,
             changes: 0,
             tool: Cached::default(),
@@ -160,44 +170,59 @@ impl<'a> Runner<'a> {
         runner
     }
 
-    /// Runs `main`; where it moves nothing (a station's empty one, say), every procedure that no other calls.
+    /// Runs `main`; where there is none, or it moves nothing, every procedure that no other calls.
     pub(super) fn run(mut self, files: &[File]) -> Outcome {
-        let main = self.main();
-        if let Some(main) = main {
-            self.call(main, &[]);
-        }
+        let procs = self.procedures();
+        let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
+        self.enter_all(main.as_slice());
         if self.motions == 0 {
-            for id in self.uncalled().into_iter().filter(|id| Some(*id) != main) {
-                if self.call(id, &[]) == Flow::Stop && self.steps >= MAX_STEPS {
-                    break;
-                }
-            }
+            let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
+            self.enter_all(&others);
         }
+        self.keep_what_is_not_run();
         self.finish(files)
     }
 
-    /// Procedures of the files that are edited.
-    fn procs(&self) -> Vec<RoutineId> {
+    fn enter_all(&mut self, entries: &[RoutineId]) {
+        for &id in entries {
+            if self.call(id, &[]) == Flow::Stop && self.steps >= self.most_steps {
+                break;
+            }
+        }
+    }
+
+    /// Routines with motions in them that nothing in the files runs: their targets stay as they are.
+    fn keep_what_is_not_run(&mut self) {
+        let idle = |id: &RoutineId| id.file < self.written && !self.entered.contains(id);
+        for id in self.symbols.all().filter(idle).collect::<Vec<_>>() {
+            let routine = self.symbols.routine(id);
+            if self.symbols.moves(id, &routine.body) {
+                self.keep(id.file, routine.name, "routine that nothing in the files runs");
+            }
+        }
+    }
+
+    /// Procedures of the program itself, in the order of the text.
+    fn procedures(&self) -> Vec<RoutineId> {
         let own = |id: &RoutineId| id.file < self.written && self.symbols.routine(*id).kind == RoutineKind::Proc;
         self.symbols.all().filter(own).collect()
     }
 
-    fn main(&self) -> Option<RoutineId> {
-        let name = |id: &RoutineId| &self.symbols.sources[id.file].bytes[self.symbols.routine(*id).name.range()];
-        self.procs().into_iter().find(|id| name(id).eq_ignore_ascii_case(b"main"))
+    fn routine_name(&self, id: RoutineId) -> &'a [u8] {
+        &self.bytes(id.file)[self.symbols.routine(id).name.range()]
     }
 
-    fn uncalled(&self) -> Vec<RoutineId> {
-        let procs = self.procs();
+    /// Those of `procs` that no other calls.
+    fn uncalled(&self, procs: &[RoutineId]) -> Vec<RoutineId> {
         let mut called = HashSet::new();
-        for &id in &procs {
+        for &id in procs {
             let mut calls = Vec::new();
             self.calls(id, &self.symbols.routine(id).body, &mut calls);
             called.extend(calls.into_iter().filter(|c| *c != id));
         }
         let entries: Vec<RoutineId> = procs.iter().filter(|id| !called.contains(*id)).copied().collect();
         // Where each calls another in a ring: the first.
-        if entries.is_empty() { procs.into_iter().take(1).collect() } else { entries }
+        if entries.is_empty() { procs.iter().copied().take(1).collect() } else { entries }
     }
 
     pub(super) fn scope(&self) -> Scope {
@@ -217,6 +242,7 @@ impl<'a> Runner<'a> {
         if self.frames.len() >= MAX_CALLS {
             return Flow::Next;
         }
+        self.entered.insert(id);
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
         let module = self.symbols.module_of(id);
@@ -258,8 +284,8 @@ impl<'a> Runner<'a> {
 
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
         for statement in block {
-            self.steps += 1;
-            if self.steps > MAX_STEPS || self.targets.len() > MAX_TARGETS {
+            self.steps = self.steps.saturating_add(1);
+            if self.steps > self.most_steps || self.targets.len() > self.most_targets {
                 return self.give_up();
             }
             let flow = match statement {
@@ -294,13 +320,15 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn give_up(&mut self) -> Flow {
-        if self.steps <= MAX_STEPS + 1 || self.targets.len() == MAX_TARGETS + 1 {
-            self.steps = MAX_STEPS + 2;
+        if self.steps < usize::MAX {
+            // Once is enough: whatever runs on ends at its next step.
+            self.steps = usize::MAX;
             let place = self
                 .frames
                 .last()
                 .map_or((0, Span::default()), |f| (f.routine.file, self.symbols.routine(f.routine).name));
-            let message = format!("the program runs through more than {MAX_TARGETS} targets or {MAX_STEPS} statements");
+            let (targets, steps) = (self.most_targets, self.most_steps);
+            let message = format!("the program runs through more than {targets} targets or {steps} statements");
             let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[place.0], place.1);
             self.diagnostics.push(error.help("split the program, or bound its loops"));
         }

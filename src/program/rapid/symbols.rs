@@ -1,7 +1,7 @@
 //! Names: data and routines of all modules, and which data the program itself changes.
 
 use super::lex::{Cursor, Kind};
-use super::motion::{self, Simple};
+use super::motion::{self, Call, Simple};
 use super::tree::{Data, File, Param, Routine, RoutineKind, Statement, Storage};
 use super::value::Value;
 use crate::text::{Source, Span, decode};
@@ -224,17 +224,43 @@ impl<'a> Symbols<'a> {
             match statement {
                 Statement::Simple(span) => self.assigned_by(id, *span, out),
                 Statement::If { arms, otherwise, .. } => {
-                    arms.iter().for_each(|(_, b)| self.assigned_names(id, b, out));
+                    for (condition, block) in arms {
+                        self.changed_in(id, *condition, out);
+                        self.assigned_names(id, block, out);
+                    }
                     self.assigned_names(id, otherwise, out);
                 }
-                Statement::For { body, .. } | Statement::While { body, .. } => self.assigned_names(id, body, out),
-                Statement::Test { cases, otherwise, .. } => {
+                Statement::For { body, .. } => self.assigned_names(id, body, out),
+                Statement::While { condition, body, .. } => {
+                    self.changed_in(id, *condition, out);
+                    self.assigned_names(id, body, out);
+                }
+                Statement::Test { subject, cases, otherwise, .. } => {
+                    self.changed_in(id, *subject, out);
                     cases.iter().for_each(|(_, b)| self.assigned_names(id, b, out));
                     self.assigned_names(id, otherwise, out);
                 }
                 Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
             }
         }
+    }
+
+    /// Whether a known motion instruction stands in a block.
+    pub(super) fn moves(&self, id: RoutineId, block: &[Statement]) -> bool {
+        block.iter().any(|statement| match statement {
+            Statement::Simple(span) => {
+                let bytes = &self.sources[id.file].bytes;
+                motion::shape(&bytes[first_word(bytes, *span).range()]).is_some()
+            }
+            Statement::If { arms, otherwise, .. } => {
+                arms.iter().any(|(_, b)| self.moves(id, b)) || self.moves(id, otherwise)
+            }
+            Statement::For { body, .. } | Statement::While { body, .. } => self.moves(id, body),
+            Statement::Test { cases, otherwise, .. } => {
+                cases.iter().any(|(_, b)| self.moves(id, b)) || self.moves(id, otherwise)
+            }
+            Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => false,
+        })
     }
 
     fn assigned_by(&self, id: RoutineId, span: Span, out: &mut Vec<Box<[u8]>>) {
@@ -254,7 +280,10 @@ impl<'a> Symbols<'a> {
             }
         };
         match simple {
-            Simple::Assignment { target, .. } => add(target),
+            Simple::Assignment { target, value } => {
+                add(target);
+                self.changed_in(id, value, out);
+            }
             Simple::Call(call) => {
                 let name = &bytes[call.name.range()];
                 if let Some(shape) = shape {
@@ -279,10 +308,56 @@ impl<'a> Symbols<'a> {
                         out.push(Box::from(&*Upper::new(inner)));
                     }
                 } else if !harmless(name) {
-                    call.positional().iter().for_each(|a| add(*a));
+                    call.given().for_each(add);
                 }
             }
         }
+    }
+
+    /// Data that the functions called in an expression change through their arguments.
+    fn changed_in(&self, id: RoutineId, expression: Span, out: &mut Vec<Box<[u8]>>) {
+        let bytes = &self.sources[id.file].bytes;
+        let mut cursor = Cursor::new(bytes, expression);
+        loop {
+            let name = cursor.next();
+            if name.kind == Kind::End {
+                return;
+            }
+            if name.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+                continue;
+            }
+            let mut behind = cursor;
+            behind.next();
+            let mut call = Call::empty(name.span());
+            #[allow(clippy::cast_possible_truncation)]
+            if motion::arguments(&mut behind, id.file as u16, &mut call).is_some() {
+                let changed = self.changed_arguments(self.module_of(id), bytes, &call);
+                out.extend(changed.map(|word| Box::from(&*Upper::new(&bytes[word.range()]))));
+            }
+        }
+    }
+
+    /// Names of the arguments that a function changes.
+    pub(super) fn changed_arguments<'b>(
+        &self,
+        module: usize,
+        bytes: &'b [u8],
+        call: &'b Call,
+    ) -> impl Iterator<Item = Span> + use<'a, 'b> {
+        let name = &bytes[call.name.range()];
+        let changes: Vec<bool> = match self.find_routine(module, name) {
+            Some(callee) => {
+                let changed = self.changed_params(callee);
+                let required = self.routine(callee).params.iter().filter(|p| !p.optional);
+                required.map(|p| p.by_reference && changed.contains(&param_key(self, callee, p))).collect()
+            }
+            None => vec![WRITING_FUNCTIONS.iter().any(|f| f.as_bytes().eq_ignore_ascii_case(name)); call.count],
+        };
+        let changed = changes.into_iter().zip(call.positional()).filter(|(changes, _)| *changes);
+        changed
+            .filter(|(_, a)| whole_variable(bytes, **a))
+            .map(|(_, a)| first_word(bytes, *a))
+            .filter(|w| !w.is_empty())
     }
 
     /// Names of a routine's parameters that it assigns itself.
@@ -311,9 +386,8 @@ impl<'a> Symbols<'a> {
                                     || self.find_routine(self.module_of(id), name).is_some();
                                 if !known {
                                     names.extend(
-                                        call.positional()
-                                            .iter()
-                                            .map(|a| Box::from(&*Upper::new(&bytes[first_word(bytes, *a).range()]))),
+                                        call.given()
+                                            .map(|a| Box::from(&*Upper::new(&bytes[first_word(bytes, a).range()]))),
                                     );
                                 }
                             }
@@ -401,6 +475,9 @@ fn whole_variable(bytes: &[u8], span: Span) -> bool {
         }
     }
 }
+
+/// Predefined functions that hand back more than their value, through an argument.
+const WRITING_FUNCTIONS: [&str; 4] = ["StrToVal", "TestAndSet", "GetNextSym", "GetNextMechUnit"];
 
 /// Predefined instructions that change none of their arguments, and are met often.
 pub(super) fn harmless(name: &[u8]) -> bool {

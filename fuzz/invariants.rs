@@ -1,0 +1,110 @@
+//! What must hold for any bytes at all. The fuzz targets ask it of made-up bytes, `tests/fuzz_regressions.rs` of those that
+//! once broke it.
+
+#![allow(dead_code)] // each fuzz target asks one of the questions
+
+use deflex::cell::Cell;
+use deflex::correct::{self, Options};
+use deflex::measured::Table;
+use deflex::program::cl::{self, ClOptions, Point, Units};
+use deflex::program::{Language, Program, RewriteOptions, detect, rapid};
+use deflex::text::{Diagnostic, Source, apply};
+use std::sync::LazyLock;
+
+/// A cell whose only load is a constant force: what is asked for is the way through, not the figures.
+static CELL: LazyLock<Cell> = LazyLock::new(|| {
+    let text = include_str!("cell.toml");
+    Cell::read(&Source::new("cell.toml", text)).expect("the cell of the fuzz targets is read")
+});
+
+/// Targets of a program for each of its bytes, and those that a loop may make of a short one.
+const TARGETS_PER_BYTE: usize = 1;
+const TARGETS_OF_LOOPS: usize = 200_000;
+
+fn cl_options() -> ClOptions {
+    ClOptions {
+        tool: "tMill".to_owned(),
+        wobj: "wPart".to_owned(),
+        units: Some(Units::Millimetre),
+        point: Point::Tip,
+        corner_radius_mm: None,
+        arc_tolerance_mm: 0.01,
+    }
+}
+
+/// RAPID: read or refused in words; what is read survives a write.
+pub(crate) fn rapid(bytes: &[u8]) {
+    judge(bytes, rapid::read(vec![Source::new("part.mod", bytes)], Vec::new()));
+}
+
+/// CL: the same.
+pub(crate) fn cl(bytes: &[u8]) {
+    judge(bytes, cl::read(Source::new("part.cl", bytes), &cl_options()));
+}
+
+/// A cell file: read, or refused in words.
+pub(crate) fn cell(bytes: &[u8]) {
+    if let Err(errors) = Cell::read(&Source::new("cell.toml", bytes)) {
+        said(&errors);
+    }
+}
+
+/// A measured file: read, or refused in words.
+pub(crate) fn measured(bytes: &[u8]) {
+    match Table::read(&Source::new("measured.csv", bytes)) {
+        Ok(table) => drop(table.forces()),
+        Err(errors) => said(&errors),
+    }
+}
+
+/// The whole way from program bytes to corrected ones.
+pub(crate) fn compensate(bytes: &[u8]) {
+    let source = Source::new("part", bytes);
+    let program = match detect(&source.name, bytes) {
+        Some(Language::Cl) => cl::read(source, &cl_options()),
+        _ => rapid::read(vec![source], Vec::new()),
+    };
+    // Programs of thousands of targets say nothing new and take long.
+    let Some(program) = program.ok().filter(|program| program.targets.len() < 500) else { return };
+    for allow_clones in [false, true] {
+        let options = Options { allow_clones, subdivide: Some(1e-5), ..Options::default() };
+        match correct::compensate(&program, &CELL, &options) {
+            Err(errors) => said(&errors),
+            Ok(corrected) => {
+                if let Some(rewritten) = corrected.rewritten.filter(|_| corrected.failures.is_empty()) {
+                    for (source, edits) in program.sources.iter().zip(&rewritten.edits) {
+                        let mut written = Vec::new();
+                        apply(&source.bytes, edits, &mut written).expect("a vector takes every byte");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What holds for any program that is read, and for any that is not.
+fn judge(bytes: &[u8], program: Result<Program, Vec<Diagnostic>>) {
+    let program = match program {
+        Ok(program) => program,
+        Err(errors) => return said(&errors),
+    };
+    assert_eq!(program.sources[0].bytes, bytes, "the bytes are kept as they are");
+    let most = TARGETS_OF_LOOPS + TARGETS_PER_BYTE * bytes.len();
+    assert!(program.targets.len() <= most, "{} targets of {} bytes", program.targets.len(), bytes.len());
+    assert!(program.kept.iter().all(|kept| kept.span.range().end <= bytes.len() && !kept.reason.is_empty()));
+    let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
+    assert!(unchanged.edits.iter().all(Vec::is_empty), "nothing changed, yet edited");
+    let language = program.language;
+    let proof = deflex::program::round_trip(&program, |mut written, context| match language {
+        Language::Rapid => rapid::read(written, context),
+        Language::Cl => cl::read(written.remove(0), &cl_options()),
+    });
+    assert!(proof.identical, "writing without a change changes bytes");
+    assert!(proof.shifted_ok, "a shift does not come back: {:?}", proof.why);
+}
+
+/// A refusal has a code and words.
+fn said(errors: &[Diagnostic]) {
+    assert!(!errors.is_empty(), "refused without a reason");
+    assert!(errors.iter().all(|error| !error.code.is_empty() && !error.message.is_empty()));
+}

@@ -1,0 +1,5 @@
+MODULE M
+PROC main()
+MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z1,tool0;
+ENDPROC
+ENDMODULE
