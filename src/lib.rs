@@ -17,7 +17,58 @@
 //! | [`measured`] | measured rows | residuals |
 //! | [`identify`] | residuals | the effect the cell lacks |
 //! | [`report`] | results | CSV, JSON, summary, HTML, CI formats |
-//! | [`numeric`] | | what no library gives soundly |
+//!
+//! Read, correct, write:
+//!
+//! ```
+//! use deflex::cell::Cell;
+//! use deflex::correct::{Options, compensate};
+//! use deflex::program::rapid;
+//! use deflex::text::{Diagnostic, Source, apply};
+//!
+//! # fn main() -> Result<(), Vec<Diagnostic>> {
+//! let read = |path: &str| std::fs::read(path).map(|bytes| Source::new(path, bytes));
+//! # let read = |path: &str| read(path).map_err(|e| vec![Diagnostic::error("io", path, e.to_string())]);
+//! let cell = Cell::read(&read("samples/slot/cell.toml")?)?;
+//! let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
+//! let corrected = compensate(&program, &cell, &Options::default())?;
+//! // What the forward model makes of the numbers as they will be written.
+//! assert!(corrected.rows.iter().all(|row| row.remaining_mm.iter().all(|axis| axis.abs() < 1e-3)));
+//! let mut written = Vec::new();
+//! for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
+//!     apply(&source.bytes, &edits, &mut written).unwrap();
+//! }
+//! assert!(written.starts_with(b"%%%"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Which effect does the cell lack:
+//!
+//! ```
+//! use deflex::cell::{Cell, extended};
+//! use deflex::identify::{Input, identify};
+//! use deflex::measured::Table;
+//! use deflex::program::rapid;
+//! use deflex::text::{Diagnostic, Source};
+//!
+//! # fn main() -> Result<(), Vec<Diagnostic>> {
+//! let read = |name: &str| {
+//!     let path = format!("samples/closed-loop/{name}");
+//!     std::fs::read(&path).map(|bytes| Source::new(path, bytes))
+//! };
+//! # let read = |name: &str| read(name).map_err(|e| vec![Diagnostic::error("io", name, e.to_string())]);
+//! let text = read("cell.toml")?;
+//! let cell = Cell::read(&text)?;
+//! let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
+//! let found = identify(&Input { cell: &cell, runs: &[run], poses: &[], tool: None, data_hash: "of the data" })?;
+//! assert_eq!(found.added[0].kind, "backlash");
+//! assert!(found.after.rms_mm < 0.3 * found.before.rms_mm);
+//! let cell_file = extended(&String::from_utf8_lossy(&text.bytes), &found.extended)?;
+//! assert!(cell_file.contains("half_gap_rad"));
+//! # Ok(())
+//! # }
+//! ```
 //!
 //! Inside the library lengths are metres, angles radians, forces newtons; millimetres and degrees
 //! live in [`program`], in the cell file and in [`report`] only, and stand in the names there.
@@ -29,7 +80,6 @@ pub mod effects;
 pub mod equilibrium;
 pub mod identify;
 pub mod measured;
-pub mod numeric;
 pub mod program;
 pub mod report;
 pub mod robot;

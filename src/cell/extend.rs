@@ -1,5 +1,6 @@
 //! The user's cell file with effects added, comments and all else kept.
 
+use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
 /// An effect to add to a cell file, or to put in place of one of the same kind.
@@ -17,8 +18,10 @@ pub struct NewEffect {
 ///
 /// # Errors
 /// The text is not TOML.
-pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, toml_edit::TomlError> {
-    let mut document: DocumentMut = text.parse()?;
+pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Diagnostic> {
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error: toml_edit::TomlError| Diagnostic::error("cell.toml", "", error.message().to_owned()))?;
     let list = document.entry("effect").or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
     if list.as_array_of_tables().is_none() {
         *list = Item::ArrayOfTables(ArrayOfTables::new());

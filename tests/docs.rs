@@ -1,0 +1,105 @@
+//! The commands of the README and of `docs/` run as they stand.
+
+#![allow(clippy::unwrap_used)] // helpers of tests
+
+use std::path::Path;
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// The `sh` blocks of a page.
+fn blocks(page: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    let mut block: Option<Vec<String>> = None;
+    for line in page.lines() {
+        match &mut block {
+            None if line == "```sh" => block = Some(Vec::new()),
+            None => {}
+            Some(_) if line == "```" => found.extend(block.take()),
+            Some(lines) => lines.push(line.to_owned()),
+        }
+    }
+    assert!(block.is_none(), "a block does not end");
+    found
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            if entry.file_name() != "out" {
+                copy(&entry.path(), &target);
+            }
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// A folder as a user has it: the samples, and a program and a cell of their own.
+fn workplace() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = Path::new(ROOT).join("samples");
+    copy(&samples, &folder.path().join("samples"));
+    std::fs::create_dir_all(folder.path().join("samples/out")).unwrap();
+    std::fs::copy(samples.join("slot/slot.mod"), folder.path().join("part.mod")).unwrap();
+    folder
+}
+
+/// Runs the lines of a block that call deflex, each from where `cd` has led; exit code 1 is an answer.
+fn run(block: &[String], folder: &Path, page: &str) {
+    let binary = Path::new(env!("CARGO_BIN_EXE_deflex")).parent().unwrap();
+    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
+    let text = block.join("\n").replace("\\\n", " ");
+    let mut ran = 0;
+    for line in text.lines().filter(|line| line.split(" && ").any(|part| part.trim().starts_with("deflex "))) {
+        // What was measured on the reader's own part is not here.
+        if line.contains("part.mod measured.csv") && !line.contains("closed-loop") {
+            continue;
+        }
+        let done = Command::new("sh").args(["-c", line]).current_dir(folder).env("PATH", &path).output().unwrap();
+        let code = done.status.code().unwrap();
+        assert!(code <= 1, "{page}: `{line}` ends with {code}:\n{}", String::from_utf8_lossy(&done.stderr));
+        ran += 1;
+        // The cell that `init` prints has lines to fill in; the reader has filled them in here.
+        if line.contains("> cell.toml") {
+            std::fs::copy(folder.join("samples/slot/cell.toml"), folder.join("cell.toml")).unwrap();
+        }
+    }
+    let calls = text.lines().any(|line| line.starts_with("deflex ") || line.contains("&& deflex "));
+    assert!(ran > 0 || !calls, "{page}: nothing of a block was run");
+}
+
+#[test]
+fn commands_of_the_documentation_run() {
+    let mut pages = vec![Path::new(ROOT).join("README.md")];
+    pages.extend(std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap().map(|entry| entry.unwrap().path()));
+    pages.retain(|page| page.extension().is_some_and(|ending| ending == "md"));
+    let mut found = 0;
+    for page in pages {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let folder = workplace();
+        for block in blocks(&text) {
+            run(&block, folder.path(), &page.display().to_string());
+            found += 1;
+        }
+    }
+    assert!(found > 5);
+}
+
+/// Links between pages lead somewhere.
+#[test]
+fn links_lead_to_files() {
+    let root = Path::new(ROOT);
+    let mut pages = vec![root.join("README.md")];
+    pages.extend(std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path()));
+    for page in pages.iter().filter(|page| page.extension().is_some_and(|ending| ending == "md")) {
+        let text = std::fs::read_to_string(page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let file = link.split('#').next().unwrap();
+            assert!(file.is_empty() || page.parent().unwrap().join(file).exists(), "{}: {link}", page.display());
+        }
+    }
+}
