@@ -3,7 +3,7 @@
 use super::frames::{self, pose};
 use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
-use crate::cutting::{ContactPoint, ForceTable, Milling, feed_frame};
+use crate::cutting::{ContactPoint, FeedTable, ForceTable, Milling, feed_frame};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
 use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
 use crate::robot::{Joints, Pose, StartedFrom};
@@ -56,13 +56,12 @@ pub(super) enum PointLoad {
 #[derive(Clone, Debug)]
 pub(super) struct Law {
     milling: Arc<Milling>,
-    table: Arc<ForceTable>,
-    feed_per_tooth: f64,
+    table: Arc<FeedTable>,
 }
 
 impl ForceLaw for Law {
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-        self.table.mean_force(shift, &Unit::new_unchecked(*axis), self.feed_per_tooth)
+        self.table.mean_force(shift, &Unit::new_unchecked(*axis))
     }
 }
 
@@ -508,12 +507,13 @@ impl<'a> Laws<'a> {
 
     /// Index of the law of a feed per tooth. Programs have few feeds: a linear search.
     fn law(&mut self, feed_per_tooth: f64) -> usize {
-        let same = |law: &Law| law.feed_per_tooth.to_bits() == feed_per_tooth.to_bits();
+        let same = |law: &Law| law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits();
         if let Some(index) = self.laws.iter().position(same) {
             return index;
         }
         if let Some((milling, table)) = &self.milling {
-            self.laws.push(Law { milling: milling.clone(), table: table.clone(), feed_per_tooth });
+            let table = Arc::new(table.at_feed(feed_per_tooth));
+            self.laws.push(Law { milling: milling.clone(), table });
         }
         self.laws.len() - 1
     }

@@ -24,7 +24,7 @@ mod table;
 pub use contact::ContactPoint;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling};
-pub use table::{ForceTable, TABLE_BOUND};
+pub use table::{FeedTable, ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,6 +8,7 @@
 use super::{ForceParts, Milling, Mode};
 use nalgebra::{DMatrix, Unit, Vector3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Guaranteed error of a look-up over the force.
 pub const TABLE_BOUND: f64 = 1e-3;
@@ -124,6 +125,30 @@ impl ForceTable {
     /// [`Milling::mean_force`] at a feed per tooth (m), within [`TABLE_BOUND`] of it.
     #[inline]
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Vector3<f64> {
+        let table = |grid: &Grid, place: &Place| parts(&grid.values(place)).at(feed_per_tooth);
+        self.look_up(shift, axis, feed_per_tooth, table)
+    }
+
+    /// The table of one feed per tooth (m).
+    pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
+        let force = |v: &Values| {
+            let force = parts(v).at(feed_per_tooth);
+            // A fourth number that is nothing: pairs are summed.
+            [force.x, force.y, force.z, 0.0]
+        };
+        let nodes = self.grid.iter().flat_map(|grid| &grid.nodes).map(|node| node.each_ref().map(force)).collect();
+        FeedTable { table: Arc::clone(self), feed_per_tooth, nodes }
+    }
+
+    /// The table's value where it holds, the integral elsewhere, and a mixture in between.
+    #[inline]
+    fn look_up(
+        &self,
+        shift: &Vector3<f64>,
+        axis: &Unit<Vector3<f64>>,
+        feed_per_tooth: f64,
+        table: impl Fn(&Grid, &Place) -> Vector3<f64>,
+    ) -> Vector3<f64> {
         let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);
         let Some(grid) = &self.grid else { return integral() };
         let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
@@ -133,12 +158,38 @@ impl ForceTable {
         if !(FEEDS[0]..=FEEDS[4]).contains(&feed) || reach.is_nan() || reach >= 1.0 {
             return integral();
         }
-        let force = parts(&grid.values(&place)).at(feed_per_tooth);
+        let force = table(grid, &place);
         if reach <= FADE {
             return force;
         }
         let t = (reach - FADE) / (1.0 - FADE);
         force.lerp(&integral(), t * t * (3.0 - 2.0 * t))
+    }
+}
+
+/// A [`ForceTable`] at one feed per tooth: edge and cutting force are one sum, half the work.
+#[derive(Clone, Debug)]
+pub struct FeedTable {
+    table: Arc<ForceTable>,
+    feed_per_tooth: f64,
+    /// As in the grid, N.
+    nodes: Vec<[[f64; 4]; TERMS]>,
+}
+
+impl FeedTable {
+    /// Feed per tooth, m.
+    pub fn feed_per_tooth(&self) -> f64 {
+        self.feed_per_tooth
+    }
+
+    /// [`ForceTable::mean_force`].
+    #[inline]
+    pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
+        let table = |grid: &Grid, place: &Place| {
+            let [x, y, z, _] = grid.between(&self.nodes, place);
+            Vector3::new(x, y, z)
+        };
+        self.table.look_up(shift, axis, self.feed_per_tooth, table)
     }
 }
 
@@ -230,6 +281,12 @@ impl Grid {
 
     #[inline]
     fn values(&self, place: &Place) -> Values {
+        self.between(&self.nodes, place)
+    }
+
+    /// Values of polynomials at the nodes, between them.
+    #[inline]
+    fn between<const N: usize>(&self, nodes: &[[[f64; N]; TERMS]], place: &Place) -> [f64; N] {
         let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
         let cell = (at as usize).min(self.cells - 1);
         let t = at - cell as f64;
@@ -242,11 +299,11 @@ impl Grid {
         ];
         let terms = self.terms(place);
         // The four nodes side by side: their sums do not wait for each other.
-        let nodes = &self.nodes[cell..cell + 4];
-        let mut sums = [[0.0; 6]; 4];
+        let nodes = &nodes[cell..cell + 4];
+        let mut sums = [[0.0; N]; 4];
         for (m, term) in terms.iter().enumerate() {
             for (sum, node) in sums.iter_mut().zip(nodes) {
-                for k in 0..6 {
+                for k in 0..N {
                     sum[k] += term * node[m][k];
                 }
             }

@@ -90,21 +90,34 @@ impl Distortion {
         any == 0 && !self.bends_links()
     }
 
+    /// Which parts are not zero.
+    pub(crate) fn parts(&self) -> Parts {
+        if self.joints_only() { Parts::Joints } else { Parts::All }
+    }
+
     /// Goes a share of the way to another distortion.
-    pub(crate) fn go_towards(&mut self, other: &Self, share: f64) {
-        self.merge(other, |a, b| a + share * (b - a));
+    pub(crate) fn go_towards(&mut self, other: &Self, share: f64, parts: Parts) {
+        self.merge(other, parts, |a, b| a + share * (b - a));
     }
 
     /// Becomes the difference of two others.
-    pub(crate) fn set_difference(&mut self, a: &Self, b: &Self) {
-        self.clone_from(a);
-        self.merge(b, |a, b| a - b);
+    pub(crate) fn set_difference(&mut self, a: &Self, b: &Self, parts: Parts) {
+        self.set(a, parts);
+        self.merge(b, parts, |a, b| a - b);
+    }
+
+    /// Becomes another, of which this has no part that is not looked at.
+    pub(crate) fn set(&mut self, other: &Self, parts: Parts) {
+        match parts {
+            Parts::Joints => (self.joints, self.lost) = (other.joints, other.lost),
+            Parts::All => self.clone_from(other),
+        }
     }
 
     /// Sum of products, rad and m alike: an arm is some metres long.
-    pub(crate) fn dot(&self, other: &Self) -> f64 {
+    pub(crate) fn dot(&self, other: &Self, parts: Parts) -> f64 {
         let joints = self.joints.dot(&other.joints) + self.lost.dot(&other.lost);
-        if self.joints_only() {
+        if parts == Parts::Joints {
             return joints;
         }
         let twist = |a: &Twist, b: &Twist| a.shift.dot(&b.shift) + a.turn.dot(&b.turn);
@@ -121,19 +134,14 @@ impl Distortion {
             + self.part.dot(&other.part)
     }
 
-    /// Its size, rad and m alike.
-    pub(crate) fn norm(&self) -> f64 {
-        self.dot(self).sqrt()
-    }
-
-    /// Takes in another number by number; two zeros give zero.
-    fn merge(&mut self, other: &Self, mix: impl Fn(f64, f64) -> f64 + Copy) {
-        self.joints.zip_apply(&other.joints, |a, b| *a = mix(*a, b));
-        self.lost.zip_apply(&other.lost, |a, b| *a = mix(*a, b));
-        if self.joints_only() && other.joints_only() {
+    /// Takes in another number by number.
+    fn merge(&mut self, other: &Self, parts: Parts, mix: impl Fn(f64, f64) -> f64 + Copy) {
+        let merge = |a: &mut f64, b: f64| *a = mix(*a, b);
+        self.joints.zip_apply(&other.joints, merge);
+        self.lost.zip_apply(&other.lost, merge);
+        if parts == Parts::Joints {
             return;
         }
-        let merge = |a: &mut f64, b: f64| *a = mix(*a, b);
         for (row, with) in self.rows.iter_mut().zip(&other.rows) {
             merge(&mut row.alpha, with.alpha);
             merge(&mut row.a, with.a);
@@ -150,6 +158,21 @@ impl Distortion {
         }
         self.lag.zip_apply(&other.lag, merge);
         self.part.zip_apply(&other.part, merge);
+    }
+}
+
+/// What of a [`Distortion`] is looked at: where only joints yield, the other seventy numbers are zeros.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Parts {
+    #[default]
+    Joints,
+    All,
+}
+
+impl Parts {
+    /// What is not zero in either of two.
+    pub(crate) fn or(self, other: Self) -> Self {
+        if self == Self::Joints { other } else { self }
     }
 }
 

@@ -32,6 +32,7 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
+pub(crate) use distortion::Parts;
 pub use distortion::{Distortion, Twist};
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::joint_error_curve;

@@ -1,6 +1,6 @@
 use super::arm::Look;
 use super::{Arm, EquilibriumError};
-use crate::effects::{Distortion, Load, Situation};
+use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose};
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -109,10 +109,12 @@ impl Arm {
         let mut axis = 0;
         for round in 0..ROUNDS {
             self.look(situation, motor_commanded, &near, &motor, &distortion, &mut now.look);
-            let Round { look, left } = &mut *now;
-            left.set_difference(&look.distortion, &distortion);
+            let Round { look, left, parts } = &mut *now;
+            // Once in there, always in there: a part that was looked at may go back to zero.
+            *parts = look.distortion.parts().or(before.parts);
+            left.set_difference(&look.distortion, &distortion, *parts);
             // Zero before the first look, which is no lost motion's fault.
-            if left.norm() < LEFT && (round > 0 || look.distortion.lost == distortion.lost) {
+            if left.dot(left, *parts).sqrt() < LEFT && (round > 0 || look.distortion.lost == distortion.lost) {
                 return Ok(Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load.clone(), distortion });
             }
             // `max` and comparisons pass over what is not a number, so the pose itself is looked at.
@@ -120,9 +122,9 @@ impl Arm {
                 return Err(EquilibriumError::NotFinite);
             }
             if share < 1.0 {
-                distortion.go_towards(&look.distortion, share);
+                distortion.go_towards(&look.distortion, share, *parts);
             } else {
-                distortion.clone_from(&look.distortion);
+                distortion.set(&look.distortion, *parts);
             }
             if round > 0 {
                 step = before.step(&look.seen);
@@ -134,7 +136,7 @@ impl Arm {
                     break;
                 }
                 if share >= 1.0 {
-                    distortion.go_towards(&before.look.distortion, before.secant(left));
+                    distortion.go_towards(&before.look.distortion, before.secant(left, *parts), *parts);
                 }
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
@@ -152,6 +154,8 @@ struct Round {
     look: Look,
     /// By how much the distortion that the loads there make differs from the one that they were taken at.
     left: Distortion,
+    /// What of both is not zero.
+    parts: Parts,
 }
 
 impl Round {
@@ -166,11 +170,12 @@ impl Round {
     /// The share of the way back to this round's answer that leaves least of `left`, what the round behind it has left
     /// (Anderson 1965, with one round of memory): the depth of cut is nearly all that feeds back, so that a secant along it
     /// is nearly Newton's step. Zero where the rounds do not shrink by themselves: what runs away shall do so.
-    fn secant(&self, left: &Distortion) -> f64 {
+    fn secant(&self, left: &Distortion, parts: Parts) -> f64 {
         /// Loop gains of ±0.9.
         const TAME: std::ops::Range<f64> = -9.0..0.475;
         // |left − before|² and left · (left − before).
-        let (now, both, before) = (left.dot(left), left.dot(&self.left), self.left.dot(&self.left));
+        let product = |a: &Distortion, b: &Distortion| a.dot(b, parts);
+        let (now, both, before) = (product(left, left), product(left, &self.left), product(&self.left, &self.left));
         let size = now - 2.0 * both + before;
         let share = (now - both) / size;
         if size > 0.0 && TAME.contains(&share) { share } else { 0.0 }
