@@ -244,8 +244,14 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
                 {
                     at += 1;
                 }
-                out.push('#');
-                numbers.push(number::read(&line[start..at]).unwrap_or(f64::NAN));
+                match number::read(&line[start..at]) {
+                    Some(value) => {
+                        out.push('#');
+                        numbers.push(value);
+                    }
+                    // A version, an address: text.
+                    None => out.extend(line[start..at].iter().map(|&b| char::from(b))),
+                }
             } else {
                 out.push(line[at] as char);
                 at += 1;

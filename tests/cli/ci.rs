@@ -41,3 +41,187 @@ fn an_unreachable_target_and_a_large_correction_are_findings() {
     assert!(ran.stdout.contains("limits.max-correction"), "{}", ran.stdout);
     bench.run("check part.mod --cell cell.toml --max-error 1 --max-correction 1").exits(0);
 }
+
+/// An element of junit-10.xsd: attributes that must stand, those that may, children.
+type Element = (&'static str, &'static [&'static str], &'static [&'static str], &'static [&'static str]);
+
+/// Those that are used.
+const JUNIT: [Element; 4] = [
+    ("testsuites", &[], &["name", "time", "tests", "failures", "errors"], &["testsuite"]),
+    (
+        "testsuite",
+        &["name", "tests", "failures", "errors"],
+        &["group", "time", "skipped", "timestamp", "hostname", "id", "package", "file", "log", "url"],
+        &["testsuite", "properties", "testcase", "system-out", "system-err"],
+    ),
+    (
+        "testcase",
+        &["name"],
+        &["time", "classname", "group"],
+        &["skipped", "error", "failure", "system-out", "system-err"],
+    ),
+    ("failure", &[], &["type", "message"], &[]),
+];
+
+/// Tags of an XML text, each with the names of its attributes and its parent; panics where it is not well-formed.
+fn elements(xml: &str) -> Vec<(String, Vec<String>, Option<String>)> {
+    let mut rest = xml.strip_prefix("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n").expect("a declaration");
+    let (mut open, mut all) = (Vec::<String>::new(), Vec::new());
+    let entities = |text: &str| {
+        for (at, _) in text.match_indices('&') {
+            assert!(["&amp;", "&lt;", "&gt;", "&quot;"].iter().any(|e| text[at..].starts_with(e)), "{text}");
+        }
+        assert!(!text.contains('<'), "{text}");
+    };
+    while let Some((text, tag)) = rest.split_once('<') {
+        entities(text);
+        assert!(!open.is_empty() || text.trim().is_empty(), "text outside of the root");
+        let (tag, after) = tag.split_once('>').expect("a tag ends");
+        rest = after;
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop().as_deref(), Some(name));
+            continue;
+        }
+        let (tag, closed) = tag.strip_suffix('/').map_or((tag, false), |tag| (tag, true));
+        let (name, attributes) = tag.split_once(' ').unwrap_or((tag, ""));
+        let parts: Vec<&str> = attributes.split('"').collect();
+        let names = parts.chunks(2).filter(|pair| pair.len() == 2).map(|pair| {
+            entities(pair[1]);
+            pair[0].trim().strip_suffix('=').expect("name=\"value\"").to_owned()
+        });
+        all.push((name.to_owned(), names.collect(), open.last().cloned()));
+        if !closed {
+            open.push(name.to_owned());
+        }
+    }
+    assert!(open.is_empty(), "left open: {open:?}");
+    all
+}
+
+#[test]
+fn junit_keeps_to_its_schema() {
+    let bench = Bench::new();
+    bench.write("a&b.mod", PROGRAM);
+    let xml =
+        bench.run("check part.mod a&b.mod part.apt --cell cell.toml --max-error 0.05 --format junit").exits(1).stdout;
+    let all = elements(&xml);
+    assert_eq!(all.iter().filter(|(name, ..)| name == "testcase").count(), 3);
+    for (name, attributes, parent) in &all {
+        let (_, must, may, _) = JUNIT.iter().find(|(known, ..)| known == name).expect("a known element");
+        assert!(must.iter().all(|wanted| attributes.iter().any(|a| a == wanted)), "{name}: {attributes:?}");
+        assert!(attributes.iter().all(|a| must.iter().chain(*may).any(|known| known == a)), "{name}: {attributes:?}");
+        let allowed = parent.as_ref().map(|parent| JUNIT.iter().find(|(known, ..)| known == parent).unwrap().3);
+        assert!(allowed.map_or(name == "testsuites", |children| children.contains(&name.as_str())), "{name}");
+    }
+}
+
+/// Keys that SARIF 2.1.0 knows of the objects used (none allows others), and those that it demands.
+fn keys(value: &serde_json::Value, known: &[&str], wanted: &[&str]) {
+    let object = value.as_object().expect("an object");
+    assert!(object.keys().all(|key| known.contains(&key.as_str())), "{value}");
+    assert!(wanted.iter().all(|key| object.contains_key(*key)), "{value}");
+}
+
+#[test]
+fn sarif_keeps_to_its_schema() {
+    let bench = Bench::new();
+    bench.write("with blank.mod", PROGRAM.replace("[[100,0,0]", "[[9000,0,0]"));
+    let output = crate::bench::deflex(bench.path("").as_path())
+        .args([
+            "check",
+            "part.mod",
+            "with blank.mod",
+            "--cell",
+            "cell.toml",
+            "--max-error",
+            "0.05",
+            "--format",
+            "sarif",
+        ])
+        .output()
+        .unwrap();
+    let log: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    keys(&log, &["$schema", "version", "runs"], &["version", "runs"]);
+    assert_eq!(log["version"], "2.1.0");
+    let run = &log["runs"][0];
+    keys(run, &["tool", "columnKind", "results"], &["tool"]);
+    assert_eq!(run["columnKind"], "unicodeCodePoints");
+    keys(&run["tool"], &["driver"], &["driver"]);
+    keys(&run["tool"]["driver"], &["name", "version", "rules"], &["name"]);
+    let rules = run["tool"]["driver"]["rules"].as_array().unwrap();
+    rules.iter().for_each(|rule| keys(rule, &["id"], &["id"]));
+    let results = run["results"].as_array().unwrap();
+    assert!(results.len() > 2);
+    let mut uris = Vec::new();
+    for result in results {
+        keys(result, &["ruleId", "level", "message", "locations"], &["message"]);
+        keys(&result["message"], &["text"], &["text"]);
+        assert!(["none", "note", "warning", "error"].contains(&result["level"].as_str().unwrap()));
+        assert!(rules.iter().any(|rule| rule["id"] == result["ruleId"]));
+        let place = &result["locations"][0]["physicalLocation"];
+        keys(place, &["artifactLocation", "region"], &["artifactLocation"]);
+        keys(&place["region"], &["startLine", "startColumn"], &[]);
+        assert!(
+            place["region"]["startLine"].as_u64().unwrap() >= 1
+                && place["region"]["startColumn"].as_u64().unwrap() >= 1
+        );
+        uris.push(place["artifactLocation"]["uri"].as_str().unwrap());
+    }
+    assert!(uris.contains(&"with%20blank.mod"), "{uris:?}");
+}
+
+#[test]
+fn annotations_point_at_the_instruction() {
+    let bench = Bench::new();
+    // Umlauts before the instruction: columns count characters.
+    bench.write("part.mod", PROGRAM.replace("    MoveL [[50", "  ! Fräse\n\tMoveL [[50"));
+    let found = bench.run("check part.mod --cell cell.toml --max-error 0.05 --format sarif").exits(1).stdout;
+    let sarif: serde_json::Value = serde_json::from_str(&found).unwrap();
+    let lines: Vec<String> = bench.read("part.mod").lines().map(str::to_owned).collect();
+    for result in sarif["runs"][0]["results"].as_array().unwrap() {
+        let region = &result["locations"][0]["physicalLocation"]["region"];
+        let [line, column] = ["startLine", "startColumn"].map(|key| region[key].as_u64().unwrap() as usize);
+        let at: String = lines[line - 1].chars().skip(column - 1).collect();
+        assert!(at.starts_with("Move"), "{line}:{column}: {at}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn the_sample_gates_a_folder() {
+    use std::process::Command;
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("programs")).unwrap();
+    bench.write("programs/a.mod", PROGRAM).write("programs/b.mod", PROGRAM);
+    let gate = |tolerance: &str| {
+        let output = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/ci/gate.sh"))
+            .args(["programs", "cell.toml", "out", tolerance])
+            .current_dir(bench.path(""))
+            .env("DEFLEX", assert_cmd::cargo::cargo_bin!("deflex"))
+            .output()
+            .unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, text, errors) = gate("0.02");
+    assert_eq!(code, Some(0), "{text}{errors}");
+    assert!(text.contains("out/corrected/a.mod: 4 targets, ok"), "{text}");
+    for name in ["report.csv", "summary.json", "report.html", "check.sarif", "check.xml", "corrected/b.mod"] {
+        assert!(!bench.read(&format!("out/{name}")).is_empty(), "{name}");
+    }
+    // A tolerance below the last printed digit.
+    assert_eq!(gate("0.0000001").0, Some(1));
+    let sarif: serde_json::Value = serde_json::from_str(&bench.read("out/check.sarif")).unwrap();
+    assert!(!sarif["runs"][0]["results"].as_array().unwrap().is_empty());
+    std::fs::remove_file(bench.path("cell.toml")).unwrap();
+    assert_eq!(gate("0.02").0, Some(2));
+}
+
+/// The workflow names what the script takes and leaves.
+#[test]
+fn the_sample_workflow_fits_its_script() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/ci/");
+    let read = |name: &str| std::fs::read_to_string(format!("{folder}{name}")).unwrap();
+    let (workflow, script) = (read(".github/workflows/toolpaths.yml"), read("gate.sh"));
+    assert!(workflow.contains("run: ./gate.sh programs cell.toml out 0.02"));
+    assert!(workflow.contains("sarif_file: out/check.sarif") && script.contains("\"$out/check.sarif\""));
+}

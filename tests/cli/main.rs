@@ -6,6 +6,7 @@ mod bad_input;
 mod bench;
 mod ci;
 mod help;
+mod html;
 mod identify;
 mod inputs;
 mod outputs;

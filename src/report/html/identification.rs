@@ -24,9 +24,12 @@ const CHANNELS: &[Channel] = &[
 #[must_use]
 pub fn identification_page(found: &Identification, cell: &str, data: &[String]) -> String {
     let mut body = figures(found);
-    body += &section("added", "Added to the cell", added(&found.added));
     body += CHARTS;
-    body += &section("ranking", "Every effect alone", ranking(found));
+    let pair = [
+        section("added", "Added to the cell", added(&found.added)),
+        section("ranking", "Every effect alone", ranking(found)),
+    ];
+    body += &format!("<div class=\"pair\">\n{}</div>\n", pair.concat());
     // Read by name, so that a page is whole whatever an answer has to say.
     let json = serde_json::to_value(found).unwrap_or_default();
     if let Some(rows) = json.get("separability").and_then(Value::as_array).filter(|rows| !rows.is_empty()) {
@@ -233,7 +236,7 @@ fn trace(rows: &[ResidualRow]) -> Trace {
 }
 
 const CHARTS: &str = r#"<section id="charts">
-<div class="heading"><h2 id="charts-title"></h2><p class="key" id="key"></p><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></div>
+<div class="heading"><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></div>
 <div id="plots"></div>
 <p class="hint">Drag in a chart to zoom in, double-click to zoom out.</p>
 <p class="note" id="detail"></p>

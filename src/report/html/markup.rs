@@ -178,7 +178,7 @@ pub(super) fn decimals(value: f64, decimals: usize) -> String {
 pub(super) const STAGE: &str = r#"<section class="stage" id="stage">
 <div class="view">
 <div class="toolbar" role="toolbar" aria-label="View">
-<label>Colour <select id="colour"></select></label>
+<span class="buttons"><label>Colour <select id="colour"></select></label> <label><input type="checkbox" id="zero"> from 0</label></span>
 <span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button></span>
 </div>
 <canvas id="path" tabindex="0" role="application" aria-label="Toolpath in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the targets."></canvas>
@@ -193,7 +193,6 @@ pub(super) const STAGE: &str = r#"<section class="stage" id="stage">
 </section>
 <p class="note" id="detail"></p>
 <section id="charts">
-<div class="heading"><h2 id="charts-title"></h2><p class="key" id="key"></p></div>
 <div id="plots"></div>
 <p class="hint">Drag in a chart to zoom in, double-click to zoom out, click to select the target.</p>
 </section>

@@ -189,7 +189,10 @@ impl PathPage<'_> {
                 value: mm(most(|sum| sum.max_correction_mm)),
                 unit: "mm",
                 label: "Largest correction",
-                aside: format!("{} targets corrected, {kept} kept as they were", count(|sum| sum.corrected)),
+                aside: match kept {
+                    0 => format!("{} targets corrected", count(|sum| sum.corrected)),
+                    kept => format!("{} targets corrected, {kept} kept as they were", count(|sum| sum.corrected)),
+                },
             });
             all.push(Tile {
                 key: "max_remaining_mm",

@@ -10,7 +10,8 @@ class Charts {
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
-  // panels: [{ title, unit, digits, series: [{ label, values, style }] }] over common x values.
+  // panels: [{ heading, title, unit, digits, series: [{ label, values, style }] }] over common x values; a panel with a
+  // heading starts a group, whose key it shows.
   show(x, xLabel, panels, points) {
     this.plots.forEach((plot) => plot.destroy());
     this.root.replaceChildren();
@@ -20,6 +21,12 @@ class Charts {
   }
 
   plot(panel, x, xLabel, last, points) {
+    if (panel.heading) {
+      const form = points ? { before: " ring", after: " dot" } : {};
+      const entry = ({ style, label }) => element("span", { className: `swatch ${style}${form[style] ?? ""}`, textContent: label });
+      const key = element("p", { className: "key" }, ...panel.series.map(entry));
+      this.root.append(element("div", { className: "heading" }, element("h2", { textContent: panel.heading }), key));
+    }
     const host = element("div", { className: "plot" });
     this.root.append(host);
     const axis = {
@@ -32,7 +39,7 @@ class Charts {
       label,
       stroke: theme(`--${style}`),
       width: points ? 0 : style === "before" ? 1.25 : 1.75,
-      dash: style === "before" && !points ? [5, 3] : undefined,
+      dash: style === "before" && panel.series.length > 1 && x.length <= 400 ? [5, 3] : undefined,
       paths: points ? () => null : undefined,
       points: points ? { show: true, size: style === "before" ? 5 : 4, width: 1.25, stroke: theme(`--${style}`), fill: style === "before" ? "transparent" : theme(`--${style}`) } : { show: x.length === 1 },
       value: (_, value) => (value == null ? "" : value.toFixed(panel.digits)),
@@ -48,10 +55,9 @@ class Charts {
       plot.ctx.restore();
     };
     const options = {
-      title: undefined,
       width: Math.max(280, this.root.clientWidth),
-      height: last ? 168 : 142,
-      padding: [10, 8, 0, 0],
+      height: last ? 172 : 128,
+      padding: [12, 8, 0, 0],
       scales: { x: { time: false } },
       cursor: {
         sync: { key: "path" },
@@ -60,8 +66,8 @@ class Charts {
       },
       legend: { live: true },
       axes: [
-        { ...axis, label: last ? xLabel : undefined, labelSize: 20, labelFont: axis.font, size: last ? 30 : 22, values: (_, ticks) => ticks.map((tick) => (Number.isInteger(tick) ? grouped(tick) : "")) },
-        { ...axis, label: `${panel.title}, ${panel.unit}`, labelSize: 20, labelFont: `600 12px ${theme("--font")}`, size: 62 },
+        { ...axis, label: last ? xLabel : undefined, labelSize: 20, labelFont: axis.font, size: last ? 30 : 6, values: (_, ticks) => ticks.map((tick) => (last && Number.isInteger(tick) ? grouped(tick) : "")) },
+        { ...axis, label: `${panel.title}, ${panel.unit}`, labelSize: 20, labelFont: `600 12px ${theme("--font")}`, size: 62, space: 24 },
       ],
       series: [{ label: xLabel, value: (_, value) => (value == null ? "" : grouped(value)) }, ...series],
       hooks: {

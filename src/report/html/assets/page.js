@@ -2,16 +2,16 @@
 
 const page = JSON.parse(byId("data").textContent);
 
-// Colourings of the 3-D view: the column, what it is called, its unit; from nought where `zero`.
+// Colourings of the 3-D view: the column, what it is called, its unit.
 const COLOURS = [
-  { key: "error_mm", label: "Predicted error", unit: "mm", zero: true },
-  { key: "correction_mm", label: "Correction", unit: "mm", zero: true },
-  { key: "remaining_mm", label: "Remaining error", unit: "mm", zero: true },
-  { key: "shift_mm", label: "Shift", unit: "mm", zero: true },
-  { key: "turn_deg", label: "Turn", unit: "°", zero: true },
-  { key: "step_mm", label: "Step from the target before", unit: "mm", zero: true },
-  { key: "stiffness_normal_n_per_mm", label: "Stiffness along the normal", unit: "N/mm", zero: false },
-  { key: "stiffness_least_n_per_mm", label: "Least stiffness", unit: "N/mm", zero: false },
+  { key: "error_mm", label: "Predicted error", unit: "mm" },
+  { key: "correction_mm", label: "Correction", unit: "mm" },
+  { key: "remaining_mm", label: "Remaining error", unit: "mm" },
+  { key: "shift_mm", label: "Shift", unit: "mm" },
+  { key: "turn_deg", label: "Turn", unit: "°" },
+  { key: "step_mm", label: "Step from the target before", unit: "mm" },
+  { key: "stiffness_normal_n_per_mm", label: "Stiffness along the normal", unit: "N/mm" },
+  { key: "stiffness_least_n_per_mm", label: "Least stiffness", unit: "N/mm" },
 ];
 
 // Rows of the target panel: a label and the columns behind it.
@@ -50,9 +50,6 @@ const detail = (path, things) =>
 
 const numbers = (path, key) => path.column(key).numbers();
 
-const legend = (entries) =>
-  byId("key").replaceChildren(...entries.map(([style, label]) => element("span", { className: `swatch ${style}`, textContent: label })));
-
 class PathPage {
   constructor() {
     this.view = new View(byId("path"), {
@@ -63,7 +60,7 @@ class PathPage {
     this.charts = new Charts(byId("plots"), (i) => this.choose(i));
     document.querySelectorAll("[data-view]").forEach((button) =>
       button.addEventListener("click", () => (button.dataset.view === "fit" ? this.view.fit() : this.view.look(button.dataset.view))));
-    byId("colour").addEventListener("change", () => this.colour());
+    for (const id of ["colour", "zero"]) byId(id).addEventListener("change", () => this.colour());
     const program = byId("program");
     if (program) {
       program.replaceChildren(...paths.map((path, i) => element("option", { value: i, textContent: path.title })));
@@ -88,7 +85,7 @@ class PathPage {
   }
 
   colour() {
-    const { key, label, unit, zero } = COLOURS.find((colour) => colour.key === byId("colour").value);
+    const { key, label, unit } = COLOURS.find((colour) => colour.key === byId("colour").value);
     const values = numbers(this.path, key);
     let [low, high] = [Infinity, -Infinity];
     values.forEach((value, i) => {
@@ -96,7 +93,7 @@ class PathPage {
       [low, high] = [Math.min(low, value), Math.max(high, value)];
     });
     if (!(high >= low)) [low, high] = [0, 0];
-    if (zero) low = 0;
+    if (byId("zero").checked) low = 0;
     this.view.setColours(values, low, high);
     const stops = Array.from({ length: 12 }, (_, i) => ramp(i / 11));
     byId("ramp").style.background = `linear-gradient(to right, ${stops.join(",")})`;
@@ -111,16 +108,15 @@ class PathPage {
     const line = (label, key, style) => (path.has(key) ? [{ label, values: numbers(path, key), style }] : []);
     const panels = [];
     if (page.kind === "diff") {
-      byId("charts-title").textContent = "Shift along the path";
-      ["x", "y", "z"].forEach((axis) =>
-        panels.push({ title: axis.toUpperCase(), unit: "mm", digits: 6, series: line("shift", `shift_${axis}_mm`, "after") }));
+      ["x", "y", "z"].forEach((axis, i) =>
+        panels.push({ heading: i ? "" : "Shift along the path", title: axis.toUpperCase(), unit: "mm", digits: 6, series: line("shift", `shift_${axis}_mm`, "after") }));
       panels.push({ title: "Turn", unit: "°", digits: 6, series: line("turn", "turn_deg", "after") });
-      legend([]);
     } else {
       const corrected = path.has("remaining_x_mm");
-      byId("charts-title").textContent = corrected ? "Error along the path, before and after" : "Predicted error along the path";
-      ["x", "y", "z"].forEach((axis) =>
+      const heading = corrected ? "Error along the path, before and after" : "Predicted error along the path";
+      ["x", "y", "z"].forEach((axis, i) =>
         panels.push({
+          heading: i ? "" : heading,
           title: axis.toUpperCase(),
           unit: "mm",
           digits: 6,
@@ -133,10 +129,8 @@ class PathPage {
           ...line("softest direction", "stiffness_least_n_per_mm", "least"),
           ...line("stiffest direction", "stiffness_most_n_per_mm", "most"),
         ];
-        panels.push({ title: "Stiffness", unit: "N/mm", digits: 1, series });
+        panels.push({ heading: "Stiffness of the cell along the path", title: "Stiffness", unit: "N/mm", digits: 1, series });
       }
-      legend([["before", corrected ? "before" : "predicted"], ...(corrected ? [["after", "after"]] : []),
-        ...(path.has("stiffness_normal_n_per_mm") ? [["normal", "stiffness along the normal"], ["least", "softest"], ["most", "stiffest"]] : [])]);
     }
     this.charts.show(x, "target", panels, false);
   }
@@ -151,6 +145,7 @@ class PathPage {
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
     const rows = [element("tr", {}, element("th", { textContent: "Line" }), this.cell(["line"], i)),
       element("tr", {}, element("th", { textContent: "Status" }), element("td", { colSpan: 3, textContent: path.status(i) }))];
+    rows.push(element("tr", { className: "part" }, ...["", "X", "Y", "Z"].map((axis) => element("th", { className: axis && "number", textContent: axis }))));
     for (const [label, keys] of FIGURES) {
       const shown = keys.filter((key) => path.has(key) && path.column(key).has(i));
       const heading = !keys.length && path.has("stiffness_normal_n_per_mm");
@@ -196,7 +191,6 @@ class ResidualPage {
   constructor() {
     this.path = paths[0];
     this.charts = new Charts(byId("plots"), null);
-    byId("charts-title").textContent = "Residuals before and after";
     byId("detail").textContent = detail(this.path, "rows");
     byId("rows").addEventListener("change", () => this.repaint());
     this.repaint();
@@ -208,16 +202,16 @@ class ResidualPage {
     const held = path.has("held_out") ? path.column("held_out").raw : [];
     const wanted = Array.from(held, (_, i) => i).filter((i) => all || held[i] === 1);
     const pick = (key) => wanted.map((i) => path.column(key).at(i));
-    const panel = (title, before, after) => ({
+    const panel = (title, before, after, heading = "") => ({
+      heading,
       title,
       unit: "mm",
       digits: 6,
       series: [{ label: "declared cell", values: pick(before), style: "before" }, { label: "extended cell", values: pick(after), style: "after" }],
     });
-    const panels = [panel("Size", "prefit_mm", "postfit_mm")];
+    const panels = [panel("Size", "prefit_mm", "postfit_mm", "Residuals before and after")];
     ["x", "y", "z"].filter((axis) => path.has(`prefit_${axis}_mm`)).forEach((axis) =>
       panels.push(panel(axis.toUpperCase(), `prefit_${axis}_mm`, `postfit_${axis}_mm`)));
-    legend([["before ring", "declared cell"], ["after dot", "extended cell"]]);
     this.charts.show(pick("target"), "row", panels, true);
   }
 }

@@ -61,7 +61,8 @@ class View {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
     [this.canvas.width, this.canvas.height] = [Math.round(width * scale), Math.round(height * scale)];
-    this.redraw();
+    // At once: a printer waits for no frame.
+    this.draw();
   }
 
   fit() {
@@ -116,6 +117,7 @@ class View {
   }
 
   draw() {
+    cancelAnimationFrame(this.pending);
     this.pending = 0;
     const { canvas, path } = this;
     if (!path || !this.shades || !canvas.width || !canvas.clientWidth) return;

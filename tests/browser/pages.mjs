@@ -1,0 +1,333 @@
+// Opens pages of deflex in headless Chromium and holds them against the CSV and JSON reports of the same run.
+//
+//   node pages.mjs                      the tests
+//   node pages.mjs --screenshots DIR    the pictures of the README
+//
+// DEFLEX and CHROMIUM name the two programs where they are not found.
+
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { fileURLToPath, pathToFileURL } from "node:url";
+import { chromium } from "playwright-core";
+
+const root = resolve(fileURLToPath(import.meta.url), "../../..");
+const folder = mkdtempSync(join(tmpdir(), "deflex-pages-"));
+const at = (name) => join(folder, name);
+
+const binary = (process.env.DEFLEX && resolve(process.env.DEFLEX)) ?? ["debug", "release"].map((kind) => join(root, "target", kind, "deflex")).find(existsSync);
+assert(binary, "no deflex: run `cargo build` first, or set DEFLEX");
+const browserAt = process.env.CHROMIUM ?? ["chromium", "chromium-browser", "google-chrome"]
+  .map((name) => spawnSync("which", [name], { encoding: "utf8" }).stdout.trim()).find(Boolean);
+assert(browserAt, "no Chromium: install it (Debian: apt-get install chromium), or set CHROMIUM");
+
+const deflex = (...args) => {
+  const ran = spawnSync(binary, args, { cwd: join(root, "samples"), encoding: "utf8", maxBuffer: 1 << 28 });
+  assert([0, 1].includes(ran.status), `deflex ${args.join(" ")}\n${ran.stderr}`);
+  return ran.stdout;
+};
+const csv = (name) => {
+  const [head, ...lines] = readFileSync(at(name), "utf8").trimEnd().split("\n").map((line) => line.split(","));
+  return lines.map((line) => Object.fromEntries(line.map((cell, i) => [head[i], cell])));
+};
+const json = (name) => JSON.parse(readFileSync(at(name), "utf8"));
+
+// The pages.
+
+const [slot, blade, loop] = ["slot", "blade", "closed-loop"].map((name) => (file) => `${name}/${file}`);
+const compensate = (name, program, cell) =>
+  deflex("compensate", program, "--cell", cell, "-q", "-o", at(`${name}.mod`), "--report", at(`${name}.csv`),
+    "--json", at(`${name}.json`), "--html", at(`${name}.html`));
+compensate("slot", slot("slot.mod"), slot("cell.toml"));
+compensate("blade", blade("blade.mod"), blade("cell.toml"));
+deflex("predict", blade("blade.aptsource"), "--cell", blade("cell.toml"), "-q", "--report", at("predict.csv"),
+  "--json", at("predict.json"), "--html", at("predict.html"));
+deflex("diff", blade("blade.mod"), at("blade.mod"), "-q", "--report", at("diff.csv"), "--json", at("diff.json"), "--html", at("diff.html"));
+deflex("identify", "--run", loop("part.mod"), loop("measured.csv"), "--cell", loop("cell.toml"), "-q",
+  "--report", at("identify.csv"), "--json", at("identify.json"), "--html", at("identify.html"));
+
+// A path of 100,000 targets over a wavy field.
+const LONG = 100_000;
+const long = () => {
+  const move = (i) => {
+    const [row, column] = [Math.floor(i / 400), i % 400];
+    const [x, y] = [(row % 2 ? 399 - column : column) * 0.5, row * 0.8];
+    const z = 8 * Math.sin(x / 30) * Math.cos(y / 40);
+    return `    MoveL [[${x.toFixed(3)},${y.toFixed(3)},${z.toFixed(3)}],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z1,tMill\\WObj:=wPart;\n`;
+  };
+  const program = `MODULE Long
+  PERS tooldata tMill:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];
+  PERS wobjdata wPart:=[FALSE,TRUE,"",[[1000,-400,700],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PROC main()
+${Array.from({ length: LONG }, (_, i) => move(i)).join("")}  ENDPROC
+ENDMODULE
+`;
+  writeFileSync(at("original.mod"), program);
+  const cell = `[robot]
+model = "irb6660-205-1.9"
+[robot.stiffness]
+joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
+[controller]
+compensates = []
+[cut]
+force = "constant"
+force_n = [120, -260, 410]
+frame = "wobj"
+`;
+  writeFileSync(at("long.toml"), cell);
+  compensate("long", at("original.mod"), at("long.toml"));
+};
+
+// The browser.
+
+const browser = await chromium.launch({
+  executablePath: browserAt,
+  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync"],
+});
+
+const open = async (name, options = {}) => {
+  const page = await browser.newPage({ viewport: { width: 1280, height: 860 }, ...options });
+  const url = pathToFileURL(at(`${name}.html`)).href;
+  page.wrong = [];
+  // The one warning that is ours: these tests read pictures back.
+  const ours = (message) => message.text().includes("readback operations using getImageData");
+  page.on("console", (message) => ["error", "warning"].includes(message.type()) && !ours(message) && page.wrong.push(message.text()));
+  page.on("pageerror", (error) => page.wrong.push(error.stack));
+  page.on("request", (request) => request.url() !== url && !request.url().startsWith("data:") && page.wrong.push(`asks for ${request.url()}`));
+  await page.goto(url);
+  await page.waitForFunction(() => window.deflex);
+  await settle(page);
+  return page;
+};
+// Two frames: a picture asked for is drawn.
+const settle = (page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+
+// Pixels of a canvas that differ from its most frequent colour, and a sum that tells pictures apart.
+const drawn = (page, selector) =>
+  page.$eval(selector, (canvas) => {
+    const pixels = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    const counts = new Map();
+    let sum = 0;
+    for (const pixel of pixels) {
+      counts.set(pixel, (counts.get(pixel) ?? 0) + 1);
+      sum = (Math.imul(sum, 31) + pixel) | 0;
+    }
+    return { count: pixels.length - Math.max(...counts.values()), sum };
+  });
+
+const tile = (page, key) => page.textContent(`[data-key="${key}"] >> nth=0`);
+
+// Every figure that the page holds of every target that it shows, against the CSV.
+const sameAsCsv = async (page, rows, keyOf, least) => {
+  const held = await page.evaluate(() => {
+    const { path } = window.deflex;
+    const keys = Object.keys(path.columns).filter((key) => !["status", "name"].includes(key));
+    return Array.from({ length: path.length }, (_, i) => Object.fromEntries(keys.map((key) => [key, path.column(key).text(i)])));
+  });
+  assert(held.length >= least, `${held.length} targets are shown`);
+  let figures = 0;
+  for (const shown of held) {
+    const row = rows.get(keyOf(shown));
+    assert(row, `the CSV has no row for ${JSON.stringify(shown)}`);
+    for (const [key, text] of Object.entries(shown).filter(([key]) => key in row)) {
+      assert.equal(text, row[key], `${key} of target ${shown.target}`);
+      figures += 1;
+    }
+  }
+  return figures;
+};
+const byTarget = (rows) => new Map(rows.map((row) => [row.target, row]));
+
+// Clicks a target on the canvas that is not the chosen one and that no other covers; its ordinal.
+const click = async (page) => {
+  const spot = await page.evaluate(() => {
+    const { view, path, chosen } = window.deflex;
+    const free = Array.from({ length: path.length }, (_, i) => i).find((i) => i > path.length / 2 && i !== chosen && view.near(...view.place(i)) === i);
+    return { place: view.place(free), target: path.column("target").text(free) };
+  });
+  const box = await page.locator("#path").boundingBox();
+  await page.mouse.move(box.x + spot.place[0], box.y + spot.place[1]);
+  assert(await page.isVisible("#tip"), "no tip under the pointer");
+  assert((await page.textContent("#tip")).includes(`target ${spot.target} `));
+  await page.mouse.click(box.x + spot.place[0], box.y + spot.place[1]);
+  assert.equal(await page.getAttribute("#figures", "data-target"), spot.target);
+  return spot.target;
+};
+
+const checkPath = async (name, rows, sums, options = {}) => {
+  const page = await open(name, options);
+  assert((await drawn(page, "#path")).count > 1000, "the path is not drawn");
+  const least = Math.min(rows.length, 3584);
+  const figures = await sameAsCsv(page, byTarget(rows), (shown) => shown.target, least);
+  for (const [key, value] of Object.entries(sums)) assert.equal(await tile(page, key), value, key);
+
+  const target = await click(page);
+  const cells = await page.$$eval("#figures [data-key]", (all) => all.map((cell) => [cell.dataset.key, cell.textContent]));
+  const row = byTarget(rows).get(target);
+  const compared = cells.filter(([key]) => key in row);
+  assert(compared.length > 8);
+  for (const [key, text] of compared) assert.equal(text, row[key], `${key} in the panel`);
+
+  const canvas = page.locator("#path");
+  const pose = () => canvas.evaluate((c) => ({ ...c.dataset }));
+  const keys = async (...pressed) => {
+    for (const key of pressed) await page.keyboard.press(key);
+    await settle(page);
+    return pose();
+  };
+  await canvas.focus();
+  const before = { ...(await pose()), picture: (await drawn(page, "#path")).sum };
+  const turned = await keys("ArrowLeft", "ArrowUp");
+  assert.notEqual(turned.azimuth, before.azimuth);
+  assert.notEqual(turned.elevation, before.elevation);
+  assert.notEqual((await drawn(page, "#path")).sum, before.picture);
+  assert(+(await keys("+")).zoom > +before.zoom);
+  assert.equal((await keys("0")).zoom, before.zoom);
+  await keys(".");
+  assert(+(await page.getAttribute("#figures", "data-target")) > +target, "a key steps to the next target");
+  const box = await canvas.boundingBox();
+  await page.mouse.move(box.x + 200, box.y + 200);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 260, box.y + 220, { steps: 4 });
+  await page.mouse.up();
+  await settle(page);
+  assert.notEqual((await pose()).azimuth, turned.azimuth, "dragging turns");
+
+  const colours = await page.$$eval("#colour option", (all) => all.map((option) => option.value));
+  assert(colours.length >= 2);
+  const pictures = new Set();
+  for (const colour of colours) {
+    await page.selectOption("#colour", colour);
+    await settle(page);
+    pictures.add((await drawn(page, "#path")).sum);
+  }
+  assert(pictures.size > 1, "colours do not change the picture");
+
+  const plot = page.locator(".plot .u-over").first();
+  await plot.scrollIntoViewIfNeeded();
+  const chart = await plot.boundingBox();
+  await page.mouse.click(chart.x + 3, chart.y + chart.height / 2);
+  assert(+(await page.getAttribute("#figures", "data-target")) <= 0.02 * rows.length + 3, "a click in a chart selects its target");
+  const charts = await page.locator(".plot canvas").count();
+  for (let i = 0; i < charts; i++) assert((await drawn(page, `.plot canvas >> nth=${i}`)).count > 200, `chart ${i} is empty`);
+
+  await page.emulateMedia({ media: "print" });
+  await settle(page);
+  assert((await drawn(page, "#path")).count > 1000, "the path is not printed");
+  assert.deepEqual(page.wrong, []);
+  return { page, figures, charts };
+};
+
+const shot = async (page, name, directory) => {
+  const path = join(directory, `${name}.png`);
+  await page.screenshot({ path });
+  assert(statSync(path).size < 300_000, `${path} is large`);
+};
+
+const tests = {
+  async "slot, compensated"() {
+    const [sums] = json("slot.json").files;
+    const six = (value) => value.toFixed(6);
+    const { figures, charts } = await checkPath("slot", csv("slot.csv"), {
+      targets: String(sums.targets), max_error_mm: six(sums.max_error_mm), max_correction_mm: six(sums.max_correction_mm), max_remaining_mm: six(sums.max_remaining_mm),
+    });
+    assert.equal(charts, 4);
+    return `${figures} figures`;
+  },
+  async "blade, compensated, in the dark"() {
+    const { figures } = await checkPath("blade", csv("blade.csv"), {}, { colorScheme: "dark" });
+    return `${figures} figures`;
+  },
+  async "blade, predicted from cutter locations"() {
+    const [sums] = json("predict.json").files;
+    const { figures } = await checkPath("predict", csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(6) });
+    return `${figures} figures`;
+  },
+  async "differences of the blade"() {
+    const found = json("diff.json");
+    const page = await open("diff");
+    assert((await drawn(page, "#path")).count > 1000);
+    const rows = byTarget(csv("diff.csv"));
+    // Targets that did not move have no row.
+    const same = { shift_x_mm: "0.000000", shift_y_mm: "0.000000", shift_z_mm: "0.000000", shift_mm: "0.000000" };
+    const all = { get: (target) => rows.get(target) ?? same };
+    const figures = await sameAsCsv(page, all, (shown) => shown.target, found.targets - 5);
+    for (const key of ["max_mm", "max_deg", "max_step_mm"]) assert.equal(await tile(page, key), found[key].toFixed(6), key);
+    await click(page);
+    assert.deepEqual(page.wrong, []);
+    return `${figures} figures`;
+  },
+  async "closed loop, identified"() {
+    const found = json("identify.json");
+    const page = await open("identify");
+    for (const which of ["before", "after"]) assert.equal(await tile(page, `${which}.rms_mm`), found[which].rms_mm.toFixed(6));
+    assert.equal(await tile(page, "held_out_rows"), String(found.held_out_rows));
+    assert.equal(await page.locator("#ranked tbody tr").count(), found.ranking.length);
+    const names = await page.$$eval("#ranked tbody tr td:first-child code", (all) => all.map((cell) => cell.textContent));
+    assert.deepEqual(names, found.ranking.map(({ kind }) => kind));
+    const added = await page.$$eval("#added h3", (all) => all.map((heading) => heading.textContent));
+    assert.deepEqual(added, found.added.map(({ kind }) => kind));
+    if (found.separability?.length) assert.equal(await page.locator("#apart tbody tr").count(), found.separability.length);
+    const rows = csv("identify.csv");
+    const figures = await sameAsCsv(page, new Map(rows.map((row) => [`${row.run}:${row.line}`, row])), (shown) => `${shown.run}:${shown.line}`, rows.length);
+    assert((await drawn(page, ".plot canvas >> nth=0")).count > 200);
+    const held = await page.evaluate(() => window.deflex.charts.plots[0].data[0].length);
+    assert.equal(held, rows.filter((row) => row.held_out === "1").length);
+    await page.selectOption("#rows", "all");
+    assert.equal(await page.evaluate(() => window.deflex.charts.plots[0].data[0].length), rows.length);
+    assert.deepEqual(page.wrong, []);
+    return `${figures} figures`;
+  },
+  async "100,000 targets"() {
+    long();
+    const size = statSync(at("long.html")).size;
+    assert(size < 5e6, `${size} bytes`);
+    const { page } = await checkPath("long", csv("long.csv"), { targets: String(LONG) });
+    const note = await page.textContent("#detail");
+    assert(note.includes("of 100,000 targets are shown"), note);
+    const frame = await page.evaluate(() => {
+      const { view } = window.deflex;
+      const time = (draw) => {
+        const start = performance.now();
+        for (let i = 0; i < 20; i++) draw();
+        return (performance.now() - start) / 20;
+      };
+      const turning = time(() => { view.turn(3, 0); view.draw(); });
+      view.moving = false;
+      return { turning, resting: time(() => view.draw()) };
+    });
+    // Fluid is 30 frames a second; a shared machine without a graphics card is given twice the time.
+    assert(frame.turning < 66, `${frame.turning} ms a frame`);
+    return `${(size / 1e6).toFixed(2)} MB, ${frame.turning.toFixed(1)} ms a frame while turning, ${frame.resting.toFixed(1)} ms at rest`;
+  },
+};
+
+const pictures = async (directory) => {
+  mkdirSync(directory, { recursive: true });
+  for (const [name, file, options] of [["compensate", "blade", {}], ["compensate-dark", "blade", { colorScheme: "dark" }], ["identify", "identify", {}]]) {
+    const page = await open(file, options);
+    await shot(page, name, directory);
+  }
+};
+
+let failed = 0;
+try {
+  if (process.argv[2] === "--screenshots") await pictures(resolve(process.argv[3]));
+  else {
+    for (const [name, test] of Object.entries(tests)) {
+      try {
+        console.log(`ok      ${name}: ${await test()}`);
+      } catch (error) {
+        failed += 1;
+        console.log(`FAILED  ${name}\n${error.stack}`);
+      }
+    }
+  }
+} finally {
+  await browser.close();
+  rmSync(folder, { recursive: true });
+}
+process.exitCode = failed ? 1 : 0;
