@@ -157,3 +157,13 @@ fn position_leaves_every_orientation_alone() {
     assert_eq!(bench.read("out.mod").matches(",[0,1,0,0],").count(), 4);
     bench.run("check out.mod --cell cell.toml --against part.mod --max-error 0.001").exits(0);
 }
+
+#[test]
+fn versions_in_comments_are_text_and_the_same() {
+    let bench = Bench::new();
+    bench.write("part.mod", PROGRAM.replace("MODULE Part", "MODULE Part\n  ! posted by post 1.2.3 at 10.0.0.7"));
+    bench.run("diff part.mod part.mod").exits(0);
+    bench.write("other.mod", bench.read("part.mod").replace("1.2.3", "1.2.4"));
+    let ran = bench.run("diff part.mod other.mod").exits(1);
+    assert!(ran.stdout.contains("line 2: text is different: `! posted by post 1.2.4"), "{}", ran.stdout);
+}
