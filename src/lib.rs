@@ -33,7 +33,7 @@
 //! let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
 //! let corrected = compensate(&program, &cell, &Options::default())?;
 //! // What the forward model makes of the numbers as they will be written.
-//! assert!(corrected.rows.iter().all(|row| row.remaining_mm.iter().all(|axis| axis.abs() < 1e-3)));
+//! assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
 //! let mut written = Vec::new();
 //! for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
 //!     apply(&source.bytes, &edits, &mut written).unwrap();

@@ -18,10 +18,10 @@ pub struct NewEffect {
 ///
 /// # Errors
 /// The text is not TOML.
-pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Diagnostic> {
+pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnostic>> {
     let mut document: DocumentMut = text
         .parse()
-        .map_err(|error: toml_edit::TomlError| Diagnostic::error("cell.toml", "", error.message().to_owned()))?;
+        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
     let list = document.entry("effect").or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
     if list.as_array_of_tables().is_none() {
         *list = Item::ArrayOfTables(ArrayOfTables::new());

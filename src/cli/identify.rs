@@ -39,7 +39,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let mut outputs = Outputs::new(read.iter().copied().chain(&args.reading.context));
     if let Some(path) = &args.output {
         let text = String::from_utf8_lossy(&cell.source.bytes);
-        let text = extended(&text, &found.extended).map_err(|error| cell.own(vec![error]))?;
+        let text = extended(&text, &found.extended).map_err(|errors| cell.own(errors))?;
         outputs.add(path, text.as_bytes())?;
     }
     if let Some(path) = &args.json {
