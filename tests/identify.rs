@@ -153,3 +153,32 @@ fn shuffled_joint_angles_gain_nothing() {
     assert!(found.added.iter().all(|a| a.kind != "joint_error_curve"), "{:?}", found.added);
     assert!(found.after.rms_mm > 0.9 * found.before.rms_mm);
 }
+
+/// Some cells of the blind table, wandering noise mostly; all of it is `examples/blind_table.rs`.
+#[test]
+fn blind_cells_are_never_named_wrong() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind");
+    let mut cells = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let folder = entry.unwrap().path();
+        let truth: Value = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();
+        let kinds: Vec<&str> =
+            truth["effect"].as_array().unwrap().iter().map(|e| e["kind"].as_str().unwrap()).collect();
+        let found = of_folder(&folder);
+        let place = folder.display();
+        for added in found.added.iter().filter(|added| added.kind != "empirical") {
+            let held = kinds.contains(&added.kind.as_str())
+                || added.not_told_apart_from.iter().any(|other| kinds.contains(&other.as_str()));
+            assert!(held, "{place}: {} is named, {kinds:?} is there", added.kind);
+        }
+        let listed = kinds.iter().all(|kind| deflex::effects::kind(kind).is_some());
+        assert_eq!(found.unexplained.significant, !listed, "{place}");
+        if listed {
+            let named = |kind: &&str| found.added.iter().any(|added| added.kind == **kind);
+            assert!(kinds.iter().all(named), "{place}: {kinds:?} is not found");
+            assert!(found.after.rms_mm < 1.2 * floor(&truth), "{place}: {:?}", found.after);
+        }
+        cells += 1;
+    }
+    assert!(cells >= 8);
+}
