@@ -6,7 +6,7 @@ use super::output::Outputs;
 use super::report::{self, Rows};
 use super::run::{Originals, Setup, both, one_thing};
 use super::{Answer, Outcome, message};
-use deflex::correct::{Corrected, Row, compensate, predict};
+use deflex::correct::{Corrected, Row, Summary, compensate, predict};
 use deflex::program::{Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, check_json, difference, junit, sarif};
@@ -105,8 +105,9 @@ fn one(
         Ok(predicted) => predicted,
         Err(errors) => {
             let findings = about_the_program(errors)?;
+            let shown = trace.map(|nothing| (FileSummary::of(&path, &Summary::default(), &findings), nothing));
             let file = CheckFile { path, targets, findings };
-            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: None });
+            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: shown });
         }
     };
     let shown = trace.map(|mut trace| {

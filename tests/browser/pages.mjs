@@ -281,6 +281,19 @@ const tests = {
     assert.deepEqual(page.wrong, []);
     return `${figures} figures`;
   },
+  async "a program that is not reached"() {
+    const far = readFileSync(join(root, "samples", slot("slot.mod")), "utf8").replace(/MoveL \[\[[^\]]*\]/, "MoveL [[9000,0,0]");
+    writeFileSync(at("far.mod"), far);
+    deflex("check", at("far.mod"), "--cell", slot("cell.toml"), "--max-error", "1", "-q", "--html", at("far.html"));
+    const page = await open("far");
+    assert.equal(await page.textContent("#detail"), "No target has a position to show.");
+    await page.hover("#path");
+    await page.locator("#path").focus();
+    for (const key of ["ArrowLeft", "+", "."]) await page.keyboard.press(key);
+    await settle(page);
+    assert.deepEqual(page.wrong, []);
+    return "says so";
+  },
   async "100,000 targets"() {
     long();
     const size = statSync(at("long.html")).size;

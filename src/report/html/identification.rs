@@ -25,19 +25,17 @@ const CHANNELS: &[Channel] = &[
 pub fn identification_page(found: &Identification, cell: &str, data: &[String]) -> String {
     let mut body = figures(found);
     body += CHARTS;
-    let pair = [
-        section("added", "Added to the cell", added(&found.added)),
-        section("ranking", "Every effect alone", ranking(found)),
-    ];
-    body += &format!("<div class=\"pair\">\n{}</div>\n", pair.concat());
-    if !found.separability.is_empty() {
-        body += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
-    }
-    body += &section("left", "What is left", left(found));
+    let mut outcome = section("added", "Added to the cell", added(&found.added));
+    outcome += &section("left", "What is left", left(found));
     if !found.advice.is_empty() {
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
-        body += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
+        outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
     }
+    let mut grounds = section("ranking", "Every effect alone", ranking(found));
+    if !found.separability.is_empty() {
+        grounds += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
+    }
+    body += &format!("<div class=\"pair\">\n<div>{outcome}</div>\n<div>{grounds}</div>\n</div>\n");
     body += &section("words", "What the figures are", WORDS);
     let mut rows = trace(&found.residuals).json();
     rows["title"] = json!("residuals");

@@ -137,6 +137,7 @@ class PathPage {
 
   choose(i) {
     const { path } = this;
+    if (!path.length) return;
     this.chosen = i;
     this.view.chosen = i;
     this.view.redraw();

@@ -217,6 +217,7 @@ class View {
 
   // The target under the pointer, −1 where there is none.
   near(x, y) {
+    if (!this.path) return -1;
     let [best, nearest] = [REACH ** 2, -1];
     for (let i = 0; i < this.path.length; i++) {
       const distance = (this.screen[2 * i] - x) ** 2 + (this.screen[2 * i + 1] - y) ** 2;
