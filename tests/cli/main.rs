@@ -9,4 +9,5 @@ mod help;
 mod html;
 mod identify;
 mod inputs;
+mod long;
 mod outputs;
