@@ -31,9 +31,9 @@ pub fn identification_page(found: &Identification, cell: &str, data: &[String]) 
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
         outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
     }
-    let mut grounds = section("ranking", "Every effect alone", ranking(found));
+    let grounds = section("ranking", "Every effect alone", ranking(found));
     if !found.separability.is_empty() {
-        grounds += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
+        outcome += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
     }
     body += &format!("<div class=\"pair\">\n<div>{outcome}</div>\n<div>{grounds}</div>\n</div>\n");
     body += &section("words", "What the figures are", WORDS);

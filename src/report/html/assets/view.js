@@ -300,7 +300,7 @@ class View {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const sides = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
       const side = sides[event.key];
-      if (side && event.shiftKey) this.move(-20 * -side[0], 20 * side[1]);
+      if (side && event.shiftKey) this.move(20 * side[0], 20 * side[1]);
       else if (side) this.turn(-5 * side[0], 5 * side[1]);
       else if (event.key === "+" || event.key === "=") this.magnify(1.25);
       else if (event.key === "-") this.magnify(0.8);
