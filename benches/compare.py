@@ -226,7 +226,7 @@ def identification(folder):
 
 def svg(panels):
     """Time in blue, memory in orange; log-log where x is a size, so that a straight line of slope one is cost as work."""
-    width, height, gap, left = 300, 190, 70, 60
+    width, height, gap, left = 300, 190, 110, 60
     out = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + len(panels[:3]) * (width + gap)}" height="{2 * (height + gap) + 20}" '
         'font-family="sans-serif" font-size="11">',
