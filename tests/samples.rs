@@ -1,9 +1,10 @@
 //! The samples that the README runs: corrected, and judged on the numbers as written.
 
-#![allow(clippy::unwrap_used)] // helpers of tests
+#![allow(clippy::unwrap_used, clippy::print_stderr)] // helpers of tests; a skipped test says so
 
 use deflex::cell::Cell;
 use deflex::correct::{Options, Prepared, Status, compensate, predict};
+use deflex::measured::Table;
 use deflex::program::{Program, cl, rapid};
 use deflex::text::{Source, apply};
 use nalgebra::Matrix6;
@@ -20,8 +21,8 @@ fn cell(path: &str) -> Cell {
     Cell::read(&source(path)).unwrap()
 }
 
-fn lands(program: &Program, cell: &Cell) {
-    let corrected = compensate(program, cell, &Options::default()).unwrap();
+fn lands(program: &Program, cell: &Cell, options: &Options) {
+    let corrected = compensate(program, cell, options).unwrap();
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures[0]);
     for row in corrected.rows.iter().filter(|row| row.status == Status::Ok) {
         assert!(row.remaining_norm_mm() < REMAINS_MM, "target {}: {:?}", row.target, row.remaining_mm);
@@ -30,8 +31,8 @@ fn lands(program: &Program, cell: &Cell) {
     let mut bytes = Vec::new();
     apply(&program.sources[0].bytes, &rewritten.edits[0], &mut bytes).unwrap();
     let again = rapid::read(vec![Source::new("corrected.mod", bytes)], Vec::new()).unwrap();
-    let before = predict(program, cell, &Options::default(), None).unwrap();
-    let after = predict(&again, cell, &Options::default(), Some(program)).unwrap();
+    let before = predict(program, cell, options, None).unwrap();
+    let after = predict(&again, cell, options, Some(program)).unwrap();
     let rms = |rows: &[deflex::correct::Row]| {
         (rows.iter().map(|r| r.error_norm_mm().powi(2)).sum::<f64>() / rows.len() as f64).sqrt()
     };
@@ -41,17 +42,36 @@ fn lands(program: &Program, cell: &Cell) {
 
 #[test]
 fn the_slot_lands() {
-    lands(&rapid::read(vec![source("slot/slot.mod")], Vec::new()).unwrap(), &cell("slot/cell.toml"));
+    lands(
+        &rapid::read(vec![source("slot/slot.mod")], Vec::new()).unwrap(),
+        &cell("slot/cell.toml"),
+        &Options::default(),
+    );
+}
+
+/// The practice cell whose model is complete; the data stand beside the repository, or where `DEFLEX_SHARED` says.
+#[test]
+fn a_practice_cell_lands() {
+    let shared = std::env::var("DEFLEX_SHARED").unwrap_or_else(|_| "../shared".into());
+    let folder = std::path::Path::new(&shared).join("practice/none");
+    if !folder.is_dir() {
+        eprintln!("skipped: {} is not here", folder.display());
+        return;
+    }
+    let read = |name: &str| Source::new(name, std::fs::read(folder.join(name)).unwrap());
+    let program = rapid::read(vec![read("part.mod")], Vec::new()).unwrap();
+    let forces = Table::read(&read("measured.csv")).unwrap().forces();
+    lands(&program, &Cell::read(&read("cell.toml")).unwrap(), &Options { forces: Some(forces), ..Options::default() });
 }
 
 #[test]
 fn the_blade_lands_as_rapid_and_as_cl() {
     let cell = cell("blade/cell.toml");
-    lands(&rapid::read(vec![source("blade/blade.mod")], Vec::new()).unwrap(), &cell);
+    lands(&rapid::read(vec![source("blade/blade.mod")], Vec::new()).unwrap(), &cell, &Options::default());
     let options = &cell.cl.as_ref().unwrap().options;
     let program = cl::read(source("blade/blade.aptsource"), options).unwrap();
     assert!(program.targets.len() >= 2000);
-    lands(&program, &cell);
+    lands(&program, &cell, &Options::default());
 }
 
 #[test]

@@ -202,12 +202,23 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
         place(args, &mut outputs, written.into_iter().chain(companions))?;
         let mut done = Done::new(&name, &program, corrected, outputs, path.clone())?;
         done.notes.extend(notes);
-        if let Some(dir) = &args.out_dir {
-            done.outputs.add_report(&dir.join(stem.with_extension("report.csv")), &done.rows.csv)?;
+        if let Some(path) = report_beside(args, &stem) {
+            done.outputs.add_report(&path, &done.rows.csv)?;
         }
         Ok(done)
     })?;
     finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
+}
+
+/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout.
+pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
+    match (&args.out_dir, &args.output) {
+        (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),
+        (None, Some(output)) if args.reports.report.is_none() && !is_stdout(output) => {
+            Some(output.with_extension("report.csv"))
+        }
+        _ => None,
+    }
 }
 
 /// Outputs that take no input's place.

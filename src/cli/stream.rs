@@ -2,7 +2,7 @@
 
 use super::args::{Compensate, Format};
 use super::output::{Outputs, Temporary, is_stdout};
-use super::run::Setup;
+use super::run::{Setup, report_beside};
 use super::{progress, report};
 use deflex::correct::{Sinks, StreamError, compensate_pieces};
 use deflex::program::rapid::{PIECE, Pieces};
@@ -86,7 +86,7 @@ impl Input {
             Some(dir) => dir.join(file),
             None => args.output.clone().unwrap_or_else(|| PathBuf::from("-")),
         };
-        let beside = args.out_dir.as_ref().map(|dir| dir.join(file.with_extension("report.csv")));
+        let beside = report_beside(args, file);
         let mut program = outputs.open(&program)?;
         let reports = beside.iter().chain(&args.reports.report).map(|path| outputs.open_report(path));
         let mut report = Copies(reports.collect::<Result<_, _>>()?);
