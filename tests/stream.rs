@@ -93,7 +93,7 @@ fn whole(text: &str, cell: &Cell) -> Came {
     let (mut bytes, mut report) = (Vec::new(), Vec::new());
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
     write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report, summary_line(&FileSummary::new("", &corrected)), corrected.notes))
+    Ok((bytes, report, summary_line(&FileSummary::new("", &program, &corrected)), corrected.notes))
 }
 
 /// `None` where the program is not straight.

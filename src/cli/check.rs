@@ -112,7 +112,7 @@ fn one(
     };
     let shown = trace.map(|mut trace| {
         trace.extend(&predicted.rows);
-        (FileSummary::new(&path, &predicted), trace)
+        (FileSummary::new(&path, &program, &predicted), trace)
     });
     let place = Places::new(&program);
     let over = predicted.rows.iter().filter(|row| row.error_norm_mm() > args.max_error);

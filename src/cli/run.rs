@@ -95,7 +95,7 @@ impl Done {
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }
-        let summary = FileSummary::new(name, &corrected);
+        let summary = FileSummary::new(name, program, &corrected);
         let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
         if let Some(path) = &mut path {
             path.extend(&corrected.rows);

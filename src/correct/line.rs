@@ -30,6 +30,8 @@ pub struct Corrected {
 /// A corrected point for a program that is written anew (CL to RAPID).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posted {
+    /// Index into [`Program::targets`] of the target that it is, or that it is inserted before.
+    pub target: usize,
     /// Corrected position, work object axes, mm.
     pub position_mm: [f64; 3],
     /// Corrected orientation, scalar first.
@@ -247,18 +249,44 @@ pub(super) fn piece(
         stiffness::fill(&mut out.rows, program, cell, &prepared, &as_programmed, spread);
     }
     let posted = if program.language == Language::Cl {
-        let post = |(i, (position_mm, quat)): (usize, &([f64; 3], [f64; 4]))| Posted {
-            position_mm: *position_mm,
-            quat: *quat,
-            conf: conf_of(&arm.robot, &reached[i]),
-            motor_deg: reached[i].map(f64::to_degrees).into(),
-        };
-        written.iter().enumerate().map(post).collect()
+        posted(cell, &prepared, &written, &reached, &inserts)
     } else {
         Vec::new()
     };
     let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
     Some(Ok(out.finish(notes, rewritten, posted)))
+}
+
+/// Targets and the points inserted before them, in the order that they are posted in.
+fn posted(
+    cell: &Cell,
+    prepared: &Prepared,
+    written: &[([f64; 3], [f64; 4])],
+    reached: &[Joints],
+    inserts: &[Insert],
+) -> Vec<Posted> {
+    let robot = &cell.arm.robot;
+    let post = |target: usize, (position_mm, quat): ([f64; 3], [f64; 4]), motor: &Joints| Posted {
+        target,
+        position_mm,
+        quat,
+        conf: conf_of(robot, motor),
+        motor_deg: motor.map(f64::to_degrees).into(),
+    };
+    let mut out = Vec::with_capacity(written.len() + inserts.len());
+    let mut inserts = inserts.iter().peekable();
+    for (i, point) in prepared.points.iter().enumerate() {
+        while let Some(insert) = inserts.next_if(|insert| insert.before == i) {
+            let pose = frames::pose(insert.position_mm, insert.quat);
+            let printed = solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1);
+            // Its correction was solved: a point that the arm does not reach would not stand here.
+            if let Ok(motor) = solve::controller_joints(&cell.arm, point, &printed, &reached[i]) {
+                out.push(post(i, printed, &motor));
+            }
+        }
+        out.push(post(i, written[i], &reached[i]));
+    }
+    out
 }
 
 /// The change of a target, or `None` where nothing is to be changed.

@@ -75,7 +75,8 @@ pub fn post<W: Write>(
     let marks = Marks::new(program, cell, &corrected.rows);
     let failed = |error: io::Error| vec![Diagnostic::error("io.write", name, format!("cannot be posted: {error}"))];
     let mut writer = RapidWriter::new(plan, open).map_err(failed)?;
-    for (target, posted) in program.targets.iter().zip(&corrected.posted) {
+    for posted in &corrected.posted {
+        let target = &program.targets[posted.target];
         let point = PostedPoint {
             position_mm: posted.position_mm,
             quat: posted.quat,

@@ -128,6 +128,11 @@ impl Summary {
     }
 }
 
+/// What printing four decimals and holding them in single precision moves by itself, mm.
+const ROUNDED_MM: f64 = 0.9e-4;
+/// The same for eight decimals of a quaternion, degrees.
+const ROUNDED_DEG: f64 = 2e-5;
+
 /// A [`Summary`] on its way, row after row in running order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
@@ -157,7 +162,8 @@ impl Tally {
             }
             sum.max_error_mm = sum.max_error_mm.max(error);
             sum.max_correction_mm = sum.max_correction_mm.max(correction);
-            sum.corrected += usize::from(correction > 0.0 || row.correction_deg.iter().any(|v| v.abs() > 0.0));
+            let turned = row.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
+            sum.corrected += usize::from(correction > ROUNDED_MM || turned);
         }
     }
 

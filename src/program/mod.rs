@@ -208,6 +208,15 @@ impl Program {
         }
     }
 
+    /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason.
+    #[must_use]
+    pub fn unknown_targets(&self) -> &[(&'static str, usize)] {
+        match &self.layout {
+            Layout::Rapid(layout) => &layout.unknown,
+            Layout::Cl(_) => &[],
+        }
+    }
+
     /// Turns wanted poses into edits on number tokens.
     ///
     /// `changes` has one entry a target; `None` changes nothing, and a program without changes has no

@@ -1,4 +1,5 @@
 use crate::correct::{Corrected, Summary};
+use crate::program::Program;
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt::Write;
@@ -49,8 +50,16 @@ pub struct FailureLine {
 impl FileSummary {
     /// Sums up a run.
     #[must_use]
-    pub fn new(path: &str, corrected: &Corrected) -> Self {
-        Self::of(path, &Summary::of(&corrected.rows), &corrected.failures)
+    pub fn new(path: &str, program: &Program, corrected: &Corrected) -> Self {
+        let mut sum = Summary::of(&corrected.rows);
+        for &(reason, count) in program.unknown_targets() {
+            sum.targets += count;
+            match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
+                Some((_, kept)) => *kept += count,
+                None => sum.kept.push((reason, count)),
+            }
+        }
+        Self::of(path, &sum, &corrected.failures)
     }
 
     /// The same from what was counted already.

@@ -260,6 +260,10 @@ impl Reader<'_> {
             self.modal.position = None;
             return Err("arc without circle and line");
         };
+        if round.iter().any(|number| line.iter().any(|other| other.span == number.span)) {
+            self.modal.position = None;
+            return Err("arc whose circle and line are not apart");
+        }
         self.ensure_units(record)?;
         let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
         let end = on_circle(centre, radius, from, to);

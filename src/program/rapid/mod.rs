@@ -46,6 +46,8 @@ pub(crate) struct Layout {
     offsets: Vec<Offset>,
     /// Executed motions, those whose target is not known when reading among them.
     pub(super) motions: usize,
+    /// How many of them have no target, by reason, in the order first met.
+    pub(super) unknown: Vec<(&'static str, usize)>,
     /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `pieces`).
     straight: bool,
     /// The mark in force behind the last statement.

@@ -139,7 +139,7 @@ impl<'a> Runner<'a> {
         if shape.motion == Motion::AbsoluteJoint {
             match self.evaluate(scope, to).joints() {
                 Some(deg) => self.push(Target { goal: Goal::Joints { deg }, ..target }, Site::None, false),
-                None => self.keep_here(span, "joint target computed at run time"),
+                None => self.keep_motion(span, "joint target computed at run time"),
             }
             return;
         }
@@ -170,7 +170,7 @@ impl<'a> Runner<'a> {
                             Value::List(..) => value.unknown().unwrap_or("not a complete robtarget"),
                             _ => value.unknown().unwrap_or("not a robtarget"),
                         };
-                        return self.keep_here(target.span, reason);
+                        return self.keep_point(&target, reason);
                     }
                 }
             }
@@ -178,7 +178,7 @@ impl<'a> Runner<'a> {
         let written = &pose.written;
         let norm = written.quat.iter().map(|c| c * c).sum::<f64>();
         if !norm.is_finite() || (norm - 1.0).abs() > MAX_NORM_ERROR {
-            return self.keep_here(target.span, "orientation is not a unit quaternion");
+            return self.keep_point(&target, "orientation is not a unit quaternion");
         }
         target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
         let bytes = self.bytes(scope.source as usize);
@@ -206,6 +206,15 @@ impl<'a> Runner<'a> {
             self.external_moves |= *self.external.get_or_insert(external) != external;
         }
         self.push(target, site, in_use);
+    }
+
+    /// Keeps a point whose target is not known; a circle point counts with its end.
+    fn keep_point(&mut self, target: &Target, reason: &'static str) {
+        if target.role == Role::End {
+            self.keep_motion(target.span, reason);
+        } else {
+            self.keep_here(target.span, reason);
+        }
     }
 
     pub(super) fn push(&mut self, target: Target, site: Site, in_use: bool) {

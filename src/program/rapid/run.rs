@@ -101,6 +101,8 @@ pub(super) struct Runner<'a> {
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
     pub(super) motions: u32,
+    /// Motions without a target, by reason.
+    pub(super) unknown: Vec<(&'static str, usize)>,
     pub(super) arcs: usize,
 }
 
@@ -159,6 +161,7 @@ impl<'a> Runner<'a> {
             diagnostics: Vec::new(),
             lines: sources.iter().map(LineIndex::new).collect(),
             motions: 0,
+            unknown: Vec::new(),
             arcs: 0,
         };
         for (source, file) in files.iter().enumerate().take(written) {
@@ -343,6 +346,15 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// Keeps a motion whose target is not known.
+    pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+        self.keep_here(span, reason);
+        match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => self.unknown.push((reason, 1)),
+        }
+    }
+
     /// Keeps a statement of the running routine.
     pub(super) fn keep_here(&mut self, span: Span, reason: &'static str) {
         self.keep(self.scope().source as usize, span, reason);
@@ -450,6 +462,7 @@ impl<'a> Runner<'a> {
             && !self.state.axis_offset
             && self.external.is_none()
             && self.pinned.is_empty()
+            && self.unknown.is_empty()
             && self.arcs == 0
             && self.sites.iter().all(inline)
             && self.targets.iter().all(known)
@@ -491,6 +504,7 @@ impl<'a> Runner<'a> {
             sites: self.sites,
             offsets: self.offsets,
             motions: self.motions as usize,
+            unknown: self.unknown,
             straight,
             mark_behind: self.state.mark,
         };
