@@ -182,7 +182,9 @@ impl Engine {
             let field = if gate { self.field(&search, &now, &set) } else { None };
             self.choose(set.clone());
             let outliers = self.mark_outliers();
-            let gear = !whole && round + 1 < ROUNDS && self.add_gear(&now);
+            // Beside a field, what is periodic in a joint passes for anything: it would be withdrawn.
+            let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
+            let gear = seek && self.add_gear(&now);
             let settled = same && !outliers && !gear && (whole || !self.prune());
             linear = Some(now);
             if settled && field.is_none() {

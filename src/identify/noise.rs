@@ -152,19 +152,25 @@ fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: 
     Whitened { columns, log_scale }
 }
 
-/// Stretches of each series that are seen together, with their places.
+/// Stretches of each series that are seen together, with their places; those of a run's axes one after another.
 fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Vector3<f64>])> {
-    series.iter().flat_map(|series| series.samples.chunks(TOGETHER).zip(series.places.chunks(TOGETHER)))
+    let most = series.iter().map(|series| series.samples.len().div_ceil(TOGETHER)).max().unwrap_or(0);
+    (0..most).flat_map(move |n| {
+        let part = move |length: usize| n * TOGETHER..length.min((n + 1) * TOGETHER);
+        let reaches = move |series: &&Series| series.samples.len() > n * TOGETHER;
+        let of = move |series: &'_ Series| part(series.samples.len());
+        series.iter().filter(reaches).map(move |s| (&s.samples[of(s)], &s.places[of(s)]))
+    })
 }
 
-/// Time index and relative standard deviation.
-type Spacing = (usize, f64);
+/// Time index and relative standard deviation, and where.
+type Spacing = ((usize, f64), Vector3<f64>);
 
 /// Cholesky factors of the covariance; the axes of a run share theirs.
 struct Factors {
     shape: Shape,
     field: Field,
-    /// Times and standard deviations of the last chunk, and its factor.
+    /// The last chunk, and its factor.
     last: Option<(Vec<Spacing>, DMatrix<f64>)>,
 }
 
@@ -174,10 +180,9 @@ impl Factors {
     }
 
     fn of(&mut self, samples: &[Sample], places: &[Vector3<f64>]) -> Option<&DMatrix<f64>> {
-        // Places follow from run and time; runs come one after another, so that only the last chunks can be alike.
-        let key: Vec<Spacing> = samples.iter().map(|sample| (sample.1, sample.2)).collect();
-        if self.last.as_ref().is_none_or(|last| last.0 != key) {
-            self.last = Some((key, covariance(samples, places, self.shape, self.field).cholesky()?.l()));
+        let spacing = samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect();
+        if self.last.as_ref().is_none_or(|last| last.0 != spacing) {
+            self.last = Some((spacing, covariance(samples, places, self.shape, self.field).cholesky()?.l()));
         }
         self.last.as_ref().map(|last| &last.1)
     }
