@@ -8,9 +8,11 @@
 is not there is left out. Times are wall seconds, median of the runs, which take turns; memory is the operating system's peak.
 """
 import argparse
+import csv
 import math
 import os
 import pathlib
+import random
 import shutil
 import statistics
 import subprocess
@@ -199,27 +201,31 @@ def figure(args, folder):
 
 
 def identification(folder):
-    """The closed-loop sample's rows, over and over along a program as long."""
+    """The closed-loop sample's program over and over; what a cell with its backlash would measure there, with fresh noise."""
     sample = ROOT / "samples/closed-loop"
     lines = (sample / "part.mod").read_text().splitlines(keepends=True)
     moves = [i for i, line in enumerate(lines) if line.lstrip().startswith("MoveL")]
-    header, *rows = (sample / "measured.csv").read_text().splitlines()
-    at = header.split(",").index("target")
+    header, *rows = [line.split(",") for line in (sample / "measured.csv").read_text().splitlines()]
+    force = header.index("fx_n")
+    (folder / "true.toml").write_text(
+        (sample / "cell.toml").read_text() + '\n[[effect]]\nkind = "backlash"\nhalf_gap_rad = [0, 6e-5, 0, 0, 1.6e-4, 0]\n'
+    )
+    noise = random.Random(6660)
     points = []
-    for times in (1, 2):
+    for times in (1, 3, 10, 30):
+        program, forces, measured = folder / "long.mod", folder / "forces.csv", folder / "long.csv"
         body = [lines[i] for i in moves] * times
-        (folder / "long.mod").write_text("".join(lines[: moves[0]] + body + lines[moves[-1] + 1 :]))
-        with open(folder / "long.csv", "w") as out:
-            out.write(header + "\n")
-            for copy in range(times):
-                for row in rows:
-                    cells = row.split(",")
-                    if not cells[at].isdigit():
-                        return points
-                    cells[at] = str(int(cells[at]) + copy * len(moves))
-                    out.write(",".join(cells) + "\n")
-        command = [DEFLEX, "identify", "--run", folder / "long.mod", folder / "long.csv", "--cell", sample / "cell.toml", "--quiet"]
-        points.append((times * len(rows), *run(command)))
+        program.write_text("".join(lines[: moves[0]] + body + lines[moves[-1] + 1 :]))
+        loads = [row[force : force + 3] for row in rows] * times
+        forces.write_text("target,fx_n,fy_n,fz_n\n" + "".join(f"{i + 1},{','.join(f)}\n" for i, f in enumerate(loads)))
+        run([DEFLEX, "predict", program, "--cell", folder / "true.toml", "--forces", forces, "--report", folder / "true.csv", "--quiet"])
+        with open(measured, "w") as out, open(folder / "true.csv") as true:
+            out.write("target,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n")
+            for row, load in zip(csv.DictReader(true), loads):
+                place = [float(row[f"{k}_mm"]) + float(row[f"error_{k}_mm"]) + noise.gauss(0, 0.012) for k in "xyz"]
+                out.write(",".join([row["target"], *(f"{x:.4f}" for x in place), *load]) + "\n")
+        command = [DEFLEX, "identify", "--run", program, measured, "--cell", sample / "cell.toml", "--quiet"]
+        points.append((len(loads), *run(command)))
         print(f"{points[-1][0]} rows: {points[-1][1]:.2f} s", file=sys.stderr)
     return points
 

@@ -263,21 +263,51 @@ pub(super) struct Moments {
 impl Moments {
     /// Moments of `y` (last column of `stacked`) on the columns before it.
     pub(super) fn of(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> Self {
-        let Whitened { columns, log_scale } = whiten(stacked, series, shape);
-        let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, _)| row)).collect();
-        let columns = if used.len() == columns.nrows() { columns } else { columns.select_rows(&used) };
-        let width = columns.ncols() - 1;
-        // A product by blocks; `tr_mul` goes column by column.
-        let full = columns.transpose() * &columns;
+        let count = series.iter().map(|series| series.samples.len()).sum();
+        let width = stacked.ncols() - 1;
+        let (full, log_scale) = if shape.field.is_some() {
+            let Whitened { columns, log_scale } = whiten(stacked, series, shape);
+            let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, _)| row)).collect();
+            let columns = columns.select_rows(&used);
+            (columns.transpose() * &columns, log_scale)
+        } else {
+            products(stacked, series, shape)
+        };
         Self {
             gram: full.view((0, 0), (width, width)).into_owned(),
             cross: full.view((0, width), (width, 1)).column(0).into_owned(),
             square: full[(width, width)],
-            count: used.len(),
+            count,
             log_scale,
             shape,
         }
     }
+}
+
+/// Products of all whitened columns, some rows at a time: memory does not grow with the rows.
+fn products(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> (DMatrix<f64>, f64) {
+    const ROWS: usize = 512;
+    let width = stacked.ncols();
+    let (mut full, mut log_scale) = (DMatrix::zeros(width, width), 0.0);
+    for series in series {
+        let steps = steps(series, shape);
+        log_scale += steps.iter().map(|step| 0.5 * step.variance.ln()).sum::<f64>();
+        let mut wander = vec![0.0; width];
+        for (samples, steps) in series.samples.chunks(ROWS).zip(steps.chunks(ROWS)) {
+            let mut block = DMatrix::zeros(samples.len(), width);
+            for ((mut white, seen), wander) in block.column_iter_mut().zip(stacked.column_iter()).zip(&mut wander) {
+                for ((white, sample), step) in white.iter_mut().zip(samples).zip(steps) {
+                    *wander *= step.decay;
+                    let innovation = seen[sample.0] - *wander;
+                    *wander += step.gain * innovation;
+                    *white = innovation / step.variance.sqrt();
+                }
+            }
+            // A product by blocks; `tr_mul` goes column by column.
+            full += block.transpose() * &block;
+        }
+    }
+    (full, log_scale)
 }
 
 #[cfg(test)]
@@ -299,6 +329,18 @@ mod tests {
         assert!((product - DMatrix::identity(5, 5)).amax() < 1e-12);
         let half_log_det = 0.5 * covariance.determinant().ln();
         assert!((whitened.log_scale - half_log_det).abs() < 1e-12);
+    }
+
+    #[test]
+    fn products_some_rows_at_a_time_are_those_of_the_whole() {
+        let shape = Shape { wander: 0.4, correlation: 0.9, field: None };
+        let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
+        let series = [Series { samples, places: vec![Vector3::zeros(); 1300] }];
+        let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
+        let whole = whiten(&stacked, &series, shape);
+        let (full, log_scale) = products(&stacked, &series, shape);
+        assert!((whole.columns.transpose() * &whole.columns - full).amax() < 1e-9);
+        assert!((whole.log_scale - log_scale).abs() < 1e-9);
     }
 
     #[test]
