@@ -18,6 +18,9 @@ const AXIS_LENGTH: std::ops::Range<f64> = 0.9..1.1;
 /// How much a printed triple may differ from unit length to be an axis rather than a further point.
 const UNIT_TRIPLE: f64 = 2e-3;
 
+/// Radii by which the printed end of an arc may be off its centre: CATIA prints it on the circle, give or take a digit.
+const FAR: f64 = 100.0;
+
 /// Arc read, its end not yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PendingArc {
@@ -264,8 +267,13 @@ impl Reader<'_> {
             self.modal.position = None;
             return Err("arc whose circle and line are not apart");
         }
-        self.ensure_units(record)?;
         let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
+        // An end is put onto the circle along its line: from far off, a shift of it would be lost.
+        if !sub(to, from).iter().all(|along| along.abs() <= FAR * radius.abs()) {
+            self.modal.position = None;
+            return Err("arc that ends far off its circle");
+        }
+        self.ensure_units(record)?;
         let end = on_circle(centre, radius, from, to);
         let spans: Vec<Span> = line.iter().map(|t| t.span).collect();
         let centre_spans: Vec<Span> = round.iter().map(|t| t.span).take(3).collect();
