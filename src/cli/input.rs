@@ -208,7 +208,9 @@ fn parse(job: Job, reading: &Context, options: Option<&ClOptions>) -> Result<Pro
     let name = job.name;
     let program = match (job.language, options) {
         (Language::Cl, Some(options)) => job.sources.into_iter().map(|source| cl::read(source, options)).next(),
-        _ => Some(rapid::read(job.sources, reading.sources.clone())),
+        // Without a cell nothing is written: a file that is cut off may be looked at.
+        (_, Some(_)) => Some(rapid::look(job.sources, reading.sources.clone())),
+        (_, None) => Some(rapid::read(job.sources, reading.sources.clone())),
     };
     let refused = || Diagnostic::error("program.refused", &name, "the program cannot be read");
     match program {
@@ -228,7 +230,7 @@ pub(super) fn reread(
         (Language::Cl, Some(source)) => cl::read(source, &without_cell()),
         (_, last) => {
             written.extend(last);
-            rapid::read(written, context)
+            rapid::look(written, context)
         }
     }
 }

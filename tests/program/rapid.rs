@@ -329,3 +329,14 @@ proptest! {
         }
     }
 }
+
+/// A generator that forgets the last lines: there is something to look at, and nothing to write.
+#[test]
+fn a_file_that_is_cut_off_may_be_looked_at() {
+    let text = "MODULE M\nPROC main()\nMoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tool0;\n";
+    let source = || vec![Source::new("cut.mod", text.as_bytes())];
+    assert_eq!(rapid::read(source(), Vec::new()).unwrap_err()[0].code, "rapid.truncated");
+    let program = rapid::look(source(), Vec::new()).unwrap();
+    assert_eq!((program.targets.len(), program.literal_targets), (1, 1));
+    assert!(program.kept.iter().any(|kept| kept.reason == "the file ends inside a module" && kept.line == 3));
+}

@@ -30,7 +30,7 @@ mod value;
 pub use pieces::{Next, PIECE, Piece, Pieces, StraightPiece};
 pub(super) use rewrite::rewrite;
 
-use super::{Language, Program};
+use super::{Kept, Language, Program};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
@@ -84,13 +84,32 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     read_as(dialect, sources, context)
 }
 
+/// [`read`] for those who only look: a file that is cut off is read to its end, and where it ends is kept.
+///
+/// # Errors
+/// As [`read`], but for cut-off files.
+pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    let dialect = dialect::of(&sources);
+    read_cut(dialect, sources, context, true)
+}
+
 /// [`read`] where the maker is known.
 fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    read_cut(dialect, sources, context, false)
+}
+
+/// [`read_as`], and whether files that are cut off are read too.
+fn read_cut(
+    dialect: &'static str,
+    sources: Vec<Source>,
+    context: Vec<Source>,
+    cut_off: bool,
+) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
     let mut sources = sources;
     sources.extend(context);
     let mut errors = Vec::new();
-    let mut files = Vec::new();
+    let (mut files, mut cuts) = (Vec::new(), Vec::new());
     for (index, source) in sources.iter().enumerate() {
         let index = u16::try_from(index).unwrap_or(u16::MAX);
         let file = match refuse(source) {
@@ -102,7 +121,10 @@ fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) ->
         };
         match file {
             Ok(file) => {
-                if let Some(last) = file.cut {
+                if let Some(last) = file.cut.filter(|_| cut_off) {
+                    let line = source.line_column(last.range().start).line;
+                    cuts.push(Kept { source: index.into(), span: last, line, reason: "the file ends inside a module" });
+                } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
                     let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
                     errors.push(error.help("the file is cut off; get it again from its source"));
@@ -127,7 +149,7 @@ fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) ->
         tools: outcome.tools,
         wobjs: outcome.wobjs,
         targets: outcome.targets,
-        kept: outcome.kept,
+        kept: outcome.kept.into_iter().chain(cuts).collect(),
         literal_targets,
         arcs: outcome.arcs,
         cutter: None,
