@@ -6,7 +6,7 @@ use deflex::correct::Forces;
 use deflex::measured::{Table, TargetRef};
 use deflex::program::cl::{self, ClOptions, Point, Units};
 use deflex::program::{Language, Program, detect, group_modules, rapid};
-use deflex::text::{Diagnostic, Source};
+use deflex::text::{Diagnostic, Source, Span};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -118,6 +118,7 @@ fn unknown_language(source: &Source) -> Vec<Diagnostic> {
         "neither RAPID nor CL/APT was recognised"
     };
     Diagnostic::error("program.language", &source.name, format!("{what}: expected a RAPID MODULE or GOTO/ records"))
+        .at(source, Span::new(0, 0))
         .help("say what it is with --format rapid or --format cl")
         .into()
 }

@@ -202,11 +202,14 @@ pub(super) fn prepare(
     options: &Options,
     carried: &mut Carried<'_>,
 ) -> Result<Prepared, Vec<Diagnostic>> {
+    let faults = program.faults();
     let tools = frames::tools(program, cell, options);
     let wobjs = frames::wobjs(program, cell);
     let (tools, wobjs) = match (tools, wobjs) {
-        (Ok(tools), Ok(wobjs)) => (tools, wobjs),
-        (tools, wobjs) => return Err([tools.err(), wobjs.err()].into_iter().flatten().flatten().collect()),
+        (Ok(tools), Ok(wobjs)) if faults.is_empty() => (tools, wobjs),
+        (tools, wobjs) => {
+            return Err(faults.into_iter().chain([tools.err(), wobjs.err()].into_iter().flatten().flatten()).collect());
+        }
     };
     let mut walk =
         Walk { program, cell, options, carried, errors: Vec::new(), points: Vec::with_capacity(program.targets.len()) };

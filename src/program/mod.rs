@@ -140,6 +140,8 @@ pub struct Kept {
     pub line: usize,
     /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
     pub reason: &'static str,
+    /// Whether the tool would go elsewhere without it: a number that is none, or (CL) a motion that is not read.
+    pub fault: bool,
 }
 
 /// What is wanted at one target instead of what is written.
@@ -215,6 +217,22 @@ impl Program {
             Layout::Rapid(layout) => &layout.unknown,
             Layout::Cl(_) => &[],
         }
+    }
+
+    /// Why no program may be written from this one: every statement whose motion is not what its text says.
+    #[must_use]
+    pub fn faults(&self) -> Vec<Diagnostic> {
+        let (code, help) = match self.language {
+            Language::Rapid => ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
+            Language::Cl => {
+                ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out")
+            }
+        };
+        let fault = |kept: &Kept| {
+            let source = &self.sources[kept.source];
+            Diagnostic::error(code, &source.name, kept.reason).at(source, kept.span).help(help)
+        };
+        self.kept.iter().filter(|kept| kept.fault).map(fault).collect()
     }
 
     /// Turns wanted poses into edits on number tokens.

@@ -1,6 +1,6 @@
 //! A table of bad inputs: a clear message with file, line and column, exit 2, nothing written.
 
-use crate::bench::{Bench, CELL, PROGRAM};
+use crate::bench::{Bench, CELL, CL, PROGRAM};
 
 /// What is wrong; the file it is in; its text; what the message must say.
 type Case = (&'static str, &'static str, String, &'static [&'static str]);
@@ -14,17 +14,71 @@ fn cases() -> Vec<Case> {
         assert!(CELL.contains(from), "{from}");
         CELL.replacen(from, to, 1)
     };
+    let cl = |from: &str, to: &str| {
+        assert!(CL.contains(from), "{from}");
+        CL.replacen(from, to, 1)
+    };
     vec![
-        ("truncated in a target", "part.mod", PROGRAM[..440].to_owned(), &["part.mod"]),
+        ("truncated in a target", "part.mod", PROGRAM[..440].to_owned(), &["part.mod:7:", "ENDMODULE"]),
         (
             "truncated between lines",
             "part.mod",
             PROGRAM[..PROGRAM.find("    MoveL [[50").unwrap_or(0)].to_owned(),
-            &["part.mod"],
+            &["part.mod:", "ENDMODULE"],
         ),
-        ("empty", "part.mod", String::new(), &["part.mod", "empty"]),
-        ("encrypted", "part.mod", "\u{1}\u{2}\u{fffd}\u{fffd}\u{3}garbage".to_owned(), &["part.mod"]),
-        ("not a program", "part.mod", "<html></html>".to_owned(), &["part.mod"]),
+        ("empty", "part.mod", String::new(), &["part.mod:1:1", "empty"]),
+        ("encrypted", "part.mod", "\u{1}\u{2}\u{fffd}\u{fffd}\u{3}garbage".to_owned(), &["part.mod:1:1", "encrypted"]),
+        (
+            "encrypted in a module's frame",
+            "part.mod",
+            "MODULE Part(NOVIEW)\n\u{1c}\u{2}\u{fffd}\u{0}garbage\u{3}\nENDMODULE\n".to_owned(),
+            &["part.mod:2:1", "encrypted"],
+        ),
+        ("not a program", "part.mod", "<html></html>".to_owned(), &["part.mod:1:1", "XML"]),
+        ("no position: NaN", "part.mod", program("[[100,0,0]", "[[NaN,0,0]"), &["part.mod:8:5", "not a number"]),
+        ("no position: -inf", "part.mod", program("[[100,0,0]", "[[0,-Inf,0]"), &["part.mod:8:5", "not a number"]),
+        (
+            "no position: too large",
+            "part.mod",
+            program("[[100,0,0]", "[[1E999,0,0]"),
+            &["part.mod:8:5", "not a number"],
+        ),
+        ("no position: two points", "part.mod", program("[[100,0,0]", "[[1..5,0,0]"), &["part.mod:8:5", "aggregate"]),
+        ("CL: NaN", "part.apt", cl("GOTO/100,0,0,", "GOTO/NaN,0,0,"), &["part.apt:7:1", "not given by numbers"]),
+        (
+            "CL: too large",
+            "part.apt",
+            cl("GOTO/100,0,0,", "GOTO/1E999,0,0,"),
+            &["part.apt:7:1", "not given by numbers"],
+        ),
+        (
+            "CL: two points",
+            "part.apt",
+            cl("GOTO/100,0,0,", "GOTO/1..5,0,0,"),
+            &["part.apt:7:1", "not given by numbers"],
+        ),
+        ("CL: a name", "part.apt", cl("GOTO/100,0,0,0,0,1", "GOTO/P1"), &["part.apt:7:1", "APT-360"]),
+        (
+            "CL: a number too few",
+            "part.apt",
+            cl("GOTO/100,0,0,0,0,1", "GOTO/100,0"),
+            &["part.apt:7:1", "three numbers"],
+        ),
+        (
+            "CL: an axis of no length",
+            "part.apt",
+            cl("GOTO/100,0,0,0,0,1", "GOTO/1,0,0,0,0,0"),
+            &["part.apt:7:1", "unit vector"],
+        ),
+        ("CL: shifted", "part.apt", cl("GOTO/100", "TRANS/1,2,3\nGOTO/100"), &["part.apt:7:1", "TRANS"]),
+        ("CL: a curve", "part.apt", cl("GOTO/100", "NURBS/1,2,3\nGOTO/100"), &["part.apt:7:1", "NURBS"]),
+        (
+            "CL: cut off in an arc",
+            "part.apt",
+            format!("{CL}CIRCLE/0,0,0,0,0,1,50\n"),
+            &["part.apt:9:1", "without an end"],
+        ),
+        ("CL: no unit", "part.apt", cl("UNITS/MM\n", ""), &["part.apt:3:1", "UNITS"]),
         (
             "unknown tool",
             "part.mod",
@@ -120,7 +174,8 @@ fn every_bad_input_is_told_and_nothing_is_written() {
         let bench = Bench::new();
         bench.write(file, text);
         let before = bench.names("");
-        let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod --report out.csv");
+        let input = if file.ends_with(".apt") { file } else { "part.mod" };
+        let ran = bench.run(&format!("compensate {input} --cell cell.toml -o out.mod --report out.csv"));
         let told = ran.stderr.contains("error") && must.iter().all(|part| ran.stderr.contains(part));
         let panicked = ran.stderr.contains("panicked");
         if ran.code != Some(2) || !ran.stdout.is_empty() || !told || panicked || bench.names("") != before {
@@ -128,6 +183,15 @@ fn every_bad_input_is_told_and_nothing_is_written() {
         }
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
+}
+
+#[test]
+fn what_a_cl_file_says_to_machine_tools_only_is_told() {
+    let bench = Bench::new();
+    bench.write("part.apt", CL.replace("GOTO/100", "CYCLE/DRILL,5\nFOOBAR/1\nFOOBAR/2\nGOTO/100"));
+    let ran = bench.run("predict part.apt --cell cell.toml --tool tMill").exits(0);
+    assert!(ran.stderr.contains("part.apt:7:1") && ran.stderr.contains("drilling cycle"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("statement not known (2 statements)"), "{}", ran.stderr);
 }
 
 #[test]

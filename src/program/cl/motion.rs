@@ -6,7 +6,7 @@ use super::dialect::Dialect;
 use super::layout::{ArcSlot, Slot, StartSlot};
 use super::lex::{Kind, Record};
 use super::modal::Xyz;
-use super::read::{Outcome, Reader};
+use super::read::{ARC_WITHOUT_END, Outcome, Reader};
 use super::statement::Statement;
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
 use crate::program::{Editable, Goal, Motion, Role, Target};
@@ -44,7 +44,7 @@ impl Reader<'_> {
 
     fn position(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(numbers) = s.numbers() else {
-            if s.items.first().is_some_and(|t| t.kind == Kind::Word) {
+            if s.items.first().is_some_and(|t| t.kind == Kind::Word && is_name(self.source.slice(t.span))) {
                 self.source_word(record);
             }
             return Err("position is not given by numbers");
@@ -156,7 +156,7 @@ impl Reader<'_> {
                     self.push(pending.record, point, self.modal.axis, Role::Interpolated, u32::from(ahead), slot);
                 }
             }
-            Err(reason) => self.keep(pending.record, reason),
+            Err(reason) => self.keep_fault(pending.record, reason),
         }
         Slot::ArcEnd { xyz, frame: self.frame, arc: slot }
     }
@@ -238,7 +238,7 @@ impl Reader<'_> {
 
     pub(super) fn open_arc(&mut self, record: Record, circle: Circle, centres: [Option<Xyz>; 2]) -> Outcome {
         if let Some(arc) = self.pending.replace(PendingArc { circle, centres, record }) {
-            self.keep(arc.record, "arc without an end");
+            self.keep_fault(arc.record, ARC_WITHOUT_END);
         }
         Ok(())
     }
@@ -349,6 +349,12 @@ impl Reader<'_> {
 /// A printed axis, normalised.
 pub(super) fn axis(printed: [f64; 3]) -> Option<[f64; 3]> {
     AXIS_LENGTH.contains(&norm(printed)).then(|| unit(printed)).flatten()
+}
+
+/// Whether a word names something, rather than being a number that is none (`NaN`, `-inf`, `1E999`, `1..5`).
+fn is_name(word: &[u8]) -> bool {
+    word.first().is_some_and(u8::is_ascii_alphabetic)
+        && ![&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
 }
 
 fn is_unit(v: [f64; 3]) -> bool {

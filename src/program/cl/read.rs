@@ -7,13 +7,16 @@ use super::modal::Modal;
 use super::motion::PendingArc;
 use super::setup::unit_at_start;
 use super::statement::Statement;
-use super::words::{is_source, is_without_motion};
+use super::words::{decides_motion, is_source, is_without_motion};
 use super::{ClOptions, Layout};
 use crate::program::{CutterInfo, Editable, Kept, Mark, Target};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
 /// Why a statement is kept whose word the reader does not know.
 const UNKNOWN: &str = "statement not known";
+
+/// Why an arc is kept that no position follows.
+pub(super) const ARC_WITHOUT_END: &str = "arc without an end";
 
 /// Everything that reading collects.
 pub(super) struct Reader<'a> {
@@ -110,8 +113,9 @@ impl<'a> Reader<'a> {
             }
         }
         if let Some(arc) = self.pending.take() {
-            self.keep(arc.record, "arc without an end");
+            self.keep_fault(arc.record, ARC_WITHOUT_END);
         }
+        self.tell_what_is_kept();
     }
 
     fn record(&mut self, record: Record, tokens: &[Token]) {
@@ -126,7 +130,7 @@ impl<'a> Reader<'a> {
             Ok(()) => self.understood += 1,
             Err(reason) => {
                 self.understood += usize::from(reason != UNKNOWN);
-                self.keep(record, reason);
+                self.kept.push(kept(record, reason, decides_motion(statement.major)));
             }
         }
     }
@@ -288,8 +292,33 @@ impl<'a> Reader<'a> {
         self.understood += 1;
     }
 
-    pub(super) fn keep(&mut self, record: Record, reason: &'static str) {
-        self.kept.push(Kept { source: 0, span: record.span, line: record.line, reason });
+    fn keep(&mut self, record: Record, reason: &'static str) {
+        self.kept.push(kept(record, reason, false));
+    }
+
+    /// Keeps a motion that is not what its text says.
+    pub(super) fn keep_fault(&mut self, record: Record, reason: &'static str) {
+        self.kept.push(kept(record, reason, true));
+    }
+
+    /// Statements that mean something to a machine tool, by reason at the first of each.
+    fn tell_what_is_kept(&mut self) {
+        let mut reasons: Vec<(&Kept, usize)> = Vec::new();
+        for kept in self.kept.iter().filter(|kept| !kept.fault) {
+            match reasons.iter_mut().find(|(first, _)| first.reason == kept.reason) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((kept, 1)),
+            }
+        }
+        let said = reasons.into_iter().map(|(first, count)| {
+            let message = match count {
+                1 => first.reason.to_owned(),
+                more => format!("{} ({more} statements)", first.reason),
+            };
+            let warning = Diagnostic::error("cl.kept", &self.source.name, message).at(self.source, first.span);
+            warning.severity(Severity::Warning).help("it has no part in the program that is written")
+        });
+        self.diagnostics.extend(said);
     }
 
     pub(super) fn say(&mut self, code: &'static str, message: &'static str) {
@@ -303,6 +332,10 @@ impl<'a> Reader<'a> {
         self.source_words += 1;
         self.first_source_word.get_or_insert(record.span);
     }
+}
+
+fn kept(record: Record, reason: &'static str, fault: bool) -> Kept {
+    Kept { source: 0, span: record.span, line: record.line, reason, fault }
 }
 
 fn numbers_in(text: &[u8]) -> Vec<f64> {

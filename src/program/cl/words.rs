@@ -89,6 +89,17 @@ const SOURCE_WORDS: [&[u8]; 30] = [
     b"NOPOST", b"DNTCUT", b"THICK", b"TLNDON", b"UNTIL", b"LIBRY", b"NUMF", b"CUT",
 ];
 
+/// Statements that move the tool, or say how positions are meant: without them it goes elsewhere.
+const MOTION_WORDS: [&[u8]; 20] = [
+    b"GOTO", b"GODLTA", b"RAPID", b"CIRCLE", b"MOVARC", b"TLON", b"NURBS", b"KNOT", b"CNTRL", b"COPY", b"TRANS",
+    b"ROTABL", b"ROTATE", b"ROTHED", b"MSYS", b"CSYS", b"ORIGIN", b"UNITS", b"UNIT", b"TLAXIS",
+];
+
+/// Whether the tool goes elsewhere where a statement is not read.
+pub(super) fn decides_motion(major: &[u8]) -> bool {
+    is_source(major) || MOTION_WORDS.iter().any(|w| w.eq_ignore_ascii_case(major))
+}
+
 /// Whether a statement moves nothing, so that it needs no understanding to be kept.
 pub(super) fn is_without_motion(major: &[u8]) -> bool {
     starts_with(major, b"CSI_") || WITHOUT_MOTION.iter().any(|w| w.eq_ignore_ascii_case(major))

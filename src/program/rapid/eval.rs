@@ -15,6 +15,9 @@ use std::sync::Arc;
 const MAX_DEPTH: usize = 40;
 const TOO_DEEP: &str = "expression is nested too deeply";
 pub(super) const RUN_TIME: &str = "target computed at run time";
+/// What no controller loads.
+pub(super) const NOT_A_NUMBER: &str = "not a number";
+pub(super) const BROKEN_AGGREGATE: &str = "aggregate is not understood";
 const CHANGED: &str = "target changed at run time";
 
 /// Where an expression stands: decides what its names mean.
@@ -89,7 +92,7 @@ impl Runner<'_> {
         match lexeme.kind {
             Kind::Number => {
                 cursor.pass(lexeme);
-                number(cursor.text(lexeme)).map_or(Value::Unknown("not a number"), |v| {
+                number(cursor.text(lexeme)).map_or(Value::Unknown(NOT_A_NUMBER), |v| {
                     Value::Num(v, Some(Place { source: scope.source, span: lexeme.span() }))
                 })
             }
@@ -148,7 +151,7 @@ impl Runner<'_> {
                 // Not understood: its bracket is passed so that what follows is.
                 cursor.at = cursor.at.max(before);
                 skip_brackets(cursor, open.start);
-                return Value::Unknown("aggregate is not understood");
+                return Value::Unknown(BROKEN_AGGREGATE);
             }
         }
         cursor.accept(Kind::Mark(b']'));
@@ -185,8 +188,7 @@ impl Runner<'_> {
                 self.component(scope, cursor, value, &kind, Some(at), depth)
             }
             None => {
-                let value =
-                    value::predefined(&key).unwrap_or(Value::Unknown("name is not declared in the files given"));
+                let value = value::predefined(&key).unwrap_or(Value::Unknown(undeclared(cursor.text(name))));
                 self.component(scope, cursor, value, b"", None, depth)
             }
         }
@@ -546,4 +548,11 @@ fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
             _ => {}
         }
     }
+}
+
+/// Why a name that nothing declares has no value.
+fn undeclared(name: &[u8]) -> &'static str {
+    // As programs print numbers that are none.
+    let none = [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| name.eq_ignore_ascii_case(none));
+    if none { NOT_A_NUMBER } else { "name is not declared in the files given" }
 }

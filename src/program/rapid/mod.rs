@@ -75,6 +75,24 @@ struct Offset {
 /// A byte that no text begins with: encrypted modules do.
 const ENCRYPTED: u8 = 0xF0;
 
+/// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
+fn no_text(bytes: &[u8]) -> Option<usize> {
+    /// Of this many bytes at the beginning ...
+    const LOOK: usize = 64 * 1024;
+    /// ... one in so many may be a control character.
+    const BYTES_PER_CONTROL: usize = 100;
+    let control = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
+    let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+    if bytes.get(start).is_some_and(|b| *b >= ENCRYPTED) {
+        return Some(start);
+    }
+    // Blocks are filled up with NUL, or end with the sign for it.
+    let filled = bytes.iter().rev().take_while(|b| matches!(b, 0 | 0x1A)).count();
+    let head = &bytes[..(bytes.len() - filled).min(LOOK)];
+    let count = head.iter().filter(|b| control(b)).count();
+    if count * BYTES_PER_CONTROL > head.len() { head.iter().position(control) } else { None }
+}
+
 /// Reads modules as one program with shared names; `context` modules only declare.
 ///
 /// # Errors
@@ -123,7 +141,8 @@ fn read_cut(
             Ok(file) => {
                 if let Some(last) = file.cut.filter(|_| cut_off) {
                     let line = source.line_column(last.range().start).line;
-                    cuts.push(Kept { source: index.into(), span: last, line, reason: "the file ends inside a module" });
+                    let reason = "the file ends inside a module";
+                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true });
                 } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
                     let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
@@ -162,18 +181,22 @@ fn read_cut(
 /// Why a file as a whole is not read.
 fn refuse(source: &Source) -> Option<Diagnostic> {
     let bytes = &source.bytes;
-    let whole = |code, message: &str| Diagnostic::error(code, &source.name, message);
+    let first = Span::new(0, bytes.len().min(1));
+    let whole = |code, message: &str| Diagnostic::error(code, &source.name, message).at(source, first);
     if u32::try_from(bytes.len()).is_err() {
         return Some(whole("rapid.too-large", "file is larger than 4 GiB").help("split it into modules"));
     }
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    if text.first().is_some_and(|b| *b >= ENCRYPTED) {
-        return Some(
-            whole("rapid.encrypted", "the module is encrypted").help("save it from the controller without encryption"),
-        );
-    }
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
         return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
+    }
+    if let Some(at) = no_text(bytes) {
+        let message = "the module is encrypted, or no text at all: expected RAPID in plain text";
+        return Some(
+            whole("rapid.encrypted", message)
+                .at(source, Span::new(at, at + 1))
+                .help("save it from the controller without encryption"),
+        );
     }
     if text.trim_ascii_start().starts_with(b"<") {
         let message = "the file is XML, not RAPID; a program file (.pgf) only lists modules";

@@ -1,6 +1,6 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::eval::Scope;
+use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
 use super::motion::{self, Call, Simple};
 use super::symbols::{Names, RoutineId, Symbols, Upper, declared};
@@ -348,7 +348,9 @@ impl<'a> Runner<'a> {
 
     /// Keeps a motion whose target is not known.
     pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
-        self.keep_here(span, reason);
+        // What no controller loads, whatever runs before.
+        let fault = matches!(reason, NOT_A_NUMBER | BROKEN_AGGREGATE);
+        self.keep_as(self.scope().source as usize, span, reason, fault);
         match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
             Some((_, count)) => *count += 1,
             None => self.unknown.push((reason, 1)),
@@ -361,9 +363,13 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
+        self.keep_as(source, span, reason, false);
+    }
+
+    fn keep_as(&mut self, source: usize, span: Span, reason: &'static str, fault: bool) {
         if source < self.written && self.seen.insert((source, span, reason)) {
             let line = self.lines[source].line(span.start);
-            self.kept.push(Kept { source, span, line: line as usize, reason });
+            self.kept.push(Kept { source, span, line: line as usize, reason, fault });
         }
     }
 
