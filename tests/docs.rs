@@ -48,18 +48,25 @@ fn workplace() -> tempfile::TempDir {
     folder
 }
 
-/// Runs the lines of a block that call deflex, each from where `cd` has led; exit code 1 is an answer.
+/// Runs the lines of a block that call deflex or make folders, each from where `cd` has led; exit code 1 is an answer.
 fn run(block: &[String], folder: &Path, page: &str) {
     let binary = Path::new(env!("CARGO_BIN_EXE_deflex")).parent().unwrap();
     let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
     let text = block.join("\n").replace("\\\n", " ");
     let mut ran = 0;
-    for line in text.lines().filter(|line| line.split(" && ").any(|part| part.trim().starts_with("deflex "))) {
+    let ours = |part: &str| part.trim().starts_with("deflex ") || part.trim().starts_with("mkdir ");
+    for line in text.lines().filter(|line| line.split(" && ").any(ours)) {
         // What was measured on the reader's own part is not here.
         if line.contains("part.mod measured.csv") && !line.contains("closed-loop") {
             continue;
         }
-        let done = Command::new("sh").args(["-c", line]).current_dir(folder).env("PATH", &path).output().unwrap();
+        let done = Command::new("sh")
+            .args(["-c", line])
+            .current_dir(folder)
+            .env("PATH", &path)
+            .env("HOME", folder)
+            .output()
+            .unwrap();
         let code = done.status.code().unwrap();
         assert!(code <= 1, "{page}: `{line}` ends with {code}:\n{}", String::from_utf8_lossy(&done.stderr));
         ran += 1;
@@ -102,4 +109,32 @@ fn links_lead_to_files() {
             assert!(file.is_empty() || page.parent().unwrap().join(file).exists(), "{}: {link}", page.display());
         }
     }
+}
+
+/// The page of effects has a row for each kind, in the order of the code.
+#[test]
+fn every_effect_is_documented() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/effects.md")).unwrap();
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
+    let kinds: Vec<&str> = deflex::effects::KINDS.iter().map(|kind| kind.name).collect();
+    assert_eq!(rows.collect::<Vec<_>>(), kinds);
+}
+
+/// Cell files on the pages are read; where only a part is shown, the sample's robot stands before it.
+#[test]
+fn cell_files_of_the_documentation_are_read() {
+    let robot =
+        "[robot]\nmodel = \"irb6660-205-1.9\"\n[robot.stiffness]\njoint_nm_per_rad = [1e6, 1e6, 1e6, 1e6, 1e6, 1e6]\n";
+    let mut found = 0;
+    for entry in std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap() {
+        let path = entry.unwrap().path();
+        let Ok(page) = std::fs::read_to_string(&path) else { continue };
+        for block in page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()) {
+            let text = if block.contains("[robot]") { block.to_owned() } else { format!("{robot}{block}") };
+            let read = deflex::cell::Cell::read(&deflex::text::Source::new(path.display().to_string(), text));
+            assert!(read.is_ok(), "{:?}", read.err());
+            found += 1;
+        }
+    }
+    assert!(found > 0);
 }

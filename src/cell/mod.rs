@@ -11,7 +11,7 @@ mod template;
 
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;
-pub use template::template;
+pub use template::{examples_left, template};
 
 use crate::cutting::{Coefficients, Cutter, Engagement};
 use crate::effects::ToolFrame;

@@ -1,17 +1,22 @@
-/// A shorter beginning names nothing.
-const BEGINNING: usize = 3;
+/// A shorter part names nothing.
+const PART: usize = 3;
 
-/// The known word nearest to a mistyped one, if any is near: it begins with it, or at most a third of its letters differ.
+/// The known word nearest to a mistyped one, if any is near: it begins with it or holds it, or about a third of the letters
+/// differ. Case, blanks and what joins words do not count.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let word = word.to_ascii_lowercase();
-    let begins = |candidate: &str| word.len() >= BEGINNING && candidate.to_ascii_lowercase().starts_with(&word);
-    known
-        .into_iter()
-        .map(|candidate| (distance(&word, &candidate.to_ascii_lowercase()), candidate))
-        .filter(|(distance, candidate)| 3 * distance <= candidate.len().max(word.len()) || begins(candidate))
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+    let word = letters(word);
+    let near = |candidate: &str| {
+        let part = word.len() >= PART && candidate.starts_with(&word) || word.len() > PART && candidate.contains(&word);
+        let distance = distance(&word, candidate);
+        (part || 3 * distance <= candidate.len().max(word.len()) + 1).then_some(distance)
+    };
+    let candidates = known.into_iter().filter_map(|known| Some((near(&letters(known))?, known)));
+    candidates.min_by_key(|(distance, _)| *distance).map(|(_, known)| known)
+}
+
+fn letters(word: &str) -> String {
+    word.chars().filter(|c| !matches!(c, ' ' | '-' | '_' | '/')).map(|c| c.to_ascii_lowercase()).collect()
 }
 
 /// Edit distance with swaps of neighbours counted once.
@@ -43,5 +48,12 @@ mod tests {
         assert_eq!(nearest("backlahs", known), Some("backlash"));
         assert_eq!(nearest("Gravty", known), Some("gravity"));
         assert_eq!(nearest("temperature", known), None);
+        assert_eq!(nearest("stiffness", known), Some("joint_stiffness"));
+        assert_eq!(nearest("back lash", known), Some("backlash"));
+        assert_eq!(nearest("mechanical", ["none", "constant", "table", "mechanistic"]), Some("mechanistic"));
+        assert_eq!(nearest("tooth", ["diameter_mm", "corner_radius_mm", "teeth"]), Some("teeth"));
+        let robots = ["irb6700-150-3.20", "irb6660-205-1.9", "irb120-3-0.58"];
+        assert_eq!([nearest("IRB 6660", robots), nearest("6660", robots)], [Some("irb6660-205-1.9"); 2]);
+        assert_eq!([nearest("kr210", robots), nearest("mm", ["inch"])], [None; 2]);
     }
 }

@@ -99,9 +99,8 @@ fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagnostic>), Ve
         };
         let diagnostic = syntax(source, &error);
         // A required key that was mistyped is one fault, not two.
-        let quoted = diagnostic.message.split('`').nth(1).map(|name| format!("did you mean `{name}`?"));
-        let mistyped =
-            diagnostic.message.starts_with("missing field") && errors.iter().any(|known| known.help == quoted);
+        let quoted = error.message().split('`').nth(1).map(|name| format!("did you mean `{name}`?"));
+        let mistyped = error.message().starts_with("missing field") && errors.iter().any(|known| known.help == quoted);
         if !mistyped {
             errors.push(diagnostic);
         }
@@ -145,19 +144,36 @@ fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usiz
 
 /// A TOML error as ours, with the nearest known key.
 fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
-    let message = error.message().to_owned();
-    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    let help = match quoted.split_first() {
-        Some((wrong, known)) if message.starts_with("unknown field") => nearest(wrong, known.iter().copied())
-            .map_or_else(|| format!("known keys here: {}", known.join(", ")), |near| format!("did you mean `{near}`?")),
-        Some((missing, _)) if message.starts_with("missing field") => format!("add `{missing} = …` here"),
-        _ => "see `deflex init --robot MODEL` for a commented cell".to_owned(),
+    let said = error.message();
+    let quoted: Vec<&str> = said.split('`').skip(1).step_by(2).collect();
+    let (message, help) = match quoted.split_first() {
+        Some((wrong, known)) if said.starts_with("unknown field") => {
+            let near = nearest(wrong, known.iter().copied());
+            let all = || format!("known keys here: {}", known.join(", "));
+            (format!("unknown key `{wrong}`"), near.map_or_else(all, |near| format!("did you mean `{near}`?")))
+        }
+        Some((missing, _)) if said.starts_with("missing field") => {
+            (format!("key `{missing}` is missing"), format!("add `{missing} = …` here"))
+        }
+        _ if said.starts_with("invalid type: string") && said.contains("f64") => {
+            (in_words(said), "write the number without quotes".to_owned())
+        }
+        _ => {
+            let help = "decimals take a point, text stands in quotes; `deflex init --robot MODEL` prints a whole cell";
+            (in_words(said), help.to_owned())
+        }
     };
     let diagnostic = Diagnostic::error("cell.syntax", &source.name, message).help(help);
     match error.span() {
         Some(range) => diagnostic.at(source, Span::new(range.start, range.end)),
         None => diagnostic,
     }
+}
+
+/// What serde says, without names of Rust's types.
+fn in_words(said: &str) -> String {
+    let words = [("f64", "a number"), ("u32", "a whole number"), ("floating point", "number")];
+    words.iter().fold(said.to_owned(), |said, (name, word)| said.replace(name, word))
 }
 
 fn frame(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
@@ -457,11 +473,11 @@ fn effects(check: &mut Check, raw: &[toml::Table], stiffness: bool, controller: 
         let effect = match (effects::KINDS[index].read)(table) {
             Ok(effect) => effect,
             Err(error) => {
-                let message = error.message().to_owned();
+                let message = in_words(error.message());
                 let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
                 let near = quoted.split_first().and_then(|(wrong, known)| nearest(wrong, known.iter().copied()));
                 let help = near.map_or_else(
-                    || format!("parameters of `{name}`: see the table of effects"),
+                    || format!("docs/effects.md lists the parameters of `{name}`; arrays of 6 are joints 1 to 6"),
                     |n| format!("did you mean `{n}`?"),
                 );
                 check.error(&key, format!("effect `{name}`: {message}"), help);

@@ -48,8 +48,8 @@ pub(super) enum Command {
     /// Print a commented cell file to start from
     #[command(after_help = "Fill in the lines marked << and the cell runs.")]
     Init(Init),
-    /// Shell completions and manual pages
-    #[command(hide = true)]
+    /// Completions for a shell, and manual pages
+    #[command(after_help = GENERATE)]
     Generate(Generate),
 }
 
@@ -87,6 +87,15 @@ Examples:
   deflex inspect part.mod
   deflex inspect programs/ --json found.json     every program of a folder
   deflex inspect part.mod --json                 JSON on stdout";
+
+const GENERATE: &str = "\
+Where shells and man look (make the folders first):
+  deflex generate completions bash > ~/.local/share/bash-completion/completions/deflex
+  deflex generate completions zsh > ~/.zfunc/_deflex
+  deflex generate completions fish > ~/.config/fish/completions/deflex.fish
+  deflex generate man ~/.local/share/man/man1
+
+For zsh, ~/.zshrc says `fpath+=~/.zfunc` before `compinit`. Then: man deflex-compensate";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Format {
@@ -339,7 +348,7 @@ pub(super) struct Inspect {
 #[derive(Debug, Args)]
 pub(super) struct Init {
     /// Built-in robot to start from
-    #[arg(long, value_name = "MODEL", required_unless_present = "list")]
+    #[arg(long, value_name = "MODEL")]
     pub(super) robot: Option<String>,
     /// Name the built-in robots
     #[arg(long)]
@@ -351,6 +360,7 @@ pub(super) struct Init {
 
 #[derive(Debug, Args)]
 pub(super) struct Generate {
+    /// What to make
     #[command(subcommand)]
     pub(super) what: Generated,
 }

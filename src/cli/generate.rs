@@ -3,9 +3,11 @@
 use super::args::{Cli, Generate, Generated};
 use super::output::{Outputs, print};
 use super::{Answer, Outcome};
-use clap::CommandFactory;
+use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use deflex::text::Diagnostic;
+use std::io::{self, Write};
+use std::path::Path;
 
 pub(super) fn run(args: &Generate) -> Outcome {
     let mut command = Cli::command();
@@ -16,20 +18,42 @@ pub(super) fn run(args: &Generate) -> Outcome {
             print(&bytes)?;
         }
         Generated::Man { dir } => {
-            let mut outputs = Outputs::default();
             command.build();
-            let page = |command: &clap::Command| {
-                let mut bytes = Vec::new();
-                let rendered = Man::new(command.clone()).render(&mut bytes);
-                rendered.map(|()| bytes).map_err(|error| Vec::from(Diagnostic::error("io.man", "", error.to_string())))
-            };
-            outputs.add(&dir.join("deflex.1"), &page(&command)?)?;
-            for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
-                let name = format!("deflex-{}", sub.get_name());
-                outputs.add(&dir.join(format!("{name}.1")), &page(&sub.clone().display_name(name))?)?;
-            }
+            let mut outputs = Outputs::default();
+            pages(&command, dir, &mut outputs)?;
             outputs.commit()?;
         }
     }
     Ok(Answer::Yes)
+}
+
+/// The page of a command, and those of the commands below it.
+fn pages(command: &Command, dir: &Path, outputs: &mut Outputs) -> Result<(), Vec<Diagnostic>> {
+    let name = command.get_display_name().unwrap_or(command.get_name());
+    let page = page(command, name).map_err(|error| Diagnostic::error("io.man", "", error.to_string()))?;
+    outputs.add(&dir.join(format!("{name}.1")), &page)?;
+    command.get_subcommands().try_for_each(|below| pages(below, dir, outputs))
+}
+
+fn page(command: &Command, name: &str) -> io::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let man = Man::new(command.clone());
+    writeln!(out, ".TH {} 1 \"\" \"deflex {}\"", name.to_uppercase(), env!("CARGO_PKG_VERSION"))?;
+    man.render_name_section(&mut out)?;
+    man.render_synopsis_section(&mut out)?;
+    man.render_description_section(&mut out)?;
+    man.render_options_section(&mut out)?;
+    if command.has_subcommands() {
+        man.render_subcommands_section(&mut out)?;
+    }
+    if let Some(notes) = command.get_after_help() {
+        // Line by line: examples are to be copied, not filled and justified.
+        writeln!(out, ".SH NOTES\n.nf")?;
+        for line in notes.to_string().lines() {
+            // What is no text to roff; none of the lines begins with a request.
+            writeln!(out, "\\&{}", line.replace('\\', "\\e").replace('-', "\\-"))?;
+        }
+        writeln!(out, ".fi")?;
+    }
+    Ok(out)
 }

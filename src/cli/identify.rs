@@ -6,7 +6,7 @@ use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::run::{both, one_thing};
 use super::{Answer, Outcome, message, progress};
-use deflex::cell::extended;
+use deflex::cell::{examples_left, extended};
 use deflex::identify::{Input, identify};
 use deflex::measured::Table;
 use deflex::program::Program;
@@ -58,6 +58,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
         message::say(&[identify_text(&found)]);
     }
     outputs.commit()?;
+    message::print(examples_left(&cell.source).as_slice(), args.common.quiet);
     Ok(Answer::Yes)
 }
 

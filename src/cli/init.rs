@@ -15,7 +15,14 @@ pub(super) fn run(args: &Init) -> Outcome {
         print(BUILTIN.iter().map(line).collect::<String>().as_bytes())?;
         return Ok(Answer::Yes);
     }
-    let model = args.robot.as_deref().unwrap_or_default();
+    let Some(model) = args.robot.as_deref() else {
+        let models: Vec<&str> = BUILTIN.iter().map(|robot| robot.model).collect();
+        let help = format!(
+            "give --robot with one of {}; any other robot starts from one of them and gets its own [robot.kinematics]",
+            models.join(", ")
+        );
+        return Err(Diagnostic::error("init.robot", "", "which robot is it?").help(help).into());
+    };
     let Some(robot) = BUILTIN.iter().find(|robot| robot.model.eq_ignore_ascii_case(model)) else {
         let near = nearest(model, BUILTIN.iter().map(|robot| robot.model));
         let help = near.map_or_else(

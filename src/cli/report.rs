@@ -86,7 +86,12 @@ pub(super) fn line(summary: &FileSummary, written: bool) -> String {
         line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
     }
     if written {
-        line += &format!("; remaining max {:.6} mm", summary.max_remaining_mm);
+        line += &match summary.max_kept_mm {
+            kept if kept > 0.0 => {
+                format!("; remaining max {:.6} mm, and {kept:.4} mm on kept targets", summary.max_remaining_mm)
+            }
+            _ => format!("; remaining max {:.6} mm", summary.max_remaining_mm),
+        };
     }
     line
 }

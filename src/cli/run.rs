@@ -6,6 +6,7 @@ use super::output::{Outputs, is_stdout};
 use super::report::{self, Rows};
 use super::stream::{Input, Streamed};
 use super::{Answer, Outcome, message, progress};
+use deflex::cell::examples_left;
 use deflex::correct::{self, Correct, Corrected, Options, PostOptions, compensate, predict};
 use deflex::program::{Language, Program};
 use deflex::report::FileSummary;
@@ -69,7 +70,7 @@ impl Setup {
                 .severity(deflex::text::Severity::Note)
                 .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
         });
-        silent.into_iter().collect()
+        examples_left(&self.cell.source).into_iter().chain(silent).collect()
     }
 }
 

@@ -110,12 +110,14 @@ pub struct Summary {
     pub kept: Vec<(&'static str, usize)>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
-    /// Root mean square of it over cutting targets, mm.
+    /// Root mean square of it over cutting targets, kept ones among them, mm; over all where none cuts.
     pub rms_error_mm: f64,
     /// Largest correction, mm.
     pub max_correction_mm: f64,
     /// Largest remaining error of a cutting target that is not kept, mm.
     pub max_remaining_mm: f64,
+    /// Largest error of a kept target, which stays, mm.
+    pub max_kept_mm: f64,
 }
 
 impl Summary {
@@ -137,9 +139,26 @@ const ROUNDED_DEG: f64 = 2e-5;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
     sum: Summary,
-    /// Of the errors of cutting targets, mm².
-    squares: f64,
-    cutting: usize,
+    cutting: MeanSquare,
+    all: MeanSquare,
+}
+
+/// Root mean square on its way.
+#[derive(Clone, Copy, Debug, Default)]
+struct MeanSquare {
+    sum: f64,
+    count: usize,
+}
+
+impl MeanSquare {
+    fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1;
+    }
+
+    fn root(self) -> f64 {
+        if self.count > 0 { (self.sum / self.count as f64).sqrt() } else { 0.0 }
+    }
 }
 
 impl Tally {
@@ -148,17 +167,23 @@ impl Tally {
         sum.targets += rows.len();
         for row in rows {
             let (error, correction) = (row.error_norm_mm(), row.correction_norm_mm());
+            self.all.add(error);
             match row.status {
                 Status::Ok => {
                     sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_norm_mm());
-                    self.squares += error.powi(2);
-                    self.cutting += 1;
+                    self.cutting.add(error);
                 }
                 Status::Air => sum.air += 1,
-                Status::Kept(reason) => match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
-                    Some((_, count)) => *count += 1,
-                    None => sum.kept.push((reason, 1)),
-                },
+                Status::Kept(reason) => {
+                    sum.max_kept_mm = sum.max_kept_mm.max(error);
+                    if row.force_n != [0.0; 3] {
+                        self.cutting.add(error);
+                    }
+                    match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
+                        Some((_, count)) => *count += 1,
+                        None => sum.kept.push((reason, 1)),
+                    }
+                }
             }
             sum.max_error_mm = sum.max_error_mm.max(error);
             sum.max_correction_mm = sum.max_correction_mm.max(correction);
@@ -168,7 +193,44 @@ impl Tally {
     }
 
     pub(super) fn summary(self) -> Summary {
-        let rms_error_mm = if self.cutting > 0 { (self.squares / self.cutting as f64).sqrt() } else { 0.0 };
-        Summary { rms_error_mm, ..self.sum }
+        let mean = if self.cutting.count > 0 { self.cutting } else { self.all };
+        Summary { rms_error_mm: mean.root(), ..self.sum }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn row(status: Status, error: f64, force: f64) -> Row {
+        Row {
+            target: 1,
+            line: 1,
+            name: None,
+            status,
+            position_mm: [0.0; 3],
+            error_mm: [0.0, error, 0.0],
+            error_deg: [0.0; 3],
+            error_normal_mm: error,
+            correction_mm: [0.0; 3],
+            correction_deg: [0.0; 3],
+            remaining_mm: [0.0, 0.1 * error, 0.0],
+            force_n: [force, 0.0, 0.0],
+            sigma_mm: None,
+            stiffness: None,
+        }
+    }
+
+    #[test]
+    fn the_mean_is_over_what_cuts_corrected_or_kept() {
+        let (ok, air, kept) = (row(Status::Ok, 3.0, 9.0), row(Status::Air, 8.0, 0.0), row(Status::Kept("k"), 4.0, 9.0));
+        let sum = Summary::of(&[ok, air.clone(), kept.clone()]);
+        assert_relative_eq!(sum.rms_error_mm, 12.5_f64.sqrt());
+        assert_relative_eq!(sum.max_error_mm, 8.0);
+        assert_relative_eq!(sum.max_kept_mm, 4.0);
+        assert_relative_eq!(Summary::of(&[kept]).rms_error_mm, 4.0);
+        // Nothing cuts: what the arm is off by in the air is told all the same.
+        assert_relative_eq!(Summary::of(&[air]).rms_error_mm, 8.0);
     }
 }

@@ -19,12 +19,14 @@ pub struct FileSummary {
     pub kept: Vec<KeptCount>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
-    /// Root mean square of it over cutting targets, mm.
+    /// Root mean square of it over cutting targets, mm; over all where none cuts.
     pub rms_error_mm: f64,
     /// Largest correction, mm.
     pub max_correction_mm: f64,
     /// Largest error that remains on a cutting target, mm.
     pub max_remaining_mm: f64,
+    /// Largest error of a kept target, which stays, mm.
+    pub max_kept_mm: f64,
     /// Targets without an answer or over a limit.
     pub failures: Vec<FailureLine>,
 }
@@ -75,6 +77,7 @@ impl FileSummary {
             rms_error_mm: sum.rms_error_mm,
             max_correction_mm: sum.max_correction_mm,
             max_remaining_mm: sum.max_remaining_mm,
+            max_kept_mm: sum.max_kept_mm,
             failures: failures.iter().map(|f| FailureLine { line: f.line, message: f.message.clone() }).collect(),
         }
     }

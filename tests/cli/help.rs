@@ -6,22 +6,12 @@ use crate::bench::{Bench, deflex};
 fn help_of_every_command() {
     let bench = Bench::new();
     let mut all = String::new();
-    for command in ["", "compensate", "predict", "diff", "check", "identify", "inspect", "init"] {
+    for command in ["", "compensate", "predict", "diff", "check", "identify", "inspect", "init", "generate"] {
         let ran = bench.run(&format!("{command} --help")).exits(0);
         assert!(ran.stderr.is_empty());
         all += &format!("$ deflex {command} --help\n{}\n", ran.stdout);
     }
     insta::assert_snapshot!(all);
-}
-
-#[test]
-fn completions_and_manual_pages_are_made() {
-    let bench = Bench::new();
-    for shell in ["bash", "zsh", "fish"] {
-        assert!(bench.run(&format!("generate completions {shell}")).exits(0).stdout.contains("compensate"));
-    }
-    bench.run("generate man man").exits(0);
-    assert!(bench.names("man").contains(&"deflex-compensate.1".to_owned()));
 }
 
 #[test]
@@ -53,6 +43,8 @@ fn every_built_in_robot_has_a_cell_that_reads() {
 fn an_unknown_robot_names_the_nearest() {
     let ran = Bench::new().run("init --robot irb6660").exits(2);
     assert!(ran.stderr.contains("did you mean `irb6660-205-1.9`?"), "{}", ran.stderr);
+    let ran = Bench::new().run("init").exits(2);
+    assert!(ran.stderr.contains("irb120-3-0.58") && ran.stderr.contains("[robot.kinematics]"), "{}", ran.stderr);
 }
 
 #[test]

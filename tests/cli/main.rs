@@ -1,6 +1,6 @@
 //! The binary as its users drive it: exit codes, messages, what is written and where.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
+#![allow(clippy::unwrap_used, clippy::print_stderr)] // in helpers too, a failure is a failed test
 
 mod bad_input;
 mod bench;
@@ -8,6 +8,8 @@ mod ci;
 mod help;
 mod html;
 mod identify;
+mod init;
 mod inputs;
 mod long;
 mod outputs;
+mod shell;
