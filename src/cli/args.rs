@@ -46,7 +46,9 @@ pub(super) enum Command {
     #[command(after_help = INSPECT)]
     Inspect(Inspect),
     /// Print a commented cell file to start from
-    #[command(after_help = "Fill in the lines marked << and the cell runs.")]
+    #[command(
+        after_help = "Put your own values in where `# <<` stands behind one; as long as one is left, each run says so."
+    )]
     Init(Init),
     /// Completions for a shell, and manual pages
     #[command(after_help = GENERATE)]

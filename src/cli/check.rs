@@ -139,6 +139,7 @@ fn one(
 /// Where targets stand in the text.
 struct Places<'a> {
     program: &'a Program,
+    /// In running order.
     ends: Vec<&'a Target>,
 }
 
@@ -160,9 +161,12 @@ impl<'a> Places<'a> {
 
     fn at(&self, ordinal: u32, code: &'static str, message: String, help: &str) -> Diagnostic {
         let diagnostic = Diagnostic::error(code, "", message).help(help);
-        match self.ends.iter().find(|target| target.ordinal == ordinal) {
-            Some(target) => diagnostic.at(&self.program.sources[usize::from(target.source)], target.span),
-            None => diagnostic,
+        match self.ends.binary_search_by_key(&ordinal, |target| target.ordinal) {
+            Ok(i) => {
+                let target = self.ends[i];
+                diagnostic.on_line(&self.program.sources[usize::from(target.source)], target.span, target.line)
+            }
+            Err(_) => diagnostic,
         }
     }
 }

@@ -176,7 +176,7 @@ impl Tally {
                 Status::Air => sum.air += 1,
                 Status::Kept(reason) => {
                     sum.max_kept_mm = sum.max_kept_mm.max(error);
-                    if row.force_n != [0.0; 3] {
+                    if row.force_n.iter().any(|force| force.abs() > 0.0) {
                         self.cutting.add(error);
                     }
                     match sum.kept.iter_mut().find(|(known, _)| *known == reason) {

@@ -62,27 +62,42 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// SARIF 2.1.0: one result a finding, on its line.
+/// Results of one SARIF run: code scanning on GitHub refuses files with more than 25,000.
+const MOST_RESULTS: usize = 24_999;
+
+/// SARIF 2.1.0: one result a finding, on its line. What is over the number that services take is counted in a last note.
 #[must_use]
 pub fn sarif(files: &[CheckFile]) -> Value {
-    let mut rules: Vec<&str> = files.iter().flat_map(|file| &file.findings).map(|finding| finding.code).collect();
-    rules.sort_unstable();
-    rules.dedup();
-    let results: Vec<Value> = files
-        .iter()
-        .flat_map(|file| file.findings.iter().map(move |finding| (file, finding)))
-        .map(|(file, finding)| {
-            json!({
-                "ruleId": finding.code,
-                "level": "error",
-                "message": { "text": finding.message },
-                "locations": [{ "physicalLocation": {
-                    "artifactLocation": { "uri": uri(if finding.file.is_empty() { &file.path } else { &finding.file }) },
-                    "region": { "startLine": finding.line.max(1), "startColumn": finding.column.max(1) },
-                } }],
-            })
+    let findings = || files.iter().flat_map(|file| file.findings.iter().map(move |finding| (file, finding)));
+    let mut rules: Vec<&Diagnostic> = findings().map(|(_, finding)| finding).collect();
+    rules.sort_by_key(|finding| finding.code);
+    rules.dedup_by_key(|finding| finding.code);
+    let result = |(file, finding): (&CheckFile, &Diagnostic)| {
+        let path = if finding.file.is_empty() { &file.path } else { &finding.file };
+        json!({
+            "ruleId": finding.code,
+            "ruleIndex": rules.partition_point(|rule| rule.code < finding.code),
+            "level": "error",
+            "message": { "text": finding.message },
+            "locations": [{ "physicalLocation": {
+                "artifactLocation": { "uri": uri(path) },
+                "region": { "startLine": finding.line.max(1), "startColumn": finding.column.max(1) },
+            } }],
         })
-        .collect();
+    };
+    let mut results: Vec<Value> = findings().take(MOST_RESULTS).map(result).collect();
+    let more = findings().count() - results.len();
+    if more > 0 {
+        let text = format!("{more} more findings are not listed here: `deflex check --format text` names all");
+        results.push(json!({ "kind": "informational", "level": "none", "message": { "text": text } }));
+    }
+    let rule = |rule: &&Diagnostic| {
+        json!({
+            "id": rule.code,
+            "shortDescription": { "text": short(rule.code) },
+            "help": { "text": rule.help.as_deref().unwrap_or("see the message") },
+        })
+    };
     json!({
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
         "version": "2.1.0",
@@ -90,7 +105,7 @@ pub fn sarif(files: &[CheckFile]) -> Value {
             "tool": { "driver": {
                 "name": "deflex",
                 "version": env!("CARGO_PKG_VERSION"),
-                "rules": rules.iter().map(|id| json!({ "id": id })).collect::<Vec<_>>(),
+                "rules": rules.iter().map(rule).collect::<Vec<_>>(),
             } },
             "columnKind": "unicodeCodePoints",
             "results": results,
@@ -98,15 +113,37 @@ pub fn sarif(files: &[CheckFile]) -> Value {
     })
 }
 
-/// A path as a URI reference.
+/// What a rule asks, in a phrase.
+fn short(code: &str) -> String {
+    match code {
+        "check.max-error" => "Error above the tolerance".to_owned(),
+        "limits.max-correction" => "Correction above the limit".to_owned(),
+        "limits.max-step" => "Correction steps too far between neighbours".to_owned(),
+        "robot.unreachable" => "Target out of reach or beyond an axis limit".to_owned(),
+        "target.unsolved" => "Target without a solution".to_owned(),
+        other => other.replace(['.', '-'], " "),
+    }
+}
+
+/// A path as a URI reference: absolute ones as `file:`, others relative to wherever the run was.
 fn uri(path: &str) -> String {
-    path.bytes()
-        .map(|b| match b {
-            b'\\' => "/".to_owned(),
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'/' | b'.' | b'-' | b'_' | b'~' => (b as char).to_string(),
-            b => format!("%{b:02X}"),
-        })
-        .collect()
+    let path = path.replace('\\', "/");
+    let path = path.trim_start_matches("./");
+    let drive = matches!(path.as_bytes(), [b'A'..=b'Z' | b'a'..=b'z', b':', b'/', ..]);
+    let mut out = match path {
+        _ if drive => "file:///".to_owned(),
+        path if path.starts_with('/') => "file://".to_owned(),
+        _ => String::new(),
+    };
+    for (i, b) in path.bytes().enumerate() {
+        match b {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'/' | b'.' | b'-' | b'_' | b'~' => out.push(char::from(b)),
+            b':' if drive && i == 1 => out.push(':'),
+            // Writing to a String cannot fail.
+            b => drop(write!(out, "%{b:02X}")),
+        }
+    }
+    out
 }
 
 /// The check for scripts.
@@ -133,4 +170,32 @@ pub fn check_json(files: &[CheckFile]) -> Value {
         "passed": files.iter().all(|file| file.findings.is_empty()),
         "files": files.iter().map(file).collect::<Vec<_>>(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_uri_references() {
+        for (path, wanted) in [
+            ("a b.mod", "a%20b.mod"),
+            ("./sub/ä.mod", "sub/%C3%A4.mod"),
+            ("sub\\a.mod", "sub/a.mod"),
+            ("/tmp/100%.mod", "file:///tmp/100%25.mod"),
+            ("C:\\parts\\a:b.mod", "file:///C:/parts/a%3Ab.mod"),
+            ("a:b.mod", "a%3Ab.mod"),
+        ] {
+            assert_eq!(uri(path), wanted);
+        }
+    }
+
+    #[test]
+    fn a_run_holds_no_more_results_than_services_take() {
+        let findings = vec![Diagnostic::error("check.max-error", "a.mod", "off"); MOST_RESULTS + 7];
+        let log = sarif(&[CheckFile { path: "a.mod".into(), targets: findings.len(), findings }]);
+        let results = log["runs"][0]["results"].as_array().unwrap();
+        assert_eq!(results.len(), MOST_RESULTS + 1);
+        assert!(results[MOST_RESULTS]["message"]["text"].as_str().unwrap().starts_with("7 more findings"));
+    }
 }

@@ -5,6 +5,8 @@
 mod bad_input;
 mod bench;
 mod ci;
+#[cfg(unix)]
+mod gate;
 mod help;
 mod html;
 mod identify;
