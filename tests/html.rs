@@ -38,6 +38,8 @@ fn page(rows: &[Row]) -> String {
     let mut path = PathTrace::new(PathKind::Compensate, 1);
     // However the rows come.
     rows.chunks(777).for_each(|chunk| path.extend(chunk));
+    // As long as an instruction with its target, no two alike.
+    path.quote(|target, line| Some(format!("    MoveL [[{target:0>100}],{line:0>100};")));
     let summary = FileSummary::of("part.mod", &Summary::of(rows), &[]);
     PathPage { kind: PathKind::Compensate, cell: "cell.toml", programs: &[(summary, path)] }.html()
 }

@@ -112,6 +112,7 @@ fn one(
     };
     let shown = trace.map(|mut trace| {
         trace.extend(&predicted.rows);
+        trace.quote(|target, _| program.line_of(target));
         (FileSummary::new(&path, &program, &predicted), trace)
     });
     let place = Places::new(&program);

@@ -8,6 +8,7 @@ mod identify;
 mod init;
 mod input;
 mod inspect;
+mod lines;
 mod message;
 mod output;
 mod progress;

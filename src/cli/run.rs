@@ -100,6 +100,7 @@ impl Done {
         let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
         if let Some(path) = &mut path {
             path.extend(&corrected.rows);
+            path.quote(|target, _| program.line_of(target));
         }
         Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes, path })
     }

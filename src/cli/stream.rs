@@ -1,6 +1,7 @@
 //! `compensate` on a long program: from file to file in constant memory.
 
 use super::args::{Compensate, Format};
+use super::lines::Lines;
 use super::output::{Outputs, Temporary, is_stdout};
 use super::run::{Setup, report_beside};
 use super::{progress, report};
@@ -10,7 +11,7 @@ use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Source};
 use std::fs::File;
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// The input of a run that may be long.
@@ -108,6 +109,11 @@ impl Input {
         bar.finish_and_clear();
         match done {
             Ok(done) if done.failures.is_empty() => {
+                if let Some(path) = &mut path {
+                    self.file.rewind().map_err(failed)?;
+                    let mut lines = Lines::new(BufReader::new(&self.file));
+                    path.quote(|_, line| lines.get(line));
+                }
                 let summary = FileSummary::of(&name, &done.summary, &[]);
                 let line = report::line(&summary, true);
                 Ok(Some(Streamed { outputs, summary, line, notes: done.notes, path }))

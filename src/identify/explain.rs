@@ -286,6 +286,7 @@ impl Engine {
                 block: row.block,
                 held_out: row.held_out,
                 outlier: row.outlier,
+                place_mm: self.problem.place_mm(row).into(),
                 prefit_mm: three(before, row, 1.0),
                 postfit_mm: three(after, row, 1.0),
                 whitened: three(&whitened, row, 1.0 / self.sigma),

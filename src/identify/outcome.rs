@@ -148,6 +148,8 @@ pub struct ResidualRow {
     pub held_out: bool,
     /// Whether left out as an outlier.
     pub outlier: bool,
+    /// Where it was to be measured, base axes, mm.
+    pub place_mm: [f64; 3],
     /// Measured minus predicted by the declared cell, mm.
     pub prefit_mm: [f64; 3],
     /// By the extended cell, mm.

@@ -219,6 +219,14 @@ impl Program {
         }
     }
 
+    /// The text of the line that the motion with this ordinal stands on.
+    #[must_use]
+    pub fn line_of(&self, ordinal: u32) -> Option<String> {
+        let i = self.targets.binary_search_by_key(&ordinal, |target| target.ordinal).ok()?;
+        let target = &self.targets[i];
+        Some(self.sources[usize::from(target.source)].line_at(target.span.start as usize).into_owned())
+    }
+
     /// Why no program may be written from this one: every statement whose motion is not what its text says.
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {

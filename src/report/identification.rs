@@ -81,11 +81,11 @@ pub fn identify_text(found: &Identification) -> String {
 /// Residuals as CSV, one row a measured row.
 #[must_use]
 pub fn residual_csv(rows: &[ResidualRow]) -> String {
-    let mut out = b"run,line,block,held_out,outlier,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z\n".to_vec();
+    let mut out = b"run,line,block,held_out,outlier,x_mm,y_mm,z_mm,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z\n".to_vec();
     for row in rows {
         let head = [row.run as u64, row.line, row.block as u64, u64::from(row.held_out), u64::from(row.outlier)];
         out.extend_from_slice(head.map(|value| value.to_string()).join(",").as_bytes());
-        for (values, decimals) in [(row.prefit_mm, 6), (row.postfit_mm, 6), (row.whitened, 4)] {
+        for (values, decimals) in [(row.place_mm, 4), (row.prefit_mm, 6), (row.postfit_mm, 6), (row.whitened, 4)] {
             for value in values {
                 out.push(b',');
                 // Rows without a component have none here.

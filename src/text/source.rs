@@ -61,6 +61,23 @@ impl Source {
         LineColumn { line, column: decode(&self.bytes[start..offset]).chars().count() + 1 }
     }
 
+    /// The line around an offset; of a line that is no text anybody reads, what follows the offset.
+    #[must_use]
+    pub fn line_at(&self, offset: usize) -> Cow<'_, str> {
+        const NEAR: usize = 1000;
+        let ends = |b: &u8| matches!(b, b'\n' | b'\r');
+        let offset = offset.min(self.bytes.len());
+        let near = offset.saturating_sub(NEAR);
+        let start = match self.bytes[near..offset].iter().rposition(ends) {
+            Some(end) => near + end + 1,
+            None if near == 0 => 0,
+            None => offset,
+        };
+        let rest = &self.bytes[offset..self.bytes.len().min(offset + NEAR)];
+        let end = offset + rest.iter().position(ends).unwrap_or(rest.len());
+        decode(&self.bytes[start..end])
+    }
+
     /// Column of an offset alone, from 1: linear in its line.
     #[must_use]
     pub fn column(&self, offset: usize) -> usize {
@@ -87,6 +104,15 @@ mod tests {
         let source = Source::new("x", &b"a\nb\r\nc\r\r\nd\re"[..]);
         let lines: Vec<usize> = [0, 2, 5, 9, 11].map(|o| source.line_column(o).line).to_vec();
         assert_eq!(lines, [1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn the_line_around_an_offset() {
+        let source = Source::new("x", &b"a\r\n bc \rd"[..]);
+        let lines: Vec<_> = [0, 3, 5, 6, 8, 99].map(|offset| source.line_at(offset)).to_vec();
+        assert_eq!(lines, ["a", " bc ", " bc ", " bc ", "d", "d"]);
+        let long = Source::new("x", "y".repeat(5000));
+        assert_eq!(long.line_at(4000).len(), 1000);
     }
 
     #[test]

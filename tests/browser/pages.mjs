@@ -37,6 +37,7 @@ const json = (name) => JSON.parse(readFileSync(at(name), "utf8"));
 // The pages.
 
 const [slot, blade, loop] = ["slot", "blade", "closed-loop"].map((name) => (file) => `${name}/${file}`);
+const sample = (file) => join(root, "samples", file);
 const compensate = (name, program, cell) =>
   deflex("compensate", program, "--cell", cell, "-q", "-o", at(`${name}.mod`), "--report", at(`${name}.csv`),
     "--json", at(`${name}.json`), "--html", at(`${name}.html`));
@@ -157,7 +158,8 @@ const click = async (page) => {
   return spot.target;
 };
 
-const checkPath = async (name, rows, sums, options = {}) => {
+const checkPath = async (name, program, rows, sums, options = {}) => {
+  const lines = readFileSync(program, "utf8").split(/\r?\n/);
   const page = await open(name, options);
   assert((await drawn(page, "#path")).count > 1000, "the path is not drawn");
   const least = Math.min(rows.length, 3584);
@@ -170,6 +172,13 @@ const checkPath = async (name, rows, sums, options = {}) => {
   const compared = cells.filter(([key]) => key in row);
   assert(compared.length > 8);
   for (const [key, text] of compared) assert.equal(text, row[key], `${key} in the panel`);
+  const quoted = (number, text) => assert(text.length > 8 && lines[number - 1].trim().startsWith(text.replace(/…$/, "")), `line ${number}: ${text}`);
+  quoted(row.line, await page.textContent("#figures .quote"));
+  const quotes = await page.evaluate(() => {
+    const { path } = window.deflex;
+    return Array.from({ length: path.length }, (_, i) => [path.column("line").raw[i], path.quote(i)]);
+  });
+  for (const [number, text] of quotes) quoted(number, text);
 
   const canvas = page.locator("#path");
   const pose = () => canvas.evaluate((c) => ({ ...c.dataset }));
@@ -231,19 +240,19 @@ const tests = {
   async "slot, compensated"() {
     const [sums] = json("slot.json").files;
     const six = (value) => value.toFixed(6);
-    const { figures, charts } = await checkPath("slot", csv("slot.csv"), {
+    const { figures, charts } = await checkPath("slot", sample(slot("slot.mod")), csv("slot.csv"), {
       targets: String(sums.targets), max_error_mm: six(sums.max_error_mm), max_correction_mm: six(sums.max_correction_mm), max_remaining_mm: six(sums.max_remaining_mm),
     });
     assert.equal(charts, 4);
     return `${figures} figures`;
   },
   async "blade, compensated, in the dark"() {
-    const { figures } = await checkPath("blade", csv("blade.csv"), {}, { colorScheme: "dark" });
+    const { figures } = await checkPath("blade", sample(blade("blade.mod")), csv("blade.csv"), {}, { colorScheme: "dark" });
     return `${figures} figures`;
   },
   async "blade, predicted from cutter locations"() {
     const [sums] = json("predict.json").files;
-    const { figures } = await checkPath("predict", csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(6) });
+    const { figures } = await checkPath("predict", sample(blade("blade.aptsource")), csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(6) });
     return `${figures} figures`;
   },
   async "differences of the blade"() {
@@ -276,6 +285,30 @@ const tests = {
     assert((await drawn(page, ".plot canvas >> nth=0")).count > 200);
     const held = await page.evaluate(() => window.deflex.charts.plots[0].data[0].length);
     assert.equal(held, rows.filter((row) => row.held_out === "1").length);
+    // Two pictures of the held-out rows on one scale, turned together, and a click that names its row.
+    const [before, after] = [await drawn(page, "#before"), await drawn(page, "#after")];
+    assert(before.count > 500 && after.count > 500 && before.sum !== after.sum, "the residuals are not drawn");
+    await page.locator("#before").focus();
+    for (const key of ["ArrowLeft", "ArrowUp", "+"]) await page.keyboard.press(key);
+    await settle(page);
+    const pose = (id) => page.locator(id).evaluate((c) => ({ ...c.dataset }));
+    assert.deepEqual(await pose("#after"), await pose("#before"));
+    assert.notEqual((await drawn(page, "#after")).sum, after.sum, "the second picture does not turn along");
+    await page.keyboard.press("0");
+    await settle(page);
+    const spot = await page.evaluate(() => {
+      const { views: [view], wanted, chosen } = window.deflex;
+      const i = wanted.find((i) => i !== chosen && view.near(...view.place(i)) === i);
+      return { place: view.place(i), words: window.deflex.words(i) };
+    });
+    const box = await page.locator("#before").boundingBox();
+    await page.mouse.move(box.x + spot.place[0], box.y + spot.place[1]);
+    assert.equal(await page.textContent("#tip"), spot.words);
+    await page.mouse.click(box.x + spot.place[0], box.y + spot.place[1]);
+    assert.equal(await page.textContent("#chosen"), spot.words);
+    await page.locator("#before").focus();
+    await page.keyboard.press(".");
+    assert.notEqual(await page.textContent("#chosen"), spot.words, "a key steps to the next row");
     await page.selectOption("#rows", "all");
     assert.equal(await page.evaluate(() => window.deflex.charts.plots[0].data[0].length), rows.length);
     assert.deepEqual(page.wrong, []);
@@ -298,7 +331,7 @@ const tests = {
     long();
     const size = statSync(at("long.html")).size;
     assert(size < 5e6, `${size} bytes`);
-    const { page } = await checkPath("long", csv("long.csv"), { targets: String(LONG) });
+    const { page } = await checkPath("long", at("original.mod"), csv("long.csv"), { targets: String(LONG) });
     const note = await page.textContent("#detail");
     assert(note.includes("of 100,000 targets are shown"), note);
     const frame = await page.evaluate(() => {

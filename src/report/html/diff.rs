@@ -22,7 +22,9 @@ const CHANNELS: &[Channel] = &[
 #[must_use]
 pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> String {
     let name = original.sources.first().map_or("", |source| source.name.as_str());
-    let mut path = trace(original, found).json();
+    let mut path = trace(original, found);
+    path.quote(|target, _| original.line_of(target));
+    let mut path = path.json();
     path["title"] = json!(name);
     let changed = format!("{} of {} targets changed", found.moved.len(), found.targets);
     let mut body = tiles(&[

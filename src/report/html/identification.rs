@@ -10,6 +10,9 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "run", decimals: 0 },
     Channel { key: "block", decimals: 0 },
     Channel { key: "held_out", decimals: 0 },
+    Channel { key: "x_mm", decimals: 4 },
+    Channel { key: "y_mm", decimals: 4 },
+    Channel { key: "z_mm", decimals: 4 },
     Channel { key: "prefit_x_mm", decimals: 6 },
     Channel { key: "prefit_y_mm", decimals: 6 },
     Channel { key: "prefit_z_mm", decimals: 6 },
@@ -215,6 +218,7 @@ fn trace(rows: &[ResidualRow]) -> Trace {
             },
             values: place
                 .into_iter()
+                .chain(row.place_mm)
                 .chain(row.prefit_mm)
                 .chain([before])
                 .chain(row.postfit_mm)
@@ -226,10 +230,24 @@ fn trace(rows: &[ResidualRow]) -> Trace {
     trace
 }
 
-const CHARTS: &str = r#"<section id="charts">
-<div class="heading"><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></div>
+const CHARTS: &str = r#"<section class="view twin" id="stage">
+<div class="toolbar" role="toolbar" aria-label="View">
+<h2>Residuals where they were measured</h2>
+<span class="buttons"><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></span>
+<span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button></span>
+</div>
+<div class="views">
+<figure><canvas id="before" tabindex="0" role="application" aria-label="Residuals of the declared cell in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the rows."></canvas><figcaption>declared cell</figcaption></figure>
+<figure><canvas id="after" tabindex="0" role="application" aria-label="Residuals of the extended cell in 3-D; turns with the other picture."></canvas><figcaption>extended cell</figcaption></figure>
+</div>
+<div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="what"></span></div>
+<p class="hint">Drag turns both, shift-drag moves, wheel zooms, click selects. Keys: arrows turn, + − zoom, <kbd>,</kbd> <kbd>.</kbd> step through rows, <kbd>0</kbd> fits.</p>
+<p class="note" id="chosen" role="status" aria-live="polite"></p>
+<div id="tip" role="status" hidden></div>
+</section>
+<section id="charts">
 <div id="plots"></div>
-<p class="hint">Drag in a chart to zoom in, double-click to zoom out.</p>
+<p class="hint">Drag in a chart to zoom in, double-click to zoom out, click to select the row.</p>
 <p class="note" id="detail"></p>
 </section>
 "#;

@@ -107,6 +107,12 @@ impl PathTrace {
             });
         }
     }
+
+    /// Quotes the program at every target that the page will show, once all rows are in: `line_of` gives the text of the
+    /// line for a target's ordinal and its line, asked in running order.
+    pub fn quote(&mut self, line_of: impl FnMut(u32, u32) -> Option<String>) {
+        self.trace.quote(line_of);
+    }
 }
 
 /// The page of a run over one or more programs.
@@ -191,7 +197,11 @@ impl PathPage<'_> {
                 label: "Largest correction",
                 aside: match kept {
                     0 => format!("{} targets corrected", count(|sum| sum.corrected)),
-                    kept => format!("{} targets corrected, {kept} kept as they were", count(|sum| sum.corrected)),
+                    kept => format!(
+                        "{} targets corrected, {kept} kept with up to {} mm",
+                        count(|sum| sum.corrected),
+                        decimals(most(|sum| sum.max_kept_mm), 4)
+                    ),
                 },
             });
             all.push(Tile {

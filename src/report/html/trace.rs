@@ -44,9 +44,12 @@ struct Kept {
 /// Marks a value that is absent.
 const ABSENT: i32 = i32::MIN;
 
-/// Stretches of a page with one path: three samples each, of up to 33 columns in base64 and a name of 32 letters, stay
-/// below 5 MB.
-pub(super) const MOST_STRETCHES: usize = 7168;
+/// Stretches of a page with one path: three samples each, of up to 34 columns in base64, a name of 32 letters and a quoted
+/// line, stay below 5 MB.
+pub(super) const MOST_STRETCHES: usize = 4096;
+
+/// Letters of a quoted line: a RAPID instruction with its target written out.
+const QUOTED: usize = 160;
 
 /// Samples of a path, thinned as it grows.
 ///
@@ -62,6 +65,8 @@ pub(super) struct Trace {
     count: usize,
     stretches: Vec<Stretch>,
     last: Option<Kept>,
+    /// Of the kept samples, in their order, once they are quoted.
+    quotes: Vec<String>,
 }
 
 #[derive(Clone, Debug)]
@@ -98,7 +103,7 @@ impl Trace {
     /// An empty path that keeps at most `most` stretches (at least 2, an even number).
     pub(super) fn new(channels: &'static [Channel], most: usize) -> Self {
         let most = most.max(2).next_multiple_of(2);
-        Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None }
+        Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None, quotes: Vec::new() }
     }
 
     /// Adds the next sample.
@@ -146,6 +151,13 @@ impl Trace {
         all
     }
 
+    /// Quotes the program at every kept sample: `line_of` gives the text for a target and its line, in running order.
+    /// For when all samples are in.
+    pub(super) fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
+        let quote = |kept: &Kept| line_of(kept.target, kept.line).map_or_else(String::new, |line| quoted(&line));
+        self.quotes = self.kept().into_iter().map(quote).collect();
+    }
+
     /// The columns for the page: little-endian 32-bit integers in base64, to be divided by 10^decimals.
     pub(super) fn json(&self) -> Value {
         let kept = self.kept();
@@ -166,7 +178,24 @@ impl Trace {
         let (names, name) = words(kept.iter().map(|k| k.name.as_deref().unwrap_or("")));
         columns.insert("status".to_owned(), column(0, &mut status.into_iter()));
         columns.insert("name".to_owned(), column(0, &mut name.into_iter()));
-        json!({ "count": self.count, "kept": kept.len(), "stride": self.stride, "columns": columns, "statuses": statuses, "names": names })
+        // Targets of a loop share a line.
+        let (quotes, quote) = words(self.quotes.iter().map(String::as_str));
+        if quote.len() == kept.len() {
+            columns.insert("quote".to_owned(), column(0, &mut quote.into_iter()));
+        }
+        json!({
+            "count": self.count, "kept": kept.len(), "stride": self.stride, "columns": columns,
+            "statuses": statuses, "names": names, "quotes": quotes,
+        })
+    }
+}
+
+/// A line as it is shown: without what stands around it, and no longer than anybody reads.
+fn quoted(line: &str) -> String {
+    let line = line.trim().replace(char::is_control, " ");
+    match line.char_indices().nth(QUOTED) {
+        Some((end, _)) => format!("{}…", &line[..end]),
+        None => line,
     }
 }
 
@@ -244,6 +273,23 @@ mod tests {
         let trace = trace(&[0.3, 0.1, 0.2], 4);
         let targets: Vec<u32> = trace.kept().iter().map(|k| k.target).collect();
         assert_eq!((trace.stride, targets), (1, vec![1, 2, 3]));
+    }
+
+    #[test]
+    fn kept_samples_are_quoted_in_running_order() {
+        let mut trace = trace(&[0.3, 0.1, 0.2, 0.9, 0.5, 0.4], 2);
+        let mut asked = Vec::new();
+        trace.quote(|target, line| {
+            asked.push((target, line));
+            (target != 4)
+                .then(|| format!("\tMoveL p{target}, {}\u{1};  ", "x".repeat(if target == 1 { 200 } else { 0 })))
+        });
+        let kept: Vec<(u32, u32)> = trace.kept().iter().map(|k| (k.target, k.line)).collect();
+        assert_eq!(asked, kept);
+        assert_eq!(trace.quotes[0], format!("MoveL p1, {}…", "x".repeat(QUOTED - 10)));
+        let json = trace.json();
+        assert_eq!(json["quotes"][1], "MoveL p2,  ;");
+        assert!(json["columns"]["quote"].is_object() && kept.iter().any(|(target, _)| *target == 4));
     }
 
     proptest! {

@@ -52,6 +52,11 @@ class Path {
     return this.names[this.columns.name.raw[i]];
   }
 
+  // The program's line, where it is quoted.
+  quote(i) {
+    return this.columns.quote ? this.quotes[this.columns.quote.raw[i]] : "";
+  }
+
   // Index of a target, or of the nearest one that was kept.
   find(target) {
     const all = this.columns.target.raw;

@@ -48,6 +48,28 @@ const detail = (path, things) =>
     : `${grouped(path.kept)} of ${grouped(path.count)} ${things} are shown: of every ${path.stride} in a row the first, and those with the largest sizes. ` +
       "The figures above and in the tables are of all of them; the CSV report lists each.";
 
+// The colours of a view, from its least to its largest value.
+const legend = (low, high) => {
+  const stops = Array.from({ length: 12 }, (_, i) => ramp(i / 11));
+  byId("ramp").style.background = `linear-gradient(to right, ${stops.join(",")})`;
+  [byId("low").textContent, byId("high").textContent] = [low, high].map((value) => `${+value.toPrecision(4)}`);
+};
+
+// Puts the tip beside a point of a canvas.
+const tipAt = (canvas, x, y, text) => {
+  const tip = byId("tip");
+  tip.hidden = !text;
+  canvas.style.cursor = text ? "pointer" : "grab";
+  if (!text) return;
+  tip.textContent = text;
+  tip.style.left = `${canvas.offsetLeft + Math.max(0, Math.min(x + 14, canvas.clientWidth - tip.offsetWidth))}px`;
+  tip.style.top = `${canvas.offsetTop + Math.max(0, y - tip.offsetHeight - 10)}px`;
+};
+
+const listenToButtons = (view) =>
+  document.querySelectorAll("[data-view]").forEach((button) =>
+    button.addEventListener("click", () => (button.dataset.view === "fit" ? view.fit() : view.look(button.dataset.view))));
+
 const numbers = (path, key) => path.column(key).numbers();
 
 class PathPage {
@@ -58,8 +80,7 @@ class PathPage {
       step: (by) => this.choose(Math.max(0, Math.min(this.path.length - 1, this.chosen + by))),
     });
     this.charts = new Charts(byId("plots"), (i) => this.choose(i));
-    document.querySelectorAll("[data-view]").forEach((button) =>
-      button.addEventListener("click", () => (button.dataset.view === "fit" ? this.view.fit() : this.view.look(button.dataset.view))));
+    listenToButtons(this.view);
     for (const id of ["colour", "zero"]) byId(id).addEventListener("change", () => this.colour());
     const program = byId("program");
     if (program) {
@@ -95,9 +116,7 @@ class PathPage {
     if (!(high >= low)) [low, high] = [0, 0];
     if (byId("zero").checked) low = 0;
     this.view.setColours(values, low, high);
-    const stops = Array.from({ length: 12 }, (_, i) => ramp(i / 11));
-    byId("ramp").style.background = `linear-gradient(to right, ${stops.join(",")})`;
-    [byId("low").textContent, byId("high").textContent] = [low, high].map((value) => `${+value.toPrecision(4)}`);
+    legend(low, high);
     const air = this.view.air.length ? "; grey: no cutting force" : "";
     byId("what").textContent = `${label}, ${unit}${page.kind === "diff" ? "" : air}`;
   }
@@ -146,6 +165,10 @@ class PathPage {
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
     const rows = [element("tr", {}, element("th", { textContent: "Line" }), this.cell(["line"], i)),
       element("tr", {}, element("th", { textContent: "Status" }), element("td", { colSpan: 3, textContent: path.status(i) }))];
+    if (path.quote(i)) {
+      const quote = element("code", { textContent: path.quote(i) });
+      rows.splice(1, 0, element("tr", { className: "quote" }, element("td", { colSpan: 4 }, quote)));
+    }
     rows.push(element("tr", { className: "part" }, ...["", "X", "Y", "Z"].map((axis) => element("th", { className: axis && "number", textContent: axis }))));
     for (const [label, keys] of FIGURES) {
       const shown = keys.filter((key) => path.has(key) && path.column(key).has(i));
@@ -166,16 +189,12 @@ class PathPage {
   }
 
   hover(i, x, y) {
-    const tip = byId("tip");
-    tip.hidden = i < 0;
-    this.view.canvas.style.cursor = i < 0 ? "grab" : "pointer";
-    if (i < 0) return;
+    if (i < 0) return tipAt(this.view.canvas, x, y, "");
     const { path } = this;
     const { key, label, unit } = COLOURS.find((colour) => colour.key === byId("colour").value);
-    tip.textContent = `target ${path.column("target").raw[i]}${path.name(i) ? ` ${path.name(i)}` : ""} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${path.column(key).text(i)} ${unit}`;
-    const canvas = this.view.canvas;
-    tip.style.left = `${canvas.offsetLeft + Math.max(0, Math.min(x + 14, canvas.clientWidth - tip.offsetWidth))}px`;
-    tip.style.top = `${canvas.offsetTop + Math.max(0, y - tip.offsetHeight - 10)}px`;
+    const name = path.name(i) ? ` ${path.name(i)}` : "";
+    const text = `target ${path.column("target").raw[i]}${name} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${path.column(key).text(i)} ${unit}`;
+    tipAt(this.view.canvas, x, y, text);
   }
 
   repaint() {
@@ -191,18 +210,47 @@ class PathPage {
 class ResidualPage {
   constructor() {
     this.path = paths[0];
-    this.charts = new Charts(byId("plots"), null);
+    this.chosen = -1;
+    this.charts = new Charts(byId("plots"), (i) => this.choose(this.wanted[i]));
+    this.views = ["before", "after"].map((id) => new View(byId(id), {
+      hover: (i, x, y) => tipAt(byId(id), x, y, i < 0 ? "" : this.words(i)),
+      choose: (i) => this.choose(i),
+      step: (by) => this.step(by),
+    }));
+    [this.views[0].twin, this.views[1].twin] = [this.views[1], this.views[0]];
+    listenToButtons(this.views[0]);
     byId("detail").textContent = detail(this.path, "rows");
-    byId("rows").addEventListener("change", () => this.repaint());
-    this.repaint();
+    byId("rows").addEventListener("change", () => this.show());
+    this.show();
   }
 
-  repaint() {
+  show() {
     const { path } = this;
     const all = byId("rows").value === "all";
     const held = path.has("held_out") ? path.column("held_out").raw : [];
-    const wanted = Array.from(held, (_, i) => i).filter((i) => all || held[i] === 1);
-    const pick = (key) => wanted.map((i) => path.column(key).at(i));
+    const only = Array.from(held, (value) => all || value === 1);
+    this.wanted = only.flatMap((wanted, i) => (wanted ? [i] : []));
+    if (this.wanted.length) this.views.forEach((view) => view.setPath(path, only));
+    this.repaint();
+    const sizes = numbers(path, "prefit_mm");
+    if (this.wanted.length) this.choose(this.wanted.reduce((best, i) => (sizes[i] > sizes[best] ? i : best)));
+  }
+
+  // One scale for both pictures: what the extended cell took away is seen.
+  repaint() {
+    const { path, wanted } = this;
+    const sizes = ["prefit_mm", "postfit_mm"].map((key) => numbers(path, key));
+    const high = wanted.reduce((most, i) => Math.max(most, sizes[0][i] || 0, sizes[1][i] || 0), 0);
+    if (wanted.length) this.views.forEach((view, i) => { view.setColours(sizes[i], 0, high); view.resize(); });
+    legend(0, high);
+    byId("what").textContent = "Size of the residual, mm; axes of the base";
+    this.plot();
+    if (this.chosen >= 0) this.charts.mark(wanted.indexOf(this.chosen));
+  }
+
+  plot() {
+    const { path } = this;
+    const pick = (key) => this.wanted.map((i) => path.column(key).at(i));
     const panel = (title, before, after, heading = "") => ({
       heading,
       title,
@@ -214,6 +262,26 @@ class ResidualPage {
     ["x", "y", "z"].filter((axis) => path.has(`prefit_${axis}_mm`)).forEach((axis) =>
       panels.push(panel(axis.toUpperCase(), `prefit_${axis}_mm`, `postfit_${axis}_mm`)));
     this.charts.show(pick("target"), "row", panels, true);
+  }
+
+  words(i) {
+    const { path } = this;
+    const text = (key) => path.column(key).text(i);
+    return `row ${text("target")} · line ${text("line")} · ${path.status(i)} · ${text("prefit_mm")} mm before, ${text("postfit_mm")} mm after`;
+  }
+
+  choose(i) {
+    this.chosen = i;
+    byId("chosen").textContent = this.words(i);
+    byId("chosen").dataset.target = this.path.column("target").raw[i];
+    this.views.forEach((view) => { view.chosen = i; });
+    this.views[0].redraw();
+    this.charts.mark(this.wanted.indexOf(i));
+  }
+
+  step(by) {
+    const at = Math.max(0, this.wanted.indexOf(this.chosen));
+    if (this.wanted.length) this.choose(this.wanted[Math.max(0, Math.min(this.wanted.length - 1, at + by))]);
   }
 }
 

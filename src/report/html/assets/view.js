@@ -33,7 +33,9 @@ class View {
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
-  setPath(path) {
+  // `only`: no line, but the points that it marks.
+  setPath(path, only = null) {
+    this.only = only;
     const [x, y, z] = ["x_mm", "y_mm", "z_mm"].map((key) => path.column(key).numbers());
     this.path = path;
     this.points = [x, y, z];
@@ -48,7 +50,8 @@ class View {
     const { path } = this;
     this.shades = Array.from({ length: SHADES }, () => []);
     this.air = [];
-    for (let i = 1; i < path.length; i++) {
+    for (let i = this.only ? 0 : 1; i < path.length; i++) {
+      if (this.only && !this.only[i]) continue;
       const share = (values[i] - low) / (high - low || 1);
       if (path.status(i) === "air" || !(share >= 0)) this.air.push(i);
       else this.shades[Math.min(Math.floor(share * SHADES), SHADES - 1)].push(i);
@@ -108,6 +111,13 @@ class View {
 
   // On the next frame, once.
   redraw(moving = false) {
+    this.schedule(moving);
+    if (!this.twin) return;
+    for (const key of ["azimuth", "elevation", "zoom", "pan"]) this.twin[key] = this[key];
+    this.twin.schedule(moving);
+  }
+
+  schedule(moving) {
     if (moving) {
       clearTimeout(this.rest);
       this.rest = setTimeout(() => this.redraw(), 150);
@@ -142,6 +152,7 @@ class View {
   stroke(context, list, skip, colour, width, dots) {
     if (!list.length) return;
     const { screen } = this;
+    if (this.only) return this.dots(context, list, skip, colour, 3.4);
     context.beginPath();
     for (const i of list) {
       if (i % skip && i !== this.path.length - 1) continue;
@@ -152,11 +163,16 @@ class View {
     context.strokeStyle = colour;
     context.lineWidth = width;
     context.stroke();
-    if (!dots) return;
+    if (dots) this.dots(context, list, 1, colour, 2.8);
+  }
+
+  dots(context, list, skip, colour, radius) {
+    const { screen } = this;
     context.beginPath();
     for (const i of list) {
+      if (i % skip) continue;
       context.moveTo(screen[2 * i], screen[2 * i + 1]);
-      context.arc(screen[2 * i], screen[2 * i + 1], 2.8, 0, 2 * Math.PI);
+      context.arc(screen[2 * i], screen[2 * i + 1], radius, 0, 2 * Math.PI);
     }
     context.fillStyle = colour;
     context.fill();
@@ -220,6 +236,7 @@ class View {
     if (!this.path) return -1;
     let [best, nearest] = [REACH ** 2, -1];
     for (let i = 0; i < this.path.length; i++) {
+      if (this.only && !this.only[i]) continue;
       const distance = (this.screen[2 * i] - x) ** 2 + (this.screen[2 * i + 1] - y) ** 2;
       if (distance < best) [best, nearest] = [distance, i];
     }
