@@ -70,6 +70,18 @@
 //! # }
 //! ```
 //!
+//! # What stays
+//!
+//! Versions follow [semantic versioning](https://semver.org/); while the first number is 0, the second one counts as it.
+//! - What these pages show keeps its name, its signature and its meaning. Results and enums that will grow are
+//!   `#[non_exhaustive]`. Options are made with `..Options::default()`: a new field comes with a minor version.
+//! - [`Diagnostic::code`](text::Diagnostic::code), the kinds and parameters of effects, keys of the cell file, columns of
+//!   reports and the binary's exit codes are only added to. The words of a message are for people and may change.
+//! - One version gives the same bytes for the same input, on any number of threads. The next one may correct better.
+//! - Rust 1.89 is enough (`rust-version`); needing a later one is a minor version.
+//!
+//! # Units
+//!
 //! Inside the library lengths are metres, angles radians, forces newtons; millimetres and degrees
 //! live in [`program`], in the cell file and in [`report`] only, and stand in the names there.
 

@@ -23,6 +23,7 @@ use std::collections::BTreeMap;
 
 /// A milling cell, read and checked.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Cell {
     /// Robot, declared stiffness and effects, in the order of the file. A cell with a declared stiffness and no
     /// `joint_stiffness` effect has one with all factors 1, first.
@@ -56,6 +57,7 @@ pub struct CorrectionLimits {
 
 /// `[controller]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Controller {
     /// Whether the file has the section at all: said once where an effect would matter.
     pub declared: bool,
@@ -69,6 +71,7 @@ pub struct Controller {
 
 /// `[cl]`.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Cl {
     /// What the front end needs.
     pub options: ClOptions,
@@ -98,6 +101,7 @@ pub enum SpinRule {
 
 /// `[cut]`.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Cut {
     /// The force.
     pub force: CutForce,
@@ -107,6 +111,7 @@ pub struct Cut {
 
 /// `[cut] force`.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum CutForce {
     /// No force.
     None,
@@ -136,6 +141,7 @@ pub enum CutForce {
 
 /// Axes of a constant force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ForceFrame {
     /// Work object.
     Wobj,

@@ -106,7 +106,7 @@ fn one(
         Err(errors) => {
             let findings = about_the_program(errors)?;
             let shown = trace.map(|nothing| (FileSummary::of(&path, &Summary::default(), &findings), nothing));
-            let file = CheckFile { path, targets, findings };
+            let file = CheckFile::new(path, targets, findings);
             return Ok(Checked { file, rows: Rows::new(&program, &[]), path: shown });
         }
     };
@@ -134,7 +134,7 @@ fn one(
     findings.sort_by_key(|finding| (finding.file.clone(), finding.line, finding.column));
     findings.dedup();
     let rows = Rows::new(&program, &predicted.rows);
-    Ok(Checked { file: CheckFile { path, targets, findings }, rows, path: shown })
+    Ok(Checked { file: CheckFile::new(path, targets, findings), rows, path: shown })
 }
 
 /// Where targets stand in the text.

@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 
 /// A corrected program.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Corrected {
     /// One row an executed motion, in running order. Targets that failed have none.
     pub rows: Vec<Row>,
@@ -29,6 +30,7 @@ pub struct Corrected {
 
 /// A corrected point for a program that is written anew (CL to RAPID).
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Posted {
     /// Index into [`Program::targets`] of the target that it is, or that it is inserted before.
     pub target: usize,

@@ -42,6 +42,7 @@ pub(crate) fn travel_into(previous: Option<(Joints, Joints)>, motor: &Joints) ->
 
 /// What of a target is corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Correct {
     /// Position and orientation.
     #[default]

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 /// What happened to a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Status {
     /// A cutting force acts; corrected where a correction was asked for.
     Ok,
@@ -99,6 +100,7 @@ pub(super) fn difference(from: &Pose, to: &Pose) -> ([f64; 3], [f64; 3]) {
 
 /// Counts and sizes over a program, for the summary line.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Summary {
     /// Report rows.
     pub targets: usize,

@@ -105,6 +105,7 @@ pub trait Effect: Debug + Send + Sync {
 
 /// One number of an effect.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Parameter {
     /// As in the cell file, with its index: `half_gap_rad[0]`.
     pub name: String,
@@ -123,6 +124,7 @@ pub struct Parameter {
 
 /// What an effect needs beyond the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Need {
     /// `[robot.stiffness]`.
     Stiffness,
@@ -138,6 +140,7 @@ pub enum Need {
 
 /// What a controller may correct by itself (`[controller] compensates`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Covered {
     /// Weight of links, tool and payload.
     Gravity,
@@ -146,6 +149,7 @@ pub enum Covered {
 }
 
 /// An entry of the registry.
+#[non_exhaustive]
 pub struct Kind {
     /// Name in the cell file.
     pub name: &'static str,

@@ -5,6 +5,7 @@ use crate::robot::{Joints, Pose, polish};
 
 /// The command that ends up where it should.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Command {
     /// Actual motor angles at the wanted pose, rad.
     pub motor: Joints,

@@ -13,6 +13,7 @@ use crate::robot::Unreachable;
 
 /// Why a target has no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EquilibriumError {
     /// The arm does not get there.
     #[error(transparent)]

@@ -6,6 +6,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where a command ends up.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Equilibrium {
     /// Actual motor angles, rad.
     pub motor: Joints,

@@ -3,6 +3,7 @@ use serde::Serialize;
 
 /// The answer (INTERFACE.md, `identify --json`).
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Identification {
     /// Rows fitted and held out.
     pub rows: usize,
@@ -47,6 +48,7 @@ pub type Advice = String;
 
 /// Sizes of the 3-D error, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Errors {
     /// Root mean square.
     pub rms_mm: f64,
@@ -58,6 +60,7 @@ pub struct Errors {
 
 /// An effect that was added.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Added {
     /// Kind.
     pub kind: String,
@@ -75,6 +78,7 @@ pub struct Added {
 
 /// A fitted number.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct FittedParameter {
     /// As in the cell file.
     pub name: String,
@@ -88,6 +92,7 @@ pub struct FittedParameter {
 
 /// One kind alone.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Ranked {
     /// Kind.
     pub kind: String,
@@ -99,6 +104,7 @@ pub struct Ranked {
 
 /// How far one effect is from what another could imitate.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Separation {
     /// The effect that is there, at 0.03 mm rms.
     pub of: String,
@@ -110,6 +116,7 @@ pub struct Separation {
 
 /// Rows outside what was seen.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct Coverage {
     /// Held-out rows outside the range that a curve was fitted on.
     pub rows_outside: usize,
@@ -119,6 +126,7 @@ pub struct Coverage {
 
 /// What no effect explains.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct Unexplained {
     /// Whether it is more than noise.
     pub significant: bool,
@@ -128,6 +136,7 @@ pub struct Unexplained {
 
 /// Something that the remainder follows.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Correlate {
     /// In words or as a formula.
     pub with: String,
@@ -137,6 +146,7 @@ pub struct Correlate {
 
 /// One residual, for `--report`.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct ResidualRow {
     /// Index of the run, from 1.
     pub run: usize,

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 /// Which target a row belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TargetRef {
     /// 1-based ordinal among the executed motions.
     Ordinal(u32),

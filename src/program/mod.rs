@@ -31,6 +31,7 @@ pub enum Language {
 
 /// A program as read: one or several sources with shared names.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Program {
     /// The files, in the order given; context modules (never written) behind `written` of them.
     pub sources: Vec<Source>,
@@ -131,6 +132,7 @@ pub struct WobjData {
 
 /// A statement that comes out as it went in, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Kept {
     /// Index into [`Program::sources`].
     pub source: usize,
@@ -187,6 +189,7 @@ impl Default for RewriteOptions {
 
 /// What [`Program::rewrite`] made of the changes.
 #[derive(Debug, Default)]
+#[non_exhaustive]
 pub struct Rewritten {
     /// Sorted, disjoint edits of each of the program's written sources.
     pub edits: Vec<Vec<Edit>>,

@@ -5,6 +5,7 @@ use crate::text::{Diagnostic, Source, apply};
 
 /// What a write in memory showed.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RoundTrip {
     /// Writing without a change gives the same bytes.
     pub identical: bool,

@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 /// One point that the controller is sent to, free of language and of robots.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Target {
     /// Ordinal of the executed motion, from 1; via and interpolated points carry that of their arc.
     pub ordinal: u32,
@@ -49,6 +50,7 @@ pub enum Role {
 
 /// Kind of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Motion {
     /// Straight (`MoveL` and relatives, `GOTO`).
     Linear,
@@ -110,6 +112,7 @@ pub enum Mark {
 
 /// What of a target may be edited in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Editable {
     /// Position and orientation.
     Pose,

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 /// The check of one program.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct CheckFile {
     /// Program, as the user typed it.
     pub path: String,
@@ -13,6 +14,14 @@ pub struct CheckFile {
     pub targets: usize,
     /// What is wrong, at its place.
     pub findings: Vec<Diagnostic>,
+}
+
+impl CheckFile {
+    /// The check of the program at `path` with so many executed motions.
+    #[must_use]
+    pub fn new(path: impl Into<String>, targets: usize, findings: Vec<Diagnostic>) -> Self {
+        Self { path: path.into(), targets, findings }
+    }
 }
 
 /// JUnit XML: one test case a program, one failure for what is wrong with it. Elements and attributes are those that

@@ -11,6 +11,7 @@ const SAME: f64 = 1e-9;
 
 /// The differences of two programs.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct Difference {
     /// Executed motions of the first program.
     pub targets: usize,
@@ -30,6 +31,7 @@ pub struct Difference {
 
 /// A target that moved.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct MovedTarget {
     /// Index into the first program's targets.
     #[serde(skip)]
@@ -52,6 +54,7 @@ pub struct MovedTarget {
 
 /// Something other than a number.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct OtherDifference {
     /// Line in the first program, 0 where the whole file is meant.
     pub line: usize,

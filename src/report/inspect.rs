@@ -38,6 +38,7 @@ pub struct InspectFile {
 
 /// A kept statement.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct KeptLine {
     /// Line.
     pub line: usize,

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 /// What one program came to, for `--json`.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct FileSummary {
     /// Program, as the user typed it.
     pub path: String,
@@ -33,6 +34,7 @@ pub struct FileSummary {
 
 /// How many targets were kept for a reason.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct KeptCount {
     /// Reason.
     pub reason: &'static str,
@@ -42,6 +44,7 @@ pub struct KeptCount {
 
 /// A failed target.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct FailureLine {
     /// Line in the program.
     pub line: usize,

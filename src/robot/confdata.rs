@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 ///
 /// `int(θ/90)` for θ ≥ 0, `int(θ/90 − 1)` for θ < 0 (ABB RAPID reference manual, confdata).
 #[must_use]
-pub fn quarter_turn(angle: f64) -> i32 {
+pub(crate) fn quarter_turn(angle: f64) -> i32 {
     let quarters = angle / FRAC_PI_2;
     #[allow(clippy::cast_possible_truncation)]
     let index = if angle >= 0.0 { quarters.trunc() } else { (quarters - 1.0).trunc() } as i32;

@@ -37,6 +37,7 @@ pub type Solutions = [Option<Joints>; 8];
 
 /// Why no motor angles reach a pose.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Unreachable {
     /// The wrist centre is out of reach of the arm.
     #[error("the wrist centre is {by_mm:.3} mm out of the arm's reach")]

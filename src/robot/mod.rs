@@ -14,7 +14,7 @@ mod model;
 mod start;
 
 pub use builtin::{BUILTIN, Builtin};
-pub use confdata::{conf_is, conf_of, quarter_turn};
+pub use confdata::{conf_is, conf_of};
 pub use forward::{Frames, Links, Turns};
 pub(crate) use inverse::rotation_vector;
 pub use inverse::{Branch, Solutions, Unreachable, polish};

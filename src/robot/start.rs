@@ -12,6 +12,7 @@ pub struct Start {
 
 /// What decided the first target's branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StartedFrom {
     /// A joint target (MoveAbsJ) before it.
     JointTarget,

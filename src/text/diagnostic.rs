@@ -14,6 +14,7 @@ pub enum Severity {
 
 /// One message about one place: what is wrong, what was expected, how to mend it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Diagnostic {
     /// Stable short name, e.g. `rapid.unclosed-bracket`, for scripts and tests.
     pub code: &'static str,
@@ -106,26 +107,6 @@ impl std::error::Error for Diagnostic {}
 impl From<Diagnostic> for Vec<Diagnostic> {
     fn from(diagnostic: Diagnostic) -> Self {
         vec![diagnostic]
-    }
-}
-
-/// Where messages collect; many per run.
-#[derive(Clone, Debug, Default)]
-pub struct Sink {
-    /// In the order they were found.
-    pub diagnostics: Vec<Diagnostic>,
-}
-
-impl Sink {
-    /// Adds one.
-    pub fn push(&mut self, diagnostic: Diagnostic) {
-        self.diagnostics.push(diagnostic);
-    }
-
-    /// Whether any error (not only notes and warnings) was found.
-    #[must_use]
-    pub fn has_errors(&self) -> bool {
-        self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 }
 

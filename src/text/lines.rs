@@ -2,7 +2,7 @@ use super::Source;
 
 /// Where each line of a source begins: offset to line in logarithmic time.
 #[derive(Clone, Debug)]
-pub struct LineIndex {
+pub(crate) struct LineIndex {
     starts: Vec<u32>,
     before: usize,
 }
@@ -10,7 +10,7 @@ pub struct LineIndex {
 impl LineIndex {
     /// Reads the source once; CR LF, LF, CR CR LF and lone CR end lines, as in [`Source::line_column`].
     #[must_use]
-    pub fn new(source: &Source) -> Self {
+    pub(crate) fn new(source: &Source) -> Self {
         let bytes = &source.bytes;
         let mut starts = Vec::new();
         for (at, &byte) in bytes.iter().enumerate() {
@@ -28,7 +28,7 @@ impl LineIndex {
 
     /// The line of an offset, from 1.
     #[must_use]
-    pub fn line(&self, offset: u32) -> u32 {
+    pub(crate) fn line(&self, offset: u32) -> u32 {
         let line = self.starts.partition_point(|&start| start <= offset) + self.before + 1;
         u32::try_from(line).unwrap_or(u32::MAX)
     }

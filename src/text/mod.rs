@@ -3,13 +3,13 @@
 mod diagnostic;
 mod edit;
 mod lines;
-pub mod number;
+pub(crate) mod number;
 mod source;
 mod span;
 
-pub use diagnostic::{Diagnostic, Severity, Sink};
+pub use diagnostic::{Diagnostic, Severity};
 pub use edit::{Edit, apply};
-pub use lines::LineIndex;
+pub(crate) use lines::LineIndex;
 pub(crate) use source::decode;
 pub use source::{LineColumn, Source};
 pub use span::Span;

@@ -7,13 +7,13 @@
 ///
 /// Returns `None` for anything else, infinities and NaN among it.
 #[must_use]
-pub fn read(token: &[u8]) -> Option<f64> {
+pub(crate) fn read(token: &[u8]) -> Option<f64> {
     read_short(token).or_else(|| read_plain(token))
 }
 
 /// The reference for [`read`].
 #[must_use]
-pub fn read_plain(token: &[u8]) -> Option<f64> {
+pub(crate) fn read_plain(token: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(token).ok()?;
     let digits = text.trim_start_matches(['+', '-']);
     if text.len() - digits.len() > 1 || !digits.bytes().next().is_some_and(|b| b.is_ascii_digit() || b == b'.') {
@@ -66,7 +66,7 @@ fn read_short(token: &[u8]) -> Option<f64> {
 /// The number that `bytes` begin with and its length, where it is an optional sign, digits, and a point between digits: what
 /// [`read`] gives for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
 #[must_use]
-pub fn read_leading(bytes: &[u8]) -> Option<(f64, usize)> {
+pub(crate) fn read_leading(bytes: &[u8]) -> Option<(f64, usize)> {
     const MOST_DIGITS: usize = 15; // below 2^53
     let sign = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
     let (mut mantissa, mut point, mut len) = (0_u64, None, sign);
@@ -101,14 +101,14 @@ fn exponent(tail: &[u8]) -> Option<i32> {
 
 /// Digits behind the point of a token, 0 without one; the exponent is not counted.
 #[must_use]
-pub fn decimals(token: &[u8]) -> usize {
+pub(crate) fn decimals(token: &[u8]) -> usize {
     let mantissa = token.split(|b| matches!(b, b'e' | b'E' | b'd' | b'D')).next().unwrap_or(token);
     mantissa.iter().position(|&b| b == b'.').map_or(0, |p| mantissa.len() - p - 1)
 }
 
 /// Appends `value` with exactly `decimals` digits behind the point, rounded half to even on the
 /// exact binary value, and never a negative zero.
-pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
+pub(crate) fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
     match Fixed::of(value, decimals) {
         Some(fixed) => fixed.write(out),
         None => write_fixed_plain(out, value, decimals),
@@ -117,7 +117,7 @@ pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
 
 /// A number as [`write_fixed`] prints it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fixed {
+pub(crate) struct Fixed {
     negative: bool,
     digits: u64,
     decimals: usize,
@@ -126,14 +126,14 @@ pub struct Fixed {
 impl Fixed {
     /// `value` with so many digits behind the point; `None` for what no program has.
     #[must_use]
-    pub fn of(value: f64, decimals: usize) -> Option<Self> {
+    pub(crate) fn of(value: f64, decimals: usize) -> Option<Self> {
         let digits = scaled_soon(value, decimals).or_else(|| scaled(value, decimals))?;
         Some(Self { negative: value < 0.0 && digits != 0, digits, decimals })
     }
 
     /// What a reader of the digits gets, exactly rounded; `None` where they are too many for that to be one division.
     #[must_use]
-    pub fn value(self) -> Option<f64> {
+    pub(crate) fn value(self) -> Option<f64> {
         const EXACT: u64 = 1 << 53;
         #[allow(clippy::cast_precision_loss)] // below 2^53
         let value = (self.digits < EXACT).then(|| self.digits as f64 / TENS[self.decimals])?;
@@ -141,7 +141,7 @@ impl Fixed {
     }
 
     /// Appends the digits.
-    pub fn write(self, out: &mut Vec<u8>) {
+    pub(crate) fn write(self, out: &mut Vec<u8>) {
         const SIZE: usize = 40; // sign, 20 digits, point; more than enough for 15 decimals with a zero before
         let mut text = [b'0'; SIZE];
         let (mut at, mut rest) = (SIZE, self.digits);
@@ -171,7 +171,7 @@ impl Fixed {
 }
 
 /// The reference for [`write_fixed`].
-pub fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
+pub(crate) fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
     use std::io::Write;
     let start = out.len();
     // Writing to a Vec cannot fail.

@@ -27,7 +27,10 @@ mod syntax;
 mod tree;
 mod value;
 
-pub use pieces::{Next, PIECE, Piece, Pieces, StraightPiece};
+pub use pieces::{PIECE, Pieces};
+// What passes between `Pieces` and the line that corrects them; not for callers.
+#[doc(hidden)]
+pub use pieces::{Next, Piece, StraightPiece};
 pub(super) use rewrite::rewrite;
 
 use super::{Kept, Language, Program};

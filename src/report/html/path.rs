@@ -8,6 +8,7 @@ use serde_json::json;
 
 /// What a page is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PathKind {
     /// A program was corrected.
     Compensate,
