@@ -185,7 +185,7 @@ pub(super) fn program(
     if job.language == Language::Rapid {
         return parse(job, reading, None);
     }
-    let Some(cl) = &cell.cell.cl else {
+    let Some(options) = cell.cl_options(tool) else {
         let message =
             format!("[cl] is missing: {} is CL data, whose tool, work object and spin only the cell knows", job.name);
         return Err(vec![
@@ -193,10 +193,6 @@ pub(super) fn program(
                 .help("add [cl] with tool, wobj, units, point and spin"),
         ]);
     };
-    let mut options = cl.options.clone();
-    if let Some(tool) = tool {
-        tool.clone_into(&mut options.tool);
-    }
     parse(job, reading, Some(&options))
 }
 
@@ -267,6 +263,15 @@ impl CellFile {
     pub(super) fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let source = source(path)?;
         Ok(Self { name: source.name.clone(), cell: Cell::read(&source)?, source })
+    }
+
+    /// How CL input is read, with a tool given besides; `None` where the cell does not say.
+    pub(super) fn cl_options(&self, tool: Option<&str>) -> Option<ClOptions> {
+        let mut options = self.cell.cl.as_ref()?.options.clone();
+        if let Some(tool) = tool {
+            tool.clone_into(&mut options.tool);
+        }
+        Some(options)
     }
 
     /// Messages about the cell that do not know its file.

@@ -34,9 +34,18 @@ pub(super) fn bytes(total: u64, quiet: bool) -> ProgressBar {
 
 /// Moves it to where a program is.
 pub(super) fn at(bar: &ProgressBar, targets: usize, bytes: u64) {
+    show(bar, targets, bytes, "targets");
+}
+
+/// The same while a program is only looked through.
+pub(super) fn read(bar: &ProgressBar, targets: usize, bytes: u64) {
+    show(bar, targets, bytes, "targets read");
+}
+
+fn show(bar: &ProgressBar, targets: usize, bytes: u64, what: &str) {
     bar.set_position(bytes);
     if !bar.is_hidden() {
         let seconds = bar.elapsed().as_secs_f64().max(1e-3);
-        bar.set_message(format!("{targets} targets, {:.0} a second", targets as f64 / seconds));
+        bar.set_message(format!("{targets} {what}, {:.0} a second", targets as f64 / seconds));
     }
 }

@@ -13,7 +13,6 @@ use deflex::report::FileSummary;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::text::{Diagnostic, apply};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Cell, forces and options of a run.
@@ -195,9 +194,10 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
         let written = match program.language {
             Language::Rapid => edited(&program, &corrected, &files),
             Language::Cl => {
-                let (written, more) = posted(args, &program, &setup, &corrected, &files[0])?;
-                notes = more;
-                written
+                let options = post_options(args, &files[0]);
+                let posted = correct::post(&program, &setup.cell.cell, &corrected, &options)?;
+                notes = posted.notes;
+                posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
             }
         };
         let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
@@ -251,50 +251,16 @@ fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(P
     program.sources.iter().take(program.written).zip(files).enumerate().map(write).collect()
 }
 
-type Posted = (Vec<(PathBuf, Vec<u8>)>, Vec<Diagnostic>);
-
-/// The RAPID modules made of CL input.
-fn posted(
-    args: &Compensate,
-    program: &Program,
-    setup: &Setup,
-    corrected: &Corrected,
-    file: &Path,
-) -> Result<Posted, Vec<Diagnostic>> {
+/// What the RAPID program made of CL input has that CL data do not say.
+pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
     let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
     let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
-    let options = PostOptions {
+    PostOptions {
         name: if stem == "-" { "program".to_owned() } else { stem },
         title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
         max_targets: args.max_targets.map(|most| most as usize),
         rapid_mm_s: args.rapid_speed,
         feed_mm_s: args.feed,
-    };
-    let files = std::cell::RefCell::new(BTreeMap::<String, Vec<u8>>::new());
-    let open = |name: &str| Ok(Module { name: name.to_owned(), files: &files });
-    let (names, notes) = correct::post(program, &setup.cell.cell, corrected, &options, open)?;
-    let mut files = files.into_inner();
-    let written = names.into_iter().map(|name| {
-        let bytes = files.remove(&name).unwrap_or_default();
-        (PathBuf::from(name), bytes)
-    });
-    Ok((written.collect(), notes))
-}
-
-/// A module being posted.
-struct Module<'a> {
-    name: String,
-    files: &'a std::cell::RefCell<BTreeMap<String, Vec<u8>>>,
-}
-
-impl std::io::Write for Module<'_> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.files.borrow_mut().entry(self.name.clone()).or_default().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
     }
 }
 
@@ -305,17 +271,21 @@ fn place(
     written: impl Iterator<Item = (PathBuf, Vec<u8>)>,
 ) -> Result<(), Vec<Diagnostic>> {
     let written: Vec<_> = written.collect();
-    match (&args.out_dir, &written[..]) {
-        (Some(dir), files) => {
-            for (file, bytes) in files {
-                outputs.add(&dir.join(file), bytes)?;
-            }
+    in_one_file(args, written.len())?;
+    for (file, bytes) in &written {
+        match &args.out_dir {
+            Some(dir) => outputs.add(&dir.join(file), bytes)?,
+            None => outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), bytes)?,
         }
-        (None, [(_, bytes)]) => outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), bytes)?,
-        (None, files) => {
-            let message = format!("the program is written as {} files, which need a folder", files.len());
-            return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
-        }
+    }
+    Ok(())
+}
+
+/// A program of several files needs a folder.
+pub(super) fn in_one_file(args: &Compensate, files: usize) -> Result<(), Vec<Diagnostic>> {
+    if args.out_dir.is_none() && files > 1 {
+        let message = format!("the program is written as {files} files, which need a folder");
+        return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use super::turns::Turns;
 use super::{Options, Prepared, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
 use crate::equilibrium::{Command, EquilibriumError};
+use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
@@ -104,6 +105,8 @@ pub(super) struct Carried<'a> {
     reached: Turns<Last>,
     /// Last correction as written, base axes, m.
     shift: Turns<Option<Vector3<f64>>>,
+    /// How far the program is posted (CL input).
+    pub(super) posted: Turns<Place>,
 }
 
 impl<'a> Carried<'a> {
@@ -114,6 +117,7 @@ impl<'a> Carried<'a> {
             commanded: Turns::new(None),
             reached: Turns::new(None),
             shift: Turns::new(None),
+            posted: Turns::new(Place::default()),
         })
     }
 
@@ -123,6 +127,7 @@ impl<'a> Carried<'a> {
         self.commanded.break_off();
         self.reached.break_off();
         self.shift.break_off();
+        self.posted.break_off();
     }
 
     /// Passes on what a piece that is refused does not change.

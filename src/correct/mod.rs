@@ -24,10 +24,10 @@ mod turns;
 pub use forces::{ForceRow, Forces};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use path::Point;
-pub use post::{PostOptions, post};
+pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
-pub use stream::{Sinks, StreamError, Streamed, compensate_pieces};
+pub use stream::{Sinks, StreamError, Streamed, compensate_pieces, post_pieces};
 
 use crate::cell::Cell;
 use crate::effects::Situation;

@@ -1,13 +1,14 @@
 //! CL input: corrected points to a RAPID program.
 
-use super::{Corrected, Row, Status, frames};
+use super::stream::Messages;
+use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
-use crate::program::post::{PostedPoint, RapidPlan, RapidWriter};
-use crate::program::{Goal, Mark, Program, ToolData, WobjData};
+use crate::program::cl::Pieces;
+use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Text};
+use crate::program::{Goal, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::{Diagnostic, Severity};
-use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::Read;
 
 /// What the posted program has that CL data do not say.
 #[derive(Clone, Debug)]
@@ -27,90 +28,224 @@ pub struct PostOptions {
 /// How far a zone may pass a cutting corner, mm: below what a robot repeats.
 const CORNER_TOLERANCE_MM: f64 = 0.05;
 
-/// Writes the program; `open` gives the destination of a module's file by its name.
+/// What the head of a posted program depends on: all of the program.
+#[derive(Clone, Debug, Default)]
+pub struct Outline {
+    /// Points.
+    points: usize,
+    /// The first feed of a move.
+    first_feed: Option<f64>,
+    /// The first move without a feed.
+    early: Option<Diagnostic>,
+    /// Feeds of moves, mm/s, rising.
+    feeds: Vec<f64>,
+    /// Some travel is rapid.
+    rapid: bool,
+    tools: Vec<Tool>,
+    wobjs: Vec<Wobj>,
+    /// What was noticed in the text.
+    pub(super) warnings: Vec<Diagnostic>,
+}
+
+impl Outline {
+    /// Looks through a long file; `progress` is told the targets and the bytes of input done so far.
+    ///
+    /// # Errors
+    /// [`StreamError::NotStraight`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
+    pub fn of_pieces<R: Read>(mut pieces: Pieces<R>, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
+        let (mut outline, mut bytes, mut faults) = (Self::default(), 0, Messages::default());
+        loop {
+            match pieces.take().map_err(StreamError::Read)? {
+                Next::Piece(piece) => {
+                    outline.add(&piece.program);
+                    faults.add(piece.program.faults());
+                    bytes += piece.own.len() as u64;
+                    progress(outline.points, bytes);
+                }
+                Next::End => break,
+                Next::NotStraight => return Err(StreamError::NotStraight),
+            }
+        }
+        let faults = faults.all();
+        if !faults.is_empty() {
+            return Err(StreamError::Refused(faults));
+        }
+        outline.warnings = pieces.warnings();
+        Ok(outline)
+    }
+
+    /// Takes in a program, or its next piece.
+    pub fn add(&mut self, program: &Program) {
+        self.points += program.targets.len();
+        self.rapid |= program.targets.iter().any(|target| target.rapid);
+        for target in program.targets.iter().filter(|target| !target.rapid) {
+            match (target.feed_mm_s, program.sources.first()) {
+                (Some(feed), _) => {
+                    self.first_feed.get_or_insert(feed);
+                    self.speed(feed);
+                }
+                (None, Some(source)) if self.early.is_none() => {
+                    let message = "this move has no feed";
+                    self.early = Some(Diagnostic::error("post.feed", &source.name, message).on_line(
+                        source,
+                        target.span,
+                        target.line,
+                    ));
+                }
+                _ => {}
+            }
+        }
+        // A program's pieces have the same ones.
+        if self.tools.is_empty() {
+            self.tools.clone_from(&program.tools);
+            self.wobjs.clone_from(&program.wobjs);
+        }
+    }
+
+    /// Points of the program: what is inserted besides its targets is not known here.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
+    fn speed(&mut self, feed: f64) {
+        if let Err(at) = self.feeds.binary_search_by(|known| known.total_cmp(&feed)) {
+            self.feeds.insert(at, feed);
+        }
+    }
+}
+
+/// A program posted as a whole.
+#[derive(Clone, Debug)]
+pub struct PostedProgram {
+    /// Its files by name, the one to start first.
+    pub files: Vec<(String, Vec<u8>)>,
+    /// What is to be said of it.
+    pub notes: Vec<Diagnostic>,
+}
+
+/// Writes the program.
 ///
 /// Moves before the file's first feed get that feed: slow, which is safe. Rapid travel and air are marked, so that the
 /// posted program tells them apart again.
 ///
 /// # Errors
-/// No feed is known; what the destination reports, as a message.
-pub fn post<W: Write>(
+/// No feed is known.
+pub fn post(
     program: &Program,
     cell: &Cell,
     corrected: &Corrected,
     options: &PostOptions,
-    open: impl FnMut(&str) -> io::Result<W>,
-) -> Result<(Vec<String>, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let source = program.sources.first();
-    let name = source.map_or("", |s| s.name.as_str());
-    let moves = || program.targets.iter().filter(|target| !target.rapid);
-    let first_feed = moves().find_map(|target| target.feed_mm_s).or(options.feed_mm_s);
-    let mut notes = Vec::new();
-    if let (Some(early), Some(source)) = (moves().find(|target| target.feed_mm_s.is_none()), source) {
-        let place = Diagnostic::error("post.feed", name, "this move has no feed").at(source, early.span);
-        match first_feed {
-            None => return Err(vec![place.help("add FEDRAT/ to the file, or give --feed MM_S")]),
-            Some(feed) => notes.push(
-                Diagnostic { message: format!("moves before the first feed get {feed} mm/s"), ..place }
-                    .severity(Severity::Note),
-            ),
+) -> Result<PostedProgram, Vec<Diagnostic>> {
+    let mut outline = Outline::default();
+    outline.add(program);
+    outline.points = corrected.posted.len();
+    let poster = Poster::new(outline, cell, options)?;
+    let body = poster.post.stretch(&Place::default(), &poster.points(program, corrected), true);
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    for Text { bytes, files: starts } in [poster.post.head(), &body] {
+        let ends = starts.iter().map(|(start, _)| *start).skip(1).chain([bytes.len()]);
+        if let Some((_, file)) = files.last_mut() {
+            file.extend_from_slice(&bytes[..starts.first().map_or(bytes.len(), |(start, _)| *start)]);
         }
+        files.extend(starts.iter().zip(ends).map(|((start, name), end)| (name.clone(), bytes[*start..end].to_vec())));
     }
-    let first_feed = first_feed.unwrap_or(options.rapid_mm_s);
-    let feed = |target: &crate::program::Target| target.feed_mm_s.unwrap_or(first_feed);
-    let mut speeds: Vec<f64> = moves().map(feed).collect();
-    speeds.sort_by(f64::total_cmp);
-    speeds.dedup();
-    let plan = RapidPlan {
-        name: options.name.clone(),
-        title: options.title.clone(),
-        tools: program.tools.iter().map(|tool| (tool.name.to_string(), tool_data(cell, &tool.name))).collect(),
-        wobjs: program.wobjs.iter().map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name))).collect(),
-        speeds,
-        points: corrected.posted.len(),
-        max_points: options.max_targets,
-        rapid_mm_s: options.rapid_mm_s,
-        corner_tolerance_mm: CORNER_TOLERANCE_MM,
-    };
-    let marks = Marks::new(program, cell, &corrected.rows);
-    let failed = |error: io::Error| vec![Diagnostic::error("io.write", name, format!("cannot be posted: {error}"))];
-    let mut writer = RapidWriter::new(plan, open).map_err(failed)?;
-    for posted in &corrected.posted {
-        let target = &program.targets[posted.target];
-        let point = PostedPoint {
-            position_mm: posted.position_mm,
-            quat: posted.quat,
-            conf: posted.conf,
-            speed_mm_s: feed(target),
-            rapid: target.rapid,
-            stop: matches!(target.goal, Goal::Joints { .. }),
-            mark: marks.of(target),
-            tool: target.tool,
-            wobj: target.wobj,
-        };
-        writer.point(&point).map_err(failed)?;
-    }
-    Ok((writer.finish().map_err(failed)?, notes))
+    Ok(PostedProgram { files, notes: poster.notes })
 }
 
-/// Which targets cut, by ordinal; and what those get that have no mark of their own.
-struct Marks(BTreeMap<u32, Mark>, Option<Mark>);
+/// Posts a program whose outline is known, whole or a piece at a time.
+#[derive(Debug)]
+pub struct Poster {
+    pub(super) post: RapidPost,
+    /// What was noticed in the text of a long program.
+    pub(super) warnings: Vec<Diagnostic>,
+    /// What is to be said of the posted program.
+    pub(super) notes: Vec<Diagnostic>,
+    /// Of moves before the first feed, mm/s.
+    first_feed: f64,
+    /// No force acts anywhere: everything is air, which says nothing about the program.
+    no_force: bool,
+    /// What those get then that have no mark of their own: the end of a mark on rapid travel.
+    unmarked: Option<Mark>,
+}
 
-impl Marks {
-    fn new(program: &Program, cell: &Cell, rows: &[Row]) -> Self {
-        let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
-        let mark = |row: &Row| (row.target, if row.status == Status::Ok { Mark::Cut } else { Mark::Air });
-        if no_force {
-            // Everything is air, which says nothing about the program; a mark ends the one of rapid travel.
-            let cut = program.targets.iter().any(|target| target.rapid).then_some(Mark::Cut);
-            return Self(BTreeMap::new(), cut);
+impl Poster {
+    /// Lays out the posted program.
+    ///
+    /// # Errors
+    /// No feed is known.
+    pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
+        let first_feed = outline.first_feed.or(options.feed_mm_s);
+        let mut notes = Vec::new();
+        if let Some(early) = outline.early.take() {
+            let Some(feed) = first_feed else {
+                return Err(vec![early.help("add FEDRAT/ to the file, or give --feed MM_S")]);
+            };
+            outline.speed(feed);
+            let message = format!("moves before the first feed get {feed} mm/s");
+            notes.push(Diagnostic { message, ..early }.severity(Severity::Note));
         }
-        Self(rows.iter().map(mark).collect(), None)
+        let plan = RapidPlan {
+            name: options.name.clone(),
+            title: options.title.clone(),
+            tools: outline.tools.iter().map(|tool| (tool.name.to_string(), tool_data(cell, &tool.name))).collect(),
+            wobjs: outline.wobjs.iter().map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name))).collect(),
+            speeds: outline.feeds,
+            points: outline.points,
+            max_points: options.max_targets,
+            rapid_mm_s: options.rapid_mm_s,
+            corner_tolerance_mm: CORNER_TOLERANCE_MM,
+        };
+        let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
+        Ok(Self {
+            post: RapidPost::new(plan),
+            warnings: outline.warnings,
+            notes,
+            first_feed: first_feed.unwrap_or(options.rapid_mm_s),
+            no_force,
+            unmarked: (no_force && outline.rapid).then_some(Mark::Cut),
+        })
     }
 
-    fn of(&self, target: &crate::program::Target) -> Option<Mark> {
-        let air = target.rapid.then_some(Mark::Air);
-        target.mark.or(air).or_else(|| self.0.get(&target.ordinal).copied()).or(self.1)
+    /// Name of the file that is to be started.
+    #[must_use]
+    pub fn main_file(&self) -> &str {
+        self.post.head().files.first().map_or("", |(_, name)| name)
+    }
+
+    /// How many files it is.
+    #[must_use]
+    pub fn files(&self) -> usize {
+        self.post.files()
+    }
+
+    /// The points of a program, or of a piece of it.
+    pub(super) fn points(&self, program: &Program, corrected: &Corrected) -> Vec<PostedPoint> {
+        let point = |posted: &super::Posted| {
+            let target = &program.targets[posted.target];
+            let own = target.mark.or(target.rapid.then_some(Mark::Air));
+            PostedPoint {
+                position_mm: posted.position_mm,
+                quat: posted.quat,
+                conf: posted.conf,
+                speed_mm_s: target.feed_mm_s.unwrap_or(self.first_feed),
+                rapid: target.rapid,
+                stop: matches!(target.goal, Goal::Joints { .. }),
+                mark: own.or_else(|| self.mark(&corrected.rows, target.ordinal)),
+                tool: target.tool,
+                wobj: target.wobj,
+            }
+        };
+        corrected.posted.iter().map(point).collect()
+    }
+
+    /// Whether a motion cuts, for those that have no mark of their own.
+    fn mark(&self, rows: &[Row], ordinal: u32) -> Option<Mark> {
+        if self.no_force {
+            return self.unmarked;
+        }
+        let row = rows.binary_search_by_key(&ordinal, |row| row.target).ok().map(|at| &rows[at]);
+        row.map(|row| if row.status == Status::Ok { Mark::Cut } else { Mark::Air })
     }
 }
 

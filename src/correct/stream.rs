@@ -7,19 +7,17 @@ use super::line::{self, Carried};
 use super::row::Tally;
 use super::solve::Spread;
 use super::turns::Turns;
-use super::{Corrected, Options, Row, Summary};
+use super::{Corrected, Options, Poster, Row, Summary};
 use crate::cell::Cell;
-use crate::program::rapid::{Next, Pieces, StraightPiece};
-use crate::program::{Goal, Program};
+use crate::program::piece::leaves_its_start;
+use crate::program::post::Text;
+use crate::program::{Next, StraightPiece, cl, rapid};
 use crate::text::{Diagnostic, apply};
-use nalgebra::Vector3;
 use std::io::{self, Read, Write};
 use std::sync::{Mutex, PoisonError};
 
-/// Where a streamed program goes.
+/// Where goes what a streamed program comes to.
 pub struct Sinks<'a> {
-    /// The corrected program.
-    pub program: &'a mut (dyn Write + Send),
     /// Report rows, as a format of [`report`](crate::report) writes them.
     pub report: &'a mut (dyn Write + Send),
     /// Report rows to text.
@@ -57,28 +55,99 @@ pub enum StreamError {
 /// More messages than this are only counted: a wrong cell fails at every target.
 const MOST_MESSAGES: usize = 1000;
 
-/// Corrects a program piece by piece on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
+/// Corrects a RAPID program piece by piece on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
 /// rewrite, in memory that does not grow with the program.
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
 pub fn compensate_pieces<R: Read + Send>(
-    pieces: Pieces<R>,
+    pieces: rapid::Pieces<R>,
     cell: &Cell,
     options: &Options,
     threads: usize,
+    program: &mut (dyn Write + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     let carried = Carried::new(cell).map_err(StreamError::Refused)?;
-    let (rows, progress) = (sinks.rows, sinks.progress);
-    let run = Run {
-        cell,
-        options,
+    let way = Way {
         carried: &carried,
-        reader: Mutex::new((0, pieces)),
-        writer: Turns::new(Writer::new(sinks)),
-        stop: Mutex::new(None),
+        pieces: Mutex::new((0, pieces)),
+        take: rapid::Pieces::take,
+        read: rapid::Piece::read,
+        skip: &|_| (),
+        write: &|_, piece, corrected| Some(Text { bytes: written(piece, corrected), files: Vec::new() }),
     };
+    run(&way, cell, options, threads, &mut |text| program.write_all(&text.bytes), sinks)
+}
+
+/// Corrects a CL program and posts it, piece by piece: the same bytes as [`compensate`](super::compensate) and
+/// [`post`](super::post). `open` gives the destination of a module's file by its name.
+///
+/// # Errors
+/// See [`StreamError`]; what was written until then is of no use.
+pub fn post_pieces<R: Read + Send, W: Write + Send>(
+    pieces: cl::Pieces<R>,
+    cell: &Cell,
+    options: &Options,
+    threads: usize,
+    poster: &Poster,
+    mut open: impl FnMut(&str) -> io::Result<W> + Send,
+    sinks: &mut Sinks<'_>,
+) -> Result<Streamed, StreamError> {
+    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    let way = Way {
+        carried: &carried,
+        pieces: Mutex::new((0, pieces)),
+        take: cl::Pieces::take,
+        read: Some,
+        skip: &|n| {
+            carried.posted.take(n, |_| ());
+        },
+        write: &|n, piece, corrected| {
+            let points = poster.points(&piece.program, corrected);
+            let from = carried.posted.take(n, |place| std::mem::replace(place, place.behind(&points)))?;
+            Some(poster.post.stretch(&from, &points, piece.last))
+        },
+    };
+    let mut file: Option<W> = None;
+    let mut write = |text: &Text| {
+        let mut from = 0;
+        for (start, name) in &text.files {
+            file.as_mut().map_or(Ok(()), |file| file.write_all(&text.bytes[from..*start]))?;
+            file = Some(open(name)?);
+            from = *start;
+        }
+        file.as_mut().map_or(Ok(()), |file| file.write_all(&text.bytes[from..]))
+    };
+    write(poster.post.head()).map_err(StreamError::Write)?;
+    let mut streamed = run(&way, cell, options, threads, &mut write, sinks)?;
+    streamed.notes = [&poster.warnings[..], &streamed.notes, &poster.notes].concat();
+    Ok(streamed)
+}
+
+/// How a language comes in and goes out.
+struct Way<'a, S, P> {
+    carried: &'a Carried<'a>,
+    /// The next piece's number, and where it comes from.
+    pieces: Mutex<(usize, S)>,
+    take: fn(&mut S) -> io::Result<Next<P>>,
+    read: fn(P) -> Option<StraightPiece>,
+    /// A piece, of this number, is refused.
+    skip: &'a (dyn Fn(usize) + Sync),
+    /// What a piece, of this number, comes to; `None` where one before it died.
+    write: &'a (dyn Fn(usize, &StraightPiece, &Corrected) -> Option<Text> + Sync),
+}
+
+fn run<'a, S: Send, P>(
+    way: &'a Way<'a, S, P>,
+    cell: &'a Cell,
+    options: &'a Options,
+    threads: usize,
+    program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send),
+    sinks: &'a mut Sinks<'_>,
+) -> Result<Streamed, StreamError> {
+    let (rows, progress) = (sinks.rows, sinks.progress);
+    let run = Run { way, cell, options, writer: Turns::new(Writer::new(program, sinks)), stop: Mutex::new(None) };
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
             scope.spawn(|| run.work(rows, progress));
@@ -90,12 +159,10 @@ pub fn compensate_pieces<R: Read + Send>(
     run.writer.into_inner().done()
 }
 
-struct Run<'a, R> {
+struct Run<'a, S, P> {
+    way: &'a Way<'a, S, P>,
     cell: &'a Cell,
     options: &'a Options,
-    carried: &'a Carried<'a>,
-    /// The next piece's number, and where it comes from.
-    reader: Mutex<(usize, Pieces<R>)>,
     writer: Turns<Writer<'a>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
@@ -103,29 +170,36 @@ struct Run<'a, R> {
 
 /// A piece, ready to be written.
 struct Done {
-    program: Vec<u8>,
+    program: Text,
     report: Vec<u8>,
     corrected: Corrected,
     bytes: u64,
 }
 
-impl<R: Read> Run<'_, R> {
+impl<S, P> Run<'_, S, P> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
         // Also where this thread dies: nobody is left waiting.
         let _others = BreakOff(self);
         while let Some((n, piece)) = self.next() {
-            let bytes = piece.len() as u64;
-            let Some(piece) = piece.read().filter(|piece| n > 0 || starts_in_itself(piece)) else {
+            // The feed out of the first target lies in the first piece, or else what follows would have to be looked at.
+            let own_start = |piece: &StraightPiece| n > 0 || piece.last || leaves_its_start(&piece.program.targets);
+            let Some(piece) = (self.way.read)(piece).filter(own_start) else {
                 return self.stop(StreamError::NotStraight);
             };
-            let corrected = line::piece(&piece.program, self.cell, self.options, self.carried, n, Spread::Here);
+            let carried = self.way.carried;
+            let corrected = line::piece(&piece.program, self.cell, self.options, carried, n, Spread::Here);
             let Some(corrected) = corrected else { return };
-            let done = corrected.map(|corrected| Done {
-                program: written(&piece, &corrected),
-                report: rows(&corrected.rows),
-                corrected,
-                bytes,
-            });
+            let done = match corrected {
+                Ok(corrected) => {
+                    let Some(program) = (self.way.write)(n, &piece, &corrected) else { return };
+                    let bytes = piece.own.len() as u64;
+                    Ok(Done { program, report: rows(&corrected.rows), corrected, bytes })
+                }
+                Err(refused) => {
+                    (self.way.skip)(n);
+                    Err(refused)
+                }
+            };
             match self.writer.take(n, |writer| writer.write(done, progress)) {
                 Some(Ok(())) => {}
                 Some(Err(error)) => return self.stop(StreamError::Write(error)),
@@ -134,10 +208,10 @@ impl<R: Read> Run<'_, R> {
         }
     }
 
-    fn next(&self) -> Option<(usize, crate::program::rapid::Piece)> {
-        let mut reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
-        let (n, pieces) = &mut *reader;
-        match pieces.take() {
+    fn next(&self) -> Option<(usize, P)> {
+        let mut pieces = self.way.pieces.lock().unwrap_or_else(PoisonError::into_inner);
+        let (n, pieces) = &mut *pieces;
+        match (self.way.take)(pieces) {
             Ok(Next::Piece(piece)) => {
                 *n += 1;
                 return Some((*n - 1, piece));
@@ -155,37 +229,20 @@ impl<R: Read> Run<'_, R> {
     }
 
     fn break_off(&self) {
-        self.carried.break_off();
+        self.way.carried.break_off();
         self.writer.break_off();
     }
 }
 
 /// Frees the other threads when one dies.
-struct BreakOff<'a, 'r, R: Read>(&'a Run<'r, R>);
+struct BreakOff<'a, 'r, S, P>(&'a Run<'r, S, P>);
 
-impl<R: Read> Drop for BreakOff<'_, '_, R> {
+impl<S, P> Drop for BreakOff<'_, '_, S, P> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.0.break_off();
         }
     }
-}
-
-/// Whether the feed out of the first target lies in the first piece: what follows is not looked at.
-fn starts_in_itself(piece: &StraightPiece) -> bool {
-    let position = |program: &Program, i: usize| match program.targets[i].goal {
-        Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(position_mm)),
-        Goal::Joints { .. } => None,
-    };
-    let program = &piece.program;
-    let Some(first) = program.targets.first() else { return piece.last };
-    let Some(from) = position(program, 0) else { return true };
-    /// Further than what gives no direction, mm.
-    const APART: f64 = 0.01;
-    let decided = |i: usize| {
-        program.targets[i].wobj != first.wobj || position(program, i).is_some_and(|to| (to - from).norm() > APART)
-    };
-    piece.last || (1..program.targets.len()).any(decided)
 }
 
 /// The piece's own bytes with its edits.
@@ -202,7 +259,7 @@ fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
 
 /// What comes out, in order.
 struct Writer<'a> {
-    program: &'a mut (dyn Write + Send),
+    program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send),
     report: &'a mut (dyn Write + Send),
     each: &'a mut (dyn FnMut(&[Row]) + Send),
     tally: Tally,
@@ -214,9 +271,9 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    fn new(sinks: &'a mut Sinks<'_>) -> Self {
+    fn new(program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
         Self {
-            program: &mut *sinks.program,
+            program,
             report: &mut *sinks.report,
             each: &mut *sinks.each,
             tally: Tally::default(),
@@ -232,7 +289,7 @@ impl<'a> Writer<'a> {
         let done = match done {
             Ok(done) => done,
             Err(refused) => {
-                self.refused.add(refused);
+                self.refused.add_once(refused);
                 return Ok(());
             }
         };
@@ -244,7 +301,7 @@ impl<'a> Writer<'a> {
         self.bytes += done.bytes;
         progress(self.targets, self.bytes);
         if self.refused.count + self.failures.count == 0 {
-            self.program.write_all(&done.program)?;
+            (self.program)(&done.program)?;
             self.report.write_all(&done.report)?;
         }
         Ok(())
@@ -260,19 +317,26 @@ impl<'a> Writer<'a> {
 
 /// The first messages, and how many there were.
 #[derive(Default)]
-struct Messages {
+pub(super) struct Messages {
     first: Vec<Diagnostic>,
     count: usize,
 }
 
 impl Messages {
-    fn add(&mut self, messages: Vec<Diagnostic>) {
+    pub(super) fn add(&mut self, messages: Vec<Diagnostic>) {
         self.count += messages.len();
         let room = MOST_MESSAGES - self.first.len();
         self.first.extend(messages.into_iter().take(room));
     }
 
-    fn all(mut self) -> Vec<Diagnostic> {
+    /// Names that nobody declares are missing in every piece.
+    fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
+        let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
+        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
+        self.add(messages);
+    }
+
+    pub(super) fn all(mut self) -> Vec<Diagnostic> {
         if self.count > self.first.len() {
             let more = format!("{} more targets have messages like these", self.count - self.first.len());
             self.first.push(Diagnostic::error("target.more", "", more));

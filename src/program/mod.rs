@@ -7,6 +7,7 @@
 pub mod cl;
 mod detect;
 mod modules;
+pub(crate) mod piece;
 pub mod post;
 pub mod rapid;
 mod round_trip;
@@ -14,6 +15,9 @@ mod target;
 
 pub use detect::detect;
 pub use modules::group_modules;
+// What passes between the languages' `Pieces` and the line that corrects them; not for callers.
+#[doc(hidden)]
+pub use piece::{Next, StraightPiece};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 

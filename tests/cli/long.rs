@@ -11,6 +11,19 @@ fn long(rounds: usize) -> String {
     [head, &body, end].concat().join("\n") + "\n"
 }
 
+/// Moves along a line and back, with an arc now and then.
+fn long_cl(targets: usize) -> String {
+    let mut text = "UNITS/MM\nFEDRAT/600,MMPM\nRAPID\nGOTO/0,0,100,0,0,1\nGOTO/0,0,0,0,0,1\n".to_owned();
+    for i in 0..targets {
+        let x = 0.5 * (i % 200) as f64;
+        text += &match i % 500 {
+            0 => "CIRCLE/0,2,0,0,0,1,2\nGOTO/0,4,0\nCIRCLE/0,2,0,0,0,1,2\nGOTO/0,0,0\n".to_owned(),
+            _ => format!("GOTO/{x},{},0,0,0,1\n", 0.25 * (i % 40) as f64),
+        };
+    }
+    text + "FINI\n"
+}
+
 #[test]
 fn a_long_program_is_the_same_from_file_and_pipe_streamed_and_whole() {
     let bench = Bench::new();
@@ -27,27 +40,68 @@ fn a_long_program_is_the_same_from_file_and_pipe_streamed_and_whole() {
     assert!(piped.stdout == bench.read("out.mod"), "the piped program differs");
 }
 
+#[test]
+fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
+    let bench = Bench::new();
+    let text = long_cl(10 * PIECE / 40);
+    bench.write("long.apt", &text);
+    // COPY is what only the whole tells the meaning of; here it repeats nothing.
+    bench.write("unread.apt", text.replace("FINI", "INDEX/1\nCOPY/1,SAME,1\nFINI"));
+    let options = "--cell cell.toml --max-targets 5000 --html";
+    bench.run(&format!("compensate long.apt --out-dir out --report out.csv --jobs 3 {options} out.html")).exits(0);
+    bench.run(&format!("compensate unread.apt --out-dir unread --report unread.csv {options} unread.html")).exits(0);
+    let parts = bench.names("out");
+    assert!(parts.len() > 3, "{parts:?}");
+    let renamed = |text: String| text.replace("unread", "long");
+    for part in parts {
+        let other = renamed(bench.read(&format!("unread/{}", part.replace("long", "unread"))));
+        assert!(bench.read(&format!("out/{part}")) == other, "{part} differs");
+    }
+    assert!(bench.read("out.csv") == bench.read("unread.csv"), "the reports differ");
+    assert!(bench.read("out.html") == renamed(bench.read("unread.html")), "the pages differ");
+    bench.run("compensate long.apt --cell cell.toml -o program.mod").exits(0);
+    let piped = bench.run_with("compensate - --cell cell.toml --jobs 2", &text).exits(0);
+    let file = bench.read("program.mod").replace("from long.apt", "from -");
+    assert!(piped.stdout == file, "the piped program differs");
+    let refused = bench.run("compensate long.apt --cell cell.toml -o parts.mod --max-targets 5000").exits(2);
+    assert!(refused.stderr.contains("give --out-dir DIR"), "{}", refused.stderr);
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_nothing() {
-    use std::process::{Command, Stdio};
-    use std::time::{Duration, Instant};
     let bench = Bench::new();
     bench.write("long.mod", long(100_000));
-    let hidden = || bench.names(".").iter().filter(|name| name.starts_with('.')).count();
+    interrupted(&bench, &["long.mod", "-o", "out.mod", "--report", "out.csv"], 2);
+    bench.write("long.apt", long_cl(300_000));
+    // Two modules at least are begun: the main one and the first part.
+    interrupted(&bench, &["long.apt", "--out-dir", "out", "--report", "out.csv", "--max-targets", "10000"], 2);
+}
+
+/// Interrupts a run when so many outputs are staged.
+#[cfg(unix)]
+fn interrupted(bench: &Bench, arguments: &[&str], outputs: usize) {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+    let staged = |folder| if bench.path(folder).is_dir() { bench.names(folder) } else { Vec::new() };
+    let hidden = || {
+        let names = [staged("."), staged("out")].concat();
+        names.iter().filter(|name| name.starts_with('.')).count()
+    };
     let mut run = Command::new(env!("CARGO_BIN_EXE_deflex"))
-        .args(["compensate", "long.mod", "--cell", "cell.toml", "-o", "out.mod", "--report", "out.csv"])
+        .args([&["compensate", "--cell", "cell.toml"], arguments].concat())
         .current_dir(bench.path("."))
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
     let start = Instant::now();
-    while hidden() < 2 && start.elapsed() < Duration::from_secs(60) {
+    while hidden() < outputs && start.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(2));
     }
-    assert_eq!(hidden(), 2, "both outputs are staged");
+    assert!(hidden() >= outputs, "the outputs are staged");
     assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
     assert_eq!(run.wait().unwrap().code(), Some(130));
     assert_eq!(hidden(), 0);
-    assert!(!bench.names(".").iter().any(|name| name.starts_with("out")));
+    assert!(!staged(".").iter().any(|name| name.starts_with("out.")), "{:?}", staged("."));
+    assert!(staged("out").is_empty(), "{:?}", staged("out"));
 }

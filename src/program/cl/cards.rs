@@ -8,24 +8,19 @@ const CARD: usize = 80;
 const FEWEST_LINES: usize = 3;
 
 /// Whether a file is a deck of cards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Cards(bool);
 
 impl Cards {
     /// A deck: every line that is not empty has 80 columns and a number at the end of the last eight.
     /// Modern lines are of any length, and longer than 72 columns without meaning anything by it.
     pub(super) fn detect(bytes: &[u8]) -> Self {
-        let mut lines = 0;
-        for line in bytes.split(|b| matches!(b, b'\n' | b'\r')).filter(|l| !l.is_empty()) {
-            let numbered = line.len() == CARD
-                && line[CARD - 1].is_ascii_digit()
-                && line[COLUMNS..].iter().all(|b| b.is_ascii_alphanumeric() || *b == b' ');
-            if !numbered {
-                return Self(false);
-            }
-            lines += 1;
-        }
-        Self(lines >= FEWEST_LINES)
+        Self(!Self::excluded(bytes) && lines(bytes).take(FEWEST_LINES).count() == FEWEST_LINES)
+    }
+
+    /// Whether some line is no card: whatever follows, the file is no deck.
+    pub(super) fn excluded(bytes: &[u8]) -> bool {
+        lines(bytes).any(|line| !is_card(line))
     }
 
     pub(super) fn is_cards(self) -> bool {
@@ -37,4 +32,15 @@ impl Cards {
         let start = bytes[..at].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
         end.min(start + COLUMNS).max(at)
     }
+}
+
+/// Lines that are not empty.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    bytes.split(|b| matches!(b, b'\n' | b'\r')).filter(|line| !line.is_empty())
+}
+
+fn is_card(line: &[u8]) -> bool {
+    line.len() == CARD
+        && line[CARD - 1].is_ascii_digit()
+        && line[COLUMNS..].iter().all(|b| b.is_ascii_alphanumeric() || *b == b' ')
 }

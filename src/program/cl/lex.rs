@@ -67,6 +67,21 @@ fn is_free_text(line: &[u8]) -> bool {
 /// Longest number token, both halves of a cut one together; longer ones are words.
 const MAX_NUMBER: usize = 64;
 
+/// A place between records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// Offset into the bytes.
+    pub(super) at: usize,
+    /// Line, from 1.
+    pub(super) line: usize,
+}
+
+/// Offset behind the byte order mark that a file may begin with.
+pub(super) fn behind_mark(bytes: &[u8]) -> usize {
+    const MARK: &[u8] = b"\xEF\xBB\xBF";
+    if bytes.starts_with(MARK) { MARK.len() } else { 0 }
+}
+
 /// Reads records one by one.
 pub(super) struct Lexer<'a> {
     bytes: &'a [u8],
@@ -76,9 +91,33 @@ pub(super) struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
+    /// From the start of a whole file.
     pub(super) fn new(bytes: &'a [u8], lines_before: usize) -> Self {
-        let at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-        Self { bytes, at, line: lines_before + 1, cards: Cards::detect(bytes) }
+        let cards = Cards::detect(bytes);
+        Self { bytes, at: behind_mark(bytes), line: lines_before + 1, cards }
+    }
+
+    /// From a place on, in a file that is no deck of cards.
+    pub(super) fn resume(bytes: &'a [u8], place: Place) -> Self {
+        Self { bytes, at: place.at, line: place.line, cards: Cards::default() }
+    }
+
+    pub(super) fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    pub(super) fn is_cards(&self) -> bool {
+        self.cards.is_cards()
+    }
+
+    /// Behind the last record, before the end of its line.
+    pub(super) fn place(&self) -> Place {
+        Place { at: self.at, line: self.line }
+    }
+
+    /// Whether more bytes could still change what the last record is.
+    pub(super) fn is_at_end(&self) -> bool {
+        self.at == self.bytes.len()
     }
 
     /// The next record, its tokens in `tokens` (which is reused).

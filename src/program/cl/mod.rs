@@ -5,6 +5,7 @@
 //! | `lex`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
 //! | `read`, `setup`, `motion`, `modal`, `frame`, `arc`, `dialect`, `words` | statements | targets |
+//! | [`Pieces`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
@@ -16,6 +17,7 @@ mod layout;
 mod lex;
 mod modal;
 mod motion;
+mod pieces;
 mod read;
 mod rewrite;
 mod setup;
@@ -25,10 +27,11 @@ mod vector;
 mod words;
 
 pub(crate) use layout::Layout;
+pub use pieces::Pieces;
 pub(super) use rewrite::rewrite;
 pub use spin::{SpinRule, spin};
 
-use super::{Language, Program, Tool, Wobj};
+use super::Program;
 use crate::text::{Diagnostic, Source, Span};
 
 /// What the cell file says about CL input (`[cl]`), in the file's own units.
@@ -75,43 +78,43 @@ pub enum Point {
 /// # Errors
 /// The file as a whole is refused (APT-360 source, not CL, no unit): every reason found.
 pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnostic>> {
-    if options.point == Point::Centre && options.corner_radius_mm.is_none() {
-        return Err(vec![
-            Diagnostic::error(
-                "cl.no-corner-radius",
-                "",
-                "`point = \"centre\"` in [cl] needs the cutter's corner radius",
-            )
-            .help("set `corner_radius_mm` under [cut.cutter] in the cell file"),
-        ]);
+    if let Some(refusal) = refused(options) {
+        return Err(vec![refusal]);
     }
-    if options.arc_tolerance_mm.is_nan() || options.arc_tolerance_mm <= 0.0 {
-        return Err(vec![Diagnostic::error("cl.arc-tolerance", "", "the arc tolerance must be above 0 mm")]);
-    }
-    let mut reader = read::Reader::new(&source, options);
-    reader.run();
-    let refusal =
-        source_language(&reader, &source).or_else(|| reader.refusal.take()).or_else(|| foreign(&reader, &source));
+    let lexer = lex::Lexer::new(&source.bytes, source.lines_before);
+    let cards = lexer.is_cards();
+    let mut reader = read::Reader::new(&source.bytes, options);
+    reader.run(lexer);
+    let refusal = source_language(&reader, &source)
+        .or_else(|| without_unit(&reader, &source))
+        .or_else(|| foreign(&reader, &source));
     if let Some(refusal) = refusal {
         return Err(vec![refusal]);
     }
-    let read::Reader { dialect, targets, kept, diagnostics, mut layout, literal_targets, arcs, cutter, .. } = reader;
-    layout.cards = cards::Cards::detect(&source.bytes).is_cards();
-    Ok(Program {
-        sources: vec![source],
-        written: 1,
-        language: Language::Cl,
-        dialect: dialect.name(),
-        tools: vec![Tool { name: options.tool.as_str().into(), data: None }],
-        wobjs: vec![Wobj { name: options.wobj.as_str().into(), data: None }],
-        targets,
-        kept,
-        literal_targets,
-        arcs,
-        cutter,
-        diagnostics,
-        layout: super::Layout::Cl(layout),
-    })
+    reader.layout.cards = cards;
+    let mut program = reader.program(source);
+    program.diagnostics = reader.warnings(&program.sources[0].name);
+    Ok(program)
+}
+
+/// Options that nothing can be read with.
+fn refused(options: &ClOptions) -> Option<Diagnostic> {
+    if options.point == Point::Centre && options.corner_radius_mm.is_none() {
+        let message = "`point = \"centre\"` in [cl] needs the cutter's corner radius";
+        return Some(
+            Diagnostic::error("cl.no-corner-radius", "", message)
+                .help("set `corner_radius_mm` under [cut.cutter] in the cell file"),
+        );
+    }
+    (options.arc_tolerance_mm.is_nan() || options.arc_tolerance_mm <= 0.0)
+        .then(|| Diagnostic::error("cl.arc-tolerance", "", "the arc tolerance must be above 0 mm"))
+}
+
+/// Refuses a file with a position whose unit nobody says.
+fn without_unit(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
+    let message = "no UNITS statement, and no `units` in [cl]: expected millimetres or inches";
+    let help = "set `units = \"mm\"` or `units = \"inch\"` under [cl] in the cell file";
+    Some(Diagnostic::error("cl.no-unit", &source.name, message).at(source, reader.no_unit?).help(help))
 }
 
 /// One statement of APT-360 in this many positions makes a file source: CL data have none, or a
@@ -120,18 +123,19 @@ const POSITIONS_PER_SOURCE_WORD: usize = 4;
 
 /// Refuses APT-360 source: symbolic geometry that only an APT processor turns into positions.
 fn source_language(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
-    let at = reader.first_source_word?;
-    if reader.source_words * POSITIONS_PER_SOURCE_WORD < reader.literal_targets {
-        return None;
-    }
+    let at = reader.first_source_word.filter(|_| is_source_language(reader))?;
     let message = "APT-360 source (symbolic geometry), expected CL data with numeric positions";
     let help = "run it through an APT processor and give its CL output";
     Some(Diagnostic::error("cl.apt-source", &source.name, message).at(source, at).help(help))
 }
 
+fn is_source_language(reader: &read::Reader) -> bool {
+    reader.source_words > 0 && reader.source_words * POSITIONS_PER_SOURCE_WORD >= reader.literal_targets
+}
+
 /// Refuses what has no CL statement in it.
 fn foreign(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
-    if reader.understood > 0 || !reader.targets.is_empty() {
+    if !is_foreign(reader) {
         return None;
     }
     let first = reader.kept.first().map_or(Span::default(), |k| k.span);
@@ -141,4 +145,8 @@ fn foreign(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
             .at(source, first)
             .help("give a CL file, or `--format rapid`"),
     )
+}
+
+fn is_foreign(reader: &read::Reader) -> bool {
+    reader.understood == 0 && reader.ordinal == 0
 }

@@ -29,7 +29,7 @@ pub(super) struct PendingArc {
     pub(super) record: Record,
 }
 
-impl Reader<'_> {
+impl Reader {
     /// `GOTO/x,y,z[,i,j,k]`, or several positions (Creo).
     pub(super) fn goto(&mut self, record: Record, s: &Statement) -> Outcome {
         let read = self.position(record, s);
@@ -44,7 +44,7 @@ impl Reader<'_> {
 
     fn position(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(numbers) = s.numbers() else {
-            if s.items.first().is_some_and(|t| t.kind == Kind::Word && is_name(self.source.slice(t.span))) {
+            if s.items.first().is_some_and(|t| t.kind == Kind::Word && is_name(&s.bytes[t.span.range()])) {
                 self.source_word(record);
             }
             return Err("position is not given by numbers");
@@ -58,7 +58,7 @@ impl Reader<'_> {
         let Some((xyz, position)) = triple() else {
             return Err("position without three numbers");
         };
-        self.ensure_units(record)?;
+        self.ensure_units(record, s)?;
         self.literal_targets += 1;
         match count {
             3 => self.modal.axis = self.axis_where_none_is_printed(),
@@ -169,7 +169,7 @@ impl Reader<'_> {
             return Err("increment is not given by numbers");
         };
         let Some(start) = self.modal.position else { return Err("increment from an unknown position") };
-        self.ensure_units(record)?;
+        self.ensure_units(record, s)?;
         let mut spans = numbers.iter().map(|t| t.span);
         let (step, slot) = match (numbers.count(), numbers.first::<3>(), numbers.first::<1>()) {
             (3.., Some(step), _) => {
@@ -273,7 +273,7 @@ impl Reader<'_> {
             self.modal.position = None;
             return Err("arc that ends far off its circle");
         }
-        self.ensure_units(record)?;
+        self.ensure_units(record, s)?;
         let end = on_circle(centre, radius, from, to);
         let spans: Vec<Span> = line.iter().map(|t| t.span).collect();
         let centre_spans: Vec<Span> = round.iter().map(|t| t.span).take(3).collect();

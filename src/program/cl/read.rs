@@ -9,7 +9,7 @@ use super::setup::unit_at_start;
 use super::statement::Statement;
 use super::words::{decides_motion, is_source, is_without_motion};
 use super::{ClOptions, Layout};
-use crate::program::{CutterInfo, Editable, Kept, Mark, Target};
+use crate::program::{CutterInfo, Editable, Kept, Language, Mark, Program, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
 /// Why a statement is kept whose word the reader does not know.
@@ -18,10 +18,10 @@ const UNKNOWN: &str = "statement not known";
 /// Why an arc is kept that no position follows.
 pub(super) const ARC_WITHOUT_END: &str = "arc without an end";
 
-/// Everything that reading collects.
-pub(super) struct Reader<'a> {
-    pub(super) source: &'a Source,
-    pub(super) options: &'a ClOptions,
+/// Everything that reading collects, and all that holds from one record to the next.
+#[derive(Debug)]
+pub(super) struct Reader {
+    pub(super) options: ClOptions,
     pub(super) dialect: Dialect,
     pub(super) modal: Modal,
     pub(super) pending: Option<PendingArc>,
@@ -40,7 +40,6 @@ pub(super) struct Reader<'a> {
     pub(super) index: usize,
     pub(super) targets: Vec<Target>,
     pub(super) kept: Vec<Kept>,
-    pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) layout: Layout,
     pub(super) literal_targets: usize,
     pub(super) arcs: usize,
@@ -50,9 +49,14 @@ pub(super) struct Reader<'a> {
     pub(super) first_source_word: Option<Span>,
     /// Statements that are CL, kept ones among them.
     pub(super) understood: usize,
-    /// Why the file as a whole cannot be read; stops reading.
-    pub(super) refusal: Option<Diagnostic>,
-    pub(super) said: Vec<&'static str>,
+    /// A position whose unit nothing tells: the file as a whole cannot be read.
+    pub(super) no_unit: Option<Span>,
+    /// `COPY` changes what stands before it.
+    pub(super) copies: bool,
+    /// Warnings, code and message, each once.
+    pub(super) said: Vec<(&'static str, &'static str)>,
+    /// Reasons why statements are kept, at the first of each, and how many there are.
+    told: Vec<(Diagnostic, usize)>,
 }
 
 /// A CATIA matrix in comments: rows still to come.
@@ -66,15 +70,17 @@ pub(super) struct MatrixRows {
 /// Nothing, or why a statement is kept as it stands.
 pub(super) type Outcome = Result<(), &'static str>;
 
-impl<'a> Reader<'a> {
-    pub(super) fn new(source: &'a Source, options: &'a ClOptions) -> Self {
+impl Reader {
+    /// A reader of the file that begins with `head`, which is all of it or more than its makers' traces are looked for in.
+    pub(super) fn new(head: &[u8], options: &ClOptions) -> Self {
+        let units = unit_at_start(head, options);
+        let layout = Layout { frames: vec![Frame::identity(units.unwrap_or(1.0))], ..Layout::default() };
         Self {
-            source,
-            options,
-            dialect: Dialect::detect(&source.bytes),
+            options: options.clone(),
+            dialect: Dialect::detect(head),
             modal: Modal::default(),
             pending: None,
-            units: unit_at_start(&source.bytes, options),
+            units,
             frame: 0,
             base: None,
             setup_axis: [0.0, 0.0, 1.0],
@@ -84,42 +90,95 @@ impl<'a> Reader<'a> {
             index: 0,
             targets: Vec::new(),
             kept: Vec::new(),
-            diagnostics: Vec::new(),
-            layout: Layout::default(),
+            layout,
             literal_targets: 0,
             arcs: 0,
             cutter: None,
             source_words: 0,
             first_source_word: None,
             understood: 0,
-            refusal: None,
+            no_unit: None,
+            copies: false,
             said: Vec::new(),
+            told: Vec::new(),
         }
     }
 
-    /// Reads the whole source.
-    pub(super) fn run(&mut self) {
-        self.layout.frames.push(Frame::identity(self.units.unwrap_or(1.0)));
-        let mut lexer = Lexer::new(&self.source.bytes, self.source.lines_before);
+    /// Reads all records that `lexer` has.
+    pub(super) fn run(&mut self, mut lexer: Lexer) {
         let mut tokens = Vec::new();
         while let Some(record) = lexer.next(&mut tokens) {
-            match record.kind {
-                RecordKind::Comment => self.comment(record),
-                RecordKind::FreeText => self.free_text(record),
-                RecordKind::Statement => self.record(record, &tokens),
-            }
-            if self.refusal.is_some() {
+            self.take(lexer.bytes(), record, &tokens);
+            if self.no_unit.is_some() {
                 return;
             }
         }
+        self.end();
+    }
+
+    /// Reads one record.
+    pub(super) fn take(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
+        match record.kind {
+            RecordKind::Comment => self.comment(&bytes[record.span.range()]),
+            RecordKind::FreeText => self.free_text(&bytes[record.span.range()]),
+            RecordKind::Statement => self.record(bytes, record, tokens),
+        }
+    }
+
+    /// There are no more records.
+    pub(super) fn end(&mut self) {
         if let Some(arc) = self.pending.take() {
             self.keep_fault(arc.record, ARC_WITHOUT_END);
         }
-        self.tell_what_is_kept();
     }
 
-    fn record(&mut self, record: Record, tokens: &[Token]) {
-        let Some(statement) = Statement::parse(&self.source.bytes, tokens) else {
+    /// What was read since the last time, as the program of `source`, whose bytes it was read from.
+    pub(super) fn program(&mut self, source: Source) -> Program {
+        self.tell_what_is_kept(&source);
+        let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
+        Program {
+            sources: vec![source],
+            written: 1,
+            language: Language::Cl,
+            dialect: self.dialect.name(),
+            tools: vec![Tool { name: self.options.tool.as_str().into(), data: None }],
+            wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None }],
+            targets: std::mem::take(&mut self.targets),
+            kept: std::mem::take(&mut self.kept),
+            literal_targets: self.literal_targets,
+            arcs: self.arcs,
+            cutter: self.cutter,
+            diagnostics: Vec::new(),
+            layout: crate::program::Layout::Cl(std::mem::replace(&mut self.layout, layout)),
+        }
+    }
+
+    /// Statements that mean something to a machine tool, by reason at the first of each.
+    fn tell_what_is_kept(&mut self, source: &Source) {
+        for kept in self.kept.iter().filter(|kept| !kept.fault) {
+            match self.told.iter_mut().find(|(first, _)| first.message == kept.reason) {
+                Some((_, count)) => *count += 1,
+                None => {
+                    let warning = Diagnostic::error("cl.kept", &source.name, kept.reason).at(source, kept.span);
+                    let help = "it has no part in the program that is written";
+                    self.told.push((warning.severity(Severity::Warning).help(help), 1));
+                }
+            }
+        }
+    }
+
+    /// What was noticed so far.
+    pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
+        let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
+        let told = |(first, count): &(Diagnostic, usize)| match count {
+            1 => first.clone(),
+            more => Diagnostic { message: format!("{} ({more} statements)", first.message), ..first.clone() },
+        };
+        self.said.iter().map(said).chain(self.told.iter().map(told)).collect()
+    }
+
+    fn record(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
+        let Some(statement) = Statement::parse(bytes, tokens) else {
             return self.keep(record, "no statement");
         };
         if statement.defines {
@@ -148,7 +207,7 @@ impl<'a> Reader<'a> {
                 self.modal.rapid = true;
                 // `rapid, goto/…`: two statements in a line.
                 let next = s.items.iter().position(|t| t.kind == Kind::Word);
-                match next.and_then(|at| Statement::parse(&self.source.bytes, &s.items[at..])) {
+                match next.and_then(|at| Statement::parse(s.bytes, &s.items[at..])) {
                     Some(next) if next.major.eq_ignore_ascii_case(b"GOTO") => self.goto(record, &next),
                     _ => Ok(()),
                 }
@@ -198,6 +257,7 @@ impl<'a> Reader<'a> {
             }
             b"TRANS" => self.block("shifted by TRANS", "TRANS shifts what follows"),
             b"COPY" => {
+                self.copies = true;
                 for target in &mut self.targets[self.index..] {
                     target.editable = Editable::No("repeated by COPY");
                 }
@@ -231,8 +291,7 @@ impl<'a> Reader<'a> {
         Err(kept)
     }
 
-    fn comment(&mut self, record: Record) {
-        let text = self.source.slice(record.span);
+    fn comment(&mut self, text: &[u8]) {
         if text.starts_with(b"$$-> CSYS") {
             let values = numbers_in(text);
             if let Some(m) = first_of::<12>(&values)
@@ -273,8 +332,7 @@ impl<'a> Reader<'a> {
     }
 
     /// `PPRINT/DEFLEX AIR` and `PPRINT/DEFLEX CUT`; all other text means nothing here.
-    fn free_text(&mut self, record: Record) {
-        let text = self.source.slice(record.span);
+    fn free_text(&mut self, text: &[u8]) {
         if text.len() > 6 && text[..6].eq_ignore_ascii_case(b"PPRINT") {
             let said: Vec<u8> = text[6..]
                 .iter()
@@ -301,30 +359,9 @@ impl<'a> Reader<'a> {
         self.kept.push(kept(record, reason, true));
     }
 
-    /// Statements that mean something to a machine tool, by reason at the first of each.
-    fn tell_what_is_kept(&mut self) {
-        let mut reasons: Vec<(&Kept, usize)> = Vec::new();
-        for kept in self.kept.iter().filter(|kept| !kept.fault) {
-            match reasons.iter_mut().find(|(first, _)| first.reason == kept.reason) {
-                Some((_, count)) => *count += 1,
-                None => reasons.push((kept, 1)),
-            }
-        }
-        let said = reasons.into_iter().map(|(first, count)| {
-            let message = match count {
-                1 => first.reason.to_owned(),
-                more => format!("{} ({more} statements)", first.reason),
-            };
-            let warning = Diagnostic::error("cl.kept", &self.source.name, message).at(self.source, first.span);
-            warning.severity(Severity::Warning).help("it has no part in the program that is written")
-        });
-        self.diagnostics.extend(said);
-    }
-
     pub(super) fn say(&mut self, code: &'static str, message: &'static str) {
-        if !self.said.contains(&code) {
-            self.said.push(code);
-            self.diagnostics.push(Diagnostic::error(code, &self.source.name, message).severity(Severity::Warning));
+        if self.said.iter().all(|(said, _)| *said != code) {
+            self.said.push((code, message));
         }
     }
 

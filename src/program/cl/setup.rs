@@ -9,12 +9,11 @@ use super::statement::Statement;
 use super::vector::{cross, scale};
 use super::{ClOptions, Units};
 use crate::program::CutterInfo;
-use crate::text::Diagnostic;
 
 /// Where the unit is looked for before the first statement; further down it counts from there on.
 const HEAD: usize = 16 * 1024;
 
-impl Reader<'_> {
+impl Reader {
     pub(super) fn units(&mut self, s: &Statement) -> Outcome {
         let unit = s.words().find_map(unit_of).ok_or("unit not known")?;
         self.set_units(unit);
@@ -39,21 +38,17 @@ impl Reader<'_> {
     }
 
     /// A position needs a unit: the file's, else the options', else the file is refused.
-    pub(super) fn ensure_units(&mut self, record: Record) -> Outcome {
+    pub(super) fn ensure_units(&mut self, record: Record, s: &Statement) -> Outcome {
         if self.units.is_some() {
             return Ok(());
         }
-        match unit_further_down(&self.source.bytes[record.span.start as usize..]) {
+        match unit_further_down(&s.bytes[record.span.start as usize..]) {
             Some(mm) => {
                 self.set_units(mm);
                 Ok(())
             }
             None => {
-                let message = "no UNITS statement, and no `units` in [cl]: expected millimetres or inches";
-                let help = "set `units = \"mm\"` or `units = \"inch\"` under [cl] in the cell file";
-                let name = &self.source.name;
-                self.refusal =
-                    Some(Diagnostic::error("cl.no-unit", name, message).at(self.source, record.span).help(help));
+                self.no_unit = Some(record.span);
                 Err("position without a unit")
             }
         }

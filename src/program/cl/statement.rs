@@ -5,7 +5,7 @@ use super::lex::{Kind, Token};
 /// `[seqno] [label)] major [/ items]`
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Statement<'a> {
-    bytes: &'a [u8],
+    pub(super) bytes: &'a [u8],
     /// First word.
     pub(super) major: &'a [u8],
     /// Whether `=` follows the first word, or the index in brackets after it: a definition, not CL.

@@ -5,7 +5,7 @@
 //! | `names` | identifiers and predefined speeds |
 //! | `zone` | corner zones suited to spacing and bend |
 //! | `data` | declarations: tools, work objects, speeds |
-//! | `writer` | modules, streamed point by point |
+//! | `writer` | modules, written stretch by stretch |
 
 mod data;
 mod names;
@@ -13,4 +13,4 @@ mod writer;
 mod zone;
 
 pub use names::identifier;
-pub use writer::{PostedPoint, RapidPlan, RapidWriter, as_written};
+pub use writer::{Place, PostedPoint, RapidPlan, RapidPost, Text, as_written};

@@ -1,10 +1,9 @@
-//! Modules, streamed point by point.
+//! Modules, written stretch by stretch.
 
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
 use crate::program::{Conf, Mark, ToolData, WobjData};
-use std::io::{self, Write};
 
 /// What is known before the first point.
 #[derive(Clone, Debug)]
@@ -58,166 +57,160 @@ pub fn as_written(position_mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4])
     held_pose(position_mm, quat)
 }
 
+/// Text of a program: what goes on in the file before, and further files.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Text {
+    /// All bytes, one file behind the other.
+    pub bytes: Vec<u8>,
+    /// Where the files begin that begin here, and their names (`part.mod`).
+    pub files: Vec<(usize, String)>,
+}
+
+impl Text {
+    fn line(&mut self, text: &str) {
+        self.bytes.extend_from_slice(text.as_bytes());
+        self.bytes.push(b'\n');
+    }
+
+    fn start(&mut self, module: &str) {
+        self.files.push((self.bytes.len(), format!("{module}.mod")));
+        self.line(&format!("MODULE {module}"));
+    }
+
+    fn end(&mut self) {
+        self.line("  ENDPROC\nENDMODULE");
+    }
+}
+
+/// How far a program is written: what the next stretch of it goes on from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// Points written.
+    written: usize,
+    /// The last of them.
+    before: Option<PostedPoint>,
+    /// The point that waits for the next one, which its zone depends on.
+    waiting: Option<PostedPoint>,
+}
+
+impl Place {
+    /// Behind these points too, all but the last of which are written with them.
+    #[must_use]
+    pub fn behind(&self, points: &[PostedPoint]) -> Self {
+        let mut known = [self.before, self.waiting].into_iter().flatten().chain(points.iter().copied()).rev();
+        let waiting = known.next();
+        let count = usize::from(self.waiting.is_some()) + points.len();
+        Self { written: self.written + count.saturating_sub(1), before: known.next(), waiting }
+    }
+}
+
 /// Writes a program as one module, or as parts and a main module that loads and calls them.
 ///
-/// `open` gives the destination of a file by its name (`part.mod`); files are written one after the
-/// other, each whole before the next, the main module of a split program first.
-#[derive(Debug)]
-pub struct RapidWriter<F, W> {
+/// The head comes first; then stretches of points, each from its [`Place`] on, whoever has written those before.
+#[derive(Clone, Debug)]
+pub struct RapidPost {
     plan: RapidPlan,
     module: String,
-    open: F,
-    out: Option<W>,
-    files: Vec<String>,
-    /// Names of the declared speeds.
+    /// Names of the declared speeds, slowest first.
     speeds: Vec<(f64, String)>,
-    /// The point that waits for the next, which its zone depends on.
-    waiting: Option<PostedPoint>,
-    before: Option<PostedPoint>,
-    mark: Option<Mark>,
-    in_part: usize,
-    line: Vec<u8>,
+    /// Points a part, where there are parts.
+    part: Option<usize>,
+    head: Text,
 }
 
 /// Longest ending of a part's names: `_12345_run`.
 const ENDING: usize = 10;
 
-impl<F, W> RapidWriter<F, W>
-where
-    F: FnMut(&str) -> io::Result<W>,
-    W: Write,
-{
-    /// Writes the head: declarations and, for a split program, the whole main module.
-    ///
-    /// # Errors
-    /// What `open` or the destination reports.
-    pub fn new(plan: RapidPlan, open: F) -> io::Result<Self> {
+impl RapidPost {
+    /// Lays out the program: what is declared, and which parts there are.
+    #[must_use]
+    pub fn new(plan: RapidPlan) -> Self {
         let module = identifier(&plan.name, ENDING);
-        let mut writer = Self {
-            plan,
-            module,
-            open,
-            out: None,
-            files: Vec::new(),
-            speeds: Vec::new(),
-            waiting: None,
-            before: None,
-            mark: None,
-            in_part: 0,
-            line: Vec::new(),
-        };
-        writer.head()?;
-        Ok(writer)
+        let part = plan.max_points.map(|most| most.max(1)).filter(|most| plan.points > *most);
+        let mut post = Self { plan, module, speeds: Vec::new(), part, head: Text::default() };
+        post.declare();
+        post
     }
 
-    /// Adds a point.
-    ///
-    /// # Errors
-    /// What the destination reports.
-    pub fn point(&mut self, point: &PostedPoint) -> io::Result<()> {
-        if let Some(waiting) = self.waiting.replace(*point) {
-            self.movement(&waiting, Some(point))?;
-        }
-        Ok(())
+    /// How many files the program is.
+    #[must_use]
+    pub fn files(&self) -> usize {
+        1 + self.part.map_or(0, |most| self.plan.points.div_ceil(most))
     }
 
-    /// Writes the last point and the end; the names of all files, the one to start first.
-    ///
-    /// # Errors
-    /// What the destination reports.
-    pub fn finish(mut self) -> io::Result<Vec<String>> {
-        if let Some(last) = self.waiting.take() {
-            self.movement(&last, None)?;
-        }
-        self.close()?;
-        Ok(self.files)
+    /// Declarations and, for a program of parts, all of the main module but its end.
+    #[must_use]
+    pub fn head(&self) -> &Text {
+        &self.head
     }
 
-    fn is_split(&self) -> bool {
-        self.plan.max_points.is_some_and(|most| self.plan.points > most.max(1))
-    }
-
-    fn head(&mut self) -> io::Result<()> {
-        let mut text = Vec::new();
-        let module = self.module.clone();
-        text.extend_from_slice(format!("MODULE {module}\n").as_bytes());
+    fn declare(&mut self) {
+        let (mut text, module) = (Text::default(), &self.module);
+        text.start(module);
         for line in &self.plan.title {
             let plain: String = line.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-            text.extend_from_slice(format!("  ! {}\n", plain.trim_end()).as_bytes());
+            text.line(&format!("  ! {}", plain.trim_end()));
         }
         for (name, data) in self.plan.tools.iter().filter(|(n, _)| !n.eq_ignore_ascii_case("tool0")) {
-            tooldata(&mut text, name, data);
+            tooldata(&mut text.bytes, name, data);
         }
         for (name, data) in self.plan.wobjs.iter().filter(|(n, _)| !n.eq_ignore_ascii_case("wobj0")) {
-            wobjdata(&mut text, name, data);
+            wobjdata(&mut text.bytes, name, data);
         }
         let all = [&self.plan.speeds[..], &[self.plan.rapid_mm_s]].concat();
-        self.speeds = speeds(&mut text, &all);
-        text.extend_from_slice(b"\n  PROC main()\n    ConfL\\On;\n    ConfJ\\On;\n");
-        self.start(&module)?;
-        if self.is_split() {
-            let most = self.plan.max_points.unwrap_or(usize::MAX).max(1);
-            for part in 1..=self.plan.points.div_ceil(most) {
-                let (file, run) = (format!("{module}_{part}.mod"), format!("{module}_{part}_run"));
-                text.extend_from_slice(format!("    Load\\Dynamic,diskhome\\File:=\"{file}\";\n").as_bytes());
-                text.extend_from_slice(format!("    %\"{run}\"%;\n").as_bytes());
-                text.extend_from_slice(format!("    UnLoad diskhome\\File:=\"{file}\";\n").as_bytes());
-            }
+        self.speeds = speeds(&mut text.bytes, &all);
+        self.speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+        text.line("\n  PROC main()\n    ConfL\\On;\n    ConfJ\\On;");
+        for part in 1..self.files() {
+            text.line(&format!("    Load\\Dynamic,diskhome\\File:=\"{module}_{part}.mod\";"));
+            text.line(&format!("    %\"{module}_{part}_run\"%;"));
+            text.line(&format!("    UnLoad diskhome\\File:=\"{module}_{part}.mod\";"));
         }
-        self.write(&text)
+        self.head = text;
     }
 
-    fn start(&mut self, module: &str) -> io::Result<()> {
-        let file = format!("{module}.mod");
-        self.out = Some((self.open)(&file)?);
-        self.files.push(file);
-        Ok(())
-    }
-
-    /// Ends the module that is open.
-    fn close(&mut self) -> io::Result<()> {
-        self.write(b"  ENDPROC\nENDMODULE\n")?;
-        match self.out.take() {
-            Some(mut out) => out.flush(),
-            None => Ok(()),
+    /// The points from a place on; the last of them waits for the next stretch, unless it is the `last` one.
+    #[must_use]
+    pub fn stretch(&self, from: &Place, points: &[PostedPoint], last: bool) -> Text {
+        let mut text = Text { bytes: Vec::with_capacity(A_LINE * points.len()), files: Vec::new() };
+        let mut place = *from;
+        for point in points {
+            self.movement(&mut text, &place, Some(point));
+            place = place.behind(std::slice::from_ref(point));
         }
-    }
-
-    fn write(&mut self, text: &[u8]) -> io::Result<()> {
-        self.out.as_mut().map_or(Ok(()), |out| out.write_all(text))
-    }
-
-    fn next_part(&mut self) -> io::Result<()> {
-        self.close()?;
-        let part = format!("{}_{}", self.module, self.files.len());
-        self.start(&part)?;
-        self.in_part = 0;
-        self.mark = None; // said again, so that each module reads right by itself
-        self.write(format!("MODULE {part}\n  PROC {part}_run()\n").as_bytes())
-    }
-
-    fn movement(&mut self, point: &PostedPoint, next: Option<&PostedPoint>) -> io::Result<()> {
-        let full = self.plan.max_points.is_some_and(|most| self.in_part >= most.max(1));
-        if self.is_split() && (self.files.len() == 1 || full) {
-            self.next_part()?;
+        if last {
+            self.movement(&mut text, &place, None);
+            text.end();
         }
-        let mut line = std::mem::take(&mut self.line);
-        line.clear();
-        if self.mark != point.mark {
+        text
+    }
+
+    /// Moves to the point that waits at a place.
+    fn movement(&self, text: &mut Text, place: &Place, next: Option<&PostedPoint>) {
+        let Some(point) = place.waiting else { return };
+        let part = self.part.filter(|most| place.written.is_multiple_of(*most)).map(|most| place.written / most + 1);
+        if let Some(part) = part {
+            text.end();
+            text.start(&format!("{}_{part}", self.module));
+            text.line(&format!("  PROC {}_{part}_run()", self.module));
+        }
+        // Said again in a part, so that each module reads right by itself.
+        let said = place.before.and_then(|before| before.mark).filter(|_| part.is_none());
+        if said != point.mark {
             match point.mark {
-                Some(Mark::Air) => line.extend_from_slice(b"    ! deflex air\n"),
-                Some(Mark::Cut) => line.extend_from_slice(b"    ! deflex cut\n"),
+                Some(Mark::Air) => text.line("    ! deflex air"),
+                Some(Mark::Cut) => text.line("    ! deflex cut"),
                 None => {}
             }
-            self.mark = point.mark;
         }
+        let line = &mut text.bytes;
         // The way to the first point is unknown: joints, not a straight line.
-        line.extend_from_slice(if self.before.is_none() { b"    MoveJ " } else { b"    MoveL " });
-        robtarget(&mut line, &point.position_mm, &point.quat, point.conf);
+        line.extend_from_slice(if place.before.is_none() { b"    MoveJ " } else { b"    MoveL " });
+        robtarget(line, &point.position_mm, &point.quat, point.conf);
         line.push(b',');
-        self.speed(&mut line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
+        self.speed(line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
         line.push(b',');
-        line.extend_from_slice(self.zone_at(point, next));
+        line.extend_from_slice(self.zone_at(place, &point, next));
         line.push(b',');
         let tool = self.plan.tools.get(usize::from(point.tool)).map_or("tool0", |t| t.0.as_str());
         let wobj = self.plan.wobjs.get(usize::from(point.wobj)).map_or("wobj0", |w| w.0.as_str());
@@ -225,32 +218,26 @@ where
         line.extend_from_slice(b"\\WObj:=");
         line.extend_from_slice(wobj.as_bytes());
         line.extend_from_slice(b";\n");
-        self.write(&line)?;
-        self.line = line;
-        self.before = Some(*point);
-        self.in_part += 1;
-        Ok(())
     }
 
     fn speed(&self, line: &mut Vec<u8>, mm_s: f64) {
         if let Some(v) = predefined_speed(mm_s) {
             line.extend_from_slice(format!("v{v}").as_bytes());
-        } else if let Some((_, name)) = self.speeds.iter().find(|(v, _)| (v - mm_s).abs() < SAME_SPEED) {
-            line.extend_from_slice(name.as_bytes());
-        } else {
-            speeddata(line, mm_s);
+            return;
+        }
+        let from = self.speeds.partition_point(|(v, _)| *v <= mm_s - SAME_SPEED);
+        match self.speeds.get(from).filter(|(v, _)| (v - mm_s).abs() < SAME_SPEED) {
+            Some((_, name)) => line.extend_from_slice(name.as_bytes()),
+            None => speeddata(line, mm_s),
         }
     }
 
-    fn ends_part(&self) -> bool {
-        self.is_split() && self.plan.max_points.is_some_and(|most| self.in_part + 1 >= most.max(1))
-    }
-
-    fn zone_at(&self, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
-        let (Some(before), Some(next)) = (&self.before, next) else { return FINE };
+    fn zone_at(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
+        let (Some(before), Some(next)) = (&place.before, next) else { return FINE };
         // The tool arrives before it enters the material.
         let enters = point.rapid && !next.rapid;
-        if point.stop || enters || self.ends_part() {
+        let ends_part = self.part.is_some_and(|most| (place.written + 1).is_multiple_of(most));
+        if point.stop || enters || ends_part {
             return FINE;
         }
         let [q, p, n] = [before, point, next].map(|p| p.position_mm);
@@ -258,28 +245,15 @@ where
     }
 }
 
+/// Room for a line, bytes.
+const A_LINE: usize = 160;
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::cell::RefCell;
-    use std::collections::BTreeMap;
-    use std::rc::Rc;
+    use proptest::prelude::*;
 
-    type Files = Rc<RefCell<BTreeMap<String, Vec<u8>>>>;
-
-    struct InMemory(String, Files);
-
-    impl Write for InMemory {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.1.borrow_mut().entry(self.0.clone()).or_default().extend_from_slice(bytes);
-            Ok(bytes.len())
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
-
-    fn posted(max_points: Option<usize>) -> Vec<(String, String)> {
+    fn plan_and_points(max_points: Option<usize>) -> (RapidPlan, [PostedPoint; 5]) {
         let quat = [0.0, 1.0, 0.0, -0.0];
         let conf = Conf { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
         let at = |x: f64, speed_mm_s: f64, rapid: bool, mark| PostedPoint {
@@ -327,27 +301,53 @@ mod tests {
             rapid_mm_s: 500.0,
             corner_tolerance_mm: 0.05,
         };
-        let files = Files::default();
-        let open = |name: &str| Ok(InMemory(name.to_owned(), Rc::clone(&files)));
-        let mut writer = RapidWriter::new(plan, open).unwrap();
-        for point in &points {
-            writer.point(point).unwrap();
+        (plan, points)
+    }
+
+    /// Files with their text, written in stretches that end before these points.
+    fn posted(max_points: Option<usize>, ends: &[usize]) -> Vec<(String, String)> {
+        let (plan, points) = plan_and_points(max_points);
+        let post = RapidPost::new(plan);
+        let mut texts = vec![post.head().clone()];
+        let (mut place, mut start) = (Place::default(), 0);
+        for &end in ends.iter().chain([&points.len()]) {
+            texts.push(post.stretch(&place, &points[start..end], end == points.len()));
+            place = place.behind(&points[start..end]);
+            start = end;
         }
-        let names = writer.finish().unwrap();
-        let text = |n: &String| String::from_utf8(files.borrow()[n].clone()).unwrap();
-        names.iter().map(|n| (n.clone(), text(n))).collect()
+        let mut files: Vec<(String, String)> = Vec::new();
+        for text in texts {
+            let mut at = 0;
+            for (start, name) in text.files.into_iter().chain([(text.bytes.len(), String::new())]) {
+                let more = str::from_utf8(&text.bytes[at..start]).unwrap();
+                files.iter_mut().last().into_iter().for_each(|(_, text)| text.push_str(more));
+                files.push((name, String::new()));
+                at = start;
+            }
+            files.pop();
+        }
+        assert_eq!(files.len(), post.files());
+        files
     }
 
     #[test]
     fn one_module() {
-        let files = posted(None);
+        let files = posted(None, &[]);
         assert_eq!(files.len(), 1);
         insta::assert_snapshot!(files[0].1);
     }
 
     #[test]
     fn split_into_loadable_parts() {
-        let all: Vec<String> = posted(Some(2)).into_iter().map(|(n, t)| format!("--- {n}\n{t}")).collect();
+        let all: Vec<String> = posted(Some(2), &[]).into_iter().map(|(n, t)| format!("--- {n}\n{t}")).collect();
         insta::assert_snapshot!(all.concat());
+    }
+
+    proptest! {
+        #[test]
+        fn stretches_are_the_same_text_wherever_they_end(mut ends in prop::collection::vec(0..5_usize, 0..4), most in prop::option::of(1..6_usize)) {
+            ends.sort_unstable();
+            prop_assert_eq!(posted(most, &ends), posted(most, &[]));
+        }
     }
 }

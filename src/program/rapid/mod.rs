@@ -27,10 +27,10 @@ mod syntax;
 mod tree;
 mod value;
 
-pub use pieces::{PIECE, Pieces};
 // What passes between `Pieces` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use pieces::{Next, Piece, StraightPiece};
+pub use pieces::Piece;
+pub use pieces::{PIECE, Pieces};
 pub(super) use rewrite::rewrite;
 
 use super::{Kept, Language, Program};

@@ -8,7 +8,7 @@
 
 use super::lex::{self, Cursor, Kind};
 use super::symbols::harmless;
-use crate::program::{Language, Mark, Program, detect};
+use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
 use std::io::{self, BufRead, Read};
 use std::ops::Range;
@@ -36,28 +36,6 @@ pub struct Piece {
     last_line: usize,
     mark_behind: Option<Mark>,
     last: bool,
-}
-
-/// A piece as read.
-#[derive(Debug)]
-pub struct StraightPiece {
-    /// The piece as a program; ordinals and lines are those of the whole.
-    pub program: Program,
-    /// Which bytes of its source stand in the file; edits lie within.
-    pub own: Range<usize>,
-    /// Whether it ends the program.
-    pub last: bool,
-}
-
-/// What [`Pieces::take`] came to.
-#[derive(Debug)]
-pub enum Next {
-    /// Another piece.
-    Piece(Piece),
-    /// There are no more.
-    End,
-    /// Here stands something that only the whole program tells the meaning of.
-    NotStraight,
 }
 
 /// Cuts a program into pieces, reading no further than needed.
@@ -130,7 +108,7 @@ impl<R: Read> Pieces<R> {
     ///
     /// # Errors
     /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next> {
+    pub fn take(&mut self) -> io::Result<Next<Piece>> {
         if self.state == State::Ended {
             return Ok(Next::End);
         }

@@ -1,0 +1,162 @@
+//! A long file in pieces that fit in memory.
+//!
+//! One reader goes through the records in order, so that all that is modal (unit, frame, feed, spindle, tool axis, marks,
+//! cycles, …) is as in the whole; a piece is what it has read since the last one. Pieces end between records, and not
+//! within an arc, whose points are those of one piece. What changes targets that have gone by, or is decided by the file as
+//! a whole, is read whole.
+
+use super::cards::Cards;
+use super::lex::{Lexer, Place, Token, behind_mark};
+use super::read::Reader;
+use super::{ClOptions, is_foreign, is_source_language, refused};
+use crate::program::piece::leaves_its_start;
+use crate::program::{Next, StraightPiece};
+use crate::text::{Diagnostic, Source};
+use std::io::{self, Read};
+
+/// Bytes of a piece: some hundred targets, which stay in a core's own memory.
+const PIECE: usize = 32 * 1024;
+
+/// Targets that end a piece: arcs make many of few bytes.
+const TARGETS: usize = 1024;
+
+/// What unit, maker and layout are told from.
+const HEAD: usize = 64 * 1024;
+
+/// Most bytes of a piece: more without a place to cut are read whole.
+const MOST: usize = 1 << 20;
+
+/// Cuts a CL file into pieces, reading no further than needed.
+#[derive(Debug)]
+pub struct Pieces<R> {
+    input: R,
+    name: String,
+    reader: Reader,
+    piece: usize,
+    /// Read and not yet in a piece.
+    rest: Vec<u8>,
+    tokens: Vec<Token>,
+    /// Lines before `rest`.
+    lines_before: usize,
+    /// Where the next record is looked for.
+    place: Place,
+    /// The input has no more bytes.
+    read_up: bool,
+    first: bool,
+    ended: bool,
+}
+
+impl<R: Read> Pieces<R> {
+    /// Reads the head; `None` where the file can only be read whole.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn new(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
+        Self::sized(name, input, options, PIECE)
+    }
+
+    /// The same, with pieces of about so many bytes.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn sized(name: &str, input: R, options: &ClOptions, piece: usize) -> io::Result<Option<Self>> {
+        let mut pieces = Self {
+            input,
+            name: name.to_owned(),
+            reader: Reader::new(&[], options),
+            piece,
+            rest: Vec::new(),
+            tokens: Vec::new(),
+            lines_before: 0,
+            place: Place { at: 0, line: 1 },
+            read_up: false,
+            first: true,
+            ended: false,
+        };
+        pieces.fill(HEAD)?;
+        let lines = pieces.rest.iter().rposition(|b| matches!(b, b'\n' | b'\r')).unwrap_or(0);
+        if refused(options).is_some() || !Cards::excluded(&pieces.rest[..lines]) {
+            return Ok(None);
+        }
+        pieces.reader = Reader::new(&pieces.rest, options);
+        pieces.place.at = behind_mark(&pieces.rest);
+        Ok(Some(pieces))
+    }
+
+    /// Reads until so many bytes wait, or to the end.
+    fn fill(&mut self, wanted: usize) -> io::Result<()> {
+        let missing = wanted.saturating_sub(self.rest.len()) as u64;
+        let came = self.input.by_ref().take(missing).read_to_end(&mut self.rest)?;
+        self.read_up |= (came as u64) < missing;
+        Ok(())
+    }
+
+    /// The next piece; the program's edits stand for nothing, as CL is posted, not edited.
+    ///
+    /// # Errors
+    /// What the input reports.
+    pub fn take(&mut self) -> io::Result<Next<StraightPiece>> {
+        if self.ended {
+            return Ok(Next::End);
+        }
+        let start = self.place.at;
+        let mut wanted = self.piece;
+        loop {
+            self.fill(wanted)?;
+            self.read_on(wanted);
+            if self.reader.no_unit.is_some() || self.reader.copies || wanted > MOST {
+                return Ok(Next::NotStraight);
+            }
+            if self.ended {
+                self.reader.end();
+                let whole = is_source_language(&self.reader) || is_foreign(&self.reader);
+                return Ok(if whole { Next::NotStraight } else { Next::Piece(self.cut()) });
+            }
+            if self.place.at > start && self.may_cut() {
+                return Ok(Next::Piece(self.cut()));
+            }
+            wanted += self.piece;
+        }
+    }
+
+    /// Reads the records that stand as a whole in the first bytes.
+    fn read_on(&mut self, wanted: usize) {
+        let bytes = &self.rest[..wanted.min(self.rest.len())];
+        let all = self.read_up && bytes.len() == self.rest.len();
+        let mut lexer = Lexer::resume(bytes, self.place);
+        while let Some(record) = lexer.next(&mut self.tokens) {
+            if lexer.is_at_end() && !all {
+                return;
+            }
+            self.reader.take(bytes, record, &self.tokens);
+            self.place = lexer.place();
+            if self.reader.targets.len() >= TARGETS && self.may_cut() || self.reader.no_unit.is_some() {
+                return;
+            }
+        }
+        self.ended = all;
+    }
+
+    /// Whether what follows stands for itself.
+    fn may_cut(&self) -> bool {
+        self.reader.pending.is_none() && (!self.first || leaves_its_start(&self.reader.targets))
+    }
+
+    fn cut(&mut self) -> StraightPiece {
+        let end = if self.ended { self.rest.len() } else { self.place.at };
+        let lines_before = std::mem::replace(&mut self.lines_before, self.place.line - 1);
+        let source = Source { name: self.name.clone(), bytes: self.rest.drain(..end).collect(), lines_before };
+        self.place.at = 0;
+        self.first = false;
+        // Its numbers stand in a piece that is gone; nothing is written into them.
+        self.reader.modal.from = None;
+        let own = 0..source.bytes.len();
+        StraightPiece { program: self.reader.program(source), own, last: self.ended }
+    }
+
+    /// What was noticed in the pieces so far.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Diagnostic> {
+        self.reader.warnings(&self.name)
+    }
+}

@@ -1,0 +1,43 @@
+//! Long programs, a stretch at a time.
+
+use super::{Goal, Program, Target};
+use std::ops::Range;
+
+/// What taking the next piece of a program came to.
+#[derive(Debug)]
+pub enum Next<P> {
+    /// Another piece.
+    Piece(P),
+    /// There are no more.
+    End,
+    /// Here stands something that only the whole program tells the meaning of.
+    NotStraight,
+}
+
+/// A piece as read.
+#[derive(Debug)]
+pub struct StraightPiece {
+    /// The piece as a program; ordinals and lines are those of the whole.
+    pub program: Program,
+    /// Which bytes of its source stand in the file; edits lie within.
+    pub own: Range<usize>,
+    /// Whether it ends the program.
+    pub last: bool,
+}
+
+/// Whether the direction out of the first target is told by these: what follows is not looked at.
+pub(crate) fn leaves_its_start(targets: &[Target]) -> bool {
+    /// Further than what gives no direction, mm.
+    const APART: f64 = 0.01;
+    let Some(first) = targets.first() else { return false };
+    let Some(from) = position(first) else { return true };
+    let away = |to: [f64; 3]| (0..3).map(|i| (to[i] - from[i]).powi(2)).sum::<f64>().sqrt() > APART;
+    targets[1..].iter().any(|target| target.wobj != first.wobj || position(target).is_some_and(away))
+}
+
+fn position(target: &Target) -> Option<[f64; 3]> {
+    match target.goal {
+        Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(position_mm),
+        Goal::Joints { .. } => None,
+    }
+}
