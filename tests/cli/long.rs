@@ -17,7 +17,7 @@ fn long_cl(targets: usize) -> String {
     for i in 0..targets {
         let x = 0.5 * (i % 200) as f64;
         text += &match i % 500 {
-            0 => "CIRCLE/0,2,0,0,0,1,2\nGOTO/0,4,0\nCIRCLE/0,2,0,0,0,1,2\nGOTO/0,0,0\n".to_owned(),
+            0 => "GOTO/0,0,0\nCIRCLE/0,2,0,0,0,1,2\nGOTO/0,4,0\nCIRCLE/0,2,0,0,0,1,2\nGOTO/0,0,0\n".to_owned(),
             _ => format!("GOTO/{x},{},0,0,0,1\n", 0.25 * (i % 40) as f64),
         };
     }
@@ -45,8 +45,8 @@ fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
     let bench = Bench::new();
     let text = long_cl(10 * PIECE / 40);
     bench.write("long.apt", &text);
-    // COPY is what only the whole tells the meaning of; here it repeats nothing.
-    bench.write("unread.apt", text.replace("FINI", "INDEX/1\nCOPY/1,SAME,1\nFINI"));
+    // A unit that is named far behind the first position is looked for in the whole.
+    bench.write("unread.apt", text.replace("UNITS/MM", "$$").replace("FINI", "UNITS/MM\nFINI"));
     let options = "--cell cell.toml --max-targets 5000 --html";
     bench.run(&format!("compensate long.apt --out-dir out --report out.csv --jobs 3 {options} out.html")).exits(0);
     bench.run(&format!("compensate unread.apt --out-dir unread --report unread.csv {options} unread.html")).exits(0);
