@@ -9,7 +9,7 @@ use deflex::correct::{
 use deflex::program::cl::{self, ClOptions, Pieces};
 use deflex::program::{Next, Program};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
-use deflex::text::{Diagnostic, Source};
+use deflex::text::{Diagnostic, Source, Span};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -134,8 +134,9 @@ fn targets(program: Program) -> Vec<(deflex::program::Target, String)> {
         format!("{}: {}", place.column, source.text(target.span))
     };
     let placed = program.targets.iter().map(text).collect::<Vec<_>>();
-    let free = program.targets.into_iter().map(|target| deflex::program::Target { span: Default::default(), ..target });
-    free.zip(placed).collect()
+    let mut targets = program.targets;
+    targets.iter_mut().for_each(|target| target.span = Span::default());
+    targets.into_iter().zip(placed).collect()
 }
 
 proptest! {
