@@ -1,18 +1,21 @@
-/// A shorter part names nothing.
-const PART: usize = 3;
+/// A shorter beginning names nothing.
+const BEGINNING: usize = 2;
+/// Nor does a shorter part from further in.
+const PART: usize = 4;
 
 /// The known word nearest to a mistyped one, if any is near: it begins with it or holds it, or about a third of the letters
 /// differ. Case, blanks and what joins words do not count.
 #[must_use]
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = letters(word);
-    let near = |candidate: &str| {
-        let part = word.len() >= PART && candidate.starts_with(&word) || word.len() > PART && candidate.contains(&word);
+    let rank = |candidate: &str| {
+        let begins = word.len() >= BEGINNING && candidate.starts_with(&word);
+        let part = begins || word.len() >= PART && candidate.contains(&word);
         let distance = distance(&word, candidate);
-        (part || 3 * distance <= candidate.len().max(word.len()) + 1).then_some(distance)
+        (part || 3 * distance <= candidate.len().max(word.len()) + 1).then_some((!part, distance))
     };
-    let candidates = known.into_iter().filter_map(|known| Some((near(&letters(known))?, known)));
-    candidates.min_by_key(|(distance, _)| *distance).map(|(_, known)| known)
+    let candidates = known.into_iter().filter_map(|known| Some((rank(&letters(known))?, known)));
+    candidates.min_by_key(|(rank, _)| *rank).map(|(_, known)| known)
 }
 
 fn letters(word: &str) -> String {
@@ -52,6 +55,7 @@ mod tests {
         assert_eq!(nearest("back lash", known), Some("backlash"));
         assert_eq!(nearest("mechanical", ["none", "constant", "table", "mechanistic"]), Some("mechanistic"));
         assert_eq!(nearest("tooth", ["diameter_mm", "corner_radius_mm", "teeth"]), Some("teeth"));
+        assert_eq!(nearest("fx", ["qx", "x_mm", "fx_n"]), Some("fx_n"));
         let robots = ["irb6700-150-3.20", "irb6660-205-1.9", "irb120-3-0.58"];
         assert_eq!([nearest("IRB 6660", robots), nearest("6660", robots)], [Some("irb6660-205-1.9"); 2]);
         assert_eq!([nearest("kr210", robots), nearest("mm", ["inch"])], [None; 2]);

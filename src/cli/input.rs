@@ -37,7 +37,8 @@ pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
         std::fs::read(path)
     };
     read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| {
-        Diagnostic::error("io.read", &name, format!("cannot be read: {error}")).help("check the path").into()
+        let help = if path.is_dir() { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
+        Diagnostic::error("io.read", &name, format!("cannot be read: {error}")).help(help).into()
     })
 }
 
@@ -262,7 +263,15 @@ pub(super) struct CellFile {
 impl CellFile {
     pub(super) fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
         let source = source(path)?;
-        Ok(Self { name: source.name.clone(), cell: Cell::read(&source)?, source })
+        let cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
+            Some(_) => {
+                Diagnostic::error("cell.syntax", &source.name, "this is a program, where the cell file is expected")
+                    .help("give --cell a TOML file; `deflex init --robot MODEL` prints one to start from")
+                    .into()
+            }
+            None => errors,
+        })?;
+        Ok(Self { name: source.name.clone(), cell, source })
     }
 
     /// How CL input is read, with a tool given besides; `None` where the cell does not say.

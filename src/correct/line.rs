@@ -4,7 +4,7 @@ use super::path::{self, Point};
 use super::row::{Row, Status, difference};
 use super::solve::{self, Landed, Last, Solved, Spread, Wish};
 use super::turns::Turns;
-use super::{Options, Prepared, frames, sigma, stiffness, subdivide};
+use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
 use crate::equilibrium::{Command, EquilibriumError};
 use crate::program::post::Place;
@@ -260,7 +260,8 @@ pub(super) fn piece(
     } else {
         Vec::new()
     };
-    let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
+    let mut notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
+    notes.extend(arcs::note(program, cell, &prepared, &motors, &changes, &written));
     Some(Ok(out.finish(notes, rewritten, posted)))
 }
 

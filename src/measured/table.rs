@@ -118,7 +118,10 @@ impl Table {
                 Some(column) => place[column] = Some(at),
                 None => {
                     let help = nearest(name, COLUMNS).filter(|n| !n.is_empty()).map_or_else(
-                        || format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", ")),
+                        || match name.contains([';', '\t']) {
+                            true => "columns are set apart by commas, decimals take a point".to_owned(),
+                            false => format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", ")),
+                        },
                         |near| format!("did you mean `{near}`?"),
                     );
                     errors.push(error(1, format!("unknown column `{name}`"), help));
@@ -198,9 +201,10 @@ impl Cells<'_> {
         let Some(text) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>().ok().filter(|value| value.is_finite()) {
             Some(value) => Ok(Some(value)),
-            None => {
-                Err((format!("{} is `{text}`", COLUMNS[column]), "expected a finite number, or an empty cell".into()))
-            }
+            None => Err((
+                format!("{} is `{text}`", COLUMNS[column]),
+                "expected a number with a decimal point, or an empty cell".into(),
+            )),
         }
     }
 

@@ -212,3 +212,28 @@ fn a_missing_file_is_named() {
     let ran = bench.run("predict none.mod --cell none.toml").exits(2);
     assert!(ran.stderr.contains("none.mod") && ran.stderr.contains("none.toml"), "{}", ran.stderr);
 }
+
+#[test]
+fn statements_that_cannot_be_read_are_told_before_they_are_missed() {
+    let bench = Bench::new();
+    bench.write("part.mod", PROGRAM.replace("z1,tMill\\WObj:=wPart;", "z1,tMill\\WObj:=wPart"));
+    for command in ["compensate part.mod --cell cell.toml -o out.mod", "predict part.mod --cell cell.toml"] {
+        let said = bench.run(command).exits(0).stderr;
+        assert!(said.contains("missing semicolon") && said.contains("part.mod:7:5"), "{said}");
+        assert!(said.contains("3 targets: "), "{said}");
+    }
+}
+
+#[test]
+fn files_in_each_others_place_are_recognised() {
+    let bench = Bench::new();
+    let said = |arguments: &str| bench.run(arguments).exits(2).stderr;
+    let program = said("predict part.mod --cell part.mod");
+    assert!(program.contains("this is a program, where the cell file is expected"), "{program}");
+    assert!(said("predict cell.toml --cell cell.toml").contains("neither RAPID nor CL/APT"));
+    assert!(said("predict . --cell cell.toml").contains("give the files in it"));
+    bench.write("forces.csv", "target;fx_n;fy_n;fz_n\n1;2;3;4\n");
+    assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("set apart by commas"));
+    bench.write("forces.csv", "target,fx,fy,fz\n1,2,3,4\n");
+    assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("did you mean `fx_n`?"));
+}

@@ -167,3 +167,22 @@ fn versions_in_comments_are_text_and_the_same() {
     let ran = bench.run("diff part.mod other.mod").exits(1);
     assert!(ran.stdout.contains("line 2: text is different: `! posted by post 1.2.4"), "{}", ran.stdout);
 }
+
+#[test]
+fn what_an_arc_misses_between_its_points_is_said() {
+    let bench = Bench::new();
+    let line = PROGRAM.lines().find(|line| line.contains("[[100,0,0]")).unwrap();
+    let point = |x: i32, y: i32| format!("[[{x},{y},0],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    let arc = format!("    MoveC {},{},v20,fine,tMill\\WObj:=wPart;", point(150, 100), point(50, 200));
+    bench.write("arc.mod", PROGRAM.replace(line, &arc));
+    let said = bench.run("compensate arc.mod --cell cell.toml -o out.mod").exits(0).stderr;
+    assert!(said.contains("between them up to 0.0") && said.contains("arc.mod:8:5"), "{said}");
+    // A correction that is the same everywhere moves the circle as a whole.
+    let shifted = "[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.3, -0.2, 0.1]\nd_rad = [0, 0, 0]\n";
+    bench.write(
+        "shifted.toml",
+        crate::bench::CELL.split("[cut]").next().unwrap().to_owned() + "[cut]\nforce = \"none\"\n" + shifted,
+    );
+    let said = bench.run("compensate arc.mod --cell shifted.toml -o out.mod").exits(0).stderr;
+    assert!(said.contains("4 corrected") && !said.contains("between them"), "{said}");
+}

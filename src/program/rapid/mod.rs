@@ -159,9 +159,12 @@ fn read_cut(
     if !errors.is_empty() {
         return Err(errors);
     }
-    let outcome = run::Runner::new(&sources, &files, written).run(&files);
+    let mut outcome = run::Runner::new(&sources, &files, written).run(&files);
     if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return Err(outcome.diagnostics);
+    }
+    for (source, file) in sources.iter().zip(&files).take(written) {
+        outcome.diagnostics.extend(not_read(source, &file.odd));
     }
     let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
     Ok(Program {
@@ -179,6 +182,28 @@ fn read_cut(
         layout: super::Layout::Rapid(outcome.layout),
         sources,
     })
+}
+
+/// What stays as it is because it cannot be read: a warning a reason, at the first place.
+fn not_read(source: &Source, odd: &[(Span, &'static str)]) -> Vec<Diagnostic> {
+    let mut reasons: Vec<(&'static str, Span, usize)> = Vec::new();
+    for (span, reason) in odd {
+        match reasons.iter_mut().find(|(known, ..)| known == reason) {
+            Some((.., count)) => *count += 1,
+            None => reasons.push((reason, *span, 1)),
+        }
+    }
+    let said = |(reason, first, count): (&str, Span, usize)| {
+        let message = match count {
+            1 => reason.to_owned(),
+            more => format!("{reason} ({more} statements)"),
+        };
+        let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
+        warning
+            .severity(Severity::Warning)
+            .help("motion in it is neither seen nor corrected; a controller may not load it")
+    };
+    reasons.into_iter().map(said).collect()
 }
 
 /// Why a file as a whole is not read.
