@@ -7,6 +7,9 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
+/// The reader's own cell, once its lines are filled in.
+const FILLED_IN: &str = "filled_in.toml";
+
 /// The `sh` blocks of a page.
 fn blocks(page: &str) -> Vec<Vec<String>> {
     let mut found = Vec::new();
@@ -45,7 +48,29 @@ fn workplace() -> tempfile::TempDir {
     copy(&samples, &folder.path().join("samples"));
     std::fs::create_dir_all(folder.path().join("samples/out")).unwrap();
     std::fs::copy(samples.join("slot/slot.mod"), folder.path().join("part.mod")).unwrap();
+    let tool = "[tools.tMill]\ntcp_mm = [12.0, -3.0, 310.0]\ntcp_quat = [1.0, 0.0, 0.0, 0.0]\n";
+    let cell = std::fs::read_to_string(samples.join("slot/cell.toml")).unwrap() + tool;
+    for name in ["cell.toml", FILLED_IN] {
+        std::fs::write(folder.path().join(name), &cell).unwrap();
+    }
+    std::fs::write(folder.path().join("postures.csv"), postures(&cell)).unwrap();
     folder
+}
+
+/// Twenty postures as the pendant shows them: to 0.01° and 0.01 mm.
+fn postures(cell: &str) -> String {
+    let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", cell)).unwrap();
+    let tool = cell.tools["TMILL"].flange_from_tcp;
+    let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for i in 0..20 {
+        let wave = |period: i32, reach: f64| 0.1003 * reach * f64::from(i * period % 20 - 10);
+        let deg = [wave(3, 40.0), wave(7, 20.0), wave(9, 20.0), wave(11, 90.0), 30.0 + wave(13, 40.0), wave(17, 120.0)];
+        let motor = deflex::robot::Joints::from(deg.map(f64::to_radians));
+        let at = (cell.arm.robot.forward(&motor) * tool).translation.vector * 1e3;
+        csv += &deg.map(|deg| format!("{deg:.2},")).concat();
+        csv += &format!("{:.2},{:.2},{:.2}\n", at.x, at.y, at.z);
+    }
+    csv
 }
 
 /// Runs the lines of a block that call deflex or make folders, each from where `cd` has led; exit code 1 is an answer.
@@ -72,7 +97,7 @@ fn run(block: &[String], folder: &Path, page: &str) {
         ran += 1;
         // The cell that `init` prints has lines to fill in; the reader has filled them in here.
         if line.contains("> cell.toml") {
-            std::fs::copy(folder.join("samples/slot/cell.toml"), folder.join("cell.toml")).unwrap();
+            std::fs::copy(folder.join(FILLED_IN), folder.join("cell.toml")).unwrap();
         }
     }
     let calls = text.lines().any(|line| line.starts_with("deflex ") || line.contains("&& deflex "));
@@ -137,4 +162,23 @@ fn cell_files_of_the_documentation_are_read() {
         }
     }
     assert!(found > 0);
+}
+
+/// The check of a new cell's kinematics: right rows leave the pendant's rounding, a wrong length shows.
+#[test]
+fn postures_from_the_pendant_tell_right_rows_from_wrong_ones() {
+    let folder = workplace();
+    let rms = |name: &str| {
+        let arguments = ["identify", "--poses", "postures.csv", "--cell", name, "--tool", "tMill", "--json", "-", "-q"];
+        let done =
+            Command::new(env!("CARGO_BIN_EXE_deflex")).args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let found: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        found["before"]["rms_mm"].as_f64().unwrap()
+    };
+    let cell = std::fs::read_to_string(folder.path().join("cell.toml")).unwrap();
+    assert!(cell.contains("a_mm = 700.0"));
+    std::fs::write(folder.path().join("wrong.toml"), cell.replace("a_mm = 700.0", "a_mm = 705.0")).unwrap();
+    let (right, wrong) = (rms("cell.toml"), rms("wrong.toml"));
+    assert!(right < 0.3 && wrong > 0.5, "{right} mm, {wrong} mm");
 }

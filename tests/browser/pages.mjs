@@ -45,6 +45,8 @@ compensate("slot", slot("slot.mod"), slot("cell.toml"));
 compensate("blade", blade("blade.mod"), blade("cell.toml"));
 deflex("predict", blade("blade.aptsource"), "--cell", blade("cell.toml"), "-q", "--report", at("predict.csv"),
   "--json", at("predict.json"), "--html", at("predict.html"));
+// CL data, long enough to be posted piece by piece.
+compensate("posted", blade("blade.aptsource"), blade("cell.toml"));
 deflex("diff", blade("blade.mod"), at("blade.mod"), "-q", "--report", at("diff.csv"), "--json", at("diff.json"), "--html", at("diff.html"));
 deflex("identify", "--run", loop("part.mod"), loop("measured.csv"), "--cell", loop("cell.toml"), "-q",
   "--report", at("identify.csv"), "--json", at("identify.json"), "--html", at("identify.html"));
@@ -253,6 +255,10 @@ const tests = {
   async "blade, predicted from cutter locations"() {
     const [sums] = json("predict.json").files;
     const { figures } = await checkPath("predict", sample(blade("blade.aptsource")), csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(6) });
+    return `${figures} figures`;
+  },
+  async "blade, posted from cutter locations"() {
+    const { figures } = await checkPath("posted", sample(blade("blade.aptsource")), csv("posted.csv"), {});
     return `${figures} figures`;
   },
   async "differences of the blade"() {
