@@ -124,7 +124,7 @@ fn job(c: &mut Criterion) {
     group.bench_function("in pieces, one thread", |b| {
         b.iter(|| {
             let (mut program, mut report) = (Vec::new(), Vec::new());
-            let pieces = Pieces::new("part.mod", black_box(text.as_bytes())).ok().flatten()?;
+            let pieces = Pieces::new("part.mod", black_box(text.as_bytes()), &[]).ok().flatten()?;
             let mut sinks =
                 Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
             compensate_pieces(pieces, &cell, &Options::default(), 1, &mut program, &mut sinks).ok()

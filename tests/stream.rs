@@ -98,12 +98,12 @@ fn whole(text: &str, cell: &Cell) -> Came {
 
 /// `None` where the program is not straight.
 fn streamed(text: &str, cell: &Cell, threads: usize) -> Option<Came> {
-    let pieces = Pieces::new("part.mod", text.as_bytes()).unwrap()?;
+    let pieces = Pieces::new("part.mod", text.as_bytes(), &[]).unwrap()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     Some(match compensate_pieces(pieces, cell, &Options::default(), threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes }) if failures.is_empty() => {
+        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),

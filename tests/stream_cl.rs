@@ -225,7 +225,7 @@ fn streamed(text: &str, cell: &Cell, most: Option<usize>, size: usize, threads: 
     let open = |name: &str| Ok(InMemory(name.to_owned(), &files));
     let done = post_pieces(pieces()?, cell, &Options::default(), threads, &poster, open, &mut sinks);
     Some(match done {
-        Ok(Streamed { summary, failures, notes }) if failures.is_empty() => {
+        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             let files = files.into_inner().unwrap();
             assert_eq!(files.len(), poster.files());
             Ok((files, report, summary_line(&FileSummary::of("", &summary, &[])), notes))

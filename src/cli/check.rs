@@ -48,7 +48,7 @@ pub(super) fn run(args: &Check) -> Outcome {
         outputs.add_report(path, report::pretty(&check_json(&files))?.as_bytes())?;
     }
     if let Some(path) = &args.reports.report {
-        outputs.add_report(path, &report::joined(&rows))?;
+        report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &args.reports.html {
         let page = PathPage { kind: PathKind::Predict, cell: &setup.cell.name, programs: &paths };

@@ -5,18 +5,20 @@ use deflex::cell::Cell;
 use deflex::correct::Forces;
 use deflex::measured::{Table, TargetRef};
 use deflex::program::cl::{self, ClOptions, Point, Units};
-use deflex::program::{Language, Program, detect, group_modules, rapid};
+use deflex::program::{Language, ModuleNames, Program, detect, group_modules, rapid};
 use deflex::text::{Diagnostic, Source, Span};
-use std::io::Read;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Files that are one program, read and not yet parsed.
+/// Files that are one program, not yet parsed.
 #[derive(Clone, Debug)]
 pub(super) struct Job {
     /// Name for messages and reports: the files as the user typed them.
     pub(super) name: String,
-    /// Sources that are corrected.
-    pub(super) sources: Vec<Source>,
+    /// Texts that are corrected.
+    pub(super) texts: Vec<Text>,
     /// Names of the sources in an output folder.
     pub(super) files: Vec<PathBuf>,
     /// What else belongs into the output folder, as it is: the `.pgf` list.
@@ -25,6 +27,73 @@ pub(super) struct Job {
     pub(super) language: Language,
     /// Whether the program comes from a list: it is one even if its modules do not use each other.
     listed: bool,
+}
+
+/// The text of a program: a long file is read when its turn comes, so that a batch is never held as a whole.
+#[derive(Clone, Debug)]
+pub(super) enum Text {
+    Held(Source),
+    File {
+        /// As the user typed it.
+        name: String,
+        path: PathBuf,
+    },
+}
+
+/// Files up to this are read at once; as much of longer ones tells their language.
+const HEAD: u64 = 64 * 1024;
+
+impl Text {
+    fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+        let long = |metadata: std::fs::Metadata| metadata.is_file() && metadata.len() > HEAD;
+        if std::fs::metadata(path).is_ok_and(long) {
+            return Ok(Self::File { name: path.display().to_string(), path: path.to_owned() });
+        }
+        source(path).map(Self::Held)
+    }
+
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::Held(source) => &source.name,
+            Self::File { name, .. } => name,
+        }
+    }
+
+    pub(super) fn read(self) -> Result<Source, Vec<Diagnostic>> {
+        match self {
+            Self::Held(source) => Ok(source),
+            Self::File { name, path } => {
+                let bytes = std::fs::read(path).map_err(|error| cannot_read(&name, &error))?;
+                Ok(Source::new(name, bytes))
+            }
+        }
+    }
+
+    /// The bytes that tell the language.
+    fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
+        match self {
+            Self::Held(source) => Ok(source.bytes.clone()),
+            Self::File { name, path } => {
+                let mut head = Vec::new();
+                let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
+                read.map(|_| head).map_err(|error| cannot_read(name, &error))
+            }
+        }
+    }
+
+    fn names(&self) -> Result<ModuleNames, Vec<Diagnostic>> {
+        let names = match self {
+            Self::Held(source) => ModuleNames::read(&source.bytes[..]),
+            Self::File { path, .. } => File::open(path).and_then(|file| ModuleNames::read(BufReader::new(file))),
+        };
+        names.map_err(|error| cannot_read(self.name(), &error))
+    }
+}
+
+pub(super) fn cannot_read(name: &str, error: &std::io::Error) -> Vec<Diagnostic> {
+    let folder = Path::new(name).is_dir();
+    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
+    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
 }
 
 /// Reads one file, `-` being stdin.
@@ -36,10 +105,7 @@ pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     } else {
         std::fs::read(path)
     };
-    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| {
-        let help = if path.is_dir() { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
-        Diagnostic::error("io.read", &name, format!("cannot be read: {error}")).help(help).into()
-    })
+    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| cannot_read(&name, &error))
 }
 
 /// Reads every file; all that cannot be read are named.
@@ -59,7 +125,7 @@ pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>
     if errors.is_empty() { Ok(values) } else { Err(errors) }
 }
 
-/// Reads inputs and finds out which belong to one program.
+/// Looks into inputs and finds out which belong to one program.
 pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     let jobs = all(inputs.iter().map(|path| job(path, format)))?;
     if jobs.len() == 1 {
@@ -67,14 +133,14 @@ pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job
     }
     let is_single = |job: &Job| job.language == Language::Rapid && !job.listed;
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
-    let texts: Vec<Source> = modules.iter().map(|(_, job)| job.sources[0].clone()).collect();
+    let names = all(modules.par_iter().map(|(_, job)| job.texts[0].names()).collect::<Vec<_>>())?;
     let mut out = others;
-    for group in group_modules(&texts) {
+    for group in group_modules(&names) {
         let mut members = group.into_iter().map(|i| modules[i].clone());
         let Some((place, mut job)) = members.next() else { continue };
         for (_, more) in members {
             job.name = format!("{} + {}", job.name, more.name);
-            job.sources.extend(more.sources);
+            job.texts.extend(more.texts);
             job.files.extend(more.files);
         }
         out.push((place, job));
@@ -83,28 +149,30 @@ pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job
     Ok(out.into_iter().map(|(_, job)| job).collect())
 }
 
-/// Reads one input.
+/// Looks into one input.
 pub(super) fn job(path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pgf")) {
         return listed(path);
     }
-    job_of(source(path)?, path, format)
+    job_of(Text::of(path)?, path, format)
 }
 
-/// One input that is read already.
-pub(super) fn job_of(source: Source, path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
-    if source.bytes.iter().all(u8::is_ascii_whitespace) {
-        return Err(unknown_language(&source));
+/// One input whose text is at hand.
+pub(super) fn job_of(text: Text, path: &Path, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
+    let head = text.head()?;
+    let unknown = || unknown_language(&Source::new(text.name(), head.clone()));
+    if head.iter().all(u8::is_ascii_whitespace) {
+        return Err(unknown());
     }
     let language = match format {
         Some(Format::Rapid) => Language::Rapid,
         Some(Format::Cl) => Language::Cl,
-        None => detect(&source.name, &source.bytes).ok_or_else(|| unknown_language(&source))?,
+        None => detect(text.name(), &head).ok_or_else(unknown)?,
     };
     let file = PathBuf::from(path.file_name().unwrap_or(path.as_os_str()));
     Ok(Job {
-        name: source.name.clone(),
-        sources: vec![source],
+        name: text.name().to_owned(),
+        texts: vec![text],
         files: vec![file],
         companions: Vec::new(),
         language,
@@ -112,14 +180,14 @@ pub(super) fn job_of(source: Source, path: &Path, format: Option<Format>) -> Res
     })
 }
 
-fn unknown_language(source: &Source) -> Vec<Diagnostic> {
-    let what = if source.bytes.iter().all(u8::is_ascii_whitespace) {
+fn unknown_language(head: &Source) -> Vec<Diagnostic> {
+    let what = if head.bytes.iter().all(u8::is_ascii_whitespace) {
         "the file is empty"
     } else {
         "neither RAPID nor CL/APT was recognised"
     };
-    Diagnostic::error("program.language", &source.name, format!("{what}: expected a RAPID MODULE or GOTO/ records"))
-        .at(source, Span::new(0, 0))
+    Diagnostic::error("program.language", "", format!("{what}: expected a RAPID MODULE or GOTO/ records"))
+        .at(head, Span::new(0, 0))
         .help("say what it is with --format rapid or --format cl")
         .into()
 }
@@ -156,7 +224,7 @@ fn listed(path: &Path) -> Result<Job, Vec<Diagnostic>> {
     }
     Ok(Job {
         name: list.name.clone(),
-        sources: sources(&paths)?,
+        texts: all(paths.iter().map(|path| Text::of(path)))?,
         files,
         companions: vec![(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())), list.bytes)],
         language: Language::Rapid,
@@ -203,12 +271,12 @@ pub(super) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<
 }
 
 fn parse(job: Job, reading: &Context, options: Option<&ClOptions>) -> Result<Program, Vec<Diagnostic>> {
-    let name = job.name;
+    let (name, sources) = (job.name, all(job.texts.into_iter().map(Text::read))?);
     let program = match (job.language, options) {
-        (Language::Cl, Some(options)) => job.sources.into_iter().map(|source| cl::read(source, options)).next(),
+        (Language::Cl, Some(options)) => sources.into_iter().map(|source| cl::read(source, options)).next(),
         // Without a cell nothing is written: a file that is cut off may be looked at.
-        (_, Some(_)) => Some(rapid::look(job.sources, reading.sources.clone())),
-        (_, None) => Some(rapid::read(job.sources, reading.sources.clone())),
+        (_, Some(_)) => Some(rapid::look(sources, reading.sources.clone())),
+        (_, None) => Some(rapid::read(sources, reading.sources.clone())),
     };
     let refused = || Diagnostic::error("program.refused", &name, "the program cannot be read");
     match program {
@@ -246,6 +314,10 @@ impl Context {
 
     pub(super) fn of(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self { sources: sources(paths)? })
+    }
+
+    pub(super) fn sources(&self) -> &[Source] {
+        &self.sources
     }
 }
 
@@ -315,11 +387,15 @@ impl ForceFile {
 
     /// Rows that belong to no target of a program: the table is another program's.
     pub(super) fn check(&self, program: &Program) -> Result<(), Vec<Diagnostic>> {
-        const MOST: usize = 10; // a wrong table is wrong in every row
         let last = program.targets.last().map_or(0, |target| target.ordinal);
-        let named = |name: &str| {
+        self.check_targets(last, |name| {
             program.targets.iter().any(|t| t.name.as_ref().is_some_and(|known| known.eq_ignore_ascii_case(name)))
-        };
+        })
+    }
+
+    /// The same for a program with this last target, and targets of these names.
+    pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
+        const MOST: usize = 10; // a wrong table is wrong in every row
         let wrong = self.table.rows.iter().filter_map(|row| {
             let message = match row.target.as_ref()? {
                 TargetRef::Ordinal(ordinal) if *ordinal > last => {

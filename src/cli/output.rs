@@ -84,6 +84,16 @@ impl Temporary {
         Self::create(std::env::temp_dir().join(format!("deflex.{}-{unique}.tmp", std::process::id())))
     }
 
+    /// Its bytes from the start.
+    pub(super) fn reopen(&self) -> io::Result<File> {
+        self.path.as_ref().map_or_else(|| Err(io::ErrorKind::NotFound.into()), File::open)
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
     fn become_file(&mut self, target: &Path) -> io::Result<()> {
         let Some(path) = &self.path else { return Ok(()) };
         let mut all = temporary();
@@ -262,8 +272,7 @@ fn stage(target: PathBuf) -> io::Result<(Staged, File)> {
 
 /// Writes a temporary file's bytes to what cannot be replaced; a reader of stdout that went away is no fault of ours.
 fn copy(temporary: &Temporary, target: &Path) -> io::Result<()> {
-    let Some(path) = &temporary.path else { return Ok(()) };
-    let mut from = File::open(path)?;
+    let mut from = temporary.reopen()?;
     if !is_stdout(target) {
         return io::copy(&mut from, &mut OpenOptions::new().write(true).open(target)?).map(|_| ());
     }
@@ -290,7 +299,7 @@ fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
     vec![Diagnostic::error("io.write", &path.display().to_string(), format!("is not written: {why}")).help(help)]
 }
 
-fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
+pub(super) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
     vec![
         Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}"))
             .help("check that the folder exists and that you may write there"),

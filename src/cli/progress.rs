@@ -20,16 +20,12 @@ pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// A bar over the bytes of one long program.
-pub(super) fn bytes(total: u64, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(total);
+/// Makes it a bar over the bytes of one long program.
+pub(super) fn bytes(bar: &ProgressBar, total: u64) {
+    bar.set_length(total);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent}% {msg} {elapsed} (eta {eta})") {
         bar.set_style(style);
     }
-    bar
 }
 
 /// Moves it to where a program is.

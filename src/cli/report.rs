@@ -1,20 +1,32 @@
 //! Report rows of several programs in one file.
 
-use super::output::Outputs;
+use super::output::{Outputs, Temporary, cannot_write};
 use deflex::correct::Row;
 use deflex::program::{Program, Role};
 use deflex::report::{FileSummary, write_csv};
 use deflex::text::Diagnostic;
 use serde::Serialize;
+use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
 /// The report of one program.
 #[derive(Default)]
 pub(super) struct Rows {
-    /// As INTERFACE.md has it.
-    pub(super) csv: Vec<u8>,
-    /// File of each row.
-    files: Vec<String>,
+    csv: Csv,
+    /// Files of the rows, with how many rows in a row.
+    files: Vec<(String, usize)>,
+}
+
+/// A report as INTERFACE.md has it.
+enum Csv {
+    Held(Vec<u8>),
+    Spooled(Temporary),
+}
+
+impl Default for Csv {
+    fn default() -> Self {
+        Self::Held(Vec::new())
+    }
 }
 
 impl Rows {
@@ -23,38 +35,78 @@ impl Rows {
         // Writing to a Vec cannot fail.
         let _ = write_csv(rows, &mut csv);
         let mut ends = program.targets.iter().filter(|target| target.role == Role::End);
-        let mut file = |row: &Row| {
+        let mut files: Vec<(String, usize)> = Vec::new();
+        for row in rows {
             let target = ends.find(|target| target.ordinal == row.target);
-            target.map_or_else(String::new, |target| program.sources[usize::from(target.source)].name.clone())
-        };
-        let files = rows.iter().map(&mut file).collect();
-        Self { csv, files }
+            let file = target.map_or("", |target| &program.sources[usize::from(target.source)].name);
+            match files.last_mut() {
+                Some((last, count)) if last == file => *count += 1,
+                _ => files.push((file.to_owned(), 1)),
+            }
+        }
+        Self { csv: Csv::Held(csv), files }
+    }
+
+    /// Rows of one file that were written to a temporary one.
+    pub(super) fn spooled(csv: Temporary, file: &str, rows: usize) -> Self {
+        Self { csv: Csv::Spooled(csv), files: vec![(file.to_owned(), rows)] }
+    }
+
+    /// Moves the rows to a temporary file: the reports of a batch do not fit in memory.
+    pub(super) fn spool(&mut self) -> io::Result<()> {
+        if let Csv::Held(csv) = &self.csv {
+            let (temporary, mut file) = Temporary::spool()?;
+            file.write_all(csv)?;
+            self.csv = Csv::Spooled(temporary);
+        }
+        Ok(())
+    }
+
+    /// Writes the report of the one program.
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        io::copy(&mut self.read()?, out).map(|_| ())
+    }
+
+    fn read(&self) -> io::Result<Box<dyn BufRead + '_>> {
+        Ok(match &self.csv {
+            Csv::Held(csv) => Box::new(&csv[..]),
+            Csv::Spooled(temporary) => Box::new(BufReader::new(temporary.reopen()?)),
+        })
     }
 }
 
-/// One report: as it is for one file, with a last column `file` for several.
-pub(super) fn joined(programs: &[Rows]) -> Vec<u8> {
-    let mut names = programs.iter().flat_map(|rows| &rows.files);
-    let first = names.next();
-    let one = programs.len() == 1 && names.all(|name| Some(name) == first);
-    if let ([rows], true) = (programs, one) {
-        return rows.csv.clone();
-    }
-    let mut out = Vec::new();
+/// Adds one report: as it is for one file, with a last column `file` for several.
+pub(super) fn joined(outputs: &mut Outputs, path: &Path, programs: &[Rows]) -> Result<(), Vec<Diagnostic>> {
+    let mut out = BufWriter::new(outputs.open_report(path)?);
+    let written = match programs {
+        [rows] if rows.files.len() <= 1 => rows.write(&mut out),
+        _ => join(programs, &mut out),
+    };
+    written.and_then(|()| out.flush()).map_err(|error| cannot_write(path, &error))
+}
+
+fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
+    let mut line = Vec::new();
     for (i, rows) in programs.iter().enumerate() {
-        let mut lines = rows.csv.split(|&b| b == b'\n').filter(|line| !line.is_empty());
-        if let Some(header) = lines.next().filter(|_| i == 0) {
-            out.extend_from_slice(header);
-            out.extend_from_slice(b",file\n");
-        }
-        for (line, file) in lines.zip(&rows.files) {
-            out.extend_from_slice(line);
-            out.push(b',');
-            out.extend_from_slice(cell(file).as_bytes());
-            out.push(b'\n');
+        let mut csv = rows.read()?;
+        let mut next = |out: &mut dyn Write, file: Option<&str>| -> io::Result<()> {
+            line.clear();
+            csv.read_until(b'\n', &mut line)?;
+            match file.filter(|_| !line.is_empty()) {
+                None => Ok(()),
+                Some(file) => {
+                    out.write_all(line.trim_ascii_end())?;
+                    writeln!(out, ",{file}")
+                }
+            }
+        };
+        next(out, (i == 0).then_some("file"))?;
+        for (file, count) in &rows.files {
+            let file = cell(file);
+            (0..*count).try_for_each(|_| next(out, Some(&file)))?;
         }
     }
-    out
+    Ok(())
 }
 
 /// Text as a CSV cell.

@@ -2,9 +2,9 @@
 
 use super::args::{Compensate, Corrected as What, Model, Predict, Reports};
 use super::input::{self, CellFile, Context, ForceFile, Job};
-use super::output::{Outputs, is_stdout};
+use super::output::{Outputs, cannot_write, is_stdout};
 use super::report::{self, Rows};
-use super::stream::{Input, Streamed};
+use super::stream::{self, Piped};
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::examples_left;
 use deflex::correct::{self, Correct, Corrected, Options, PostOptions, compensate, predict};
@@ -12,6 +12,7 @@ use deflex::program::{Language, Program};
 use deflex::report::FileSummary;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::text::{Diagnostic, apply};
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -74,14 +75,16 @@ impl Setup {
 }
 
 /// One program, done.
-struct Done {
-    outputs: Outputs,
-    rows: Rows,
-    summary: FileSummary,
-    line: String,
-    notes: Vec<Diagnostic>,
+pub(super) struct Done {
+    /// What it wrote, staged.
+    pub(super) outputs: Outputs,
+    /// For the `--report` of all programs; `None` where none is wanted, or it is staged already.
+    pub(super) rows: Option<Rows>,
+    pub(super) summary: FileSummary,
+    pub(super) line: String,
+    pub(super) notes: Vec<Diagnostic>,
     /// For `--html`.
-    path: Option<PathTrace>,
+    pub(super) path: Option<PathTrace>,
 }
 
 impl Done {
@@ -101,7 +104,8 @@ impl Done {
             path.extend(&corrected.rows);
             path.quote(|target, _| program.line_of(target));
         }
-        Ok(Self { outputs, rows: Rows::new(program, &corrected.rows), summary, line, notes: corrected.notes, path })
+        let rows = Some(Rows::new(program, &corrected.rows));
+        Ok(Self { outputs, rows, summary, line, notes: corrected.notes, path })
     }
 }
 
@@ -109,14 +113,14 @@ impl Done {
 fn each(
     jobs: Vec<Job>,
     quiet: bool,
-    one: impl Fn(Job) -> Result<Done, Vec<Diagnostic>> + Sync,
+    one: impl Fn(Job, &ProgressBar) -> Result<Done, Vec<Diagnostic>> + Sync,
 ) -> Result<Vec<Done>, Vec<Diagnostic>> {
     let bar = progress::bar(jobs.len(), quiet);
     let done: Vec<_> = jobs
         .into_par_iter()
         .map(|job| {
             bar.set_message(job.name.clone());
-            let done = one(job);
+            let done = one(job, &bar);
             bar.inc(1);
             done
         })
@@ -139,13 +143,13 @@ fn finish(
     for program in done {
         outputs.append(program.outputs)?;
         notes.extend(program.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
-        rows.push(program.rows);
+        rows.extend(program.rows);
         paths.extend(program.path.map(|path| (program.summary.clone(), path)));
         summaries.push(program.summary);
         lines.push(program.line);
     }
-    if let Some(path) = &reports.report {
-        outputs.add_report(path, &report::joined(&rows))?;
+    if let Some(path) = reports.report.as_ref().filter(|_| !rows.is_empty()) {
+        report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &reports.json {
         report::json(&mut outputs, path, &summaries)?;
@@ -164,32 +168,53 @@ fn finish(
 
 pub(super) fn run_compensate(args: &Compensate) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
-    let (setup, jobs) = match Input::open(args)? {
-        Some(mut long) => {
-            let setup = setup?;
-            one_stdout(args, &[])?;
-            if let Some(done) = long.compensate(args, &setup, outputs(args, &[]))? {
-                return streamed(args, &setup, done);
-            }
-            let whole = long.whole()?;
-            (Ok(setup), input::job_of(whole, &args.inputs[0], args.reading.format).map(|job| vec![job]))
-        }
-        None => (setup, input::jobs(&args.inputs, args.reading.format)),
+    let piped = Piped::new(args)?;
+    let jobs = match &piped {
+        Some(piped) => piped.job(args.reading.format).map(|job| vec![job]),
+        None => input::jobs(&args.inputs, args.reading.format),
     };
     let (mut setup, jobs) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
     one_stdout(args, &jobs)?;
     let outputs = outputs(args, &jobs);
-    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len()));
-    let done = each(jobs, args.common.quiet, |job| {
+    let batch = Batch {
+        args,
+        setup: &setup,
+        outputs: &outputs,
+        path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len())),
+        programs: jobs.len(),
+    };
+    let done = each(jobs, args.common.quiet, |job, bar| match stream::compensate(&batch, &job, bar)? {
+        Some(done) => Ok(done),
+        None => batch.whole(job),
+    })?;
+    finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
+}
+
+/// What all programs of a `compensate` have in common.
+pub(super) struct Batch<'a> {
+    pub(super) args: &'a Compensate,
+    pub(super) setup: &'a Setup,
+    /// What none may write over.
+    pub(super) outputs: &'a Outputs,
+    /// An empty path, for `--html`.
+    pub(super) path: Option<PathTrace>,
+    /// How many they are.
+    pub(super) programs: usize,
+}
+
+impl Batch<'_> {
+    /// Corrects a program that is held whole.
+    fn whole(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
+        let (args, setup) = (self.args, self.setup);
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let program = setup.program(job)?;
         let corrected = compensate(&program, &setup.cell.cell, &setup.options).map_err(|e| setup.cell.own(e))?;
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }
-        let mut outputs = outputs.sibling();
+        let mut outputs = self.outputs.sibling();
         let mut notes = Vec::new();
         let written = match program.language {
             Language::Rapid => edited(&program, &corrected, &files),
@@ -202,14 +227,21 @@ pub(super) fn run_compensate(args: &Compensate) -> Outcome {
         };
         let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
         place(args, &mut outputs, written.into_iter().chain(companions))?;
-        let mut done = Done::new(&name, &program, corrected, outputs, path.clone())?;
+        let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone())?;
         done.notes.extend(notes);
-        if let Some(path) = report_beside(args, &stem) {
-            done.outputs.add_report(&path, &done.rows.csv)?;
+        if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
+            let mut file = done.outputs.open_report(&path)?;
+            rows.write(&mut file).map_err(|error| cannot_write(&path, &error))?;
+        }
+        match (&args.reports.report, &mut done.rows) {
+            (Some(path), Some(rows)) if self.programs > 1 => {
+                rows.spool().map_err(|error| cannot_write(path, &error))?
+            }
+            (Some(_), _) => {}
+            (None, rows) => *rows = None,
         }
         Ok(done)
-    })?;
-    finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
+    }
 }
 
 /// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout.
@@ -226,16 +258,8 @@ pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
 /// Outputs that take no input's place.
 fn outputs(args: &Compensate, jobs: &[Job]) -> Outputs {
     let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
-    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.sources).map(|s| PathBuf::from(&s.name)).collect();
+    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.texts).map(|text| PathBuf::from(text.name())).collect();
     Outputs::new(read.chain(&listed))
-}
-
-/// What is left to do for a long program, whose outputs but for the summary are staged.
-fn streamed(args: &Compensate, setup: &Setup, done: Streamed) -> Outcome {
-    let Streamed { outputs, summary, line, notes, path } = done;
-    let reports = Reports { report: None, ..args.reports.clone() };
-    let done = Done { outputs: outputs.sibling(), rows: Rows::default(), summary, line, notes, path };
-    finish(outputs, setup, PathKind::Compensate, vec![done], &reports, args.common.quiet)
 }
 
 /// Bytes of each corrected source.
@@ -292,7 +316,7 @@ pub(super) fn in_one_file(args: &Compensate, files: usize) -> Result<(), Vec<Dia
 
 /// Only one thing goes to stdout, and several programs go to a folder.
 fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
-    if args.out_dir.is_none() && (jobs.len() > 1 || jobs.iter().any(|job| job.sources.len() > 1)) {
+    if args.out_dir.is_none() && (jobs.len() > 1 || jobs.iter().any(|job| job.texts.len() > 1)) {
         let message = format!("{} inputs are several files, which need a folder", args.inputs.len());
         return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
     }
@@ -324,7 +348,7 @@ pub(super) fn run_predict(args: &Predict) -> Outcome {
     let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
     let outputs = Outputs::new(read.chain(&args.against));
     let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len()));
-    let done = each(jobs, args.common.quiet, |job| {
+    let done = each(jobs, args.common.quiet, |job, _| {
         let name = job.name.clone();
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;

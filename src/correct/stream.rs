@@ -33,6 +33,8 @@ pub struct Sinks<'a> {
 pub struct Streamed {
     /// Counts and sizes.
     pub summary: Summary,
+    /// Ordinal of the last target.
+    pub last: u32,
     /// Targets that have no answer or pass a limit: what was written is then no program to use.
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings.
@@ -173,6 +175,8 @@ struct Done {
     program: Text,
     report: Vec<u8>,
     corrected: Corrected,
+    /// Ordinal of its last target, where it has any.
+    last: Option<u32>,
     bytes: u64,
 }
 
@@ -192,8 +196,8 @@ impl<S, P> Run<'_, S, P> {
             let done = match corrected {
                 Ok(corrected) => {
                     let Some(program) = (self.way.write)(n, &piece, &corrected) else { return };
-                    let bytes = piece.own.len() as u64;
-                    Ok(Done { program, report: rows(&corrected.rows), corrected, bytes })
+                    let (last, bytes) = (piece.program.targets.last().map(|t| t.ordinal), piece.own.len() as u64);
+                    Ok(Done { program, report: rows(&corrected.rows), corrected, last, bytes })
                 }
                 Err(refused) => {
                     (self.way.skip)(n);
@@ -263,6 +267,8 @@ struct Writer<'a> {
     report: &'a mut (dyn Write + Send),
     each: &'a mut (dyn FnMut(&[Row]) + Send),
     tally: Tally,
+    /// Ordinal of the last target.
+    last: u32,
     targets: usize,
     bytes: u64,
     refused: Messages,
@@ -277,6 +283,7 @@ impl<'a> Writer<'a> {
             report: &mut *sinks.report,
             each: &mut *sinks.each,
             tally: Tally::default(),
+            last: 0,
             targets: 0,
             bytes: 0,
             refused: Messages::default(),
@@ -297,6 +304,7 @@ impl<'a> Writer<'a> {
         self.notes.extend(done.corrected.notes);
         self.tally.add(&done.corrected.rows);
         (self.each)(&done.corrected.rows);
+        self.last = done.last.unwrap_or(self.last);
         self.targets += done.corrected.rows.len();
         self.bytes += done.bytes;
         progress(self.targets, self.bytes);
@@ -311,7 +319,12 @@ impl<'a> Writer<'a> {
         if self.refused.count > 0 {
             return Err(StreamError::Refused(self.refused.all()));
         }
-        Ok(Streamed { summary: self.tally.summary(), failures: self.failures.all(), notes: self.notes })
+        Ok(Streamed {
+            summary: self.tally.summary(),
+            last: self.last,
+            failures: self.failures.all(),
+            notes: self.notes,
+        })
     }
 }
 

@@ -14,7 +14,7 @@ mod round_trip;
 mod target;
 
 pub use detect::detect;
-pub use modules::group_modules;
+pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Pieces` and the line that corrects them; not for callers.
 #[doc(hidden)]
 pub use piece::{Next, StraightPiece};

@@ -1,11 +1,11 @@
 //! Which RAPID modules belong to one program: those that use each other's names.
 
-use crate::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, BufRead};
 
 /// Names that a module declares for others and names that it takes from others, upper case.
 #[derive(Debug, Default)]
-struct Names {
+pub struct ModuleNames {
     module: String,
     declared: BTreeSet<String>,
     local: BTreeSet<String>,
@@ -17,22 +17,21 @@ struct Names {
 /// Two modules belong together where one uses a name that it does not declare and exactly one other declares; modules of
 /// one name or with a `main` each are different programs.
 #[must_use]
-pub fn group_modules(sources: &[Source]) -> Vec<Vec<usize>> {
-    let names: Vec<Names> = sources.iter().map(|source| scan(&source.bytes)).collect();
+pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (i, module) in names.iter().enumerate() {
         for name in &module.declared {
             owners.entry(name).or_default().push(i);
         }
     }
-    let mut group: Vec<usize> = (0..sources.len()).collect();
+    let mut group: Vec<usize> = (0..names.len()).collect();
     for (i, module) in names.iter().enumerate() {
         let foreign = |name: &&String| !module.declared.contains(*name) && !module.local.contains(*name);
         for name in module.used.iter().filter(foreign) {
             if let Some([owner]) = owners.get(name.as_str()).map(Vec::as_slice) {
                 let (a, b) = (group[i], group[*owner]);
-                let members: Vec<usize> = (0..sources.len()).filter(|&m| group[m] == a || group[m] == b).collect();
-                if a != b && fit(&names, &members) {
+                let members: Vec<usize> = (0..names.len()).filter(|&m| group[m] == a || group[m] == b).collect();
+                if a != b && fit(names, &members) {
                     for m in members {
                         group[m] = a.min(b);
                     }
@@ -48,44 +47,53 @@ pub fn group_modules(sources: &[Source]) -> Vec<Vec<usize>> {
 }
 
 /// Whether modules can be loaded into one task.
-fn fit(names: &[Names], members: &[usize]) -> bool {
+fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
     let mut modules = BTreeSet::new();
     let distinct = members.iter().all(|&m| modules.insert(&names[m].module));
     distinct && members.iter().filter(|&&m| names[m].declared.contains("MAIN")).count() <= 1
 }
 
-/// Words behind which a declared name stands: `PROC name`, `PERS tooldata name`.
-fn scan(bytes: &[u8]) -> Names {
-    let mut names = Names::default();
-    let mut words: [String; 3] = Default::default();
-    for word in words_of(bytes) {
+impl ModuleNames {
+    /// Looks through a module, a line at a time.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn read(mut input: impl BufRead) -> io::Result<Self> {
+        let mut names = Self::default();
+        let mut words: [String; 3] = Default::default();
+        let mut line = Vec::new();
+        while input.read_until(b'\n', &mut line)? > 0 {
+            words_of(&line).for_each(|word| names.take(&mut words, word));
+            line.clear();
+        }
+        Ok(names)
+    }
+
+    /// Takes a word behind three others: a declared name stands behind `PROC`, or `PERS tooldata`.
+    fn take(&mut self, words: &mut [String; 3], word: &[u8]) {
+        let word = String::from_utf8_lossy(word).to_ascii_uppercase();
         match (words[1].as_str(), words[2].as_str()) {
-            (_, "MODULE" | "SYSMODULE") => names.module.clone_from(&word),
-            (before, "PROC" | "TRAP") => names.declare(before, &word),
+            (_, "MODULE" | "SYSMODULE") => self.module.clone_from(&word),
+            (before, "PROC" | "TRAP") => self.declare(before == "LOCAL", &word),
             (_, "PERS" | "CONST" | "VAR" | "FUNC" | "TASK") => {} // the type
-            ("PERS" | "CONST" | "VAR" | "FUNC", _) => {
-                let before = words[0].clone();
-                names.declare(&before, &word);
-            }
+            ("PERS" | "CONST" | "VAR" | "FUNC", _) => self.declare(words[0] == "LOCAL", &word),
+            _ if self.used.contains(&word) => {}
             _ => {
-                names.used.insert(word.clone());
+                self.used.insert(word.clone());
             }
         }
         words.rotate_left(1);
         words[2] = word;
     }
-    names
-}
 
-impl Names {
-    fn declare(&mut self, before: &str, name: &str) {
-        let list = if before == "LOCAL" { &mut self.local } else { &mut self.declared };
+    fn declare(&mut self, local: bool, name: &str) {
+        let list = if local { &mut self.local } else { &mut self.declared };
         list.insert(name.to_owned());
     }
 }
 
-/// Words outside comments and strings, upper case.
-fn words_of(bytes: &[u8]) -> impl Iterator<Item = String> + '_ {
+/// Words outside comments and strings.
+fn words_of(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     let mut at = 0;
     std::iter::from_fn(move || {
         while at < bytes.len() {
@@ -95,7 +103,7 @@ fn words_of(bytes: &[u8]) -> impl Iterator<Item = String> + '_ {
                 b if b.is_ascii_alphabetic() => {
                     let word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
                     let end = at + bytes[at..].iter().position(|b| !word(b)).unwrap_or(bytes.len() - at);
-                    let found = String::from_utf8_lossy(&bytes[at..end]).to_ascii_uppercase();
+                    let found = &bytes[at..end];
                     at = end;
                     return Some(found);
                 }
@@ -115,8 +123,8 @@ mod tests {
     use super::*;
 
     fn groups(texts: &[&str]) -> Vec<Vec<usize>> {
-        let sources: Vec<Source> = texts.iter().map(|text| Source::new("x.mod", text.as_bytes())).collect();
-        group_modules(&sources)
+        let names: Vec<ModuleNames> = texts.iter().map(|text| ModuleNames::read(text.as_bytes()).unwrap()).collect();
+        group_modules(&names)
     }
 
     #[test]
@@ -138,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn an_open_string_ends_with_the_file() {
+    fn an_open_string_ends_with_its_line() {
         assert_eq!(groups(&["MODULE A\n TPWrite \"open"]), [[0]]);
     }
 }

@@ -67,6 +67,70 @@ fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
     assert!(refused.stderr.contains("give --out-dir DIR"), "{}", refused.stderr);
 }
 
+#[test]
+fn a_batch_of_long_programs_is_what_each_of_them_is_alone() {
+    let bench = Bench::new();
+    let named = |name: &str| long(10 * PIECE / 400).replace("MODULE Part", &format!("MODULE {name}"));
+    bench.write("a.mod", named("A")).write("b.mod", named("B")).write("c.apt", long_cl(10 * PIECE / 40));
+    // `d` calls what `e` declares: one program, held whole.
+    let calls = named("D").replace("  ENDPROC", "    Finish;\n  ENDPROC");
+    bench.write("d.mod", calls).write("e.mod", "MODULE E\n  PROC Finish()\n  ENDPROC\nENDMODULE\n");
+    let inputs = ["a.mod", "b.mod", "c.apt", "part.mod", "d.mod e.mod"];
+    let run = |inputs: &str, out: &str, jobs: u8| {
+        let reports = format!("--report {out}.csv --html {out}.html --json {out}.json --jobs {jobs}");
+        bench.run(&format!("compensate {inputs} --cell cell.toml --out-dir {out} {reports}")).exits(0);
+        bench.read(&format!("{out}.csv"))
+    };
+    let (batch, again) = (run(&inputs.join(" "), "all", 3), run(&inputs.join(" "), "all1", 1));
+    assert!(batch == again, "the reports of one thread and of three differ");
+    let mut expected = String::new();
+    for (i, input) in inputs.iter().enumerate() {
+        let out = format!("one{i}");
+        for line in run(input, &out, 2).lines() {
+            let file = if line.starts_with("target,") { "file" } else { input.split(' ').next().unwrap() };
+            // Two files make a column of their own.
+            let line = line.strip_suffix(&format!(",{file}")).unwrap_or(line);
+            if file != "file" || i == 0 {
+                expected += &format!("{line},{file}\n");
+            }
+        }
+        for name in bench.names(&out) {
+            let (one, all) = (bench.read(&format!("{out}/{name}")), bench.read(&format!("all/{name}")));
+            assert!(one == all, "{name} differs");
+        }
+    }
+    assert!(batch == expected, "the report of the batch is not that of its programs");
+}
+
+#[test]
+fn a_long_program_takes_its_forces_and_tools_from_other_files() {
+    let bench = Bench::new();
+    let text = long(10 * PIECE / 400);
+    let (data, body): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.contains("PERS "));
+    bench
+        .write("long.mod", body.join("\n") + "\n")
+        .write("data.mod", format!("MODULE Data\n{}\nENDMODULE\n", data.join("\n")));
+    let rows = |count: usize| (1..=count).map(|i| format!("{i},0,0,{}\n", 100 + i % 7)).collect::<String>();
+    let targets = text.matches("Move").count();
+    bench.write("forces.csv", format!("target,fx_n,fy_n,fz_n\n{}", rows(targets)));
+    // A statement that changes a variable is followed in the whole only.
+    let counted = |text: &str| text.replace("  PROC main()\n", "  PROC main()\n    nParts:=1;\n");
+    bench.write("whole.mod", counted(&bench.read("long.mod")).replace("MODULE Part", "MODULE Part\nVAR num nParts;"));
+    let options = "--cell cell.toml --context data.mod --forces forces.csv";
+    bench.run(&format!("compensate long.mod {options} -o out.mod --report out.csv")).exits(0);
+    bench.run(&format!("compensate whole.mod {options} -o whole-out.mod --report whole.csv")).exits(0);
+    let whole = bench.read("whole-out.mod").replace("    nParts:=1;\n", "").replace("\nVAR num nParts;", "");
+    assert!(bench.read("out.mod") == whole, "the programs differ");
+    let columns = |name: &str| {
+        let row = |line: &str| line.split(',').enumerate().filter(|(i, _)| *i != 1).map(|c| c.1.to_owned()).collect();
+        bench.read(name).lines().map(row).collect::<Vec<Vec<String>>>()
+    };
+    assert!(columns("out.csv") == columns("whole.csv"), "the reports differ but for their lines");
+    bench.write("forces.csv", format!("target,fx_n,fy_n,fz_n\n{}", rows(targets + 1)));
+    let refused = bench.run(&format!("compensate long.mod {options} -o more.mod")).exits(2);
+    assert!(refused.stderr.contains(&format!("target {} is not in the program", targets + 1)), "{}", refused.stderr);
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_nothing() {

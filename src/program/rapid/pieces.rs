@@ -12,6 +12,7 @@ use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
 use std::io::{self, BufRead, Read};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Bytes of the body in a piece: some hundred targets, which stay in a core's own memory. Not a matter of threads: any number of them sees the same pieces.
 pub const PIECE: usize = 32 * 1024;
@@ -26,6 +27,7 @@ const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 #[derive(Debug)]
 pub struct Piece {
     dialect: &'static str,
+    context: Arc<[Source]>,
     /// Head, stretch and end.
     source: Source,
     /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
@@ -44,6 +46,7 @@ pub struct Pieces<R> {
     input: R,
     name: String,
     dialect: &'static str,
+    context: Arc<[Source]>,
     /// Up to the line of the first motion.
     head: Vec<u8>,
     head_lines: usize,
@@ -65,15 +68,20 @@ enum State {
 }
 
 impl<R: Read> Pieces<R> {
-    /// Reads the head; `None` where the input does not begin like a straight program.
+    /// Reads the head; `None` where the input does not begin like a straight program. Each piece is read with the modules of
+    /// `context`, so that they must not be long.
     ///
     /// # Errors
     /// What `input` reports.
-    pub fn new(name: &str, input: R) -> io::Result<Option<Self>> {
+    pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
+        if context.iter().map(|source| source.bytes.len()).sum::<usize>() > PIECE {
+            return Ok(None);
+        }
         let mut pieces = Self {
             input,
             name: name.to_owned(),
             dialect: "rapid",
+            context: context.into(),
             head: Vec::new(),
             head_lines: 0,
             rest: Vec::new(),
@@ -92,7 +100,9 @@ impl<R: Read> Pieces<R> {
         pieces.lines = pieces.head_lines;
         let head = Source::new(name, [&pieces.head, END].concat());
         let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
-        let Some(head) = super::read(vec![head], Vec::new()).ok().filter(|_| rapid) else { return Ok(None) };
+        let Some(head) = super::read(vec![head], pieces.context.to_vec()).ok().filter(|_| rapid) else {
+            return Ok(None);
+        };
         pieces.dialect = head.dialect;
         Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
     }
@@ -153,6 +163,7 @@ impl<R: Read> Pieces<R> {
         source.lines_before = lines_before;
         Ok(Next::Piece(Piece {
             dialect: self.dialect,
+            context: Arc::clone(&self.context),
             source,
             own,
             motions_before,
@@ -230,7 +241,7 @@ impl Piece {
     /// Reads the piece; `None` where it is not straight after all.
     #[must_use]
     pub fn read(self) -> Option<StraightPiece> {
-        let mut program = super::read_as(self.dialect, vec![self.source], Vec::new()).ok()?;
+        let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let straight = layout(&program).is_some_and(|layout| {
             // A mark behind the last motion is in force nowhere.
             let marks = self.last || layout.mark_behind == self.mark_behind;

@@ -449,7 +449,8 @@ impl<'a> Runner<'a> {
     fn straight(&self, files: &[File]) -> bool {
         // Entering and leaving the one procedure; assignments and unknown calls count on.
         const EPOCH: u64 = 3;
-        let [file] = files else { return false };
+        let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
+        let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
         let [module] = &file.modules[..] else { return false };
         let [proc] = &module.routines[..] else { return false };
         let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
@@ -458,6 +459,7 @@ impl<'a> Runner<'a> {
             _ => target.editable == Editable::Pose && target.name.is_none(),
         };
         proc.kind == RoutineKind::Proc
+            && context.iter().all(only_data)
             && proc.params.is_empty()
             && proc.handlers.is_empty()
             && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
