@@ -7,7 +7,9 @@ use deflex::correct::{Options, predict};
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::{Table, TargetRef};
 use deflex::program::{Program, rapid};
+use deflex::robot::{Joints, Pose};
 use deflex::text::Source;
+use nalgebra::{Rotation3, Translation3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -124,8 +126,97 @@ fn a_real_robot_is_explained_in_stages() {
     for kind in ["link_geometry", "tool_frame", "joint_error_curve"] {
         assert!(kinds.contains(&kind), "{kinds:?}");
     }
-    // Contiguous blocks are held out: 0.063 was measured; a random choice of rows is easier.
-    assert!(found.before.rms_mm > 0.9 && found.after.rms_mm < 0.07, "{:?} {:?}", found.before, found.after);
+    // Contiguous blocks are held out: 0.059 was measured.
+    assert!(found.before.rms_mm > 0.9 && found.after.rms_mm < 0.063, "{:?} {:?}", found.before, found.after);
+}
+
+/// UR10 with every stage in it: 0.092 was measured on C, 0.070 on A. A fit that lost rows made A's errors no numbers.
+#[test]
+fn a_large_robot_is_explained_and_every_error_is_a_number() {
+    let Some(data) = shared("data") else { return };
+    let cell = cell(&data.join("ur10.toml"));
+    for (file, every, most) in [("ur10_C.csv", 1, 0.097), ("ur10_A.csv", 5, 0.084)] {
+        let mut table = Table::read(&source(&data.join(file))).unwrap();
+        let mut row = 0;
+        table.rows.retain(|_| {
+            row += 1;
+            row % every == 0
+        });
+        let input = Input { cell: &cell, runs: &[], poses: &[table], tool: None, data_hash: "test" };
+        let found = identify(&input).unwrap();
+        assert!(found.after.rms_mm < most, "{file}: {:?}", found.after);
+        assert!(found.added.iter().all(|a| a.held_out_rms_before_mm.is_finite()), "{file}");
+        let numbers = found.added.iter().flat_map(|a| &a.parameters);
+        assert!(numbers.into_iter().all(|p| p.value.is_finite() && p.ci95.iter().all(|v| !v.is_nan())), "{file}");
+        assert!(found.residuals.iter().all(|row| row.postfit_mm.iter().all(|v| v.is_finite())), "{file}");
+    }
+}
+
+/// A stand-in for noise: uniform, of unit variance, the same on every run.
+fn rough(i: usize) -> f64 {
+    let x = (i as f64 * 12.9898).sin() * 43_758.545;
+    3.464 * (x - x.floor() - 0.5)
+}
+
+/// A tracker's table of an arm whose links, tool and joints are not as the cell says, in a frame of its own.
+fn poses_of_a_wrong_arm(count: usize) -> Table {
+    let text = POSES_CELL.replace("a_mm = -425", "a_mm = -428").replace("d_mm = 109.15", "d_mm = 111.0");
+    let real = Cell::read(&Source::new("real", text.into_bytes())).unwrap();
+    let tool = Pose::from_parts(Translation3::new(0.040, -0.060, 0.080), Rotation3::identity());
+    let device = Pose::from_parts(Translation3::new(9.0, -4.0, 1.0), Rotation3::from_euler_angles(2.0, 0.4, -1.0));
+    let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for i in 0..count {
+        let deg: [f64; 6] = std::array::from_fn(|j| 52.0 * rough(1000 * j + i));
+        let mut motor = Joints::from(deg.map(f64::to_radians));
+        // Two waves that are no whole orders: 24° and 90° long, 1.2 mrad in all.
+        for j in [1, 3] {
+            motor[j] += 4e-4 * (deg[j] / 24.0 * 6.283).sin() + 2e-4 * (deg[j] / 90.0 * 6.283).cos();
+        }
+        let there = 1e3 * (device * real.arm.robot.forward(&motor) * tool).translation.vector;
+        let seen: Vec<f64> = (0..3).map(|k| there[k] + 0.02 * rough(77_000 + 3 * i + k)).collect();
+        csv += &deg.iter().chain(&seen).map(f64::to_string).collect::<Vec<_>>().join(",");
+        csv.push('\n');
+    }
+    Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap()
+}
+
+const POSES_CELL: &str = r#"
+[robot]
+model = "six axes, three of them parallel"
+[robot.kinematics]
+parallelogram = false
+links = [
+  { alpha_deg = 0.0, a_mm = 0, d_mm = 89.159, theta_deg = 0.0 },
+  { alpha_deg = 90.0, a_mm = 0, d_mm = 0, theta_deg = 0.0 },
+  { alpha_deg = 0.0, a_mm = -425, d_mm = 0, theta_deg = 0.0 },
+  { alpha_deg = 0.0, a_mm = -392.25, d_mm = 109.15, theta_deg = 0.0 },
+  { alpha_deg = 90.0, a_mm = 0, d_mm = 94.65, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 0, d_mm = 82.3, theta_deg = 0.0 },
+]
+axis_min_deg = [-360, -360, -360, -360, -360, -360]
+axis_max_deg = [360, 360, 360, 360, 360, 360]
+[tools.reflector]
+tcp_mm = [0, 0, 30]
+tcp_quat = [1, 0, 0, 0]
+[cut]
+force = "none"
+"#;
+
+#[test]
+fn a_tool_far_off_geometry_and_curves_come_apart() {
+    let cell = Cell::read(&Source::new("declared", POSES_CELL.as_bytes().to_vec())).unwrap();
+    let poses = [poses_of_a_wrong_arm(600)];
+    let found = identify(&Input { cell: &cell, runs: &[], poses: &poses, tool: None, data_hash: "test" }).unwrap();
+    let kinds: Vec<&str> = found.added.iter().map(|a| a.kind.as_str()).collect();
+    for kind in ["tool_frame", "link_geometry", "joint_error_curve"] {
+        assert!(kinds.contains(&kind), "{kinds:?}");
+    }
+    // The floor is 0.035; the curves' knots are some 200 numbers on 1,350 scalars.
+    assert!(found.before.rms_mm > 10.0 && found.after.rms_mm < 0.05, "{:?} {:?}", found.before, found.after);
+    let curves = found.extended.iter().find_map(|new| new.table.get("curves")).unwrap().as_array().unwrap();
+    let mut joints: Vec<i64> = curves.iter().map(|curve| curve["joint"].as_integer().unwrap()).collect();
+    joints.sort_unstable();
+    assert_eq!(joints, [2, 4]);
 }
 
 /// The negative control: with a joint's angles shuffled among the rows, its curve must not gain.

@@ -31,6 +31,28 @@ pub(super) struct JointErrorCurve {
     curves: Vec<(usize, Spline)>,
 }
 
+/// How a curve's values make its course: it is linear in them.
+#[derive(Debug)]
+pub struct JointCurve {
+    /// 0 to 5.
+    pub joint: usize,
+    /// The curve that has one at one knot and zero at the others, for each knot.
+    units: Vec<Spline>,
+}
+
+impl JointCurve {
+    /// Commanded motor angles of the knots, degrees.
+    #[must_use]
+    pub fn knots_deg(&self) -> &[f64] {
+        self.units[0].knots()
+    }
+
+    /// What each knot's value counts for at a commanded motor angle, degrees; one in all.
+    pub fn weights(&self, angle_deg: f64) -> impl Iterator<Item = f64> {
+        self.units.iter().map(move |unit| unit.at(angle_deg))
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
@@ -111,6 +133,14 @@ impl Effect for JointErrorCurve {
 
     fn covers(&self, motor_commanded: &Joints, _: &Situation) -> bool {
         self.curves.iter().all(|(joint, curve)| curve.covers(motor_commanded[*joint].to_degrees()))
+    }
+
+    fn joint_curve(&self) -> Option<JointCurve> {
+        let [(joint, curve)] = &self.curves[..] else { return None };
+        let knots = curve.knots();
+        let unit =
+            |k: usize| Spline::new(knots.to_vec(), (0..knots.len()).map(|i| f64::from(u8::from(i == k))).collect());
+        Some(JointCurve { joint: *joint, units: (0..knots.len()).map(unit).collect() })
     }
 
     fn parameters(&self) -> Vec<Parameter> {

@@ -35,7 +35,7 @@ mod zero_offset;
 pub(crate) use distortion::Parts;
 pub use distortion::{Distortion, Twist};
 pub use gear_harmonic::gear_harmonic;
-pub use joint_error_curve::joint_error_curve;
+pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
 pub use survey::Survey;
 
@@ -80,6 +80,11 @@ pub trait Effect: Debug + Send + Sync {
     fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
         let _ = (motor_commanded, situation);
         true
+    }
+
+    /// The curve of one joint's angle that the effect is, where it is nothing else.
+    fn joint_curve(&self) -> Option<JointCurve> {
+        None
     }
 
     /// Every number that may be fitted, in a fixed order. Values are in the unit named, as in the cell file.

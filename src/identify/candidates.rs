@@ -2,11 +2,13 @@
 
 use super::data::{Observation, Problem};
 use super::device;
-use crate::effects::{Effect, KINDS, Survey};
+use super::smooth::Curve;
+use crate::effects::{Effect, JointCurve, KINDS, Survey};
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Family of the laws of the joints' springs.
 pub(super) const SPRING: &str = "spring";
@@ -78,6 +80,8 @@ pub(super) struct Candidate {
     pub(super) first: usize,
     /// How many variants were looked at: the look-elsewhere price is its logarithm.
     pub(super) variants: f64,
+    /// A curve whose smoothness the data choose.
+    pub(super) curve: Option<Curve>,
 }
 
 impl Candidate {
@@ -94,6 +98,23 @@ impl Candidate {
             bounds: parameters.iter().map(|p| p.bounds).collect(),
             first: 0,
             variants,
+            curve: None,
+        }
+    }
+
+    /// The candidate as a curve whose smoothness the data choose; `None` if it is no curve of one joint.
+    fn into_curve(self) -> Option<Self> {
+        let Home::New(shape) = &self.home else { return None };
+        let curve = Curve::new(shape.0.joint_curve()?)?;
+        Some(Self { curve: Some(curve), variants: Curve::variants(), ..self })
+    }
+
+    /// How unlikely its numbers are under its prior: twice nats.
+    pub(super) fn unlikely(&self) -> f64 {
+        let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - self.start[k]) / self.size(k));
+        match &self.curve {
+            Some(curve) => off.dot(&(&curve.smoothness.precision * &off)),
+            None => off.norm_squared(),
         }
     }
 
@@ -111,6 +132,7 @@ impl Candidate {
             bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); size],
             first: 0,
             variants: 1.0,
+            curve: None,
         }
     }
 
@@ -135,11 +157,8 @@ impl Candidate {
 
 /// Priors of the twins of each candidate, as shares of the typical sizes: milling cells are calibrated before they cut.
 const SIZES: [f64; 2] = [0.3, 0.08];
-/// The same for robots seen whole by a tracker, as they left the factory.
-const SIZES_WHOLE: [f64; 2] = [6.0, 0.3];
-
-/// Measured rows that a knot of a curve needs, in data over the whole robot.
-const ROWS_OF_A_KNOT: usize = 10;
+/// The same for robots seen whole by a tracker: as they left the factory, and a reflector that nobody measured.
+const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
 
 /// Time constants that are tried, as shares of the run's length.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
@@ -148,6 +167,7 @@ const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
 pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     let survey = survey(arm, problem);
     let mut found: Vec<Candidate> = Vec::new();
+    let mut curves = Vec::new();
     for (slot, effect) in arm.effects.iter().enumerate() {
         // A device frame of its own swallows the work object's.
         if !(effect.parameters().is_empty() || problem.free_device && effect.kind() == "work_object_frame") {
@@ -161,26 +181,40 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
-        if problem.free_device && kind.name == "joint_error_curve" {
-            // Over a whole turn the finest knots are hundreds a joint: more than the rows may hold.
-            variants.retain(|effect| ROWS_OF_A_KNOT * effect.parameters().len() <= problem.rows.len());
-        }
         if kind.name == "thermal_growth" {
             variants = time_constants(variants, &survey);
         }
         let count = variants.len().max(1) as f64;
         let new =
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
-        found.extend(variants.into_iter().map(new));
+        let new = variants.into_iter().map(new);
+        match problem.free_device && kind.name == "joint_error_curve" {
+            true => curves.extend(finest(new).into_iter().filter_map(Candidate::into_curve)),
+            false => found.extend(new),
+        }
     }
     // Effects of other sizes than the typical one compete too, on the same columns.
-    let sizes = if problem.free_device { SIZES_WHOLE } else { SIZES };
+    let sizes = if problem.free_device { &SIZES_WHOLE[..] } else { &SIZES };
     found.iter_mut().for_each(|candidate| candidate.variants *= (sizes.len() + 1) as f64);
-    let twin = |c: &Candidate| sizes.map(|scale| Candidate { scale, ..c.clone() });
+    let twin = |c: &Candidate| sizes.iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();
     let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
     found.extend(twins);
+    found.extend(curves);
     found.extend(patterns(&survey, problem));
     found
+}
+
+/// Of the variants of each family the one with the most numbers: smoothness makes the coarser ones of it.
+fn finest(variants: impl Iterator<Item = Candidate>) -> Vec<Candidate> {
+    let mut best: Vec<Candidate> = Vec::new();
+    for candidate in variants {
+        match best.iter_mut().find(|known| known.family == candidate.family) {
+            Some(known) if known.values.len() < candidate.values.len() => *known = candidate,
+            Some(_) => {}
+            None => best.push(candidate),
+        }
+    }
+    best
 }
 
 /// Variants over time constants: the parameter named `tau_s` is searched, not fitted from nothing.
@@ -279,8 +313,16 @@ pub(super) fn design(
     };
     let whole = now(None);
     let settled = problem.equilibria(&whole);
-    let mut columns: Vec<DVector<f64>> = Vec::new();
+    // One after another in memory, as the matrix has them: with curves they are hundreds.
+    let mut numbers: Vec<f64> = Vec::new();
+    let mut count = 0;
+    let mut add = |columns: Vec<DVector<f64>>| {
+        columns.iter().for_each(|column| numbers.extend_from_slice(column.as_slice()));
+        count += columns.len();
+        count
+    };
     let mut firsts = Vec::new();
+    let mut next = 0;
     for (i, &c) in wanted.iter().enumerate() {
         // Twins share their columns, while neither is about its own numbers.
         let twin = wanted[..i].iter().position(|&o| twins(&candidates[o], &candidates[c]));
@@ -288,16 +330,21 @@ pub(super) fn design(
             firsts.push(firsts[twin]);
             continue;
         }
-        firsts.push(columns.len());
+        firsts.push(next);
         let candidate = &candidates[c];
-        match &candidate.home {
-            Home::Pattern(pattern) => columns.extend(pattern_columns(problem, *pattern, candidate.values.len())),
+        next = match &candidate.home {
+            Home::Pattern(pattern) => add(pattern_columns(problem, *pattern, candidate.values.len())),
             home => {
                 let own = chosen.contains(&c).then(|| now(Some(c)));
                 let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
-                columns.extend((0..candidate.values.len()).map(|k| about.derivative(home, candidate, k)));
+                match &candidate.curve {
+                    Some(curve) => add(about.along(home, candidate, &curve.of)),
+                    None => {
+                        add((0..candidate.values.len()).map(|k| about.derivative(home, candidate, k..k + 1)).collect())
+                    }
+                }
             }
-        }
+        };
     }
     for (&c, first) in wanted.iter().zip(firsts) {
         candidates[c].first = first;
@@ -305,14 +352,11 @@ pub(super) fn design(
     let mut always = Vec::new();
     for (run, device) in problem.devices.iter().enumerate() {
         for axis in 0..device.unknowns() {
-            always.push(columns.len());
-            columns.push(device::column(problem, run, axis));
+            always.push(next);
+            next = add(vec![device::column(problem, &settled, run, axis)]);
         }
     }
-    if columns.is_empty() {
-        return (DMatrix::zeros(problem.scalars, 0), always);
-    }
-    (DMatrix::from_columns(&columns), always)
+    (DMatrix::from_vec(problem.scalars, next, numbers), always)
 }
 
 /// Whether two candidates differ in their prior's size only.
@@ -362,18 +406,35 @@ struct About<'a> {
 }
 
 impl About<'_> {
-    fn derivative(&self, home: &Home, candidate: &Candidate, k: usize) -> DVector<f64> {
+    /// With some numbers moved alike.
+    fn derivative(&self, home: &Home, candidate: &Candidate, numbers: Range<usize>) -> DVector<f64> {
         let mut values = candidate.values.clone();
+        let k = numbers.start;
         let (low, high) = candidate.bounds[k];
         let step = STEP * candidate.typical[k];
         let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
-        values[k] += step;
+        values[numbers].iter_mut().for_each(|value| *value += step);
         let moved = self.problem.residual_near(&with(self.arm, &[(home, &values)]), self.settled);
         let scale = candidate.typical[k] / step;
         // The residual falls by what the prediction grows.
         let mut column = (self.base - moved) * scale;
         column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
         column
+    }
+
+    /// Every knot's column of a curve: its share of what the whole curve does, raised alike.
+    fn along(&self, home: &Home, candidate: &Candidate, curve: &JointCurve) -> Vec<DVector<f64>> {
+        let raised = self.derivative(home, candidate, 0..candidate.values.len());
+        let of_row = |row: &Observation| curve.weights(row.motor[curve.joint].to_degrees()).collect();
+        let weights: Vec<Vec<f64>> = self.problem.rows.par_iter().map(of_row).collect();
+        let of_knot = |k: usize| {
+            let mut column = raised.clone();
+            for (row, weights) in self.problem.rows.iter().zip(&weights) {
+                column.rows_mut(row.offset, row.seen.len()).scale_mut(weights[k]);
+            }
+            column
+        };
+        (0..candidate.values.len()).into_par_iter().map(of_knot).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::data::Problem;
 use super::noise::{self, Moments};
-use super::score::score;
+use super::score::{Columns, score};
 use crate::effects::Covered;
 use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};
@@ -44,7 +44,7 @@ fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
     let series = problem.series(|row| !row.held_out);
     let moments: Vec<Moments> = noise::few().into_iter().map(|shape| Moments::of(&stacked, &series, shape)).collect();
-    score(&moments, &[]).evidence
+    score(&moments, &Columns::default()).evidence
 }
 
 /// Of the fitted rows, mm.

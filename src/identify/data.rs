@@ -279,7 +279,7 @@ impl Problem {
         self.stacked(self.rows.par_iter().map(of).collect())
     }
 
-    fn stacked(&self, parts: Vec<[f64; 3]>) -> DVector<f64> {
+    pub(super) fn stacked(&self, parts: Vec<[f64; 3]>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
         for (row, part) in self.rows.iter().zip(parts) {
             for (k, value) in part.into_iter().enumerate().take(row.seen.len()) {

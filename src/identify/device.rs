@@ -1,8 +1,10 @@
 //! What is unknown of a measuring instrument: nothing, the frame of a tracker, the fixed point of a draw-wire.
 
 use super::data::{Observation, Problem, Seen};
+use crate::equilibrium::Equilibrium;
 use crate::robot::Pose;
 use nalgebra::{DVector, Matrix3, Matrix4, Rotation3, Translation3, Vector3, Vector4};
+use rayon::prelude::*;
 
 /// The unknown part of a run's instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,22 +31,40 @@ impl Device {
     }
 }
 
-/// Change of every prediction with unknown `axis` of a run's instrument, mm per prior size.
-pub(super) fn column(problem: &Problem, run: usize, axis: usize) -> DVector<f64> {
+/// Change of every prediction with unknown `axis` of a run's instrument, mm per prior size, about the arm as it settled:
+/// a turn about where the TCP is declared would leave a wrong tool in every frame.
+pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: usize, axis: usize) -> DVector<f64> {
     let unit = Vector3::ith(axis % 3, 1.0);
-    problem.stack(|row| {
-        if row.run != run {
-            return [0.0; 3];
-        }
-        let seen = problem.runs[run].points[row.point].wobj_from_tcp.translation.vector * 1e3;
-        match problem.devices[run] {
+    let of = |(row, there): (&Observation, &Option<Equilibrium>)| {
+        let declared = || problem.runs[row.run].points[row.point].wobj_from_tcp;
+        let place = there.as_ref().map_or_else(declared, |there| there.wobj_from_tcp).translation.vector * 1e3;
+        match problem.devices[row.run] {
+            _ if row.run != run => [0.0; 3],
             Device::Known => [0.0; 3],
             // The frame moves: the point moves the other way in it.
             Device::Frame if axis < 3 => (-unit * FREE.0).into(),
-            Device::Frame => (-unit.cross(&seen) * FREE.1).into(),
-            Device::Point(from) => [-(seen - from).normalize().dot(&unit) * FREE.0, 0.0, 0.0],
+            Device::Frame => (-unit.cross(&place) * FREE.1).into(),
+            Device::Point(from) => [-(place - from).normalize().dot(&unit) * FREE.0, 0.0, 0.0],
         }
-    })
+    };
+    problem.stacked(problem.rows.par_iter().zip(settled).map(of).collect())
+}
+
+/// Where every run's instrument is taken to be.
+pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
+    let frame = |run: &crate::correct::Prepared| run.points.first().map(|point| point.base_from_wobj);
+    let place = |(&device, run)| (device, frame(run).filter(|_| device == Device::Frame));
+    problem.devices.iter().zip(&problem.runs).map(place).collect()
+}
+
+/// Puts every run's instrument where it was.
+pub(super) fn restore(problem: &mut Problem, places: &[(Device, Option<Pose>)]) {
+    for (run, (device, frame)) in places.iter().enumerate() {
+        problem.devices[run] = *device;
+        if let Some(base_from_device) = frame {
+            problem.runs[run].points.iter_mut().for_each(|point| point.place_in(base_from_device));
+        }
+    }
 }
 
 /// Moves a run's instrument by its unknowns, in prior sizes.

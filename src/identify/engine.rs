@@ -7,6 +7,7 @@ use super::gear::{self, Comb, Term};
 use super::noise::{self, Moments};
 use super::outcome::Identification;
 use super::search::Search;
+use super::whole::Choice;
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
 use crate::measured::Table;
@@ -75,11 +76,7 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
             Diagnostic::error("identify.unsolved", "", message).help("run `deflex predict` on the program first"),
         ]);
     }
-    let candidates = candidates::all(&declared, &problem);
-    let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
-    let covariance = DMatrix::zeros(0, 0);
-    let mut engine = Engine { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance };
-    Ok(engine.run(&before, input))
+    Ok(Engine::new(declared, problem).run(&before, input))
 }
 
 /// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
@@ -95,6 +92,13 @@ pub(super) struct Linearised {
 }
 
 impl Engine {
+    pub(super) fn new(declared: Arm, problem: Problem) -> Self {
+        let candidates = candidates::all(&declared, &problem);
+        let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
+        let covariance = DMatrix::zeros(0, 0);
+        Self { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance }
+    }
+
     pub(super) fn arm(&self) -> Arm {
         let changes: Vec<(&Home, &[f64])> =
             self.chosen.iter().map(|&c| (&self.candidates[c].home, &self.candidates[c].values[..])).collect();
@@ -109,7 +113,23 @@ impl Engine {
         let base = self.residual();
         let (design, always) =
             candidates::design(&self.declared, &self.problem, &mut self.candidates, &self.chosen, wanted, &base);
-        let mut data = base;
+        let data = self.pseudo(&design, base, wanted);
+        let series = self.problem.series(|row| !row.held_out);
+        let moments = shapes.par_iter().map(|&shape| Moments::on(&design, &data, &series, shape)).collect();
+        Linearised { moments, always, design, data }
+    }
+
+    /// The same columns about the numbers as they are now.
+    pub(super) fn renewed(&self, linear: Linearised, wanted: &[usize]) -> Linearised {
+        let data = self.pseudo(&linear.design, self.residual(), wanted);
+        let series = self.problem.series(|row| !row.held_out);
+        let moments = linear.moments.into_iter().map(|m| m.with_data(&linear.design, &data, &series)).collect();
+        Linearised { moments, data, ..linear }
+    }
+
+    /// What a residual would be with every chosen number at neutral.
+    fn pseudo(&self, design: &DMatrix<f64>, residual: DVector<f64>, wanted: &[usize]) -> DVector<f64> {
+        let mut data = residual;
         for &c in self.chosen.iter().filter(|c| wanted.contains(c)) {
             let candidate = &self.candidates[c];
             if candidate.is_pattern() {
@@ -120,11 +140,7 @@ impl Engine {
                 data.axpy(off, &design.column(column), 1.0);
             }
         }
-        let mut stacked = design.clone().insert_column(design.ncols(), 0.0);
-        stacked.set_column(design.ncols(), &data);
-        let series = self.problem.series(|row| !row.held_out);
-        let moments = shapes.par_iter().map(|&shape| Moments::of(&stacked, &series, shape)).collect();
-        Linearised { moments, always, design, data }
+        data
     }
 
     pub(super) fn run(&mut self, before: &DVector<f64>, input: &Input) -> Identification {
@@ -156,10 +172,14 @@ impl Engine {
             };
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             let now = self.linearise(&wanted, &shapes);
+            let staged = whole.then(|| self.staged(&now));
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
-            let set = if whole { search.staged() } else { search.best(&self.chosen, &everything) };
-            let score = search.full(&set);
+            let Choice { set, sigma, shape } = staged.unwrap_or_else(|| {
+                let set = search.best(&self.chosen, &everything);
+                let score = search.full(&set);
+                Choice { set, sigma: score.sigma, shape: score.shape }
+            });
             posteriors = set
                 .iter()
                 .filter(|&&c| !self.candidates[c].is_pattern())
@@ -171,12 +191,11 @@ impl Engine {
             if round == 0 {
                 ranking = self.ranking(&search, &now);
             }
-            (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
-            let same = {
-                let (mut a, mut b) = (set.clone(), self.chosen.clone());
-                a.sort_unstable();
-                b.sort_unstable();
-                a == b
+            (self.sigma, self.shape) = (sigma, shapes[shape]);
+            let same = if whole {
+                self.families(&set) == self.families(&self.chosen)
+            } else {
+                sorted(&set) == sorted(&self.chosen)
             };
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
@@ -192,7 +211,10 @@ impl Engine {
             }
             self.shape = field.filter(|_| settled).unwrap_or(self.shape);
         }
-        if !self.problem.free_device {
+        if whole {
+            self.drop_idle();
+            posteriors.retain(|(c, _)| self.chosen.contains(c));
+        } else {
             self.prune();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
             self.contest(&mut posteriors);
@@ -205,8 +227,22 @@ impl Engine {
         self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)
     }
 
+    /// What a set stands for, whatever the sizes of its priors.
+    fn families(&self, set: &[usize]) -> Vec<&str> {
+        let mut all: Vec<&str> = set.iter().map(|&c| &self.candidates[c].family[..]).collect();
+        all.sort_unstable();
+        all
+    }
+
     /// Takes a set: what is no longer in it starts afresh, the rest is refitted together.
     pub(super) fn choose(&mut self, set: Vec<usize>) {
+        // A twin goes on from where the other one was.
+        for &c in set.iter().filter(|c| !self.chosen.contains(c)) {
+            let known = self.chosen.iter().find(|&&o| candidates::twins(&self.candidates[o], &self.candidates[c]));
+            if let Some(&known) = known.filter(|_| self.problem.free_device) {
+                self.candidates[c].values = self.candidates[known].values.clone();
+            }
+        }
         for &c in self.chosen.iter().filter(|c| !set.contains(c)) {
             let candidate = &mut self.candidates[c];
             candidate.values.clone_from(&candidate.start);
@@ -262,6 +298,12 @@ impl Engine {
     pub(super) fn patterns(&self) -> Vec<usize> {
         self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect()
     }
+}
+
+fn sorted(set: &[usize]) -> Vec<usize> {
+    let mut sorted = set.to_vec();
+    sorted.sort_unstable();
+    sorted
 }
 
 /// Physical effects that cannot bend to anything: neither patterns nor smooth curves.

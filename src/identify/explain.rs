@@ -51,7 +51,7 @@ impl Engine {
             let mut own = DVector::zeros(linear.data.len());
             let mut numbers = DVector::zeros(self.candidates[c].values.len());
             if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
-                for (n, (column, value)) in columns.iter().zip(mean.iter()).enumerate() {
+                for (n, (column, value)) in columns.list.iter().zip(mean.iter()).enumerate() {
                     left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
                     if n >= frames {
                         own.axpy(value * column.1, &linear.design.column(column.0), 1.0);
@@ -84,6 +84,8 @@ impl Engine {
             .iter()
             .filter(|row| !row.outlier && keep(row))
             .map(|row| residual.rows(row.offset, row.seen.len()).norm())
+            // Without one of its effects the arm may find no equilibrium somewhere.
+            .filter(|norm| norm.is_finite())
             .collect();
         errors_of(&norms)
     }

@@ -4,16 +4,19 @@ use super::candidates::{SPRING, fitted};
 use super::device;
 use super::engine::{Engine, Linearised, Posterior};
 use super::noise;
-use super::score::posterior;
+use super::score::{Columns, Normal, posterior};
 use super::search::{CAUTION, Search};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// Steps of a refit at most, and how often one is halved.
+/// Steps of a refit at most.
 const REFITS: usize = 8;
-const HALVINGS: usize = 5;
+/// Dampings of a step until one gains, in priors: the data's own hold on what they show is millions.
+const DAMPINGS: [f64; 5] = [0.0, 1.0, 30.0, 1e3, 1e5];
 /// Changes below this share of the typical sizes are no longer followed.
 const SETTLED: f64 = 1e-4;
+/// What a step must gain, twice nats a measured number: what makes up for one another wanders along its valley for less.
+const TREMOR: f64 = 1e-6;
 /// What a member must gain beyond its price when the others are fitted anew without it, nats.
 const CLEARLY: f64 = 5.0;
 /// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
@@ -53,78 +56,105 @@ impl Engine {
         true
     }
 
-    /// Gauss-Newton on the chosen numbers with their priors, noise as last chosen; steps are halved until they gain.
+    /// Levenberg-Marquardt on the chosen numbers with their priors, noise as last chosen.
     pub(super) fn descend(&mut self) {
+        let chosen = self.chosen.clone();
+        let mut last = None;
         for _ in 0..REFITS {
-            let chosen = self.chosen.clone();
-            let linear = self.linearise(&chosen, &[self.shape]);
+            let linear = match last.take() {
+                // Over the whole robot columns are many and hardly change: the first ones serve to the end.
+                Some(linear) if self.problem.free_device => self.renewed(linear, &chosen),
+                _ => self.linearise(&chosen, &[self.shape]),
+            };
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
-            let Some((mean, covariance)) = posterior(moments, &columns, self.sigma) else { return };
-            let frames = linear.always.len();
-            let mut unknown = 0;
-            for run in 0..self.problem.devices.len() {
-                let unknowns = self.problem.devices[run].unknowns();
-                device::shift(&mut self.problem, run, &mean.as_slice()[unknown..unknown + unknowns]);
-                unknown += unknowns;
-            }
             // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
-            let wide: Vec<_> = columns.iter().map(|&(column, _)| (column, 1.0)).collect();
-            let covariance = posterior(moments, &wide, self.sigma).map_or(covariance, |(_, wide)| wide);
+            let wide = columns.list.iter().map(|&(column, _)| (column, 1.0)).collect();
+            let wide = Columns { list: wide, curves: columns.curves.clone() };
+            let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
+            let frames = linear.always.len();
             let size = covariance.nrows() - frames;
             self.covariance = covariance.view((frames, frames), (size, size)).into_owned();
-            let now: Vec<Vec<f64>> = chosen.iter().map(|&c| self.candidates[c].values.clone()).collect();
-            let mut at = frames;
-            let aim: Vec<Vec<f64>> = chosen
-                .iter()
-                .map(|&c| {
-                    let candidate = &self.candidates[c];
-                    let number = |k: usize| {
-                        let (low, high) = candidate.bounds[k];
-                        (candidate.start[k] + candidate.size(k) * mean[at + k]).clamp(low, high)
-                    };
-                    let values = (0..candidate.values.len()).map(number).collect();
-                    at += candidate.values.len();
-                    values
-                })
-                .collect();
-            // An instrument that was moved has moved already, and its problem is as good as linear.
-            let halvings = if frames > 0 { 0 } else { HALVINGS };
-            let before = self.misfit(&linear);
-            let mut step = 1.0;
-            for left in (0..=halvings).rev() {
-                for ((&c, now), aim) in chosen.iter().zip(&now).zip(&aim) {
-                    let candidate = &mut self.candidates[c];
-                    for (k, value) in candidate.values.iter_mut().enumerate() {
-                        *value = now[k] + step * (aim[k] - now[k]);
-                    }
-                }
-                if left == 0 || self.misfit(&linear) <= before {
-                    break;
-                }
-                step *= 0.5;
-            }
-            let change = |(c, (now, aim)): (&usize, (&Vec<f64>, &Vec<f64>))| {
-                let candidate = &self.candidates[*c];
-                let each = |k: usize| step * (aim[k] - now[k]).abs() / candidate.typical[k];
-                if candidate.is_pattern() { 0.0 } else { (0..now.len()).map(each).fold(0.0, f64::max) }
-            };
-            let largest = chosen.iter().zip(now.iter().zip(&aim)).map(change).fold(0.0, f64::max);
+            let normal = Normal::of(moments, &columns, self.sigma);
+            let largest = self.step(&linear, &normal);
             if largest < SETTLED {
                 break;
             }
+            last = Some(linear);
         }
     }
 
-    /// Minus twice the log posterior of the chosen numbers, but for a constant.
+    /// Goes to the best of the linear problem, or as near as it takes to gain; the largest change, in typical sizes.
+    fn step(&mut self, linear: &Linearised, normal: &Normal) -> f64 {
+        let chosen = self.chosen.clone();
+        let frames = linear.always.len();
+        let now: Vec<Vec<f64>> = chosen.iter().map(|&c| self.candidates[c].values.clone()).collect();
+        let places = device::places(&self.problem);
+        let of = |c: usize, value: f64, k: usize| (value - self.candidates[c].start[k]) / self.candidates[c].size(k);
+        let numbers = || chosen.iter().flat_map(|&c| (0..self.candidates[c].values.len()).map(move |k| (c, k)));
+        let (mut here, mut bounds) = (vec![0.0; frames], vec![(f64::NEG_INFINITY, f64::INFINITY); frames]);
+        here.extend(numbers().map(|(c, k)| of(c, self.candidates[c].values[k], k)));
+        bounds.extend(numbers().map(|(c, k)| {
+            let (low, high) = self.candidates[c].bounds[k];
+            (of(c, low, k), of(c, high, k))
+        }));
+        let here = DVector::from_vec(here);
+        let before = self.misfit(linear);
+        let tremor = TREMOR * linear.moments[0].count as f64;
+        for damping in DAMPINGS {
+            let Some(aim) = normal.likeliest(&bounds, &here, damping) else { break };
+            let largest = self.go_to(aim.as_slice());
+            let gain = before - self.misfit(linear);
+            // A step that loses a row's equilibrium gains nothing either.
+            if gain > tremor {
+                return largest;
+            }
+            device::restore(&mut self.problem, &places);
+            for (&c, now) in chosen.iter().zip(&now) {
+                self.candidates[c].values.clone_from(now);
+            }
+        }
+        0.0
+    }
+
+    /// Takes numbers in prior sizes, the instruments' first; the largest change, in typical sizes.
+    fn go_to(&mut self, aim: &[f64]) -> f64 {
+        let mut at = 0;
+        for run in 0..self.problem.devices.len() {
+            let unknowns = self.problem.devices[run].unknowns();
+            device::shift(&mut self.problem, run, &aim[at..at + unknowns]);
+            at += unknowns;
+        }
+        let mut largest: f64 = 0.0;
+        for &c in &self.chosen {
+            let candidate = &mut self.candidates[c];
+            for k in 0..candidate.values.len() {
+                let (low, high) = candidate.bounds[k];
+                // Within but for rounding.
+                let value = (candidate.start[k] + candidate.size(k) * aim[at + k]).clamp(low, high);
+                if !candidate.is_pattern() {
+                    largest = largest.max((value - candidate.values[k]).abs() / candidate.typical[k]);
+                }
+                candidate.values[k] = value;
+            }
+            at += candidate.values.len();
+        }
+        largest
+    }
+
+    /// Minus twice the log posterior of the chosen numbers, but for a constant; infinite where any row, held out or not,
+    /// has no equilibrium.
     pub(super) fn misfit(&self, linear: &Linearised) -> f64 {
         let mut left = self.residual();
+        if left.iter().any(|v| !v.is_finite()) {
+            return f64::INFINITY;
+        }
         let mut prior = 0.0;
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
-            for (k, column) in candidate.columns().enumerate() {
-                prior += ((candidate.values[k] - candidate.start[k]) / candidate.size(k)).powi(2);
-                if candidate.is_pattern() {
+            prior += candidate.unlikely();
+            if candidate.is_pattern() {
+                for (k, column) in candidate.columns().enumerate() {
                     left.axpy(-candidate.values[k] / candidate.typical[k], &linear.design.column(column), 1.0);
                 }
             }
@@ -210,5 +240,54 @@ impl Engine {
         let chosen = self.chosen.clone();
         let linear = self.linearise(&chosen, &[self.shape]);
         Search::new(&self.candidates, &linear.moments, &linear.always).objective(&chosen)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::Problem;
+    use super::*;
+    use crate::cell::Cell;
+    use crate::measured::Table;
+    use crate::text::Source;
+
+    /// Poses of a small arm, with what they are measured at.
+    fn engine() -> Engine {
+        let text = "[robot]\nmodel = \"irb120-3-0.58\"\n[tools.t]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\n[cut]\nforce = \"none\"\n";
+        let cell = Cell::read(&Source::new("cell.toml", text.as_bytes().to_vec())).unwrap();
+        let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+        for i in 0..40 {
+            let deg: [f64; 6] = std::array::from_fn(|j| 40.0 * ((i * (2 * j + 3)) as f64 * 0.7).sin());
+            let motor = crate::robot::Joints::from(deg.map(f64::to_radians));
+            let there = cell.arm.robot.forward(&motor) * cell.tools["T"].flange_from_tcp;
+            let numbers =
+                deg.iter().copied().chain((there.translation.vector * 1e3).iter().copied().collect::<Vec<_>>());
+            csv += &numbers.map(|v| v.to_string()).collect::<Vec<_>>().join(",");
+            csv.push('\n');
+        }
+        let table = Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap();
+        let problem = Problem::of_poses(&cell, &[table], None).unwrap();
+        Engine::new(cell.arm, problem)
+    }
+
+    #[test]
+    fn a_step_that_loses_rows_is_refused() {
+        let mut engine = engine();
+        let gravity = engine.candidates.iter().position(|c| c.kind == "gravity").unwrap();
+        engine.chosen = vec![gravity];
+        let (chosen, shape) = (engine.chosen.clone(), engine.shape);
+        let linear = engine.linearise(&chosen, &[shape]);
+        let start = engine.candidates[gravity].values.clone();
+        // So heavy and so soft that the arm falls: no row has an equilibrium.
+        let mut heavy = vec![0.0; linear.always.len()];
+        heavy.extend(engine.candidates[gravity].typical.iter().map(|_| 1e6));
+        engine.go_to(&heavy);
+        assert!(engine.misfit(&linear).is_infinite());
+        engine.candidates[gravity].values.clone_from(&start);
+        let places = device::places(&engine.problem);
+        let normal = Normal::drawn_to(heavy);
+        assert_eq!(engine.step(&linear, &normal), 0.0);
+        assert_eq!(engine.candidates[gravity].values, start);
+        assert_eq!(device::places(&engine.problem), places);
     }
 }

@@ -1,9 +1,10 @@
 //! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
 
 use super::candidates::{self, Candidate, Home};
+use super::data::Observation;
 use super::engine::{Engine, Linearised, Posterior};
 use super::noise::{self, Moments};
-use super::score::{posterior, score};
+use super::score::{Columns, posterior, score};
 use super::search::{self, Search};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -11,6 +12,8 @@ use statrs::function::erf::erf;
 
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
+/// Standard deviation of normal numbers over the median of their sizes.
+const TO_SIGMA: f64 = 1.4826;
 /// The kind that names nothing.
 const MAP: &str = "empirical";
 /// Standard errors that a map must gain on unseen blocks: it will be used, and claims nothing else.
@@ -24,10 +27,10 @@ impl Engine {
         let price = search::FIELD + (fields.len() as f64).ln();
         let series = self.problem.series(|row| !row.held_out);
         let columns = search.columns(set);
-        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
-        let renumbered: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
-        stacked = stacked.insert_column(columns.len(), 0.0);
-        stacked.set_column(columns.len(), &linear.data);
+        let mut stacked = linear.design.select_columns(columns.list.iter().map(|column| &column.0));
+        let renumbered = numbered(&columns);
+        stacked = stacked.insert_column(columns.list.len(), 0.0);
+        stacked.set_column(columns.list.len(), &linear.data);
         let shapes: Vec<noise::Shape> = fields
             .iter()
             .flat_map(|&field| noise::few().into_iter().map(move |shape| noise::Shape { field: Some(field), ..shape }))
@@ -36,7 +39,7 @@ impl Engine {
             .par_iter()
             .map(|&shape| {
                 let moments = [Moments::of(&stacked, &series, shape)];
-                let alone = score(&moments, &[]).evidence;
+                let alone = score(&moments, &Columns::default()).evidence;
                 let beside = score(&moments, &renumbered).evidence - set_price;
                 alone.max(beside) - price - value
             })
@@ -116,15 +119,16 @@ impl Engine {
     }
 
     /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
-    pub(super) fn block_errors(&self, linear: &Linearised, columns: &[(usize, f64)]) -> Vec<f64> {
+    pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
         let mut blocks: Vec<(usize, usize)> =
             self.problem.rows.iter().filter(|row| !row.held_out).map(|row| (row.run, row.block)).collect();
         blocks.dedup();
-        let mut stacked = linear.design.select_columns(columns.iter().map(|column| &column.0));
-        stacked = stacked.insert_column(columns.len(), 0.0);
-        stacked.set_column(columns.len(), &linear.data);
-        let local: Vec<_> = columns.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        let mut stacked = linear.design.select_columns(columns.list.iter().map(|column| &column.0));
+        stacked = stacked.insert_column(columns.list.len(), 0.0);
+        stacked.set_column(columns.list.len(), &linear.data);
+        let local = numbered(columns);
         let in_cell: Vec<bool> = columns
+            .list
             .iter()
             .map(|&(column, _)| {
                 !self
@@ -138,7 +142,7 @@ impl Engine {
             let moments = Moments::of(&stacked, &series, self.shape);
             let mut left = linear.data.clone();
             if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
-                for (k, &(column, scale)) in columns.iter().enumerate().filter(|(k, _)| in_cell[*k]) {
+                for (k, &(column, scale)) in columns.list.iter().enumerate().filter(|(k, _)| in_cell[*k]) {
                     left.axpy(-mean[k] * scale, &linear.design.column(column), 1.0);
                 }
             }
@@ -151,11 +155,19 @@ impl Engine {
     /// Marks rows whose whitened residual no noise makes; says whether any is new.
     pub(super) fn mark_outliers(&mut self) -> bool {
         let whitened = self.whitened(&self.residual());
-        let limit = OUTLIER * self.sigma;
+        // Rows that no fit has seen also carry what the fit does not know of them: their own scale says how much.
+        let held_out = |row: &&Observation| row.held_out && !row.outlier;
+        let seen = self.problem.rows.iter().filter(held_out);
+        let mut sizes: Vec<f64> = seen
+            .flat_map(|row| whitened.rows(row.offset, row.seen.len()).iter().map(|v| v.abs()).collect::<Vec<_>>())
+            .collect();
+        sizes.sort_by(f64::total_cmp);
+        let unseen = (TO_SIGMA * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)).max(self.sigma);
+        let limit = |row: &Observation| OUTLIER * if row.held_out { unseen } else { self.sigma };
         let far: Vec<usize> = (0..self.problem.rows.len())
             .filter(|&i| {
                 let row = &self.problem.rows[i];
-                !row.outlier && (0..row.seen.len()).any(|k| whitened[row.offset + k].abs() > limit)
+                !row.outlier && (0..row.seen.len()).any(|k| whitened[row.offset + k].abs() > limit(row))
             })
             .collect();
         // A tenth of the rows are not outliers but an effect.
@@ -173,6 +185,12 @@ impl Engine {
         let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
         noise::whiten(&stacked, &series, self.shape).columns.column(0).into_owned()
     }
+}
+
+/// The same columns as the first ones of a design of their own.
+fn numbered(columns: &Columns) -> Columns {
+    let list = columns.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+    Columns { list, curves: columns.curves.clone() }
 }
 
 /// Mean of some gains over its standard error.

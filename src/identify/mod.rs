@@ -19,7 +19,9 @@ mod outcome;
 mod score;
 mod search;
 mod separability;
+mod smooth;
 mod ties;
+mod whole;
 
 pub use engine::{Input, identify};
 pub use outcome::{

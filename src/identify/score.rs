@@ -5,7 +5,9 @@
 //! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it.
 
 use super::noise::Moments;
+use super::smooth::Smoothness;
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// A scored set of columns.
 #[derive(Clone, Debug)]
@@ -24,18 +26,53 @@ const LEAST_SIGMA: f64 = 1e-4;
 /// A column of the design and the share of its typical size that the prior has.
 pub(super) type Column = (usize, f64);
 
-fn chosen(moments: &Moments, columns: &[Column]) -> (DMatrix<f64>, DVector<f64>) {
-    let size = columns.len();
-    let gram = DMatrix::from_fn(size, size, |i, j| {
-        let ((a, s), (b, t)) = (columns[i], columns[j]);
-        moments.gram[(a, b)] * s * t
-    });
-    let cross = DVector::from_fn(size, |i, _| moments.cross[columns[i].0] * columns[i].1);
-    (gram, cross)
+/// Columns of a set with the prior of their numbers: independent, but for the knots of smooth curves.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Columns {
+    pub(super) list: Vec<Column>,
+    /// Position of the first knot of each curve in the list, and what keeps it smooth.
+    pub(super) curves: Vec<(usize, Arc<Smoothness>)>,
+}
+
+impl Columns {
+    /// Independent columns.
+    pub(super) fn independent(list: Vec<Column>) -> Self {
+        Self { list, curves: Vec::new() }
+    }
+
+    /// Adds a number's prior precision, in units of the list's sizes.
+    pub(super) fn add_precision(&self, matrix: &mut DMatrix<f64>) {
+        let of_curve = |i: usize| self.curves.iter().any(|(at, s)| (*at..at + s.precision.nrows()).contains(&i));
+        for i in (0..self.list.len()).filter(|&i| !of_curve(i)) {
+            matrix[(i, i)] += 1.0;
+        }
+        for (at, smooth) in &self.curves {
+            let size = smooth.precision.shape();
+            let mut block = matrix.view_mut((*at, *at), size);
+            block += &smooth.precision;
+        }
+    }
+
+    /// Half the log determinant of the prior precision.
+    pub(super) fn half_log_det(&self) -> f64 {
+        self.curves.iter().map(|(_, smooth)| smooth.half_log_det).sum()
+    }
+
+    pub(super) fn gram(&self, moments: &Moments) -> DMatrix<f64> {
+        let list = &self.list;
+        DMatrix::from_fn(list.len(), list.len(), |i, j| {
+            let ((a, s), (b, t)) = (list[i], list[j]);
+            moments.gram[(a, b)] * s * t
+        })
+    }
+
+    pub(super) fn cross(&self, moments: &Moments) -> DVector<f64> {
+        DVector::from_iterator(self.list.len(), self.list.iter().map(|&(a, s)| moments.cross[a] * s))
+    }
 }
 
 /// Best evidence of the columns over all noise shapes.
-pub(super) fn score(moments: &[Moments], columns: &[Column]) -> Score {
+pub(super) fn score(moments: &[Moments], columns: &Columns) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
     for (shape, moments) in moments.iter().enumerate() {
         let (evidence, sigma) = profiled(moments, columns, None);
@@ -47,10 +84,10 @@ pub(super) fn score(moments: &[Moments], columns: &[Column]) -> Score {
 }
 
 /// Evidence for one shape with σ at its best, searched from `guess`.
-pub(super) fn profiled(moments: &Moments, columns: &[Column], guess: Option<f64>) -> (f64, f64) {
-    let (gram, cross) = chosen(moments, columns);
+pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>) -> (f64, f64) {
+    let (gram, cross) = (columns.gram(moments), columns.cross(moments));
     let n = moments.count as f64;
-    let size = columns.len();
+    let size = columns.list.len();
     let at = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
         let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale + moments.shape.log_prior();
@@ -58,12 +95,12 @@ pub(super) fn profiled(moments: &Moments, columns: &[Column], guess: Option<f64>
             return base;
         }
         let mut matrix = &gram * precision;
-        (0..size).for_each(|i| matrix[(i, i)] += 1.0);
+        columns.add_precision(&mut matrix);
         let Some(factor) = matrix.cholesky() else { return f64::NEG_INFINITY };
         let mut white = cross.clone();
         let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
         factor.l_dirty().solve_lower_triangular_mut(&mut white);
-        base + 0.5 * white.norm_squared() * precision * precision - half_log_det
+        base + 0.5 * white.norm_squared() * precision * precision - half_log_det + columns.half_log_det()
     };
     let rms = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
     let mut middle = guess.map_or(rms, f64::ln);
@@ -95,11 +132,98 @@ pub(super) fn profiled(moments: &Moments, columns: &[Column], guess: Option<f64>
 }
 
 /// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
-pub(super) fn posterior(moments: &Moments, columns: &[Column], sigma: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let precision = sigma.powi(-2);
-    let (gram, cross) = chosen(moments, columns);
-    let matrix = DMatrix::identity(columns.len(), columns.len()) + gram * precision;
+pub(super) fn posterior(moments: &Moments, columns: &Columns, sigma: f64) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let Normal { matrix, right } = Normal::of(moments, columns, sigma);
     let inverse = matrix.cholesky()?.inverse();
-    let mean = &inverse * cross * precision;
-    Some((mean, inverse))
+    Some((&inverse * right, inverse))
+}
+
+/// The normal equations of some columns' parameters in units of their prior sizes.
+pub(super) struct Normal {
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl Normal {
+    /// Those whose answer is a given one, whatever damps them.
+    #[cfg(test)]
+    pub(super) fn drawn_to(answer: Vec<f64>) -> Self {
+        // So firm that no damping that is tried holds it back.
+        const FIRM: f64 = 1e12;
+        let right = DVector::from_vec(answer) * FIRM;
+        Self { matrix: DMatrix::identity(right.len(), right.len()) * FIRM, right }
+    }
+
+    pub(super) fn of(moments: &Moments, columns: &Columns, sigma: f64) -> Self {
+        let precision = sigma.powi(-2);
+        let mut matrix = columns.gram(moments) * precision;
+        columns.add_precision(&mut matrix);
+        Self { matrix, right: columns.cross(moments) * precision }
+    }
+
+    /// The most likely parameters within bounds, drawn towards `here` as by so many priors (Levenberg 1944): directions
+    /// that the data hardly hold then stay, where a shorter step would keep all others back too.
+    ///
+    /// What would leave its bounds is held there and the rest solved anew, and let go again where the rest would rather
+    /// have it back: clamping alone would leave the others where they belong beside a number that may not be.
+    pub(super) fn likeliest(&self, bounds: &[(f64, f64)], here: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
+        let mut matrix = self.matrix.clone();
+        (0..matrix.nrows()).for_each(|i| matrix[(i, i)] += damping);
+        let right = &self.right + here * damping;
+        let mut held: Vec<Option<f64>> = vec![None; bounds.len()];
+        let mut best = None;
+        // Letting go and holding could go round in a circle where two are as good.
+        for _ in 0..2 * bounds.len() {
+            let free: Vec<usize> = (0..held.len()).filter(|&i| held[i].is_none()).collect();
+            let mut left = right.clone();
+            for (i, value) in held.iter().enumerate().filter_map(|(i, value)| Some((i, (*value)?))) {
+                left.axpy(-value, &matrix.column(i), 1.0);
+            }
+            let inner = matrix.select_columns(&free).select_rows(&free);
+            let solved = inner.cholesky()?.solve(&left.select_rows(&free));
+            let mut all = DVector::from_iterator(held.len(), held.iter().map(|value| value.unwrap_or_default()));
+            free.iter().zip(solved.iter()).for_each(|(&i, &value)| all[i] = value);
+            let outside: Vec<usize> =
+                free.into_iter().filter(|&i| all[i] < bounds[i].0 || all[i] > bounds[i].1).collect();
+            if outside.is_empty() {
+                // How much a held number pulls back from its bound.
+                let pull = |i: usize| {
+                    let slope = right[i] - matrix.column(i).dot(&all);
+                    if all[i] <= bounds[i].0 { slope } else { -slope }
+                };
+                let wanted = (0..held.len()).filter(|&i| held[i].is_some()).map(|i| (pull(i), i));
+                let wanted = wanted.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(pull, _)| *pull > 0.0);
+                best = Some(all);
+                match wanted {
+                    Some((_, i)) => held[i] = None,
+                    None => break,
+                }
+            } else {
+                outside.iter().for_each(|&i| held[i] = Some(all[i].clamp(bounds[i].0, bounds[i].1)));
+            }
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::{Series, Shape};
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn beside_a_number_at_its_bound_the_others_are_solved_anew() {
+        // y = (1, 3) on columns (1, 1) and (0, 1): without bounds (1, 2); with the second not above 0, the mean 2 of the first.
+        let stacked = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 1.0, 1.0, 1.0, 3.0]);
+        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![Vector3::zeros(); 2] }];
+        let moments = Moments::of(&stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None });
+        let columns = Columns::independent(vec![(0, 1.0), (1, 1.0)]);
+        let any = (f64::NEG_INFINITY, f64::INFINITY);
+        let solve = |bounds: &[(f64, f64)]| {
+            Normal::of(&moments, &columns, 1e-4).likeliest(bounds, &DVector::zeros(2), 0.0).unwrap()
+        };
+        assert!((solve(&[any, any]) - DVector::from_vec(vec![1.0, 2.0])).norm() < 1e-6);
+        assert!((solve(&[any, (f64::NEG_INFINITY, 0.0)]) - DVector::from_vec(vec![2.0, 0.0])).norm() < 1e-6);
+    }
 }

@@ -7,9 +7,10 @@
 
 use super::candidates::Candidate;
 use super::noise::Moments;
-use super::score::{Column, Score, profiled, score};
+use super::score::{Columns, Score, profiled, score};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
 pub(super) const PRICE: f64 = 8.0;
@@ -32,7 +33,7 @@ const NESTED: f64 = 2.5;
 pub(super) const CAUTION: f64 = 2.0;
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
-const MOST: usize = 12;
+pub(super) const MOST: usize = 12;
 
 /// Searches over sets of candidates.
 pub(super) struct Search<'a> {
@@ -54,17 +55,28 @@ impl<'a> Search<'a> {
         Self { candidates, moments, always, active: RefCell::new(all), known: RefCell::default(), sigmas }
     }
 
-    pub(super) fn columns(&self, set: &[usize]) -> Vec<Column> {
-        let own = set.iter().flat_map(|&c| {
-            let scale = self.candidates[c].scale;
-            self.candidates[c].columns().map(move |column| (column, scale))
-        });
-        self.always.iter().map(|&column| (column, 1.0)).chain(own).collect()
+    pub(super) fn columns(&self, set: &[usize]) -> Columns {
+        let mut all = Columns::independent(self.always.iter().map(|&column| (column, 1.0)).collect());
+        for candidate in set.iter().map(|&c| &self.candidates[c]) {
+            if let Some(curve) = &candidate.curve {
+                all.curves.push((all.list.len(), Arc::clone(&curve.smoothness)));
+            }
+            all.list.extend(candidate.columns().map(|column| (column, candidate.scale)));
+        }
+        all
     }
 
     /// Evidence of a set over all noise shapes.
     pub(super) fn full(&self, set: &[usize]) -> Score {
         score(self.moments, &self.columns(set))
+    }
+
+    /// White noise of a set and the shape that is best for it, searched from a guess where there is one.
+    pub(super) fn noise(&self, set: &[usize], guess: Option<f64>) -> (f64, usize) {
+        let columns = self.columns(set);
+        let each = |shape: usize| (profiled(&self.moments[shape], &columns, guess), shape);
+        let best = (0..self.moments.len()).map(each).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        best.map_or((1.0, 0), |((_, sigma), shape)| (sigma, shape))
     }
 
     /// Evidence of a set less its price, nats, over the shapes worth trying.
@@ -82,7 +94,7 @@ impl<'a> Search<'a> {
         value
     }
 
-    fn profile(&self, shape: usize, columns: &[Column]) -> f64 {
+    fn profile(&self, shape: usize, columns: &Columns) -> f64 {
         let guess = self.sigmas.borrow()[shape];
         let (evidence, sigma) = profiled(&self.moments[shape], columns, guess);
         self.sigmas.borrow_mut()[shape] = Some(sigma);
@@ -95,14 +107,14 @@ impl<'a> Search<'a> {
     }
 
     /// What a member must gain: more for its variants, and for what could stand for anything.
-    fn price(&self, c: usize) -> f64 {
+    pub(super) fn price(&self, c: usize) -> f64 {
         let candidate = &self.candidates[c];
         let flexible = candidate.is_pattern() || candidate.kind == "joint_error_curve";
         PRICE + candidate.variants.ln() + if flexible { FLEXIBLE } else { 0.0 }
     }
 
     /// Whether a candidate may join a set: one variant of a kind.
-    fn joins(&self, set: &[usize], c: usize) -> bool {
+    pub(super) fn joins(&self, set: &[usize], c: usize) -> bool {
         !set.contains(&c)
             && (self.candidates[c].is_pattern()
                 || set.iter().all(|&s| self.candidates[s].family != self.candidates[c].family))
@@ -135,50 +147,8 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// The set for data over the whole robot: physical effects one by one, then the curve of every joint that gains.
-    ///
-    /// Sets with curves have hundreds of columns, too many for swaps and pairs; geometry is taken first and curves are
-    /// judged beside it. A member must explain a share of what is left, not only be significant: with thousands of rows
-    /// any wrong detail of the model is.
-    pub(super) fn staged(&self) -> Vec<usize> {
-        /// Nats a row: half a percent of what is left.
-        const SHARE: f64 = 0.0015;
-        let least = self.moments.first().map_or(0.0, |m| SHARE * m.count as f64);
-        let curve = |c: &usize| self.candidates[*c].kind == "joint_error_curve";
-        let pool: Vec<usize> = (0..self.candidates.len()).filter(|c| !self.candidates[*c].is_pattern()).collect();
-        let stiff: Vec<usize> = pool.iter().copied().filter(|c| !curve(c)).collect();
-        self.narrow(&stiff);
-        let mut set: Vec<usize> = Vec::new();
-        for _ in 0..MOST {
-            let value = self.objective(&set);
-            let gain = |&c: &usize| (self.objective(&[&set[..], &[c]].concat()) - value, c);
-            let best = stiff.iter().filter(|&&c| self.joins(&set, c)).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-            match best.filter(|(gain, _)| *gain > least) {
-                Some((_, c)) => set.push(c),
-                None => break,
-            }
-        }
-        // Curves hide one another: those that gain are taken together, then the rest is asked again beside them.
-        loop {
-            let value = self.objective(&set);
-            let mut curves: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
-            for &c in pool.iter().filter(|&&c| curve(&c) && self.joins(&set, c)) {
-                let gain = self.objective(&[&set[..], &[c]].concat()) - value;
-                let known = curves.entry(&self.candidates[c].family).or_insert((gain, c));
-                if gain > known.0 {
-                    *known = (gain, c);
-                }
-            }
-            let before = set.len();
-            set.extend(curves.into_values().filter(|(gain, _)| *gain > least).map(|(_, c)| c));
-            if set.len() == before {
-                return set;
-            }
-        }
-    }
-
     /// Keeps the noise shapes that are best for something.
-    fn narrow(&self, pool: &[usize]) {
+    pub(super) fn narrow(&self, pool: &[usize]) {
         let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
         let mut wanted = Vec::new();
         for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {

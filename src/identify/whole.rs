@@ -1,0 +1,112 @@
+//! The set of effects for data over the whole robot: hundreds of columns, too many for swaps and pairs.
+//!
+//! Physical effects come first, one by one. Then the joints' curves, each with the smoothness of most evidence beside the
+//! others: curves hide one another and whatever is smaller, so that both are asked again until nothing gains. A member
+//! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
+
+use super::engine::{Engine, Linearised};
+use super::score::Columns;
+use super::search::{MOST, PRICE, Search};
+use super::smooth::Beside;
+
+/// Nats a row that a member must gain: half a percent of what is left.
+const SHARE: f64 = 0.0015;
+/// Times that curves and effects are asked beside one another.
+const SWEEPS: usize = 8;
+
+/// What was chosen: candidates, the noise, and which of its shapes.
+pub(super) struct Choice {
+    pub(super) set: Vec<usize>,
+    pub(super) sigma: f64,
+    pub(super) shape: usize,
+}
+
+impl Engine {
+    /// The set, and the smoothness of every curve in it.
+    pub(super) fn staged(&mut self, linear: &Linearised) -> Choice {
+        let count = linear.moments.first().map_or(0, |moments| moments.count);
+        let least = SHARE * count as f64;
+        let mut choice = self.stiff(linear, least);
+        let curves: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_some()).collect();
+        for _ in 0..SWEEPS {
+            let before = choice.set.clone();
+            for &c in &curves {
+                let mut others = choice.set.clone();
+                others.retain(|&o| o != c);
+                let Some(beside) = self.beside(linear, &others, &choice) else { continue };
+                let Some(curve) = &self.candidates[c].curve else { continue };
+                let own = Columns::independent(self.candidates[c].columns().map(|column| (column, 1.0)).collect());
+                let (gain, smoothness) = curve.smoothest(&beside, &own);
+                let price = Search::new(&self.candidates, &linear.moments, &linear.always).price(c);
+                choice.set = others;
+                if gain - price > least {
+                    choice.set.push(c);
+                    if let Some(curve) = &mut self.candidates[c].curve {
+                        curve.smoothness = smoothness;
+                    }
+                }
+            }
+            let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+            (choice.sigma, choice.shape) = search.noise(&choice.set, Some(choice.sigma));
+            if let Some(beside) = self.beside(linear, &choice.set, &choice) {
+                let without = Search::new(&self.candidates, &linear.moments, &[]);
+                let gain = |c: usize| (beside.gain(&without.columns(&[c])) - search.price(c), c);
+                let joins = |c: &usize| self.candidates[*c].curve.is_none() && search.joins(&choice.set, *c);
+                let best = (0..self.candidates.len()).filter(joins).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+                if let Some((_, c)) = best.filter(|(gain, _)| *gain > least) {
+                    choice.set.push(c);
+                }
+            }
+            let same = before.len() == choice.set.len() && before.iter().all(|c| choice.set.contains(c));
+            if same {
+                break;
+            }
+        }
+        choice
+    }
+
+    /// Drops members whose fitted numbers leave the rows as they are without them: within bounds they do nothing, though
+    /// beyond would help (a gap that is not negative), or what one stage gave them a later one took.
+    pub(super) fn drop_idle(&mut self) {
+        loop {
+            let linear = self.linearise(&[], &[self.shape]);
+            let here = self.misfit(&linear);
+            let set = self.chosen.clone();
+            let gain = |c: usize| {
+                self.chosen = set.iter().copied().filter(|&o| o != c).collect();
+                // Twice nats.
+                (0.5 * (self.misfit(&linear) - here), c)
+            };
+            let worst = set.iter().copied().map(gain).min_by(|a, b| a.0.total_cmp(&b.0));
+            self.chosen = set;
+            match worst.filter(|(gain, _)| *gain < PRICE) {
+                Some((_, c)) => self.choose(self.chosen.iter().copied().filter(|&o| o != c).collect()),
+                None => return,
+            }
+        }
+    }
+
+    fn beside<'a>(&self, linear: &'a Linearised, set: &[usize], choice: &Choice) -> Option<Beside<'a>> {
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        Beside::new(&linear.moments[choice.shape], search.columns(set), choice.sigma)
+    }
+
+    /// Physical effects that gain, one by one.
+    fn stiff(&self, linear: &Linearised, least: f64) -> Choice {
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let pool: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_none()).collect();
+        search.narrow(&pool);
+        let mut set: Vec<usize> = Vec::new();
+        for _ in 0..MOST {
+            let value = search.objective(&set);
+            let gain = |&c: &usize| (search.objective(&[&set[..], &[c]].concat()) - value, c);
+            let best = pool.iter().filter(|&&c| search.joins(&set, c)).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+            match best.filter(|(gain, _)| *gain > least) {
+                Some((_, c)) => set.push(c),
+                None => break,
+            }
+        }
+        let (sigma, shape) = search.noise(&set, None);
+        Choice { set, sigma, shape }
+    }
+}
