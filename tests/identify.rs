@@ -170,7 +170,8 @@ fn poses_of_a_wrong_arm(count: usize) -> Table {
         let mut motor = Joints::from(deg.map(f64::to_radians));
         // Two waves that are no whole orders: 24° and 90° long, 1.2 mrad in all.
         for j in [1, 3] {
-            motor[j] += 4e-4 * (deg[j] / 24.0 * 6.283).sin() + 2e-4 * (deg[j] / 90.0 * 6.283).cos();
+            let wave = |period_deg: f64| std::f64::consts::TAU * deg[j] / period_deg;
+            motor[j] += 4e-4 * wave(24.0).sin() + 2e-4 * wave(90.0).cos();
         }
         let there = 1e3 * (device * real.arm.robot.forward(&motor) * tool).translation.vector;
         let seen: Vec<f64> = (0..3).map(|k| there[k] + 0.02 * rough(77_000 + 3 * i + k)).collect();

@@ -104,7 +104,8 @@ impl Engine {
         let mut added = Vec::new();
         let mut extended = Vec::new();
         let mut at = 0;
-        for &c in &self.chosen {
+        let stages = if self.problem.free_device { self.stages() } else { Vec::new() };
+        for (n, &c) in self.chosen.iter().enumerate() {
             let candidate = &self.candidates[c];
             let size = candidate.values.len();
             let block = self.covariance.view((at, at), (size, size)).into_owned();
@@ -112,13 +113,12 @@ impl Engine {
             let Some((_, (posterior, rivals))) = posteriors.iter().find(|(p, _)| *p == c) else { continue };
             let effect = fitted(&self.declared, candidate);
             let Some(effect) = effect else { continue };
-            let without: Vec<(&Home, &[f64])> = self
-                .chosen
-                .iter()
-                .filter(|&&o| o != c)
-                .map(|&o| (&self.candidates[o].home, &self.candidates[o].values[..]))
-                .collect();
-            let without = self.problem.residual(&with(&self.declared, &without));
+            let (before_mm, after_mm) = stages.get(n).copied().unwrap_or_else(|| {
+                let others = self.chosen.iter().filter(|&&o| o != c).map(|&o| &self.candidates[o]);
+                let others: Vec<(&Home, &[f64])> = others.map(|other| (&other.home, &other.values[..])).collect();
+                let without = self.problem.residual(&with(&self.declared, &others));
+                (self.errors(&without, held_out).rms_mm, errors_after.rms_mm)
+            });
             let parameters = effect
                 .parameters()
                 .into_iter()
@@ -135,8 +135,8 @@ impl Engine {
             added.push(Added {
                 kind: candidate.kind.clone(),
                 posterior: *posterior,
-                held_out_rms_before_mm: self.errors(&without, held_out).rms_mm,
-                held_out_rms_after_mm: errors_after.rms_mm,
+                held_out_rms_before_mm: before_mm,
+                held_out_rms_after_mm: after_mm,
                 parameters,
                 not_told_apart_from,
             });
@@ -310,6 +310,7 @@ fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
         added[first].parameters.extend(renamed);
         added[first].posterior = added[first].posterior.min(other.posterior);
         added[first].held_out_rms_before_mm = added[first].held_out_rms_before_mm.max(other.held_out_rms_before_mm);
+        added[first].held_out_rms_after_mm = added[first].held_out_rms_after_mm.min(other.held_out_rms_after_mm);
         if let (Some(toml::Value::Array(into)), Some(toml::Value::Array(from))) =
             (extended[first].table.get_mut("curves"), table.table.get("curves"))
         {

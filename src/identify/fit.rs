@@ -286,7 +286,7 @@ mod tests {
         engine.candidates[gravity].values.clone_from(&start);
         let places = device::places(&engine.problem);
         let normal = Normal::drawn_to(heavy);
-        assert_eq!(engine.step(&linear, &normal), 0.0);
+        assert!(engine.step(&linear, &normal) <= 0.0);
         assert_eq!(engine.candidates[gravity].values, start);
         assert_eq!(device::places(&engine.problem), places);
     }

@@ -66,9 +66,10 @@ pub struct Added {
     pub kind: String,
     /// Posterior against everything that could stand in its place.
     pub posterior: f64,
-    /// Held-out error without it, the others kept, mm.
+    /// Held-out error without it, the others kept, mm; over the whole robot (`--poses`) that of the stage before it: the
+    /// effects above it alone, fitted afresh.
     pub held_out_rms_before_mm: f64,
-    /// Held-out error with it, mm.
+    /// Held-out error with it, mm; over the whole robot that of its stage.
     pub held_out_rms_after_mm: f64,
     /// Its numbers.
     pub parameters: Vec<FittedParameter>,

@@ -4,6 +4,7 @@
 //! others: curves hide one another and whatever is smaller, so that both are asked again until nothing gains. A member
 //! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
 
+use super::device;
 use super::engine::{Engine, Linearised};
 use super::score::Columns;
 use super::search::{MOST, PRICE, Search};
@@ -13,6 +14,9 @@ use super::smooth::Beside;
 const SHARE: f64 = 0.0015;
 /// Times that curves and effects are asked beside one another.
 const SWEEPS: usize = 8;
+
+/// Kinds that are told first: where everything is.
+const FIRST: [&str; 3] = ["tool_frame", "zero_offset", "link_geometry"];
 
 /// What was chosen: candidates, the noise, and which of its shapes.
 pub(super) struct Choice {
@@ -62,7 +66,45 @@ impl Engine {
                 break;
             }
         }
+        // What is told in stages: where the tool and the links are, what else moves the arm, and the joints' own errors.
+        let stage = |c: &usize| match &self.candidates[*c] {
+            candidate if candidate.curve.is_some() => FIRST.len() + 1,
+            candidate => FIRST.iter().position(|kind| *kind == candidate.kind).unwrap_or(FIRST.len()),
+        };
+        choice.set.sort_by_key(stage);
         choice
+    }
+
+    /// Held-out error before and after each chosen effect, mm rms, as if the effects were found one after another: every
+    /// stage is fitted afresh with those before it. The joints' curves are one stage.
+    pub(super) fn stages(&mut self) -> Vec<(f64, f64)> {
+        let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
+        let places = device::places(&self.problem);
+        let curved = |engine: &Self, c: &usize| engine.candidates[*c].curve.is_some();
+        let last = self.held_out_rms_mm();
+        let ends: Vec<usize> = (1..=state.1.len())
+            .filter(|&n| n == state.1.len() || !(curved(self, &state.1[n - 1]) && curved(self, &state.1[n])))
+            .collect();
+        self.choose(Vec::new());
+        let mut reached = self.held_out_rms_mm();
+        let mut all = Vec::new();
+        for end in ends {
+            let before = reached;
+            reached = if end == state.1.len() {
+                last
+            } else {
+                self.choose(state.1[..end].to_vec());
+                self.held_out_rms_mm()
+            };
+            all.resize(end, (before, reached));
+        }
+        (self.candidates, self.chosen, self.covariance) = state;
+        device::restore(&mut self.problem, &places);
+        all
+    }
+
+    fn held_out_rms_mm(&self) -> f64 {
+        self.errors(&self.residual(), |row| row.held_out).rms_mm
     }
 
     /// Drops members whose fitted numbers leave the rows as they are without them: within bounds they do nothing, though

@@ -29,7 +29,7 @@ pub fn identify_text(found: &Identification) -> String {
     for added in &found.added {
         let _ = writeln!(
             out,
-            "  {}: posterior {:.3}; held-out rms {:.4} mm without it, {:.4} mm with it",
+            "  {}: posterior {:.3}; held-out rms {:.4} mm before it, {:.4} mm with it",
             added.kind, added.posterior, added.held_out_rms_before_mm, added.held_out_rms_after_mm
         );
         for p in &added.parameters {
