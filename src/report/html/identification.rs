@@ -98,7 +98,7 @@ fn added(added: &[Added]) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "<h3><code>{kind}</code></h3>\n<p>Posterior {}. On held-out rows {} mm rms without it, {} mm with it, the others kept.{}</p>",
+            "<h3><code>{kind}</code></h3>\n<p>Posterior {}. On held-out rows {} mm rms before it, {} mm with it.{}</p>",
             decimals(effect.posterior, 3),
             decimals(effect.held_out_rms_before_mm, 4),
             decimals(effect.held_out_rms_after_mm, 4),
