@@ -10,7 +10,7 @@ use deflex::correct::{Corrected, Row, Summary, compensate, predict};
 use deflex::program::{Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, check_json, difference, junit, sarif};
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, Severity};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -26,11 +26,13 @@ pub(super) fn run(args: &Check) -> Outcome {
         setup.cell.cell.limits.max_correction = 1e-3 * most;
     }
     one_thing(1 + args.reports.to_stdout())?;
-    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len()));
+    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Check, jobs.len()));
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
     let checked: Vec<_> = jobs.into_par_iter().map(|job| one(args, &setup, &originals, path.clone(), job)).collect();
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
-    for Checked { file, rows: report, path } in input::all(checked)? {
+    let mut said = setup.notes();
+    for Checked { file, rows: report, path, notes } in input::all(checked)? {
+        said.extend(notes.into_iter().filter(|note| !said.contains(note)).collect::<Vec<_>>());
         files.push(file);
         rows.push(report);
         paths.extend(path);
@@ -51,11 +53,11 @@ pub(super) fn run(args: &Check) -> Outcome {
         report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &args.reports.html {
-        let page = PathPage { kind: PathKind::Predict, cell: &setup.cell.name, programs: &paths };
+        let page = PathPage { kind: PathKind::Check, cell: &setup.cell.name, programs: &paths };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;
-    message::print(&setup.notes(), args.common.quiet);
+    message::print(&setup.cell.own(said), args.common.quiet);
     Ok(if files.iter().all(|file| file.findings.is_empty()) { Answer::Yes } else { Answer::No })
 }
 
@@ -83,6 +85,8 @@ struct Checked {
     rows: Rows,
     /// For `--html`.
     path: Option<(FileSummary, PathTrace)>,
+    /// What could not be judged, and how it was understood.
+    notes: Vec<Diagnostic>,
 }
 
 fn one(
@@ -107,7 +111,7 @@ fn one(
             let findings = about_the_program(errors)?;
             let shown = trace.map(|nothing| (FileSummary::of(&path, &Summary::default(), &findings), nothing));
             let file = CheckFile::new(path, targets, findings);
-            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: shown });
+            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: shown, notes: Vec::new() });
         }
     };
     let shown = trace.map(|mut trace| {
@@ -133,8 +137,15 @@ fn one(
     }
     findings.sort_by_key(|finding| (finding.file.clone(), finding.line, finding.column));
     findings.dedup();
+    let shown = shown.map(|(summary, trace)| (summary.with_failures(&findings), trace));
     let rows = Rows::new(&program, &predicted.rows);
-    Ok(Checked { file: CheckFile::new(path, targets, findings), rows, path: shown })
+    let not_judged = program.unknown_targets().iter().map(|(reason, count)| {
+        Diagnostic::error("check.not-judged", &path, format!("not judged: {count} {reason}"))
+            .severity(Severity::Warning)
+            .help("`deflex inspect` names their lines")
+    });
+    let notes = predicted.notes.into_iter().chain(not_judged).collect();
+    Ok(Checked { file: CheckFile::new(path, targets, findings), rows, path: shown, notes })
 }
 
 /// Where targets stand in the text.

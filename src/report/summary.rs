@@ -67,6 +67,12 @@ impl FileSummary {
         Self::of(path, &sum, &corrected.failures)
     }
 
+    /// The same with other failures: what a check found.
+    #[must_use]
+    pub fn with_failures(self, failures: &[Diagnostic]) -> Self {
+        Self { failures: lines(failures), ..self }
+    }
+
     /// The same from what was counted already.
     #[must_use]
     pub fn of(path: &str, sum: &Summary, failures: &[Diagnostic]) -> Self {
@@ -81,9 +87,13 @@ impl FileSummary {
             max_correction_mm: sum.max_correction_mm,
             max_remaining_mm: sum.max_remaining_mm,
             max_kept_mm: sum.max_kept_mm,
-            failures: failures.iter().map(|f| FailureLine { line: f.line, message: f.message.clone() }).collect(),
+            failures: lines(failures),
         }
     }
+}
+
+fn lines(failures: &[Diagnostic]) -> Vec<FailureLine> {
+    failures.iter().map(|failure| FailureLine { line: failure.line, message: failure.message.clone() }).collect()
 }
 
 /// `1,236 targets: 1,211 corrected, 20 air, 5 kept: 3 computed at run time, 2 …`

@@ -222,6 +222,8 @@ fn statements_that_cannot_be_read_are_told_before_they_are_missed() {
         assert!(said.contains("missing semicolon") && said.contains("part.mod:7:5"), "{said}");
         assert!(said.contains("3 targets: "), "{said}");
     }
+    let said = bench.run("check part.mod --cell cell.toml --max-error 1").exits(0).stderr;
+    assert!(said.contains("missing semicolon"), "{said}");
 }
 
 #[test]

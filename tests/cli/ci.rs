@@ -189,3 +189,14 @@ fn annotations_point_at_the_instruction() {
         assert!(at.starts_with("Move"), "{line}:{column}: {at}");
     }
 }
+
+#[test]
+fn motions_that_cannot_be_judged_are_counted() {
+    let bench = Bench::new();
+    let known = PROGRAM.lines().find(|line| line.contains("[[50,0,0]")).unwrap();
+    let unknown = "    MoveL CRobT(\\Tool:=tMill\\WObj:=wPart),v20,z1,tMill\\WObj:=wPart;";
+    bench.write("part.mod", PROGRAM.replace(known, unknown));
+    let ran = bench.run("check part.mod --cell cell.toml --max-error 1").exits(0);
+    assert!(ran.stdout.contains("part.mod: 3 targets, ok"), "{}", ran.stdout);
+    assert!(ran.stderr.contains("not judged: 1 target computed at run time"), "{}", ran.stderr);
+}

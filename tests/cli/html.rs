@@ -21,6 +21,10 @@ fn every_command_draws_its_page() {
     for name in ["compensate", "predict", "check", "diff"] {
         stands_alone(&bench.read(&format!("{name}.html")));
     }
+    assert!(bench.read("check.html").contains("every target is reached and within tolerance"));
+    bench.run("check part.mod --cell cell.toml --max-error 0.05 --html found.html").exits(1);
+    let found = bench.read("found.html");
+    assert!(found.contains("target 3: error of 0.") && found.contains("<td class=\"number\">7</td>"));
     assert!(bench.read("diff.html").contains("part.mod → out.mod"));
     let printed = bench.run("predict part.mod --cell cell.toml --html -").exits(0).stdout;
     assert!(printed.starts_with("<!DOCTYPE html>"), "{printed}");

@@ -14,6 +14,8 @@ pub enum PathKind {
     Compensate,
     /// What the cell would cut.
     Predict,
+    /// What the cell would cut, judged: [`FileSummary::failures`] are listed.
+    Check,
 }
 
 /// Columns of a report row, in the order of [`values`].
@@ -86,7 +88,7 @@ impl PathTrace {
     pub fn new(kind: PathKind, programs: usize) -> Self {
         let channels = match kind {
             PathKind::Compensate => CHANNELS,
-            PathKind::Predict => &CHANNELS[..CHANNELS.len() - CORRECTED],
+            PathKind::Predict | PathKind::Check => &CHANNELS[..CHANNELS.len() - CORRECTED],
         };
         Self { kind, trace: Trace::new(channels, MOST_STRETCHES / programs.max(1)) }
     }
@@ -137,6 +139,9 @@ impl PathPage<'_> {
             several => format!("{} programs", several.len()),
         };
         let mut body = self.tiles();
+        if self.kind == PathKind::Check {
+            body += &section("findings", "Findings", self.findings());
+        }
         if self.programs.len() > 1 {
             body += "<p class=\"choice\"><label>Program <select id=\"program\"></select></label></p>\n";
         }
@@ -158,7 +163,11 @@ impl PathPage<'_> {
                 path
             })
             .collect();
-        let kicker = if corrects { "compensate" } else { "predict" };
+        let kicker = match self.kind {
+            PathKind::Compensate => "compensate",
+            PathKind::Predict => "predict",
+            PathKind::Check => "check",
+        };
         let data = json!({ "kind": kicker, "paths": programs });
         let subtitle = format!("cell {}", self.cell);
         Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data }.html()
@@ -190,6 +199,16 @@ impl PathPage<'_> {
                 aside: rms,
             },
         ];
+        if self.kind == PathKind::Check {
+            let failed = count(|sum| usize::from(!sum.failures.is_empty()));
+            all.push(Tile {
+                key: "findings",
+                value: count(|sum| sum.failures.len()).to_string(),
+                unit: "",
+                label: "Findings",
+                aside: format!("in {failed} of {} programs", self.programs.len()),
+            });
+        }
         if self.kind == PathKind::Compensate {
             all.push(Tile {
                 key: "max_correction_mm",
@@ -210,10 +229,29 @@ impl PathPage<'_> {
                 value: mm(most(|sum| sum.max_remaining_mm)),
                 unit: "mm",
                 label: "Largest remaining error",
-                aside: "of cutting targets, on the numbers as written".to_owned(),
+                aside: "of corrected targets that cut, on the numbers as written".to_owned(),
             });
         }
         tiles(&all)
+    }
+
+    fn findings(&self) -> String {
+        /// Beyond, a table is a file: `check --format json` has all.
+        const SHOWN: usize = 200;
+        let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
+        let count = all().count();
+        if count == 0 {
+            return "<p>None: every target is reached and within tolerance.</p>\n".to_owned();
+        }
+        let mut table = Table::new("found", &[("program", false), ("line", true), ("what", false)]);
+        for (sum, failure) in all().take(SHOWN) {
+            table.row([escape(&sum.path), failure.line.to_string(), escape(&failure.message)]);
+        }
+        let more = match count.saturating_sub(SHOWN) {
+            0 => String::new(),
+            more => format!("<p class=\"note\">… and {more} more: <code>check --format json</code> has all.</p>\n"),
+        };
+        table.html() + &more
     }
 
     fn table(&self) -> String {
@@ -230,7 +268,10 @@ impl PathPage<'_> {
         ];
         let mut table = Table::new("sums", &head);
         for (sum, _) in self.programs {
-            let kept: Vec<String> = sum.kept.iter().map(|kept| format!("{} {}", kept.count, kept.reason)).collect();
+            let mut kept: Vec<String> = sum.kept.iter().map(|kept| format!("{} {}", kept.count, kept.reason)).collect();
+            if sum.max_kept_mm > 0.0 {
+                kept.push(format!("with up to {} mm", decimals(sum.max_kept_mm, 4)));
+            }
             table.row([
                 escape(&sum.path),
                 sum.targets.to_string(),
