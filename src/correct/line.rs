@@ -6,7 +6,7 @@ use super::solve::{self, Landed, Last, Solved, Spread, Wish};
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{Command, EquilibriumError};
+use crate::equilibrium::{EquilibriumError, Near};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -69,7 +69,10 @@ pub fn predict(
         prepared.judge_against(original, program)?;
     }
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let there = solve::forward(&cell.arm, &prepared, &commands, |_| Joints::zeros(), Spread::Threads);
+    let there = {
+        let near = |i: usize| cell.arm.near(&commands[i].0, Joints::zeros());
+        solve::forward(&cell.arm, &prepared, &commands, near, Spread::Threads)
+    };
     let mut out = Collected::new(program, &prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
@@ -158,8 +161,11 @@ pub(super) fn piece(
     let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
     let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
     let first = solve::first(arm, &prepared, &wishes, spread);
-    let deflection = |i: usize| first[i].as_ref().map_or_else(|_| Joints::zeros(), Command::deflection);
-    let uncorrected = solve::forward(arm, &prepared, &as_programmed, deflection, spread);
+    let near = |i: usize| match &first[i] {
+        Ok((_, near)) => *near,
+        Err(_) => arm.near(&prepared.points[i].motor, Joints::zeros()),
+    };
+    let uncorrected = solve::forward(arm, &prepared, &as_programmed, near, spread);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
     let solved = solve::commands(arm, &prepared, &wishes, &first, &travels, spread);
 
@@ -215,7 +221,12 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
-    let after = solve::forward(arm, &prepared, &travels, deflection, spread);
+    let nearer = |i: usize| {
+        // What feeds back is much the same as without the correction.
+        let share = uncorrected[i].as_ref().map_or(0.0, |there| there.known.share);
+        Near { share, ..near(i) }
+    };
+    let after = solve::forward(arm, &prepared, &travels, nearer, spread);
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Arm, Command, EquilibriumError};
+use crate::equilibrium::{Arm, Command, EquilibriumError, Near, Start};
 use crate::program::Editable;
 use crate::robot::{Joints, Pose, Unreachable};
 use crate::text::number;
@@ -61,18 +61,18 @@ impl Spread {
 /// Points that a thread takes at a time: a millisecond's work.
 const AT_LEAST: usize = 256;
 
-/// Forward equilibria of given commands, in order, from deflections of the joints that are about right.
+/// Forward equilibria of given commands, in order, from starts that are about right.
 pub(super) fn forward(
     arm: &Arm,
     prepared: &Prepared,
     commands: &[(Joints, Joints)],
-    deflection: impl Fn(usize) -> Joints + Sync + Send,
+    near: impl Fn(usize) -> Near + Sync + Send,
     spread: Spread,
 ) -> Vec<Result<Landed, EquilibriumError>> {
     spread.map(commands.len(), |i| {
         let (motor, travel) = &commands[i];
-        let there = arm.predict_near(&prepared.situation(i), motor, travel, &deflection(i))?;
-        Ok(Landed { wobj_from_tcp: there.wobj_from_tcp, cut: there.load.cut })
+        let (there, known) = arm.predict_near(&prepared.situation(i), motor, travel, &near(i))?;
+        Ok(Landed { wobj_from_tcp: there.wobj_from_tcp, cut: there.load.cut, known })
     })
 }
 
@@ -83,6 +83,8 @@ pub(super) struct Landed {
     pub(super) wobj_from_tcp: Pose,
     /// Cutting force on the tool, base axes, N.
     pub(super) cut: Vector3<f64>,
+    /// A start for equilibria close by.
+    pub(super) known: Near,
 }
 
 /// Motor angles last commanded and the direction of travel into them.
@@ -99,13 +101,11 @@ pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -
         .collect()
 }
 
+/// A command, and a start for equilibria close by.
+type Found = Result<(Command, Near), EquilibriumError>;
+
 /// Commands of every point with the travel as programmed, which decides first.
-pub(super) fn first(
-    arm: &Arm,
-    prepared: &Prepared,
-    wishes: &[Wish],
-    spread: Spread,
-) -> Vec<Result<Command, EquilibriumError>> {
+pub(super) fn first(arm: &Arm, prepared: &Prepared, wishes: &[Wish], spread: Spread) -> Vec<Found> {
     spread.map(wishes.len(), |i| {
         let point = &prepared.points[i];
         one(arm, prepared, i, point, wishes[i], &point.travel)
@@ -117,21 +117,21 @@ pub(super) fn commands(
     arm: &Arm,
     prepared: &Prepared,
     wishes: &[Wish],
-    first: &[Result<Command, EquilibriumError>],
+    first: &[Found],
     travels: &[Joints],
     spread: Spread,
 ) -> Vec<Result<Solved, EquilibriumError>> {
     let follows = arm.follows_command();
     spread.map(wishes.len(), |i| {
         let (point, travel) = (&prepared.points[i], &travels[i]);
-        let command = first[i].as_ref().map_err(Clone::clone)?;
+        let (command, near) = first[i].as_ref().map_err(Clone::clone)?;
         let again = wishes[i] == Wish::Position && command.lost != Joints::zeros();
         let motor = if (follows || again) && *travel != point.travel {
-            one(arm, prepared, i, point, wishes[i], travel)?.commanded(travel)
+            one(arm, prepared, i, point, wishes[i], travel)?.0.commanded(travel)
         } else {
             command.commanded(travel)
         };
-        let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
+        let base_from_tcp = arm.nominal_near(near, &motor) * point.tool.flange_from_tcp;
         let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
         match wishes[i] {
             Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
@@ -142,35 +142,28 @@ pub(super) fn commands(
     })
 }
 
-fn one(
-    arm: &Arm,
-    prepared: &Prepared,
-    i: usize,
-    point: &Point,
-    wish: Wish,
-    travel: &Joints,
-) -> Result<Command, EquilibriumError> {
+fn one(arm: &Arm, prepared: &Prepared, i: usize, point: &Point, wish: Wish, travel: &Joints) -> Found {
     let situation = prepared.situation(i);
     match wish {
-        Wish::Keep => Ok(Command::held(&point.motor)),
-        Wish::Pose => arm.command(&situation, &point.reference, &point.motor, travel),
-        Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel),
+        Wish::Keep => Ok((Command::held(&point.motor), arm.near(&point.motor, Joints::zeros()))),
+        Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel),
+        Wish::Position => {
+            let command = arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?;
+            let near = arm.near(&command.motor, command.deflection());
+            Ok((command, near))
+        }
     }
 }
 
 /// Directions of the **corrected** motion, in order: lost motion is added in the direction of travel, and the
 /// direction follows from what is commanded. A direction holds if the command made with it moves that way; of two
 /// that hold, the joint keeps the one it has.
-pub(super) fn settle_travel(
-    prepared: &Prepared,
-    commands: &[Result<Command, EquilibriumError>],
-    last: &mut Last,
-) -> Vec<Joints> {
+pub(super) fn settle_travel(prepared: &Prepared, commands: &[Found], last: &mut Last) -> Vec<Joints> {
     commands
         .iter()
         .zip(&prepared.points)
         .map(|(command, point)| {
-            let Ok(command) = command else { return point.travel };
+            let Ok((command, _)) = command else { return point.travel };
             let Some((previous, held)) = *last else {
                 *last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
                 return Joints::zeros();

@@ -1,4 +1,4 @@
-use crate::effects::{Cutting, Distortion, Effect, Load, Situation, State};
+use crate::effects::{Cutting, Distortion, Effect, Load, Parts, Situation, State};
 use crate::robot::{Frames, Joints, Links, Pose, Robot, Turns};
 use nalgebra::{Translation3, Vector3};
 
@@ -16,9 +16,20 @@ pub struct Arm {
     pub effects: Vec<Box<dyn Effect>>,
 }
 
+/// What is known of an equilibrium close by: it saves rounds and decides nothing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    /// Actual minus commanded motor angles but for lost motion, rad.
+    pub(crate) deflection: Joints,
+    pub(crate) turns: Turns,
+    /// The secant's way back, zero where none was found (see `predict`).
+    pub(crate) share: f64,
+}
+
 /// The arm looked at in one state: where it is, what acts on it, what that does to it.
 #[derive(Clone, Debug)]
 pub(super) struct Look {
+    frames: Frames,
     pub(super) load: Load,
     pub(super) distortion: Distortion,
     /// The TCP as seen from the actual work object, under the distortion that was put in.
@@ -27,7 +38,12 @@ pub(super) struct Look {
 
 impl Default for Look {
     fn default() -> Self {
-        Self { load: Load::default(), distortion: Distortion::default(), seen: Pose::identity() }
+        Self {
+            frames: Frames::default(),
+            load: Load::default(),
+            distortion: Distortion::default(),
+            seen: Pose::identity(),
+        }
     }
 }
 
@@ -39,13 +55,13 @@ impl Arm {
     }
 
     /// Frames of the links under a distortion, at actual motor angles near those of `near`.
-    fn frames(&self, near: &Turns, motor: &Joints, distortion: &Distortion) -> Frames {
+    fn frames(&self, near: &Turns, motor: &Joints, distortion: &Distortion, frames: &mut Frames) {
         let serial = self.robot.serial_from_motor(motor);
-        let mut frames = if distortion.bends_links() {
-            self.bent_links(distortion).chain_near(near, &serial, Some(&distortion.tilt))
+        if distortion.bends_links() {
+            self.bent_links(distortion).chain_near(near, &serial, Some(&distortion.tilt), frames);
         } else {
-            self.robot.links.chain_near(near, &serial, None)
-        };
+            self.robot.links.chain_near(near, &serial, None, frames);
+        }
         if !distortion.base.is_zero() {
             let base = distortion.base.pose();
             for i in 0..6 {
@@ -53,7 +69,6 @@ impl Arm {
                 frames.axes[i] = base.rotation * frames.axes[i];
             }
         }
-        frames
     }
 
     /// The links with a distortion added.
@@ -69,13 +84,34 @@ impl Arm {
         }))
     }
 
+    /// A start for equilibria that put the arm near actual motor angles (rad), which differ from the commanded ones by
+    /// `deflection` but for lost motion.
+    pub(crate) fn near(&self, motor: &Joints, deflection: Joints) -> Near {
+        Near { deflection, turns: self.turns(motor), share: 0.0 }
+    }
+
+    /// The flange (tool0) of the nominal arm at motor angles (rad) near those of a start.
+    pub(crate) fn nominal_near(&self, near: &Near, motor: &Joints) -> Pose {
+        let mut frames = Frames::default();
+        self.robot.links.chain_near(&near.turns, &self.robot.serial_from_motor(motor), None, &mut frames);
+        *frames.base_from_flange()
+    }
+
+    /// The TCP in the work object where only joints yield, at actual motor angles (rad).
+    pub(super) fn seen_near(&self, situation: &Situation, near: &Turns, motor: &Joints) -> Pose {
+        let mut frames = Frames::default();
+        self.robot.links.chain_near(near, &self.robot.serial_from_motor(motor), None, &mut frames);
+        situation.base_from_wobj.inv_mul(&(frames.base_from_flange() * situation.tool.flange_from_tcp))
+    }
+
     /// The turns at motor angles, near which the arm is looked at.
     pub(super) fn turns(&self, motor: &Joints) -> Turns {
         self.robot.links.turns(&self.robot.serial_from_motor(motor))
     }
 
-    /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`: into a place that
-    /// is used again, since a look is a kilobyte and taken many times.
+    /// Looks at the arm at commanded and actual motor angles (rad), with the geometry of `distortion`, whose `parts` are all
+    /// that is not zero: into a place that is used again, since a look is two kilobytes and taken many times.
+    #[allow(clippy::too_many_arguments)] // a look is what all of these come to
     pub(super) fn look(
         &self,
         situation: &Situation,
@@ -83,35 +119,47 @@ impl Arm {
         near: &Turns,
         motor: &Joints,
         distortion: &Distortion,
+        parts: Parts,
         look: &mut Look,
     ) {
-        let frames = self.frames(near, motor, distortion);
-        let at_flange = distortion.flange.after(frames.base_from_flange());
-        let mut base_from_tcp = distortion.tcp.after(&(at_flange * situation.tool.flange_from_tcp));
-        base_from_tcp.translation.vector += distortion.lag;
-        let base_from_wobj = distortion.wobj.after(&situation.base_from_wobj);
-        let mut in_part = base_from_tcp;
-        in_part.translation.vector -= distortion.part;
-        look.seen = base_from_wobj.inv_mul(&in_part);
-
+        let Look { frames, load, seen, .. } = look;
+        let base_from_tcp = match parts {
+            Parts::Joints => {
+                self.robot.links.chain_near(near, &self.robot.serial_from_motor(motor), None, frames);
+                let base_from_tcp = frames.base_from_flange() * situation.tool.flange_from_tcp;
+                *seen = situation.base_from_wobj.inv_mul(&base_from_tcp);
+                base_from_tcp
+            }
+            Parts::All => {
+                self.frames(near, motor, distortion, frames);
+                let at_flange = distortion.flange.after(frames.base_from_flange());
+                let mut base_from_tcp = distortion.tcp.after(&(at_flange * situation.tool.flange_from_tcp));
+                base_from_tcp.translation.vector += distortion.lag;
+                let base_from_wobj = distortion.wobj.after(&situation.base_from_wobj);
+                let mut in_part = base_from_tcp;
+                in_part.translation.vector -= distortion.part;
+                *seen = base_from_wobj.inv_mul(&in_part);
+                base_from_tcp
+            }
+        };
         let state = State {
             robot: &self.robot,
             stiffness: self.stiffness.as_ref(),
             motor_commanded,
             motor,
-            frames: &frames,
+            frames,
             base_from_tcp: &base_from_tcp,
-            gravity: self.robot.world_from_base.rotation.inverse() * Vector3::new(0.0, 0.0, -GRAVITY),
+            gravity: self.robot.world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY)),
             situation,
         };
-        look.load = Load { cut: cutting_force(situation, &look.seen), ..Load::default() };
+        *load = Load { cut: cutting_force(situation, seen), ..Load::default() };
         for effect in &self.effects {
-            effect.load(&state, &mut look.load);
+            effect.load(&state, load);
         }
-        look.load.fill_torque(&self.robot, &frames, &base_from_tcp.translation.vector);
+        load.fill_torque(&self.robot, frames, &base_from_tcp.translation.vector);
         look.distortion = Distortion::default();
         for effect in &self.effects {
-            effect.distort(&state, &look.load, &mut look.distortion);
+            effect.distort(&state, load, &mut look.distortion);
         }
     }
 

@@ -1,6 +1,6 @@
-use super::arm::Look;
+use super::arm::{Look, Near};
 use super::{Arm, EquilibriumError};
-use crate::effects::{Distortion, Load, Situation};
+use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose, polish};
 
 /// The command that ends up where it should.
@@ -15,6 +15,15 @@ pub struct Command {
     pub lost: Joints,
     /// What the arm carries at the wanted pose.
     pub load: Load,
+}
+
+/// Where the search for a command begins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Start<'a> {
+    /// Motor angles that choose the branch, rad.
+    Near(&'a Joints),
+    /// Motor angles of the nominal arm at the wanted pose itself, rad.
+    At(&'a Joints),
 }
 
 impl Command {
@@ -60,27 +69,45 @@ impl Arm {
         near: &Joints,
         travel: &Joints,
     ) -> Result<Command, EquilibriumError> {
+        self.command_from(situation, wobj_from_tcp, Start::Near(near), travel).map(|(command, _)| command)
+    }
+
+    /// The same, and a start for forward equilibria close by.
+    pub(crate) fn command_from(
+        &self,
+        situation: &Situation,
+        wobj_from_tcp: &Pose,
+        start: Start<'_>,
+        travel: &Joints,
+    ) -> Result<(Command, Near), EquilibriumError> {
         let mut distortion = Distortion::default();
-        let mut motor = *near;
+        let mut parts = distortion.parts();
+        let (mut motor, known) = match start {
+            Start::Near(motor) => (*motor, false),
+            Start::At(motor) => (*motor, true),
+        };
         let mut commanded: Option<Joints> = None;
         let mut change = f64::INFINITY;
         let mut settled = 0;
         let mut axis = 0;
         let mut look = Look::default();
         for round in 0..ROUNDS {
-            let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
-            if !wanted.translation.vector.iter().all(|v| v.is_finite()) {
-                return Err(EquilibriumError::NotFinite);
-            }
-            if distortion.bends_links() {
-                let links = self.bent_links(&distortion);
-                let at = |serial: &Joints| links.chain(serial, Some(&distortion.tilt));
-                motor = self.robot.motor_from_serial(&polish(&at, &wanted, &self.robot.serial_from_motor(&motor))?);
-            } else if round == 0 || !distortion.joints_only() {
-                motor = self.robot.inverse_near_unlimited(&wanted, &motor)?;
+            if round == 0 && !known || parts == Parts::All {
+                let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
+                if !wanted.translation.vector.iter().all(|v| v.is_finite()) {
+                    return Err(EquilibriumError::NotFinite);
+                }
+                motor = if distortion.bends_links() {
+                    let links = self.bent_links(&distortion);
+                    let at = |serial: &Joints| links.chain(serial, Some(&distortion.tilt));
+                    self.robot.motor_from_serial(&polish(&at, &wanted, &self.robot.serial_from_motor(&motor))?)
+                } else {
+                    self.robot.inverse_near_unlimited(&wanted, &motor)?
+                };
             }
             let guess = commanded.unwrap_or(motor);
-            self.look(situation, &guess, &self.turns(&motor), &motor, &distortion, &mut look);
+            let turns = self.turns(&motor);
+            self.look(situation, &guess, &turns, &motor, &distortion, parts, &mut look);
             let free = motor - look.distortion.joints;
             let next = free + travel.component_mul(&look.distortion.lost);
             let gap = next - guess;
@@ -88,13 +115,18 @@ impl Arm {
             if !gap.iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
             }
-            let explicit = look.distortion.joints_only() && !self.follows_command();
+            let found = look.distortion.parts();
+            let explicit = found == Parts::Joints && !self.follows_command();
             settled = if commanded.is_some() && change < FOUND { settled + 1 } else { 0 };
             // Twice: the pose solved for follows the command one round late.
             if explicit || settled == 2 {
-                return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
+                let command = Command { motor, free, lost: look.distortion.lost, load: look.load };
+                let near = Near { deflection: command.deflection(), turns, share: 0.0 };
+                return Ok((command, near));
             }
             commanded = Some(next);
+            // Once in there, always in there: the pose is solved for again where a part went back to zero.
+            parts = parts.or(found);
             std::mem::swap(&mut distortion, &mut look.distortion);
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * change, axis })

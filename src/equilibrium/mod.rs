@@ -6,7 +6,9 @@ mod command;
 mod predict;
 
 pub use arm::Arm;
+pub(crate) use arm::Near;
 pub use command::Command;
+pub(crate) use command::Start;
 pub use predict::Equilibrium;
 
 use crate::robot::Unreachable;

@@ -1,4 +1,4 @@
-use super::arm::Look;
+use super::arm::{Look, Near};
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose};
@@ -44,24 +44,21 @@ impl Arm {
         motor_commanded: &Joints,
         travel: &Joints,
     ) -> Result<Equilibrium, EquilibriumError> {
-        self.predict_near(situation, motor_commanded, travel, &Joints::zeros())
+        let near = self.near(motor_commanded, Joints::zeros());
+        self.predict_near(situation, motor_commanded, travel, &near).map(|(there, _)| there)
     }
 
-    /// The same from a deflection of the joints (actual minus commanded but for lost motion, rad) that is about right:
-    /// the same answer in fewer rounds.
-    ///
-    /// # Errors
-    /// As [`Arm::predict`].
-    pub fn predict_near(
+    /// The same from what is known close by: the same answer in fewer rounds. With it what is known then.
+    pub(crate) fn predict_near(
         &self,
         situation: &Situation,
         motor_commanded: &Joints,
         travel: &Joints,
-        deflection: &Joints,
-    ) -> Result<Equilibrium, EquilibriumError> {
+        near: &Near,
+    ) -> Result<(Equilibrium, Near), EquilibriumError> {
         let mut failure = EquilibriumError::NotFinite;
         for share in SHARES {
-            match self.settle(situation, motor_commanded, travel, deflection, share) {
+            match self.settle(situation, motor_commanded, travel, near, share) {
                 Err(error @ EquilibriumError::NoEquilibrium { .. }) => failure = error,
                 done => return done,
             }
@@ -84,11 +81,11 @@ impl Arm {
         let near = self.turns(&motor);
         let mut look = Look::default();
         for _ in 0..ROUNDS {
-            self.look(situation, motor_commanded, &near, &motor, &distortion, &mut look);
+            self.look(situation, motor_commanded, &near, &motor, &distortion, distortion.parts(), &mut look);
             std::mem::swap(&mut distortion, &mut look.distortion);
             motor = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
         }
-        self.look(situation, motor_commanded, &near, &motor, &distortion, &mut look);
+        self.look(situation, motor_commanded, &near, &motor, &distortion, distortion.parts(), &mut look);
         look.seen
     }
 
@@ -97,35 +94,34 @@ impl Arm {
         situation: &Situation,
         motor_commanded: &Joints,
         travel: &Joints,
-        deflection: &Joints,
+        near: &Near,
         share: f64,
-    ) -> Result<Equilibrium, EquilibriumError> {
-        let mut distortion = Distortion { joints: *deflection, ..Distortion::default() };
-        let mut motor = motor_commanded + deflection;
-        let near = self.turns(&motor);
+    ) -> Result<(Equilibrium, Near), EquilibriumError> {
+        let mut distortion = Distortion { joints: near.deflection, ..Distortion::default() };
+        let mut motor = motor_commanded + near.deflection;
         let (mut first, mut second) = (Round::default(), Round::default());
         let (mut now, mut before) = (&mut first, &mut second);
+        let mut known = *near;
         let mut first_step = f64::INFINITY;
         let mut step = f64::INFINITY;
         let mut axis = 0;
         for round in 0..ROUNDS {
-            self.look(situation, motor_commanded, &near, &motor, &distortion, &mut now.look);
-            let Round { look, left, parts } = &mut *now;
+            self.look(situation, motor_commanded, &near.turns, &motor, &distortion, before.parts, &mut now.look);
+            let Round { look, left, size, parts } = &mut *now;
             // Once in there, always in there: a part that was looked at may go back to zero.
             *parts = look.distortion.parts().or(before.parts);
             left.set_difference(&look.distortion, &distortion, *parts);
+            *size = left.dot(left, *parts).sqrt();
+            let same_lost = look.distortion.lost == distortion.lost;
             // Zero before the first look, which is no lost motion's fault.
-            if left.dot(left, *parts).sqrt() < LEFT && (round > 0 || look.distortion.lost == distortion.lost) {
-                return Ok(Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load.clone(), distortion });
+            if *size < LEFT && (round > 0 || same_lost) {
+                known.deflection = distortion.joints;
+                let there = Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load.clone(), distortion };
+                return Ok((there, known));
             }
             // `max` and comparisons pass over what is not a number, so the pose itself is looked at.
             if !look.seen.translation.vector.iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
-            }
-            if share < 1.0 {
-                distortion.go_towards(&look.distortion, share, *parts);
-            } else {
-                distortion.set(&look.distortion, *parts);
             }
             if round > 0 {
                 step = before.step(&look.seen);
@@ -136,11 +132,29 @@ impl Arm {
                 if step > 100.0 * first_step {
                     break;
                 }
-                if share >= 1.0 {
-                    distortion.go_towards(&before.look.distortion, before.secant(left, *parts), *parts);
+            }
+            let mut sure = false;
+            if share < 1.0 {
+                distortion.go_towards(&look.distortion, share, *parts);
+            } else if round == 0 {
+                // As if a round before had come here.
+                distortion.go_towards(&look.distortion, 1.0 - near.share, *parts);
+            } else {
+                let back = before.secant(left, *parts);
+                if round == 1 && near.share == 0.0 {
+                    known.share = back;
                 }
+                distortion.set(&look.distortion, *parts);
+                distortion.go_towards(&before.look.distortion, back, *parts);
+                // The next round would leave too little to be looked at, if it gains as much as this one.
+                sure = same_lost && *parts == Parts::Joints && *size * (*size / before.size) < LEFT;
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
+            if sure {
+                known.deflection = distortion.joints;
+                let wobj_from_tcp = self.seen_near(situation, &near.turns, &moved);
+                return Ok((Equilibrium { motor: moved, wobj_from_tcp, load: look.load.clone(), distortion }, known));
+            }
             axis = (moved - motor).iamax() + 1;
             motor = moved;
             std::mem::swap(&mut now, &mut before);
@@ -155,6 +169,8 @@ struct Round {
     look: Look,
     /// By how much the distortion that the loads there make differs from the one that they were taken at.
     left: Distortion,
+    /// Its size, rad and m alike.
+    size: f64,
     /// What of both is not zero.
     parts: Parts,
 }

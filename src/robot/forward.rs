@@ -1,5 +1,5 @@
 use super::{DhRow, Jacobian, Joints, Pose, Robot};
-use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Where each link is: `base_from_link[i]` for links 1 to 6 (index 0 to 5); link 6 ends in the flange.
 #[derive(Clone, Copy, Debug)]
@@ -9,6 +9,12 @@ pub struct Frames {
     /// Joint axes in base axes. They are the links' z axes, but for the share of a link's tilt that
     /// lies behind its own joint.
     pub axes: [Vector3<f64>; 6],
+}
+
+impl Default for Frames {
+    fn default() -> Self {
+        Self { base_from_link: [Pose::identity(); 6], axes: [Vector3::zeros(); 6] }
+    }
 }
 
 impl Frames {
@@ -56,13 +62,15 @@ impl Links {
     /// its own frame (bearings that yield), rad.
     #[must_use]
     pub fn chain(&self, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
-        self.turned(&Turns::of(&self.angles(serial)), tilt)
+        let mut frames = Frames::default();
+        self.turned(&Turns::of(&self.angles(serial)), tilt, &mut frames);
+        frames
     }
 
-    /// The chain close to where `near` was taken: the same to rounding, without a sine.
-    #[must_use]
-    pub fn chain_near(&self, near: &Turns, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
-        self.turned(&near.nudged(&self.angles(serial)), tilt)
+    /// The chain close to where `near` was taken: the same to rounding, without a sine. Into a place that is used again,
+    /// since frames are looked at many times.
+    pub fn chain_near(&self, near: &Turns, serial: &Joints, tilt: Option<&[[f64; 2]; 6]>, frames: &mut Frames) {
+        self.turned(&near.nudged(&self.angles(serial)), tilt, frames);
     }
 
     /// The turns at serial joint angles, for [`Links::chain_near`].
@@ -75,9 +83,7 @@ impl Links {
         Joints::from_fn(|i, _| self.rows[i].theta + serial[i])
     }
 
-    fn turned(&self, turns: &Turns, tilt: Option<&[[f64; 2]; 6]>) -> Frames {
-        let mut base_from_link = [Pose::identity(); 6];
-        let mut axes = [Vector3::zeros(); 6];
+    fn turned(&self, turns: &Turns, tilt: Option<&[[f64; 2]; 6]>, frames: &mut Frames) {
         let (mut x, mut y, mut z) = (Vector3::x(), Vector3::y(), Vector3::z());
         let mut origin = Vector3::zeros();
         for (i, (row, &(sa, ca))) in self.rows.iter().zip(&self.twists).enumerate() {
@@ -87,16 +93,16 @@ impl Links {
             z = z * ca - y * sa;
             origin += x * row.a + z * row.d;
             (x, y) = (x * ct + across * st, across * ct - x * st);
-            axes[i] = z;
-            let mut rotation = Matrix3::from_columns(&[x, y, z]);
+            frames.axes[i] = z;
             if let Some(tilt) = tilt {
-                rotation *= Rotation3::from_scaled_axis(Vector3::new(tilt[i][0], tilt[i][1], 0.0)).into_inner();
-                (x, y, z) = (rotation.column(0).into(), rotation.column(1).into(), rotation.column(2).into());
+                let turn = Rotation3::from_scaled_axis(Vector3::new(tilt[i][0], tilt[i][1], 0.0)).into_inner();
+                let turned = Matrix3::from_columns(&[x, y, z]) * turn;
+                (x, y, z) = (turned.column(0).into(), turned.column(1).into(), turned.column(2).into());
             }
-            base_from_link[i] =
-                Pose::from_parts(Translation3::from(origin), Rotation3::from_matrix_unchecked(rotation));
+            let link = &mut frames.base_from_link[i];
+            link.translation.vector = origin;
+            link.rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z]));
         }
-        Frames { base_from_link, axes }
     }
 }
 
@@ -178,7 +184,8 @@ mod tests {
         ) {
             let (links, at) = (&BUILTIN[0].robot().links, Joints::from(at));
             let serial = at + Joints::from(step);
-            let (near, plain) = (links.chain_near(&links.turns(&at), &serial, None), links.chain(&serial, None));
+            let (mut near, plain) = (Frames::default(), links.chain(&serial, None));
+            links.chain_near(&links.turns(&at), &serial, None, &mut near);
             let (near, plain) = (near.base_from_flange(), plain.base_from_flange());
             prop_assert!((near.translation.vector - plain.translation.vector).norm() < 4e-15);
             prop_assert!((near.rotation.matrix() - plain.rotation.matrix()).norm() < 4e-15);

@@ -1,13 +1,24 @@
 use super::Span;
+use smallvec::SmallVec;
 use std::io::{self, Write};
+
+/// A token's text: a number has room in place.
+pub(crate) type Token = SmallVec<[u8; 24]>;
 
 /// Replacement of one span by other bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
     /// What is replaced; empty to insert.
     pub span: Span,
+    pub(crate) content: Token,
+}
+
+impl Edit {
     /// What stands there afterwards.
-    pub content: Vec<u8>,
+    #[must_use]
+    pub fn content(&self) -> &[u8] {
+        &self.content
+    }
 }
 
 /// Writes `bytes` with `edits` applied, in one pass front to back; all else byte for byte.

@@ -8,6 +8,7 @@ mod source;
 mod span;
 
 pub use diagnostic::{Diagnostic, Severity};
+pub(crate) use edit::Token;
 pub use edit::{Edit, apply};
 pub(crate) use lines::LineIndex;
 pub(crate) use source::decode;

@@ -63,10 +63,21 @@ fn read_short(token: &[u8]) -> Option<f64> {
     Some(if negative { -value } else { value })
 }
 
-/// The number that `bytes` begin with and its length, where it is an optional sign, digits, and a point between digits: what
-/// [`read`] gives for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
+/// A number at the beginning of a text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Leading {
+    /// Its value.
+    pub(crate) value: f64,
+    /// Its bytes.
+    pub(crate) len: usize,
+    /// Digits behind the point.
+    pub(crate) decimals: usize,
+}
+
+/// The number that `bytes` begin with, where it is an optional sign, digits, and a point between digits: what [`read`] gives
+/// for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
 #[must_use]
-pub(crate) fn read_leading(bytes: &[u8]) -> Option<(f64, usize)> {
+pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
     const MOST_DIGITS: usize = 15; // below 2^53
     let sign = usize::from(matches!(bytes.first(), Some(b'-' | b'+')));
     let (mut mantissa, mut point, mut len) = (0_u64, None, sign);
@@ -85,7 +96,7 @@ pub(crate) fn read_leading(bytes: &[u8]) -> Option<(f64, usize)> {
     }
     #[allow(clippy::cast_precision_loss)] // below 2^53
     let value = mantissa as f64 / TENS[decimals];
-    Some((if bytes[0] == b'-' { -value } else { value }, len))
+    Some(Leading { value: if bytes[0] == b'-' { -value } else { value }, len, decimals })
 }
 
 /// A short exponent: `9`, `+09`, `-3`.
@@ -142,33 +153,78 @@ impl Fixed {
 
     /// Appends the digits.
     pub(crate) fn write(self, out: &mut Vec<u8>) {
-        const SIZE: usize = 40; // sign, 20 digits, point; more than enough for 15 decimals with a zero before
-        let mut text = [b'0'; SIZE];
-        let (mut at, mut rest) = (SIZE, self.digits);
-        let mut put = |at: &mut usize| {
-            *at -= 1;
-            #[allow(clippy::cast_possible_truncation)]
-            let digit = (rest % 10) as u8;
-            text[*at] = b'0' + digit;
-            rest /= 10;
-            rest > 0
-        };
-        for _ in 0..self.decimals {
-            put(&mut at);
-        }
-        let point = at;
-        at -= usize::from(self.decimals > 0);
-        while put(&mut at) {}
+        out.extend_from_slice(self.text(&mut [0; Self::SIZE]));
+    }
+
+    /// Sign, 20 digits and a point, at most.
+    pub(crate) const SIZE: usize = 24;
+
+    /// The digits, at the end of a place for them.
+    pub(crate) fn text(self, place: &mut [u8; Self::SIZE]) -> &[u8] {
+        let mut at = Self::SIZE;
+        let mut whole = self.digits;
         if self.decimals > 0 {
-            text[point - 1] = b'.';
+            let ten = WHOLE_TENS[self.decimals];
+            whole = self.digits / ten;
+            let mut part = self.digits - whole * ten;
+            for _ in 0..self.decimals / 2 {
+                at -= 2;
+                place[at..at + 2].copy_from_slice(&pair(part % 100));
+                part /= 100;
+            }
+            if self.decimals % 2 == 1 {
+                at -= 1;
+                place[at] = pair(part)[1];
+            }
+            at -= 1;
+            place[at] = b'.';
+        }
+        while whole >= 100 {
+            at -= 2;
+            place[at..at + 2].copy_from_slice(&pair(whole % 100));
+            whole /= 100;
+        }
+        let [tens, ones] = pair(whole);
+        at -= 1;
+        place[at] = ones;
+        if tens != b'0' {
+            at -= 1;
+            place[at] = tens;
         }
         if self.negative {
             at -= 1;
-            text[at] = b'-';
+            place[at] = b'-';
         }
-        out.extend_from_slice(&text[at..]);
+        &place[at..]
     }
 }
+
+/// Two digits of a number below 100.
+fn pair(number: u64) -> [u8; 2] {
+    PAIRS[usize::from(number.to_le_bytes()[0])]
+}
+
+/// 00, 01 … 99; further on nothing that is asked for.
+const PAIRS: [[u8; 2]; 256] = {
+    let mut pairs = [[b'0'; 2]; 256];
+    let mut i = 0;
+    while i < 100 {
+        pairs[i as usize] = [b'0' + i / 10, b'0' + i % 10];
+        i += 1;
+    }
+    pairs
+};
+
+/// Powers of ten of as many decimals as are written.
+const WHOLE_TENS: [u64; MOST_DECIMALS + 1] = {
+    let mut tens = [1; MOST_DECIMALS + 1];
+    let mut i = 1;
+    while i <= MOST_DECIMALS {
+        tens[i] = 10 * tens[i - 1];
+        i += 1;
+    }
+    tens
+};
 
 /// The reference for [`write_fixed`].
 pub(crate) fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
@@ -294,8 +350,8 @@ mod tests {
         #[test]
         fn a_leading_number_is_the_token(token in "[-+]?[0-9]{0,17}\\.?[0-9]{0,9}", rest in "[,e\\] ]?") {
             let text = format!("{token}{rest}");
-            if let Some((value, len)) = read_leading(text.as_bytes()) {
-                prop_assert_eq!(len, token.len());
+            if let Some(Leading { value, len, decimals: behind }) = read_leading(text.as_bytes()) {
+                prop_assert_eq!((len, behind), (token.len(), decimals(token.as_bytes())));
                 prop_assert_eq!(Some(value.to_bits()), read_plain(token.as_bytes()).map(f64::to_bits));
             }
         }

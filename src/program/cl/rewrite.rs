@@ -5,7 +5,7 @@ use super::lex::{number, pieces};
 use super::modal::Xyz;
 use super::vector::{add, norm, scale, sub};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Edit, Source, Span, number as text_number};
+use crate::text::{Edit, Source, Span, Token, number as text_number};
 
 /// Two corrections this close, mm, are one: below the last printed digit.
 const SAME_MM: f64 = 1e-6;
@@ -183,7 +183,7 @@ impl Writer<'_> {
                 self.grow_card(token.end as usize, new.len() - width)?;
             }
         }
-        self.edits.push(Edit { span: Span::new(start - taken, token.end as usize), content: new });
+        self.edits.push(Edit { span: Span::new(start - taken, token.end as usize), content: new.into() });
         Ok(())
     }
 
@@ -193,8 +193,8 @@ impl Writer<'_> {
             return Err("number goes over two cards");
         }
         let at = head.len().min(new.len() - 1);
-        self.edits.push(Edit { span: head, content: new[..at].to_vec() });
-        self.edits.push(Edit { span: tail, content: new[at..].to_vec() });
+        self.edits.push(Edit { span: head, content: new[..at].into() });
+        self.edits.push(Edit { span: tail, content: new[at..].into() });
         Ok(())
     }
 
@@ -209,7 +209,7 @@ impl Writer<'_> {
             return Err("no room on the card");
         }
         self.grown.insert(start, grown + by);
-        self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Vec::new() });
+        self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Token::new() });
         Ok(())
     }
 }

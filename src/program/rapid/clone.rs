@@ -94,9 +94,9 @@ fn try_clones(
         content.extend_from_slice(b":=");
         content.extend_from_slice(&writer.literal_text(&place, print));
         content.push(b';');
-        writer.edits[place.source as usize].push(Edit { span: Span { start: end, end }, content });
+        writer.edits[place.source as usize].push(Edit { span: Span { start: end, end }, content: content.into() });
         for (argument, _) in sorted.iter().filter(|(_, of)| *of == g) {
-            let edit = Edit { span: argument.span, content: clone.clone().into_bytes() };
+            let edit = Edit { span: argument.span, content: clone.as_bytes().into() };
             writer.edits[argument.source as usize].push(edit);
         }
         cloned.extend(users.iter().map(|&i| (i, print.clone())));

@@ -123,7 +123,7 @@ fn instruction(writer: &Writer<'_>, insert: &Insert, numbers: &[u8]) -> Result<(
     content.extend_from_slice(line_end);
     content.extend_from_slice(indent);
     let at = Span { start: target.span.start, end: target.span.start };
-    Ok((target.source as usize, Edit { span: at, content }))
+    Ok((target.source as usize, Edit { span: at, content: content.into() }))
 }
 
 /// Configuration and external axes of the target, as text.

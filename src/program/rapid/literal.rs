@@ -164,9 +164,9 @@ fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
         }
     }
     if let Some(short) = text::number::read_leading(&bytes[at.min(bytes.len())..])
-        && matches!(bytes.get(at + short.1), Some(b',' | b']'))
+        && matches!(bytes.get(at + short.len), Some(b',' | b']'))
     {
-        return Some((short.0, at + short.1));
+        return Some((short.value, at + short.len));
     }
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };

@@ -22,6 +22,7 @@ mod pieces;
 mod rewrite;
 mod run;
 mod statement;
+mod straight;
 mod symbols;
 mod syntax;
 mod tree;

@@ -7,6 +7,7 @@
 //! of that is not straight and is read whole.
 
 use super::lex::{self, Cursor, Kind};
+use super::straight;
 use super::symbols::harmless;
 use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
@@ -29,12 +30,21 @@ pub struct Piece {
     dialect: &'static str,
     context: Arc<[Source]>,
     /// Head, stretch and end.
-    source: Source,
+    pub(super) source: Source,
+    /// Bytes of the head.
+    head: usize,
     /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
     own: Range<usize>,
+    /// The statements.
+    pub(super) stretch: Range<usize>,
+    /// Lines of the file before the stretch.
+    pub(super) lines_before: usize,
+    /// Whether the head has no robtarget of its own, and no module of context declares any.
+    pub(super) plain_head: bool,
+    pub(super) mark_before: Option<Mark>,
     /// Motions before it.
-    motions_before: u32,
-    motions: u32,
+    pub(super) motions_before: u32,
+    pub(super) motions: u32,
     last_line: usize,
     mark_behind: Option<Mark>,
     last: bool,
@@ -50,6 +60,7 @@ pub struct Pieces<R> {
     /// Up to the line of the first motion.
     head: Vec<u8>,
     head_lines: usize,
+    plain_head: bool,
     /// Read and not yet cut.
     rest: Vec<u8>,
     lines: usize,
@@ -84,6 +95,7 @@ impl<R: Read> Pieces<R> {
             context: context.into(),
             head: Vec::new(),
             head_lines: 0,
+            plain_head: false,
             rest: Vec::new(),
             lines: 0,
             motions: 0,
@@ -104,6 +116,7 @@ impl<R: Read> Pieces<R> {
             return Ok(None);
         };
         pieces.dialect = head.dialect;
+        pieces.plain_head = head.literal_targets == 0 && pieces.context.is_empty();
         Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
     }
 
@@ -122,7 +135,7 @@ impl<R: Read> Pieces<R> {
         if self.state == State::Ended {
             return Ok(Next::End);
         }
-        let (motions_before, lines_before, mark_before) = (self.motions, self.lines, self.mark);
+        let (motions_before, before_stretch, mark_before) = (self.motions, self.lines, self.mark);
         // A line that the piece's end cuts through is read on; one of more than a piece is no program's.
         self.fill(2 * PIECE)?;
         let Some(cut) = self.cut() else { return Ok(Next::NotStraight) };
@@ -137,9 +150,10 @@ impl<R: Read> Pieces<R> {
         // The first piece's marks stand in its head.
         let before = if first { &[][..] } else { mark };
         bytes.extend_from_slice(before);
-        let start = if first { 0 } else { bytes.len() };
+        let from = bytes.len();
         bytes.extend_from_slice(&self.rest[..cut.stretch]);
-        let mut own = start..bytes.len();
+        let stretch = from..bytes.len();
+        let mut own = if first { 0 } else { from }..bytes.len();
         self.rest.drain(..cut.stretch);
         self.lines += cut.lines;
         self.state = State::Further;
@@ -157,7 +171,7 @@ impl<R: Read> Pieces<R> {
         let added = self.head_lines + usize::from(!before.is_empty());
         let mut source = Source::new(self.name.clone(), bytes);
         // Below zero for no piece: the head's own lines stand before every stretch; a mark's line may be one too many.
-        let Some(lines_before) = (if first { Some(0) } else { lines_before.checked_sub(added) }) else {
+        let Some(lines_before) = (if first { Some(0) } else { before_stretch.checked_sub(added) }) else {
             return Ok(Next::NotStraight);
         };
         source.lines_before = lines_before;
@@ -166,6 +180,11 @@ impl<R: Read> Pieces<R> {
             context: Arc::clone(&self.context),
             source,
             own,
+            head: self.head.len(),
+            stretch,
+            lines_before: before_stretch,
+            plain_head: self.plain_head,
+            mark_before,
             motions_before,
             motions: self.motions - motions_before,
             last_line: self.last_line,
@@ -241,6 +260,35 @@ impl Piece {
     /// Reads the piece; `None` where it is not straight after all.
     #[must_use]
     pub fn read(self) -> Option<StraightPiece> {
+        match straight::read(&self) {
+            Some(read) => Some(StraightPiece {
+                program: read.into_program(self.dialect, self.source),
+                own: self.own,
+                last: self.last,
+            }),
+            None => self.read_plain(),
+        }
+    }
+
+    /// Who wrote the program.
+    #[cfg(test)]
+    pub(super) fn dialect(&self) -> &'static str {
+        self.dialect
+    }
+
+    /// Everything before the stretch that is the program's own.
+    pub(super) fn head(&self) -> &[u8] {
+        &self.source.bytes[..self.head]
+    }
+
+    /// The program of one statement alone.
+    pub(super) fn with(&self, statement: &[u8]) -> Option<Program> {
+        let source = Source::new(self.source.name.clone(), [self.head(), statement, END].concat());
+        super::read_as(self.dialect, vec![source], Vec::new()).ok()
+    }
+
+    /// The reference for [`Piece::read`]: every statement is read for itself.
+    pub(super) fn read_plain(self) -> Option<StraightPiece> {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let straight = layout(&program).is_some_and(|layout| {
             // A mark behind the last motion is in force nowhere.

@@ -4,7 +4,7 @@ use super::literal::Literal;
 use super::value::{Place, rotate, unit};
 use super::{Layout, Offset, Site, clone, insert};
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Edit, number};
+use crate::text::{Edit, Token, number};
 use std::collections::HashMap;
 
 /// Most decimals printed: single precision holds no more of any quaternion.
@@ -17,7 +17,7 @@ const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 /// New token texts of one literal; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Print {
-    tokens: [Option<Vec<u8>>; 11],
+    tokens: [Option<Token>; 11],
     /// The numbers of position and orientation that stand there then, where they are known.
     values: [Option<f64>; 7],
 }
@@ -201,12 +201,8 @@ impl<'a> Writer<'a> {
     }
 
     /// New arguments of `Offs` and `RelTool`, by the place of the first.
-    fn offsets(
-        &mut self,
-        changes: &[Option<Change>],
-        prints: &[Option<Print>],
-    ) -> HashMap<Place, [Option<Vec<u8>>; 3]> {
-        let mut wishes: HashMap<Place, [Option<Vec<u8>>; 3]> = HashMap::new();
+    fn offsets(&mut self, changes: &[Option<Change>], prints: &[Option<Print>]) -> HashMap<Place, [Option<Token>; 3]> {
+        let mut wishes: HashMap<Place, [Option<Token>; 3]> = HashMap::new();
         let mut disputed: Vec<Place> = Vec::new();
         let mut users: Vec<(usize, Place, [Place; 3])> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
@@ -279,7 +275,7 @@ impl<'a> Writer<'a> {
         i: usize,
         prints: &[Option<Print>],
         cloned: &HashMap<usize, Print>,
-        offsets: &HashMap<Place, [Option<Vec<u8>>; 3]>,
+        offsets: &HashMap<Place, [Option<Token>; 3]>,
     ) -> Pose {
         let print = |literal: u32| prints.get(literal as usize).and_then(Option::as_ref);
         let (position, quat) = match self.layout.sites[i] {
@@ -347,26 +343,27 @@ fn signed(token: &[u8]) -> Option<f64> {
 /// What becomes of a token.
 struct New {
     /// Its new text, in its own style; `None` where the printed value stays what it is.
-    token: Option<Vec<u8>>,
+    token: Option<Token>,
     /// The number that stands there then, where it is known.
     value: Option<f64>,
 }
 
 impl New {
     fn of(old: &[u8], value: f64, least: usize) -> Self {
-        let decimals = places(old).max(least).min(MAX_DECIMALS);
-        let mut out = Vec::with_capacity(TOKEN);
-        let fixed = number::Fixed::of(value, decimals);
-        let printed = match fixed {
-            Some(fixed) => {
-                fixed.write(&mut out);
-                fixed.value().or_else(|| number::read(&out))
-            }
-            None => {
-                number::write_fixed_plain(&mut out, value, decimals);
-                number::read(&out)
-            }
-        };
+        let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
+        // As most numbers are: no looks to keep but the count of decimals.
+        if let Some(was) = number::read_leading(old).filter(|was| was.len == old.len() && is_bare(old))
+            && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals))
+            && let Some(printed) = fixed.value()
+        {
+            #[allow(clippy::float_cmp)] // the very number means no change
+            let same = printed == was.value;
+            let token = (!same).then(|| Token::from_slice(fixed.text(&mut [0; number::Fixed::SIZE])));
+            return Self { token, value: Some(if same { was.value } else { printed }) };
+        }
+        let mut out = Vec::new();
+        number::write_fixed(&mut out, value, decimals(places(old)));
+        let printed = number::read(&out);
         let was = signed(old);
         if printed.is_some() && printed == was {
             return Self { token: None, value: was };
@@ -382,12 +379,18 @@ impl New {
         if old.first() == Some(&b'+') && out[0] != b'-' {
             out.insert(0, b'+');
         }
-        Self { token: Some(out), value: printed }
+        Self { token: Some(out.into()), value: printed }
     }
 }
 
-/// Bytes of a usual token.
-const TOKEN: usize = 16;
+/// Whether a number has neither a plus nor zeros before its digits.
+fn is_bare(token: &[u8]) -> bool {
+    match token.strip_prefix(b"-").unwrap_or(token) {
+        [b'0', next, ..] => !next.is_ascii_digit(),
+        [first, ..] => *first != b'+',
+        [] => false,
+    }
+}
 
 /// Decimal places that a token's value has: digits behind the point, less its exponent.
 fn places(token: &[u8]) -> usize {
