@@ -3,10 +3,12 @@
 //! Numbers here are as the file has them converted to SI; the file's own units stand in its keys.
 
 mod check;
+mod cut;
 mod extend;
 mod nearest;
 mod raw;
 mod read;
+mod syntax;
 mod template;
 
 pub use extend::{NewEffect, extended};

@@ -1,8 +1,9 @@
 //! From the file to a checked [`Cell`].
 
 use super::check::Check;
-use super::{Cell, Cl, Controller, CorrectionLimits, Cut, CutForce, ForceFrame, Spin, SpinRule, nearest, raw};
-use crate::cutting::{Coefficients, Cutter, Engagement, Milling, Mode, materials};
+use super::cut::cut;
+use super::syntax::{in_words, parse};
+use super::{Cell, Cl, Controller, CorrectionLimits, Spin, SpinRule, nearest, raw};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::program::cl::{ClOptions, Point, Units};
@@ -54,7 +55,7 @@ impl Cell {
         one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
         let mut controller = controller(&mut check, raw.controller.as_ref());
-        let cut = raw.cut.as_ref().and_then(|cut| self::cut(&mut check, cut));
+        let cut = raw.cut.as_ref().and_then(|keys| cut(&mut check, keys));
         let corner = raw.cut.as_ref().and_then(|cut| cut.cutter.as_ref()).map(|cutter| cutter.corner_radius_mm);
         let cl = raw.cl.as_ref().and_then(|cl| self::cl(&mut check, cl, corner));
         let (effects, covariances) = effects(&mut check, &raw.effect, stiffness.is_some(), &mut controller);
@@ -83,97 +84,6 @@ impl Cell {
             }
         }
     }
-}
-
-/// Unknown keys of one file before the rest is left out.
-const MESSAGES: usize = 20;
-
-/// Reads the TOML. Unknown keys are collected and blanked, so that one run names them all.
-fn parse(source: &Source, text: &str) -> Result<(raw::Cell, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let mut blanked = text.to_owned();
-    let mut errors: Vec<Diagnostic> = Vec::new();
-    loop {
-        let error = match toml::from_str(&blanked) {
-            Ok(raw) => return Ok((raw, errors)),
-            Err(error) => error,
-        };
-        let diagnostic = syntax(source, &error);
-        // A required key that was mistyped is one fault, not two.
-        let quoted = error.message().split('`').nth(1).map(|name| format!("did you mean `{name}`?"));
-        let mistyped = error.message().starts_with("missing field") && errors.iter().any(|known| known.help == quoted);
-        if !mistyped {
-            errors.push(diagnostic);
-        }
-        let unknown = error.message().starts_with("unknown field") && errors.len() < MESSAGES;
-        match error.span().filter(|_| unknown).and_then(|key| without(&blanked, key.start)) {
-            Some(next) => blanked = next,
-            None => return Err(errors),
-        }
-    }
-}
-
-/// The text with the assignment `key = value` that starts at a byte blanked; `None` where it does not start its line.
-fn without(text: &str, start: usize) -> Option<String> {
-    let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
-    if !text[line..start].trim().is_empty() {
-        return None;
-    }
-    let document = toml_edit::Document::parse(text).ok()?;
-    let end = assignment_end(document.as_table(), start)?;
-    let blank = text[start..end].chars().map(|c| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) });
-    Some([&text[..start], &blank.collect::<String>(), &text[end..]].concat())
-}
-
-/// Where the value of the key that starts at a byte ends.
-fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usize> {
-    for (name, item) in table.iter() {
-        let key = table.key(name)?.span()?;
-        if key.start == start {
-            return item.as_value()?.span().map(|value| value.end);
-        }
-        let inner = match item {
-            toml_edit::Item::ArrayOfTables(tables) => tables.iter().find_map(|table| assignment_end(table, start)),
-            item => item.as_table_like().and_then(|table| assignment_end(table, start)),
-        };
-        if inner.is_some() {
-            return inner;
-        }
-    }
-    None
-}
-
-/// A TOML error as ours, with the nearest known key.
-fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
-    let said = error.message();
-    let quoted: Vec<&str> = said.split('`').skip(1).step_by(2).collect();
-    let (message, help) = match quoted.split_first() {
-        Some((wrong, known)) if said.starts_with("unknown field") => {
-            let near = nearest(wrong, known.iter().copied());
-            let all = || format!("known keys here: {}", known.join(", "));
-            (format!("unknown key `{wrong}`"), near.map_or_else(all, |near| format!("did you mean `{near}`?")))
-        }
-        Some((missing, _)) if said.starts_with("missing field") => {
-            (format!("key `{missing}` is missing"), format!("add `{missing} = …` here"))
-        }
-        _ if said.starts_with("invalid type: string") && said.contains("f64") => {
-            (in_words(said), "write the number without quotes".to_owned())
-        }
-        _ => {
-            let help = "decimals take a point, text stands in quotes; `deflex init --robot MODEL` prints a whole cell";
-            (in_words(said), help.to_owned())
-        }
-    };
-    let diagnostic = Diagnostic::error("cell.syntax", &source.name, message).help(help);
-    match error.span() {
-        Some(range) => diagnostic.at(source, Span::new(range.start, range.end)),
-        None => diagnostic,
-    }
-}
-
-/// What serde says, without names of Rust's types.
-fn in_words(said: &str) -> String {
-    let words = [("f64", "a number"), ("u32", "a whole number"), ("floating point", "number")];
-    words.iter().fold(said.to_owned(), |said, (name, word)| said.replace(name, word))
 }
 
 fn frame(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
@@ -339,120 +249,6 @@ fn cl(check: &mut Check, raw: &raw::Cl, corner_radius_mm: Option<f64>) -> Option
     let options =
         ClOptions { tool: raw.tool.clone(), wobj: raw.wobj.clone(), units, point, corner_radius_mm, arc_tolerance_mm };
     Some(Cl { options, spin: Spin { rule, turn: turn.to_radians() } })
-}
-
-fn cut(check: &mut Check, raw: &raw::Cut) -> Option<Cut> {
-    let force =
-        match check.word("cut.force", &raw.force, &[("none", 0), ("constant", 1), ("table", 2), ("mechanistic", 3)])? {
-            0 => CutForce::None,
-            1 => {
-                let force = check.need("cut", "force_n", raw.force_n, "force = \"constant\" needs the force")?;
-                check.finite("cut.force_n", &force);
-                let frame = check.need(
-                    "cut",
-                    "frame",
-                    raw.frame.as_deref(),
-                    "force = \"constant\" needs the axes it is given in",
-                )?;
-                let frames = [("wobj", ForceFrame::Wobj), ("tool", ForceFrame::Tool), ("feed", ForceFrame::Feed)];
-                CutForce::Constant { force: force.into(), frame: check.word("cut.frame", frame, &frames)? }
-            }
-            2 => CutForce::Table,
-            _ => mechanistic(check, raw)?,
-        };
-    if let Some(feed) = raw.max_cutting_feed_mm_s {
-        check.positive("cut.max_cutting_feed_mm_s", &[feed]);
-    }
-    Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed) })
-}
-
-fn mechanistic(check: &mut Check, raw: &raw::Cut) -> Option<CutForce> {
-    let why = "force = \"mechanistic\" needs it";
-    let keys = check.need("cut", "cutter", raw.cutter.as_ref(), why);
-    let engaged = check.need("cut", "engagement", raw.engagement.as_ref(), why);
-    let coefficients = coefficients(check, raw);
-    let (keys, engaged, coefficients) = (keys?, engaged?, coefficients?);
-    let cutter = Cutter {
-        diameter: 1e-3 * keys.diameter_mm,
-        corner_radius: 1e-3 * keys.corner_radius_mm,
-        teeth: keys.teeth,
-        helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
-    };
-    let modes = [("slot", Mode::Slot), ("up", Mode::Up), ("down", Mode::Down)];
-    let mode = check.word("cut.engagement.mode", &engaged.mode, &modes)?;
-    let width_mm = match (mode, engaged.width_mm) {
-        (Mode::Slot, width) => width.unwrap_or(keys.diameter_mm),
-        (_, width) => check.need("cut.engagement", "width_mm", width, "up and down milling need the radial width")?,
-    };
-    let feed_from_program = engaged.feed_per_tooth_mm.is_none();
-    if let Some(rpm) = engaged.spindle_rpm {
-        check.positive("cut.engagement.spindle_rpm", &[rpm]);
-    }
-    let engagement = Engagement {
-        mode,
-        depth: 1e-3 * engaged.depth_mm,
-        width: 1e-3 * width_mm,
-        // Any positive value: replaced per target where the program gives the feed.
-        feed_per_tooth: 1e-3 * engaged.feed_per_tooth_mm.unwrap_or(0.1),
-        lead: engaged.lead_deg.to_radians(),
-        tilt: engaged.tilt_deg.to_radians(),
-    };
-    if let Err(error) = Milling::new(cutter, engagement, coefficients) {
-        check.error(
-            "cut",
-            format!("[cut] {}: {}", error.field, error.message),
-            "check [cut.cutter], [cut.engagement] and [cut.coefficients]",
-        );
-    }
-    Some(CutForce::Mechanistic {
-        cutter,
-        engagement,
-        feed_from_program,
-        spindle_rpm: engaged.spindle_rpm,
-        coefficients,
-    })
-}
-
-fn coefficients(check: &mut Check, raw: &raw::Cut) -> Option<Coefficients> {
-    let keys = raw.coefficients.as_ref();
-    let material = raw.material.as_deref().or_else(|| keys.and_then(|k| k.material.as_deref()));
-    let own = keys.is_some_and(|k| {
-        [k.ktc_n_mm2, k.krc_n_mm2, k.kac_n_mm2, k.kte_n_mm, k.kre_n_mm, k.kae_n_mm].iter().any(Option::is_some)
-    });
-    match (material, keys) {
-        (Some(_), _) if own => {
-            check.error("cut.coefficients", "both a material and coefficients are given", "keep one of them");
-            None
-        }
-        (Some(name), _) => {
-            let known: Vec<(&str, usize)> = materials::MATERIALS.iter().enumerate().map(|(i, m)| (m.name, i)).collect();
-            check.word("cut.coefficients.material", name, &known).map(|i| materials::MATERIALS[i].coefficients)
-        }
-        (None, Some(keys)) => {
-            let mut get = |key: &str, value: Option<f64>, to_si: f64| {
-                let value = check.need("cut.coefficients", key, value, "all six coefficients are needed")?;
-                check.finite(&format!("cut.coefficients.{key}"), &[value]);
-                Some(value * to_si)
-            };
-            let (area, edge) = (1e6, 1e3);
-            Some(Coefficients {
-                ktc: get("ktc_n_mm2", keys.ktc_n_mm2, area)?,
-                krc: get("krc_n_mm2", keys.krc_n_mm2, area)?,
-                kac: get("kac_n_mm2", keys.kac_n_mm2, area)?,
-                kte: get("kte_n_mm", keys.kte_n_mm, edge)?,
-                kre: get("kre_n_mm", keys.kre_n_mm, edge)?,
-                kae: get("kae_n_mm", keys.kae_n_mm, edge)?,
-            })
-        }
-        (None, None) => {
-            check.error(
-                "cut",
-                "[cut.coefficients] is missing: force = \"mechanistic\" needs it",
-                "give the six coefficients, or material = \"al7075\"",
-            );
-            None
-        }
-    }
 }
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>);
