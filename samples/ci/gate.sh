@@ -35,7 +35,9 @@ if [ $code -gt 1 ]; then
   rm "$out/check.sarif.new"
   exit $code
 fi
-mv "$out/check.sarif.new" "$out/check.sarif"
+# Annotations belong to the originals, which the repository holds: a correction changes numbers and no line.
+sed "s|\"uri\": \"${out#./}/corrected/|\"uri\": \"${programs#./}/|" "$out/check.sarif.new" > "$out/check.sarif"
+rm "$out/check.sarif.new"
 judge "${judged[@]}" --format junit > "$out/check.xml"
 judge "${judged[@]}" --format text
 [ $code -eq 0 ] || exit $code
