@@ -16,7 +16,7 @@ pub fn template(robot: &Builtin) -> String {
     let _ = write!(
         text,
         r#"# Cell file of deflex. Every value with "<<" behind it is an example: put in your cell's own, then delete the "<<".
-# As long as one is left, each run says so. What a cell does not have or need (CL input, a cut) can be deleted whole.
+# As long as one is left, each run says so. What a cell does not need (CL input, tools that programs declare) can go.
 # Units are in the names. Quaternions are [q1, q2, q3, q4], scalar first, as RAPID writes them.
 
 [robot]
@@ -25,6 +25,8 @@ model = "{model}"     # geometry from: {source}
 # base_mm = [0, 0, 0]               # where the base stands in the world
 # base_quat = [1, 0, 0, 0]
 
+# The model's geometry, for a robot that is like it: uncommented, it counts, and `model` is just a name.
+{kinematics}
 [robot.stiffness]               # at the motors, axes 1 to 6: hang a known weight on the flange, read the deflection
 joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]   # << example: an IRB 6660-205/1.9
 
@@ -85,9 +87,27 @@ material = "al7075"             # << a literature value is a start only: calibra
 "#,
         model = robot.model,
         source = robot.source,
+        kinematics = kinematics(robot),
         kinds = kinds.join(",\n# "),
     );
     text
+}
+
+/// `[robot.kinematics]` of a built-in robot, commented out.
+fn kinematics(robot: &Builtin) -> String {
+    let row = |[alpha, a, d, theta]: &[f64; 4]| {
+        format!("#   {{ alpha_deg = {alpha:?}, a_mm = {a:?}, d_mm = {d:?}, theta_deg = {theta:?} }},\n")
+    };
+    let rows: String = robot.rows.iter().map(row).collect();
+    let elbow = robot.elbow_deg.map_or_else(String::new, |[min, max]| {
+        format!("# elbow_min_deg = {min:?}             # motor 3 − motor 2\n# elbow_max_deg = {max:?}\n")
+    });
+    let (parallelogram, min, max) = (robot.parallelogram, robot.min_deg, robot.max_deg);
+    format!(
+        "# [robot.kinematics]\n# parallelogram = {parallelogram}          # true: motor 3 sets the forearm's angle to link 1, not to link 2\n\
+         # links = [                       # modified DH (Craig): Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)\n{rows}# ]\n\
+         # axis_min_deg = {min:?}\n# axis_max_deg = {max:?}\n{elbow}"
+    )
 }
 
 /// A warning where a cell file still holds examples of [`template`]: values with its mark behind them.
