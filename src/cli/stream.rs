@@ -7,12 +7,12 @@ use super::output::{Outputs, Temporary, is_stdout};
 use super::report::Rows;
 use super::run::{Batch, Done, in_one_file, post_options, report_beside};
 use super::{progress, report};
-use deflex::correct::{self, Outline, Poster, Sinks, StreamError, compensate_pieces, post_pieces};
+use deflex::correct::{self, Outline, Poster, Sinks, StreamError, compensate_declared, compensate_pieces, post_pieces};
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, cl, rapid};
 use deflex::report::html::PathTrace;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
 use std::fs::File;
 use std::io::{self, BufReader, Seek, Write};
@@ -55,7 +55,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
         let bytes = file.metadata().map_err(|error| cannot_read(name, &error))?.len();
         progress::bytes(bar, bytes);
     }
-    let long = Long { batch, job, name, file, outputs: batch.outputs.sibling(), bar };
+    let long = Long { batch, job, name, path, file, outputs: batch.outputs.sibling(), bar };
     match job.language {
         Language::Rapid => long.edit(),
         Language::Cl => long.post(),
@@ -68,6 +68,7 @@ struct Long<'a> {
     job: &'a Job,
     /// As the user typed it.
     name: &'a str,
+    path: &'a Path,
     file: File,
     outputs: Outputs,
     bar: Option<&'a ProgressBar>,
@@ -78,7 +79,7 @@ impl Long<'_> {
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();
         let pieces = rapid::Pieces::new(self.name, self.reread()?, context);
-        let Some(pieces) = pieces.map_err(|error| cannot_read(self.name, &error))? else { return Ok(None) };
+        let Some(pieces) = pieces.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = ProgramReports::open(self.batch, file, &mut self.outputs)?;
@@ -86,7 +87,36 @@ impl Long<'_> {
         let done = reports.filled(self.bar, |sinks| {
             compensate_pieces(pieces, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
         });
-        self.done(done, reports)
+        if matches!(done, Err(StreamError::NotStraight)) {
+            self.outputs = self.batch.outputs.sibling();
+            return self.patch();
+        }
+        self.done(done, reports, |_| false)
+    }
+
+    /// RAPID with declared targets: what changes is collected first.
+    fn patch(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let (context, name, path) = (self.batch.setup.context.sources(), self.name, self.path);
+        let failed = |error: io::Error| cannot_read(name, &error);
+        // Places of their own in the same file.
+        let open = || File::open(path).map_err(failed);
+        let pieces = rapid::Declared::new(name, open()?, open()?, context);
+        let Some(pieces) = pieces.map_err(failed)? else { return Ok(None) };
+        let file = &self.job.files[0];
+        let mut program = self.outputs.open(&place(self.batch.args, file))?;
+        let mut reports = ProgramReports::open(self.batch, file, &mut self.outputs)?;
+        let (_scratch, scratch) = Temporary::spool().map_err(|error| cannot_write(&error))?;
+        let mut patch = Patch::new(scratch);
+        let (setup, threads) = (self.batch.setup, self.threads());
+        let (names, original) = (pieces.names(), self.reread()?);
+        let done = reports.filled(self.bar, |sinks| {
+            let done = compensate_declared(pieces, &setup.cell.cell, &setup.options, threads, &mut patch, sinks)?;
+            if done.failures.is_empty() {
+                patch.apply(original, &mut program).map_err(StreamError::Write)?;
+            }
+            Ok(done)
+        });
+        self.done(done, reports, |name| names.uses(name))
     }
 
     /// CL, posted as RAPID.
@@ -118,7 +148,8 @@ impl Long<'_> {
             .filled(bar, |sinks| post_pieces(pieces, &setup.cell.cell, &setup.options, threads, &poster, open, sinks));
         match refused {
             Some(why) => Err(why),
-            None => self.done(done, reports),
+            // Targets of CL data have no names.
+            None => self.done(done, reports, |_| false),
         }
     }
 
@@ -142,14 +173,14 @@ impl Long<'_> {
         mut self,
         done: Result<correct::Streamed, StreamError>,
         reports: ProgramReports,
+        named: impl Fn(&str) -> bool,
     ) -> Result<Option<Done>, Vec<Diagnostic>> {
         let done = match done {
             Ok(done) => done,
             Err(why) => return self.refused(why),
         };
         if let Some(forces) = &self.batch.setup.forces {
-            // What is streamed has no names.
-            forces.check_targets(done.last, |_| false)?;
+            forces.check_targets(done.last, named)?;
         }
         if !done.failures.is_empty() {
             return Err(done.failures);

@@ -12,8 +12,8 @@ use crate::cell::Cell;
 use crate::program::piece::leaves_its_start;
 use crate::program::post::Text;
 use crate::program::{Next, StraightPiece, cl, rapid};
-use crate::text::{Diagnostic, apply};
-use std::io::{self, Read, Write};
+use crate::text::{Diagnostic, Patch, apply};
+use std::io::{self, Read, Seek, Write};
 use std::sync::{Mutex, PoisonError};
 
 /// Where goes what a streamed program comes to.
@@ -82,6 +82,34 @@ pub fn compensate_pieces<R: Read + Send>(
     run(&way, cell, options, threads, &mut |text| program.write_all(&text.bytes), sinks)
 }
 
+/// Corrects a RAPID program whose targets are declared far from their use: in memory is an index of them. What changes is
+/// collected in `patch`, to be applied to the program when all went well.
+///
+/// # Errors
+/// See [`StreamError`].
+pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>(
+    pieces: rapid::Declared<R>,
+    cell: &Cell,
+    options: &Options,
+    threads: usize,
+    patch: &mut Patch<S>,
+    sinks: &mut Sinks<'_>,
+) -> Result<Streamed, StreamError> {
+    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    let way = Way {
+        carried: &carried,
+        pieces: Mutex::new((0, pieces)),
+        take: rapid::Declared::take,
+        read: rapid::Piece::read,
+        skip: &|_| (),
+        write: &|_, piece, corrected| Some(changed(piece, corrected)),
+    };
+    let mut write = |changes: &Vec<Changed>| {
+        changes.iter().try_for_each(|change| patch.replace(change.start, change.old, &change.text))
+    };
+    run(&way, cell, options, threads, &mut write, sinks)
+}
+
 /// Corrects a CL program and posts it, piece by piece: the same bytes as [`compensate`](super::compensate) and
 /// [`post`](super::post). `open` gives the destination of a module's file by its name.
 ///
@@ -128,7 +156,7 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
 }
 
 /// How a language comes in and goes out.
-struct Way<'a, S, P> {
+struct Way<'a, S, P, T> {
     carried: &'a Carried<'a>,
     /// The next piece's number, and where it comes from.
     pieces: Mutex<(usize, S)>,
@@ -137,15 +165,15 @@ struct Way<'a, S, P> {
     /// A piece, of this number, is refused.
     skip: &'a (dyn Fn(usize) + Sync),
     /// What a piece, of this number, comes to; `None` where one before it died.
-    write: &'a (dyn Fn(usize, &StraightPiece, &Corrected) -> Option<Text> + Sync),
+    write: &'a (dyn Fn(usize, &StraightPiece, &Corrected) -> Option<T> + Sync),
 }
 
-fn run<'a, S: Send, P>(
-    way: &'a Way<'a, S, P>,
+fn run<'a, S: Send, P, T: Send>(
+    way: &'a Way<'a, S, P, T>,
     cell: &'a Cell,
     options: &'a Options,
     threads: usize,
-    program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send),
+    program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     let (rows, progress) = (sinks.rows, sinks.progress);
@@ -161,18 +189,18 @@ fn run<'a, S: Send, P>(
     run.writer.into_inner().done()
 }
 
-struct Run<'a, S, P> {
-    way: &'a Way<'a, S, P>,
+struct Run<'a, S, P, T> {
+    way: &'a Way<'a, S, P, T>,
     cell: &'a Cell,
     options: &'a Options,
-    writer: Turns<Writer<'a>>,
+    writer: Turns<Writer<'a, T>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
 }
 
 /// A piece, ready to be written.
-struct Done {
-    program: Text,
+struct Done<T> {
+    program: T,
     report: Vec<u8>,
     corrected: Corrected,
     /// Ordinal of its last target, where it has any.
@@ -180,7 +208,7 @@ struct Done {
     bytes: u64,
 }
 
-impl<S, P> Run<'_, S, P> {
+impl<S, P, T> Run<'_, S, P, T> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
         // Also where this thread dies: nobody is left waiting.
         let _others = BreakOff(self);
@@ -239,9 +267,9 @@ impl<S, P> Run<'_, S, P> {
 }
 
 /// Frees the other threads when one dies.
-struct BreakOff<'a, 'r, S, P>(&'a Run<'r, S, P>);
+struct BreakOff<'a, 'r, S, P, T>(&'a Run<'r, S, P, T>);
 
-impl<S, P> Drop for BreakOff<'_, '_, S, P> {
+impl<S, P, T> Drop for BreakOff<'_, '_, S, P, T> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.0.break_off();
@@ -261,9 +289,40 @@ fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
     bytes
 }
 
+/// New text for a stretch of the file.
+struct Changed {
+    start: u64,
+    old: u32,
+    text: Vec<u8>,
+}
+
+/// What of the piece's stretch and of its declarations, wherever they stand, has edits.
+fn changed(piece: &StraightPiece, corrected: &Corrected) -> Vec<Changed> {
+    let bytes = &piece.program.sources[0].bytes;
+    let mut edits = corrected.rewritten.as_ref().and_then(|r| r.edits.first()).map_or(&[][..], Vec::as_slice);
+    let stretches = piece.elsewhere.iter().map(|declared| (&declared.own, declared.at)).chain([(&piece.own, piece.at)]);
+    let mut out = Vec::new();
+    for (own, start) in stretches {
+        let (here, further) = edits.split_at(edits.partition_point(|edit| edit.span.range().end <= own.end));
+        edits = further;
+        let (Some(first), Some(last)) = (here.first(), here.last()) else { continue };
+        let (from, to) = (first.span.range().start, last.span.range().end);
+        let (mut text, mut done) = (Vec::with_capacity(2 * (to - from)), from);
+        for edit in here {
+            text.extend_from_slice(&bytes[done..edit.span.range().start]);
+            text.extend_from_slice(&edit.content);
+            done = edit.span.range().end;
+        }
+        #[allow(clippy::cast_possible_truncation)] // within a piece
+        let old = (to - from) as u32;
+        out.push(Changed { start: start + (from - own.start) as u64, old, text });
+    }
+    out
+}
+
 /// What comes out, in order.
-struct Writer<'a> {
-    program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send),
+struct Writer<'a, T> {
+    program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send),
     report: &'a mut (dyn Write + Send),
     each: &'a mut (dyn FnMut(&[Row]) + Send),
     tally: Tally,
@@ -276,8 +335,8 @@ struct Writer<'a> {
     notes: Vec<Diagnostic>,
 }
 
-impl<'a> Writer<'a> {
-    fn new(program: &'a mut (dyn FnMut(&Text) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
+impl<'a, T> Writer<'a, T> {
+    fn new(program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
         Self {
             program,
             report: &mut *sinks.report,
@@ -292,7 +351,11 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn write(&mut self, done: Result<Done, Vec<Diagnostic>>, progress: &(dyn Fn(usize, u64) + Sync)) -> io::Result<()> {
+    fn write(
+        &mut self,
+        done: Result<Done<T>, Vec<Diagnostic>>,
+        progress: &(dyn Fn(usize, u64) + Sync),
+    ) -> io::Result<()> {
         let done = match done {
             Ok(done) => done,
             Err(refused) => {

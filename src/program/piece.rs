@@ -21,8 +21,21 @@ pub struct StraightPiece {
     pub program: Program,
     /// Which bytes of its source stand in the file; edits lie within.
     pub own: Range<usize>,
+    /// What else of its source stands in the file, and where: edits lie within these too.
+    pub elsewhere: Vec<Elsewhere>,
+    /// Offset of `own` in the file, where there is anything elsewhere.
+    pub at: u64,
     /// Whether it ends the program.
     pub last: bool,
+}
+
+/// A declaration that stands elsewhere in the file than its use.
+#[derive(Clone, Debug)]
+pub struct Elsewhere {
+    /// Its bytes in the piece's source.
+    pub own: Range<usize>,
+    /// Their offset in the file.
+    pub at: u64,
 }
 
 /// Whether the direction out of the first target is told by these: what follows is not looked at.

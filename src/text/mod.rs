@@ -4,6 +4,7 @@ mod diagnostic;
 mod edit;
 mod lines;
 pub(crate) mod number;
+mod patch;
 mod source;
 mod span;
 
@@ -11,6 +12,7 @@ pub use diagnostic::{Diagnostic, Severity};
 pub(crate) use edit::Token;
 pub use edit::{Edit, apply};
 pub(crate) use lines::LineIndex;
+pub use patch::Patch;
 pub(crate) use source::decode;
 pub use source::{LineColumn, Source};
 pub use span::Span;

@@ -103,6 +103,35 @@ fn a_batch_of_long_programs_is_what_each_of_them_is_alone() {
 }
 
 #[test]
+fn declared_targets_are_corrected_where_they_stand() {
+    let bench = Bench::new();
+    let (mut data, mut moves) = (String::new(), String::new());
+    for i in 0..5 * PIECE / 50 {
+        let x = 0.5 * (i % 200) as f64;
+        data += &format!(
+            "  CONST robtarget p{i}:=[[{x},{},0],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n",
+            0.25 * (i % 40) as f64
+        );
+        moves += &format!("    MoveL p{i},v20,z1,tMill\\WObj:=wPart;\n");
+    }
+    let text = PROGRAM.replace("  PROC", &format!("{data}  PROC")).replace("  ENDPROC", &format!("{moves}  ENDPROC"));
+    // What a procedure more changes is only that the program is read whole.
+    let more = "  PROC idle()\n  ENDPROC\n";
+    bench.write("part.mod", &text).write("whole.mod", text.replace("ENDMODULE", &format!("{more}ENDMODULE")));
+    bench.write("forces.csv", "target,fx_n,fy_n,fz_n\np7,100,0,50\nP9,0,0,90\n12,0,10,90\n");
+    let options = "--cell cell.toml --forces forces.csv --html";
+    bench.run(&format!("compensate part.mod {options} out.html -o out.mod --report out.csv --jobs 3")).exits(0);
+    bench.run(&format!("compensate whole.mod {options} whole.html -o out-whole.mod --report whole.csv")).exits(0);
+    assert!(bench.read("out.mod") == bench.read("out-whole.mod").replace(more, ""), "the programs differ");
+    assert!(bench.read("out.csv") == bench.read("whole.csv"), "the reports differ");
+    let piped = bench.run_with("compensate - --cell cell.toml --forces forces.csv", &text).exits(0);
+    assert!(piped.stdout == bench.read("out.mod"), "the piped program differs");
+    bench.write("forces.csv", "target,fx_n,fy_n,fz_n\nq7,100,0,50\n");
+    let refused = bench.run(&format!("compensate part.mod {options} no.html -o no.mod")).exits(2);
+    assert!(refused.stderr.contains("target `q7` is not in the program"), "{}", refused.stderr);
+}
+
+#[test]
 fn a_long_program_takes_its_forces_and_tools_from_other_files() {
     let bench = Bench::new();
     let text = long(10 * PIECE / 400);

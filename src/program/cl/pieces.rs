@@ -151,7 +151,7 @@ impl<R: Read> Pieces<R> {
         // Its numbers stand in a piece that is gone; nothing is written into them.
         self.reader.modal.from = None;
         let own = 0..source.bytes.len();
-        StraightPiece { program: self.reader.program(source), own, last: self.ended }
+        StraightPiece { program: self.reader.program(source), own, elsewhere: Vec::new(), at: 0, last: self.ended }
     }
 
     /// What was noticed in the pieces so far.

@@ -10,9 +10,11 @@
 
 mod clone;
 mod data;
+mod declared;
 mod dialect;
 mod eval;
 mod flow;
+mod index;
 mod insert;
 mod lex;
 mod literal;
@@ -29,6 +31,7 @@ mod tree;
 mod value;
 
 // What passes between `Pieces` and the line that corrects them; not for callers.
+pub use declared::Declared;
 #[doc(hidden)]
 pub use pieces::Piece;
 pub use pieces::{PIECE, Pieces};
@@ -54,6 +57,8 @@ pub(crate) struct Layout {
     pub(super) unknown: Vec<(&'static str, usize)>,
     /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `pieces`).
     straight: bool,
+    /// The same, but for targets that are declared and have a name.
+    plain: bool,
     /// The mark in force behind the last statement.
     mark_behind: Option<super::Mark>,
 }

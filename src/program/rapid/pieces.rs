@@ -9,6 +9,7 @@
 use super::lex::{self, Cursor, Kind};
 use super::straight;
 use super::symbols::harmless;
+use crate::program::piece::Elsewhere;
 use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
 use std::io::{self, BufRead, Read};
@@ -20,6 +21,9 @@ pub const PIECE: usize = 32 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
+
+/// What begins a body.
+const FIRST: &[u8] = b"MoveL";
 
 /// Ends a piece that is not the last.
 const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
@@ -42,6 +46,10 @@ pub struct Piece {
     /// Whether the head has no robtarget of its own, and no module of context declares any.
     pub(super) plain_head: bool,
     pub(super) mark_before: Option<Mark>,
+    /// What of it stands elsewhere in the file: declarations of targets.
+    elsewhere: Vec<Elsewhere>,
+    /// Offset of the stretch in the file, where that is of interest.
+    at: u64,
     /// Motions before it.
     pub(super) motions_before: u32,
     pub(super) motions: u32,
@@ -120,6 +128,36 @@ impl<R: Read> Pieces<R> {
         Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
     }
 
+    /// The same for an input that begins with the first motion, behind `lines` lines, of which `head` is what every piece
+    /// needs.
+    pub(super) fn behind(
+        name: &str,
+        input: R,
+        context: &[Source],
+        head: Vec<u8>,
+        lines: usize,
+    ) -> io::Result<Option<Self>> {
+        // The head comes from memory, and is no piece's own.
+        let begun = [&head, FIRST].concat();
+        let Some(pieces) = Pieces::new(name, &begun[..], context)? else { return Ok(None) };
+        let Pieces { name, dialect, context, head, head_lines, plain_head, mark, .. } = pieces;
+        Ok(Some(Self {
+            input,
+            name,
+            dialect,
+            context,
+            head,
+            head_lines,
+            plain_head,
+            rest: Vec::new(),
+            lines,
+            motions: 0,
+            last_line: 0,
+            mark,
+            state: State::Further,
+        }))
+    }
+
     /// Reads until so many bytes wait, or to the end.
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
         let missing = wanted.saturating_sub(self.rest.len());
@@ -185,6 +223,8 @@ impl<R: Read> Pieces<R> {
             lines_before: before_stretch,
             plain_head: self.plain_head,
             mark_before,
+            elsewhere: Vec::new(),
+            at: 0,
             motions_before,
             motions: self.motions - motions_before,
             last_line: self.last_line,
@@ -264,6 +304,8 @@ impl Piece {
             Some(read) => Some(StraightPiece {
                 program: read.into_program(self.dialect, self.source),
                 own: self.own,
+                elsewhere: self.elsewhere,
+                at: self.at,
                 last: self.last,
             }),
             None => self.read_plain(),
@@ -293,7 +335,9 @@ impl Piece {
         let straight = layout(&program).is_some_and(|layout| {
             // A mark behind the last motion is in force nowhere.
             let marks = self.last || layout.mark_behind == self.mark_behind;
-            layout.straight && layout.motions == self.motions as usize && marks
+            let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
+            let kind = if self.elsewhere.is_empty() { layout.straight } else { held() };
+            kind && layout.motions == self.motions as usize && marks
         });
         // Line ends that only one of the two counts.
         let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
@@ -303,9 +347,54 @@ impl Piece {
         (straight && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StraightPiece {
             program,
             own: self.own,
+            elsewhere: self.elsewhere,
+            at: self.at,
             last: self.last,
         })
     }
+
+    /// The stretch.
+    pub(super) fn body(&self) -> &[u8] {
+        &self.source.bytes[self.own.clone()]
+    }
+
+    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file: `places` are their offsets and
+    /// lengths there. False where there are more lines now than the file has up to here.
+    pub(super) fn declare(
+        &mut self,
+        data: usize,
+        text: &[u8],
+        places: impl Iterator<Item = (u64, usize)>,
+        at: u64,
+    ) -> bool {
+        let mut start = data;
+        for (from, len) in places {
+            self.elsewhere.push(Elsewhere { own: start..start + len, at: from });
+            start += len;
+        }
+        self.source.bytes.splice(data..data, text.iter().copied());
+        let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
+        (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
+        self.head += text.len();
+        self.plain_head &= text.is_empty();
+        self.at = at;
+        let lines = self.source.lines_before.checked_sub(self.elsewhere.len());
+        self.source.lines_before = lines.unwrap_or_default();
+        lines.is_some()
+    }
+}
+
+/// Whether all targets stand in the stretch or in the declarations that were put in for it.
+fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) -> bool {
+    layout.sites.iter().all(|site| match site {
+        super::Site::Literal { literal, .. } => {
+            let span = layout.literals[*literal as usize].span().range();
+            let behind = elsewhere.partition_point(|declared| declared.own.end < span.end);
+            let declared = elsewhere.get(behind).is_some_and(|declared| declared.own.start <= span.start);
+            declared || own.start <= span.start && span.end <= own.end
+        }
+        _ => true,
+    })
 }
 
 fn layout(program: &Program) -> Option<&super::Layout> {
@@ -323,11 +412,11 @@ fn line_of(mut bytes: &[u8]) -> &[u8] {
     &all[..len]
 }
 
-fn first_word(text: &[u8]) -> &[u8] {
+pub(super) fn first_word(text: &[u8]) -> &[u8] {
     &text[..text.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(text.len())]
 }
 
-fn is_motion(word: &[u8]) -> bool {
+pub(super) fn is_motion(word: &[u8]) -> bool {
     [&b"MoveL"[..], b"MoveJ", b"MoveAbsJ"].iter().any(|motion| motion.eq_ignore_ascii_case(word))
 }
 

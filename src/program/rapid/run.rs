@@ -445,18 +445,24 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    /// Whether each statement was a motion to an inline target or one that leaves nothing behind.
-    fn straight(&self, files: &[File]) -> bool {
+    /// Whether each motion of a plain program is to an inline target.
+    fn inline(&self) -> bool {
+        let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
+        self.sites.iter().all(inline) && self.targets.iter().all(|target| target.name.is_none())
+    }
+
+    /// Whether each statement was a motion to a literal target or one that leaves nothing behind.
+    fn plain(&self, files: &[File]) -> bool {
         // Entering and leaving the one procedure; assignments and unknown calls count on.
         const EPOCH: u64 = 3;
         let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
         let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
         let [module] = &file.modules[..] else { return false };
         let [proc] = &module.routines[..] else { return false };
-        let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
+        let literal = |site: &Site| matches!(site, Site::Literal { .. } | Site::None);
         let known = |target: &Target| match target.goal {
             Goal::Joints { .. } => true,
-            _ => target.editable == Editable::Pose && target.name.is_none(),
+            _ => target.editable == Editable::Pose,
         };
         proc.kind == RoutineKind::Proc
             && context.iter().all(only_data)
@@ -472,12 +478,13 @@ impl<'a> Runner<'a> {
             && self.pinned.is_empty()
             && self.unknown.is_empty()
             && self.arcs == 0
-            && self.sites.iter().all(inline)
+            && self.sites.iter().all(literal)
             && self.targets.iter().all(known)
     }
 
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
-        let straight = self.straight(files);
+        let plain = self.plain(files);
+        let straight = plain && self.inline();
         if self.external_moves {
             for (target, _) in self.targets.iter_mut().zip(&self.on_axes).filter(|(_, on)| **on) {
                 if !matches!(target.editable, Editable::No(_)) {
@@ -514,6 +521,7 @@ impl<'a> Runner<'a> {
             motions: self.motions as usize,
             unknown: self.unknown,
             straight,
+            plain,
             mark_behind: self.state.mark,
         };
         Outcome {

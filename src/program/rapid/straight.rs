@@ -154,6 +154,7 @@ impl Read {
                 motions: self.targets.len(),
                 unknown: Vec::new(),
                 straight: true,
+                plain: true,
                 mark_behind: self.mark,
             }),
             targets: self.targets,

@@ -1,0 +1,201 @@
+//! Where a long program declares its targets: their lines by name, not what stands there.
+
+use super::pieces::{PIECE, first_word, is_motion};
+use super::symbols::harmless;
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+
+/// Most bytes of a line.
+const LONGEST: u64 = 4096;
+
+/// Declarations of targets, each on a line of its own, by name.
+#[derive(Debug)]
+pub(super) struct Index {
+    /// By [`Entry::name`].
+    entries: Vec<Entry>,
+}
+
+/// A declaration's line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    /// Hash of the name in upper case: whoever reads the line sees the name itself.
+    name: u64,
+    /// Offset of the line in the file.
+    pub(super) start: u64,
+    /// Its bytes, with its end.
+    pub(super) len: u32,
+    used: bool,
+}
+
+/// A program up to its first motion.
+pub(super) struct Head {
+    /// Everything but the targets' declarations.
+    pub(super) text: Vec<u8>,
+    /// Where declarations belong: behind the module's name.
+    pub(super) data: usize,
+    /// Bytes and lines of the file up to there.
+    pub(super) bytes: u64,
+    pub(super) lines: usize,
+}
+
+impl Index {
+    /// Looks through a program; `None` where it is not one procedure that moves to targets of one use each.
+    pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head)>> {
+        let mut head = Head { text: Vec::new(), data: 0, bytes: 0, lines: 0 };
+        let mut index = Self { entries: Vec::new() };
+        let (mut line, mut in_module, mut in_routine) = (Vec::new(), false, false);
+        loop {
+            line.clear();
+            let len = input.by_ref().take(LONGEST).read_until(b'\n', &mut line)?;
+            if line.last() != Some(&b'\n') || head.text.len() > PIECE {
+                return Ok(None);
+            }
+            let text = line.trim_ascii();
+            let word = first_word(text);
+            if is_motion(word) {
+                break;
+            }
+            match declared(text).filter(|_| in_module && !in_routine) {
+                #[allow(clippy::cast_possible_truncation)] // no longer than the longest line
+                Some(name) => {
+                    index.entries.push(Entry { name: hash(name), start: head.bytes, len: len as u32, used: false })
+                }
+                None => {
+                    head.text.extend_from_slice(&line);
+                    in_routine |= word.eq_ignore_ascii_case(b"PROC");
+                    if word.eq_ignore_ascii_case(b"MODULE") {
+                        (in_module, head.data) = (true, head.text.len());
+                    }
+                }
+            }
+            head.bytes += len as u64;
+            head.lines += 1;
+        }
+        index.entries.sort_unstable_by_key(|entry| entry.name);
+        let twice = index.entries.windows(2).any(|pair| pair[0].name == pair[1].name);
+        if index.entries.is_empty() || twice || !index.count(line, input)? {
+            return Ok(None);
+        }
+        Ok(Some((index, head)))
+    }
+
+    /// Notes which targets are used, from this line on; false where one is used twice, or here stands more than motions.
+    fn count(&mut self, first: Vec<u8>, input: &mut impl BufRead) -> io::Result<bool> {
+        let mut line = first;
+        loop {
+            let text = line.trim_ascii();
+            let word = first_word(text);
+            if word.eq_ignore_ascii_case(b"ENDPROC") {
+                return Ok(true);
+            }
+            let comment = text.is_empty() || text[0] == b'!';
+            if !(comment || is_motion(word) || harmless(word)) {
+                return Ok(false);
+            }
+            if let Some(entry) = target(text).and_then(|name| self.position(name))
+                && std::mem::replace(&mut self.entries[entry].used, true)
+            {
+                return Ok(false);
+            }
+            line.clear();
+            input.by_ref().take(LONGEST).read_until(b'\n', &mut line)?;
+            if line.last() != Some(&b'\n') {
+                return Ok(false);
+            }
+        }
+    }
+
+    fn position(&self, name: &[u8]) -> Option<usize> {
+        let name = hash(name);
+        self.entries.binary_search_by_key(&name, |entry| entry.name).ok()
+    }
+
+    /// Whether the program moves to a target of this name.
+    pub(super) fn uses(&self, name: &[u8]) -> bool {
+        self.position(name).is_some_and(|at| self.entries[at].used)
+    }
+
+    /// The declarations of the targets that motions go to, in the order of the file.
+    pub(super) fn of(&self, body: &[u8]) -> Vec<Entry> {
+        let names = body.split(|b| *b == b'\n').filter_map(|line| target(line.trim_ascii()));
+        let mut found: Vec<Entry> = names.filter_map(|name| self.position(name)).map(|at| self.entries[at]).collect();
+        found.sort_unstable_by_key(|entry| entry.start);
+        found
+    }
+}
+
+/// The lines of declarations, one behind the other.
+pub(super) fn lines_of(entries: &[Entry], file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
+    let all: usize = entries.iter().map(|entry| entry.len as usize).sum();
+    let mut text = Vec::with_capacity(all);
+    let mut rest = entries;
+    while let Some(first) = rest.first() {
+        // Neighbours in the file are read together.
+        let apart = rest.windows(2).position(|pair| pair[0].start + u64::from(pair[0].len) != pair[1].start);
+        let (run, others) = rest.split_at(apart.map_or(rest.len(), |at| at + 1));
+        let len: u64 = run.iter().map(|entry| u64::from(entry.len)).sum();
+        file.seek(SeekFrom::Start(first.start))?;
+        file.by_ref().take(len).read_to_end(&mut text)?;
+        rest = others;
+    }
+    if text.len() == all { Ok(text) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+}
+
+/// FNV-1a of a name in upper case.
+fn hash(name: &[u8]) -> u64 {
+    name.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte.to_ascii_uppercase())).wrapping_mul(0x100_0000_01b3)
+    })
+}
+
+/// The name of a target that a line, and nothing else on it, declares.
+fn declared(text: &[u8]) -> Option<&[u8]> {
+    let (mut word, mut rest) = word(text)?;
+    while [&b"LOCAL"[..], b"TASK"].iter().any(|scope| scope.eq_ignore_ascii_case(word)) {
+        (word, rest) = self::word(rest)?;
+    }
+    let stored = [&b"CONST"[..], b"PERS", b"VAR"].iter().any(|storage| storage.eq_ignore_ascii_case(word));
+    let (kind, rest) = self::word(rest)?;
+    let (name, rest) = self::word(rest)?;
+    let value = rest.strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
+    let alone = value.starts_with(b"[") && !value.iter().any(|b| matches!(b, b';' | b'!' | b'"'));
+    (stored && kind.eq_ignore_ascii_case(b"robtarget") && alone).then_some(name)
+}
+
+/// The first argument of a motion, where it is a name.
+fn target(text: &[u8]) -> Option<&[u8]> {
+    let (name, rest) = word(&text[first_word(text).len()..])?;
+    (is_motion(first_word(text)) && rest.starts_with(b",")).then_some(name)
+}
+
+/// A word and what follows, without the blanks around it.
+fn word(text: &[u8]) -> Option<(&[u8], &[u8])> {
+    let text = text.trim_ascii_start();
+    let len = text.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).unwrap_or(text.len());
+    let (word, rest) = text.split_at(len);
+    (!word.is_empty()).then(|| (word, rest.trim_ascii_start()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn declarations_of_one_line_are_known() {
+        assert_eq!(declared(b"CONST robtarget p10:=[[1,2,3],[1,0,0,0]];"), Some(&b"p10"[..]));
+        assert_eq!(declared(b"LOCAL PERS RobTarget p_1 := [[1,2,3]] ;"), Some(&b"p_1"[..]));
+        for other in ["CONST jointtarget j:=[[1]];", "CONST robtarget p{2}:=[[1]];", "VAR robtarget p;"] {
+            assert_eq!(declared(other.as_bytes()), None);
+        }
+        assert_eq!(declared(b"CONST robtarget p:=[[1]]; CONST num n:=1;"), None);
+    }
+
+    #[test]
+    fn names_of_motions_are_known() {
+        assert_eq!(target(b"MoveL p10,v50,z1,t;"), Some(&b"p10"[..]));
+        assert_eq!(target(b"movej  P_1 , v50,z1,t;"), Some(&b"P_1"[..]));
+        assert_eq!(
+            [target(b"MoveL [[1]],v50;"), target(b"MoveL Offs(p,0,0,1),v;"), target(b"MoveL p{1},v;")],
+            [None; 3]
+        );
+    }
+}

@@ -1,0 +1,113 @@
+//! New text for stretches of a file that is too long to be held.
+
+use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+
+/// Replacements of stretches of a file: their texts wait in a scratch file, in memory is where they go.
+#[derive(Debug)]
+pub struct Patch<S: Write> {
+    scratch: BufWriter<S>,
+    /// Bytes in it.
+    waiting: u64,
+    parts: Vec<Part>,
+}
+
+/// One replacement: so many bytes from `start` on for so many from `waits` on in the scratch file.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    start: u64,
+    waits: u64,
+    old: u32,
+    new: u32,
+}
+
+impl<S: Read + Write + Seek> Patch<S> {
+    /// Nothing is replaced yet; `scratch` is empty.
+    pub fn new(scratch: S) -> Self {
+        Self { scratch: BufWriter::new(scratch), waiting: 0, parts: Vec::new() }
+    }
+
+    /// Replaces `old` bytes from `start` on; replacements come in any order and are disjoint.
+    ///
+    /// # Errors
+    /// What the scratch file reports; a text of more than 4 GiB.
+    pub fn replace(&mut self, start: u64, old: u32, text: &[u8]) -> io::Result<()> {
+        let new = u32::try_from(text.len()).map_err(|_| io::ErrorKind::FileTooLarge)?;
+        self.scratch.write_all(text)?;
+        self.parts.push(Part { start, waits: self.waiting, old, new });
+        self.waiting += text.len() as u64;
+        Ok(())
+    }
+
+    /// Writes `original` with all replacements.
+    ///
+    /// # Errors
+    /// What any of the three files reports.
+    pub fn apply(mut self, original: impl Read, out: &mut impl Write) -> io::Result<()> {
+        self.parts.sort_unstable_by_key(|part| part.start);
+        let mut scratch = self.scratch.into_inner().map_err(io::IntoInnerError::into_error)?;
+        scratch.rewind()?;
+        let (mut scratch, mut at) = (BufReader::new(scratch), 0);
+        let (mut original, mut done) = (BufReader::new(original), 0);
+        let mut out = BufWriter::new(out);
+        for part in &self.parts {
+            pass(&mut original, part.start - done, &mut out)?;
+            pass(&mut original, part.old.into(), &mut io::sink())?;
+            done = part.start + u64::from(part.old);
+            // Mostly the next one, so that what is read ahead is kept.
+            if part.waits != at {
+                scratch.seek(SeekFrom::Start(part.waits))?;
+            }
+            pass(&mut scratch, part.new.into(), &mut out)?;
+            at = part.waits + u64::from(part.new);
+        }
+        io::copy(&mut original, &mut out)?;
+        out.flush()
+    }
+}
+
+/// Copies so many bytes: between buffers, where `io::copy` would ask the system for each stretch.
+fn pass(from: &mut impl BufRead, mut count: u64, out: &mut impl Write) -> io::Result<()> {
+    while count > 0 {
+        let bytes = from.fill_buf()?;
+        if bytes.is_empty() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        let len = bytes.len().min(usize::try_from(count).unwrap_or(usize::MAX));
+        out.write_all(&bytes[..len])?;
+        from.consume(len);
+        count -= len as u64;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::Cursor;
+
+    proptest! {
+        #[test]
+        fn a_patch_in_any_order_is_the_edits_in_theirs(
+            stretches in prop::collection::vec((0..9_usize, 1..9_usize, "[a-z]{0,9}"), 0..9),
+            turn in 0..9_usize,
+        ) {
+            let (mut original, mut expected, mut parts) = (String::new(), String::new(), Vec::new());
+            for (kept, old, new) in &stretches {
+                original += &"-".repeat(*kept);
+                expected += &"-".repeat(*kept);
+                parts.push((original.len() as u64, *old as u32, new));
+                original += &"x".repeat(*old);
+                expected += new;
+            }
+            parts.rotate_left(turn.min(stretches.len()));
+            let mut patch = Patch::new(Cursor::new(Vec::new()));
+            for (start, old, new) in parts {
+                patch.replace(start, old, new.as_bytes()).unwrap();
+            }
+            let mut out = Vec::new();
+            patch.apply(original.as_bytes(), &mut out).unwrap();
+            prop_assert_eq!(String::from_utf8(out).unwrap(), expected);
+        }
+    }
+}

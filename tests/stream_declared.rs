@@ -1,0 +1,143 @@
+//! RAPID programs with declared targets, in pieces against the same programs as a whole.
+
+#![allow(clippy::unwrap_used)] // helpers of tests
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_declared};
+use deflex::program::rapid::{self, Declared, PIECE};
+use deflex::report::{CSV_HEADER, csv_rows, write_csv};
+use deflex::text::{Diagnostic, Patch, Source, apply};
+use proptest::prelude::*;
+use std::io::Cursor;
+
+fn cell() -> Cell {
+    Cell::read(&Source::new("cell.toml", include_str!("../benches/cell.toml").as_bytes())).unwrap()
+}
+
+/// Program and report, or what is said instead.
+type Came = Result<(Vec<u8>, Vec<u8>), Vec<Diagnostic>>;
+
+fn whole(text: &str, cell: &Cell) -> Came {
+    let program = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new())?;
+    let corrected = compensate(&program, cell, &Options::default())?;
+    if !corrected.failures.is_empty() {
+        return Err(corrected.failures);
+    }
+    let (mut bytes, mut report) = (Vec::new(), Vec::new());
+    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
+    write_csv(&corrected.rows, &mut report).unwrap();
+    Ok((bytes, report))
+}
+
+/// `None` where the program is not of this kind.
+fn streamed(text: &str, cell: &Cell, threads: usize) -> Option<Came> {
+    let input = || Cursor::new(text.as_bytes());
+    let pieces = Declared::new("part.mod", input(), input(), &[]).unwrap()?;
+    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
+    let mut sinks =
+        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+    let mut patch = Patch::new(Cursor::new(Vec::new()));
+    Some(match compensate_declared(pieces, cell, &Options::default(), threads, &mut patch, &mut sinks) {
+        Ok(Streamed { failures, .. }) if failures.is_empty() => {
+            patch.apply(input(), &mut program).unwrap();
+            Ok((program, report))
+        }
+        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
+        Err(StreamError::NotStraight) => return None,
+        Err(error) => panic!("{error:?}"),
+    })
+}
+
+fn words(came: &Came) -> Vec<String> {
+    came.as_ref().err().into_iter().flatten().map(|d| format!("{d} {:?}", d.snippet)).collect()
+}
+
+/// `count` targets along a line, declared in the order that `turn` makes of theirs; every tenth is inline.
+fn program(count: usize, turn: usize, ends: &str) -> String {
+    let pose = |i: usize| {
+        let x = 0.1 * i as f64;
+        format!(
+            "[[{x:.3},{:.2},40.000],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
+            (0.05 * x).sin()
+        )
+    };
+    let mut text = "MODULE Mill\n  ! declared elsewhere\n".to_owned();
+    for i in (0..count).map(|i| i * turn % count).filter(|i| i % 10 > 0) {
+        let storage = ["CONST", "LOCAL PERS", "VAR"][i % 3];
+        text += &format!("  {storage} robtarget p{i}:={};\n", pose(i));
+    }
+    text += "  CONST robtarget pUnused:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n  PROC main()\n    ConfL\\Off;\n";
+    for i in 0..count {
+        match i % 10 {
+            0 => text += &format!("    MoveL {},v50,z1,tMill\\WObj:=wPart;\n", pose(i)),
+            _ => {
+                text += &format!("    MoveL {}{i}, v50, z1, tMill \\WObj:=wPart;\n", if i % 2 > 0 { "p" } else { "P" })
+            }
+        }
+    }
+    (text + "    ! the end\n  ENDPROC\nENDMODULE\n").replace('\n', ends)
+}
+
+/// A body of some pieces.
+const SOME: std::ops::Range<usize> = 3 * PIECE / 50..5 * PIECE / 50;
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_program_with_declared_targets_gives_the_same_in_pieces(count in SOME, order in 0..3_usize, crlf in any::<bool>()) {
+        let (cell, ends) = (cell(), if crlf { "\r\n" } else { "\n" });
+        // In the order of their use, the other way round, all over the place.
+        let turn = [1, count - 1, (1..).map(|i| 7 * i + 1).find(|t| gcd(*t, count) == 1 && *t > 8).unwrap()][order];
+        let text = program(count, turn, ends);
+        let expected = whole(&text, &cell);
+        prop_assert_eq!(words(&expected), Vec::<String>::new());
+        for threads in [1, 3] {
+            let came = streamed(&text, &cell, threads).ok_or_else(|| TestCaseError::fail("the program is streamed"))?;
+            prop_assert_eq!(words(&came), Vec::<String>::new());
+            let (came, expected) = (came.as_ref().unwrap(), expected.as_ref().unwrap());
+            prop_assert!(came.0 == expected.0, "the programs differ");
+            prop_assert!(came.1 == expected.1, "the reports differ");
+        }
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[test]
+fn a_target_out_of_reach_is_told_alike() {
+    let text = program(SOME.start, 1, "\n");
+    let far = text.replace("p1001:=[[100.100", "p1001:=[[9100.100");
+    assert_ne!(far, text);
+    let expected = whole(&far, &cell());
+    assert!(expected.is_err());
+    assert_eq!(words(&streamed(&far, &cell(), 3).unwrap()), words(&expected));
+}
+
+#[test]
+fn other_programs_are_not_of_this_kind() {
+    let text = program(SOME.start, 1, "\n");
+    let cell = cell();
+    assert!(streamed(&text, &cell, 2).unwrap().is_ok());
+    let late = |statement: &str| text.replace("    ! the end", &format!("    {statement}"));
+    let programs = [
+        late("MoveL p1,v50,z1,tMill\\WObj:=wPart;"),
+        late("MoveL Offs(p1,0,0,5),v50,z1,tMill\\WObj:=wPart;"),
+        late("p1.trans.x:=5;"),
+        late("Finish;"),
+        late("FOR i FROM 1 TO 2 DO\n ENDFOR"),
+        text.replace("robtarget p1:=", "robtarget p1:=\n    "),
+        text.replace("robtarget p1:=", "robtarget p2:="),
+        text.replace("ENDMODULE", "  PROC more()\n  ENDPROC\nENDMODULE"),
+        text.replace("ENDMODULE", "ENDMODULE\nMODULE B\nENDMODULE"),
+        text.replace(
+            "    ConfL",
+            "    CONST robtarget p1:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n    ConfL",
+        ),
+    ];
+    for program in &programs {
+        assert!(streamed(program, &cell, 2).is_none(), "{}", &program[program.len() - 300..]);
+    }
+}
