@@ -302,6 +302,11 @@ const tests = {
     assert.notEqual((await drawn(page, "#after")).sum, after.sum, "the second picture does not turn along");
     await page.keyboard.press("0");
     await settle(page);
+    const together = (await drawn(page, "#after")).sum;
+    await page.check("#own");
+    await settle(page);
+    assert.notEqual((await drawn(page, "#after")).sum, together, "a scale of its own changes nothing");
+    assert((await page.textContent("#after-most")).includes(found.after.max_mm.toFixed(4)));
     const spot = await page.evaluate(() => {
       const { views: [view], wanted, chosen } = window.deflex;
       const i = wanted.find((i) => i !== chosen && view.near(...view.place(i)) === i);

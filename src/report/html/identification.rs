@@ -233,12 +233,12 @@ fn trace(rows: &[ResidualRow]) -> Trace {
 const CHARTS: &str = r#"<section class="view twin" id="stage">
 <div class="toolbar" role="toolbar" aria-label="View">
 <h2>Residuals where they were measured</h2>
-<span class="buttons"><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label></span>
+<span class="buttons"><label>Rows <select id="rows"><option value="held">held out</option><option value="all">all</option></select></label> <label><input type="checkbox" id="own"> each its own scale</label></span>
 <span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button></span>
 </div>
 <div class="views">
-<figure><canvas id="before" tabindex="0" role="application" aria-label="Residuals of the declared cell in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the rows."></canvas><figcaption>declared cell</figcaption></figure>
-<figure><canvas id="after" tabindex="0" role="application" aria-label="Residuals of the extended cell in 3-D; turns with the other picture."></canvas><figcaption>extended cell</figcaption></figure>
+<figure><canvas id="before" tabindex="0" role="application" aria-label="Residuals of the declared cell in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the rows."></canvas><figcaption id="before-most"></figcaption></figure>
+<figure><canvas id="after" tabindex="0" role="application" aria-label="Residuals of the extended cell in 3-D; turns with the other picture."></canvas><figcaption id="after-most"></figcaption></figure>
 </div>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="what"></span></div>
 <p class="hint">Drag turns both, shift-drag moves, wheel zooms, click selects. Keys: arrows turn, + − zoom, <kbd>,</kbd> <kbd>.</kbd> step through rows, <kbd>0</kbd> fits.</p>

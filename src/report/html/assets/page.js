@@ -221,6 +221,7 @@ class ResidualPage {
     listenToButtons(this.views[0]);
     byId("detail").textContent = detail(this.path, "rows");
     byId("rows").addEventListener("change", () => this.show());
+    byId("own").addEventListener("change", () => this.repaint());
     this.show();
   }
 
@@ -236,13 +237,22 @@ class ResidualPage {
     if (this.wanted.length) this.choose(this.wanted.reduce((best, i) => (sizes[i] > sizes[best] ? i : best)));
   }
 
-  // One scale for both pictures: what the extended cell took away is seen.
+  // One scale for both pictures shows what the extended cell took away, a scale for each what is left.
   repaint() {
     const { path, wanted } = this;
+    const own = byId("own").checked;
     const sizes = ["prefit_mm", "postfit_mm"].map((key) => numbers(path, key));
-    const high = wanted.reduce((most, i) => Math.max(most, sizes[0][i] || 0, sizes[1][i] || 0), 0);
-    if (wanted.length) this.views.forEach((view, i) => { view.setColours(sizes[i], 0, high); view.resize(); });
+    const most = sizes.map((size) => wanted.reduce((most, i) => Math.max(most, size[i] || 0), 0));
+    const high = Math.max(...most);
+    this.views.forEach((view, i) => {
+      const [id, cell] = [["before-most", "declared"], ["after-most", "extended"]][i];
+      byId(id).textContent = `${cell} cell, largest ${most[i].toFixed(4)} mm`;
+      if (!wanted.length) return;
+      view.setColours(sizes[i], 0, own ? most[i] : high);
+      view.resize();
+    });
     legend(0, high);
+    if (own) byId("high").textContent = "largest of each";
     byId("what").textContent = "Size of the residual, mm; axes of the base";
     this.plot();
     if (this.chosen >= 0) this.charts.mark(wanted.indexOf(this.chosen));
