@@ -284,8 +284,11 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         if let Some(temperature) = point.temperature {
             widen(&mut survey.temperature, temperature);
         }
-        survey.motor_min = survey.motor_min.inf(&row.motor);
-        survey.motor_max = survey.motor_max.sup(&row.motor);
+        // Curves end where fitted rows do: beyond, nothing was seen. Over a part's blocks the difference is none.
+        if !(row.held_out && problem.free_device) {
+            survey.motor_min = survey.motor_min.inf(&row.motor);
+            survey.motor_max = survey.motor_max.sup(&row.motor);
+        }
         survey.position_min = survey.position_min.inf(&point.reference.translation.vector);
         survey.position_max = survey.position_max.sup(&point.reference.translation.vector);
     }

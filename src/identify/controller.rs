@@ -44,7 +44,7 @@ fn evidence(problem: &Problem, residual: &DVector<f64>) -> f64 {
     let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
     let series = problem.series(|row| !row.held_out);
     let moments: Vec<Moments> = noise::few().into_iter().map(|shape| Moments::of(&stacked, &series, shape)).collect();
-    score(&moments, &Columns::default()).evidence
+    score(&moments, &Columns::default(), None).evidence
 }
 
 /// Of the fitted rows, mm.

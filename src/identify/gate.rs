@@ -39,8 +39,8 @@ impl Engine {
             .par_iter()
             .map(|&shape| {
                 let moments = [Moments::of(&stacked, &series, shape)];
-                let alone = score(&moments, &Columns::default()).evidence;
-                let beside = score(&moments, &renumbered).evidence - set_price;
+                let alone = score(&moments, &Columns::default(), None).evidence;
+                let beside = score(&moments, &renumbered, None).evidence - set_price;
                 alone.max(beside) - price - value
             })
             .collect();

@@ -71,11 +71,11 @@ impl Columns {
     }
 }
 
-/// Best evidence of the columns over all noise shapes.
-pub(super) fn score(moments: &[Moments], columns: &Columns) -> Score {
+/// Best evidence of the columns over all noise shapes, σ searched from a guess where there is one.
+pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
     for (shape, moments) in moments.iter().enumerate() {
-        let (evidence, sigma) = profiled(moments, columns, None);
+        let (evidence, sigma) = profiled(moments, columns, guess);
         if evidence > best.evidence {
             best = Score { evidence, sigma, shape };
         }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub(super) const PRICE: f64 = 8.0;
 
 /// What a flexible pattern must gain beyond a physical effect, nats.
-const FLEXIBLE: f64 = 10.0;
+pub(super) const FLEXIBLE: f64 = 10.0;
 
 /// What a field over the place must gain beyond the effects, nats: it can stand for any smooth one.
 pub(super) const FIELD: f64 = PRICE + FLEXIBLE;
@@ -68,15 +68,12 @@ impl<'a> Search<'a> {
 
     /// Evidence of a set over all noise shapes.
     pub(super) fn full(&self, set: &[usize]) -> Score {
-        score(self.moments, &self.columns(set))
+        score(self.moments, &self.columns(set), None)
     }
 
-    /// White noise of a set and the shape that is best for it, searched from a guess where there is one.
-    pub(super) fn noise(&self, set: &[usize], guess: Option<f64>) -> (f64, usize) {
-        let columns = self.columns(set);
-        let each = |shape: usize| (profiled(&self.moments[shape], &columns, guess), shape);
-        let best = (0..self.moments.len()).map(each).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
-        best.map_or((1.0, 0), |((_, sigma), shape)| (sigma, shape))
+    /// Evidence of a set over all noise shapes, σ searched from a guess where there is one.
+    pub(super) fn near(&self, set: &[usize], guess: Option<f64>) -> Score {
+        score(self.moments, &self.columns(set), guess)
     }
 
     /// Evidence of a set less its price, nats, over the shapes worth trying.

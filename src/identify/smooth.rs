@@ -59,6 +59,16 @@ impl Curve {
         Some(Self { of: Arc::new(of), smoothness, grid })
     }
 
+    /// Some that differ enough, for all curves alike.
+    pub(super) fn common() -> impl Iterator<Item = usize> {
+        [2, 4].into_iter().flat_map(|reach| [2, 3].map(|size| reach * SIZES.len() + size))
+    }
+
+    /// Takes the smoothness of that number.
+    pub(super) fn take(&mut self, number: usize) {
+        self.smoothness = Arc::clone(&self.grid[number]);
+    }
+
     /// How many are tried.
     pub(super) fn variants() -> f64 {
         (REACHES_DEG.len() * SIZES.len()) as f64

@@ -7,8 +7,8 @@
 use super::device;
 use super::engine::{Engine, Linearised};
 use super::score::Columns;
-use super::search::{MOST, PRICE, Search};
-use super::smooth::Beside;
+use super::search::{FIELD, FLEXIBLE, MOST, PRICE, Search};
+use super::smooth::{Beside, Curve};
 
 /// Nats a row that a member must gain: half a percent of what is left.
 const SHARE: f64 = 0.0015;
@@ -32,7 +32,7 @@ impl Engine {
         let least = SHARE * count as f64;
         let mut choice = self.stiff(linear, least);
         let curves: Vec<usize> = (0..self.candidates.len()).filter(|&c| self.candidates[c].curve.is_some()).collect();
-        for _ in 0..SWEEPS {
+        for sweep in 0..SWEEPS {
             let before = choice.set.clone();
             for &c in &curves {
                 let mut others = choice.set.clone();
@@ -41,7 +41,10 @@ impl Engine {
                 let Some(curve) = &self.candidates[c].curve else { continue };
                 let own = Columns::independent(self.candidates[c].columns().map(|column| (column, 1.0)).collect());
                 let (gain, smoothness) = curve.smoothest(&beside, &own);
-                let price = Search::new(&self.candidates, &linear.moments, &linear.always).price(c);
+                // That there are curves at all is paid for once.
+                let first = !others.iter().any(|o| curves.contains(o));
+                let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+                let price = search.price(c) - if first { 0.0 } else { FLEXIBLE };
                 choice.set = others;
                 if gain - price > least {
                     choice.set.push(c);
@@ -50,8 +53,12 @@ impl Engine {
                     }
                 }
             }
+            if sweep == 0 && !choice.set.iter().any(|c| curves.contains(c)) {
+                self.all_curves(linear, &curves, &mut choice, least);
+            }
             let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-            (choice.sigma, choice.shape) = search.noise(&choice.set, Some(choice.sigma));
+            let score = search.near(&choice.set, Some(choice.sigma));
+            (choice.sigma, choice.shape) = (score.sigma, score.shape);
             if let Some(beside) = self.beside(linear, &choice.set, &choice) {
                 let without = Search::new(&self.candidates, &linear.moments, &[]);
                 let gain = |c: usize| (beside.gain(&without.columns(&[c])) - search.price(c), c);
@@ -73,6 +80,34 @@ impl Engine {
         };
         choice.set.sort_by_key(stage);
         choice
+    }
+
+    /// Takes all curves at once, if they gain together: where rows are few, none stands out of what the others leave.
+    fn all_curves(&mut self, linear: &Linearised, curves: &[usize], choice: &mut Choice, least: f64) {
+        let alone = Search::new(&self.candidates, &linear.moments, &linear.always)
+            .near(&choice.set, Some(choice.sigma))
+            .evidence;
+        let set = [&choice.set[..], curves].concat();
+        let mut best = (alone + FIELD + Curve::variants().ln() + least, None);
+        let take = |engine: &mut Self, number: usize| {
+            for &c in curves {
+                if let Some(curve) = &mut engine.candidates[c].curve {
+                    curve.take(number);
+                }
+            }
+        };
+        for number in Curve::common() {
+            take(self, number);
+            let score =
+                Search::new(&self.candidates, &linear.moments, &linear.always).near(&set, Some(0.5 * choice.sigma));
+            if score.evidence > best.0 {
+                best = (score.evidence, Some((number, score)));
+            }
+        }
+        if let Some((number, score)) = best.1 {
+            take(self, number);
+            *choice = Choice { set, sigma: score.sigma, shape: score.shape };
+        }
     }
 
     /// Held-out error before and after each chosen effect, mm rms, as if the effects were found one after another: every
@@ -148,7 +183,7 @@ impl Engine {
                 None => break,
             }
         }
-        let (sigma, shape) = search.noise(&set, None);
-        Choice { set, sigma, shape }
+        let score = search.full(&set);
+        Choice { set, sigma: score.sigma, shape: score.shape }
     }
 }
