@@ -1,38 +1,31 @@
 //! Lines of a program that is too long to be held.
 
 use deflex::text::Source;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::BufRead;
 
-/// No line is read further than this.
+/// No line is held further than this.
 const LONGEST: usize = 1000;
 
-/// Lines that are asked for one behind the other, in constant memory. They end as in [`Source::line_column`]: with CR LF, LF,
-/// CR CR LF or a lone CR.
-pub(super) struct Lines<R> {
+/// The wanted lines, from 1, as far as they can be read: one pass, and no more memory than they take. Lines end as in
+/// [`Source::line_column`]: with CR LF, LF, CR CR LF or a lone CR.
+pub(super) fn read(input: impl BufRead, wanted: &BTreeSet<u32>) -> BTreeMap<u32, String> {
+    let mut reader = Reader { input, line: 1, after_cr: false };
+    let text = |line: &u32| Some((*line, Source::new("", reader.line(*line)?).line_at(0).into_owned()));
+    wanted.iter().map_while(text).collect()
+}
+
+struct Reader<R> {
     input: R,
-    /// Line of the next byte, from 1.
+    /// Line of the next byte.
     line: u32,
     /// The byte before was a CR that may have ended its line.
     after_cr: bool,
-    /// What was asked for last: targets share lines.
-    last: (u32, String),
 }
 
-impl<R: BufRead> Lines<R> {
-    pub(super) fn new(input: R) -> Self {
-        Self { input, line: 1, after_cr: false, last: (0, String::new()) }
-    }
-
-    /// The text of a line at or behind the one asked for before; `None` where it cannot be read.
-    pub(super) fn get(&mut self, wanted: u32) -> Option<String> {
-        if wanted > self.last.0 {
-            let text = self.read(wanted)?;
-            self.last = (wanted, Source::new("", text).line_at(0).into_owned());
-        }
-        (wanted == self.last.0).then(|| self.last.1.clone())
-    }
-
-    fn read(&mut self, wanted: u32) -> Option<Vec<u8>> {
+impl<R: BufRead> Reader<R> {
+    /// A line behind those read before; `None` where the input does not have it.
+    fn line(&mut self, wanted: u32) -> Option<Vec<u8>> {
         let mut text = Vec::new();
         loop {
             let bytes = self.input.fill_buf().ok()?;
@@ -68,29 +61,35 @@ impl<R: BufRead> Lines<R> {
 
 #[cfg(test)]
 mod tests {
-    use super::Lines;
+    use super::read;
     use deflex::text::Source;
+    use std::collections::BTreeMap;
     use std::io::BufReader;
 
     #[test]
     fn lines_are_those_of_a_source_however_they_end() {
         let text = "a\nbc\r\nd\r\r\n\ne\rf\r\n\u{e4}";
         let source = Source::new("", text);
-        let mut lines = vec![String::new(); 8];
+        let mut lines: BTreeMap<u32, String> = (1..=7).map(|line| (line, String::new())).collect();
         for at in 0..text.len() {
             if !matches!(source.bytes[at], b'\n' | b'\r') {
-                lines[source.line_column(at).line] = source.line_at(at).into_owned();
+                lines.insert(source.line_column(at).line as u32, source.line_at(at).into_owned());
             }
         }
         for buffer in 1..9 {
             for step in 1..4 {
-                let mut read = Lines::new(BufReader::with_capacity(buffer, text.as_bytes()));
-                for wanted in (1..=7).step_by(step) {
-                    assert_eq!(read.get(wanted).as_ref(), Some(&lines[wanted as usize]), "line {wanted}");
-                    assert_eq!(read.get(wanted).as_ref(), Some(&lines[wanted as usize]), "line {wanted} again");
-                }
-                assert_eq!(read.get(8), None);
+                let wanted = (1..=7).step_by(step).collect();
+                let found = read(BufReader::with_capacity(buffer, text.as_bytes()), &wanted);
+                assert_eq!(
+                    found,
+                    lines.iter().filter(|(line, _)| wanted.contains(line)).map(|(l, t)| (*l, t.clone())).collect()
+                );
             }
+            // Beyond the end there is nothing.
+            assert_eq!(
+                read(BufReader::with_capacity(buffer, text.as_bytes()), &[2, 8].into()),
+                [(2, lines[&2].clone())].into()
+            );
         }
     }
 }

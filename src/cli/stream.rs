@@ -2,11 +2,10 @@
 
 use super::args::{Compensate, Format};
 use super::input::{self, Job, Text, cannot_read};
-use super::lines::Lines;
 use super::output::{Outputs, Temporary, is_stdout};
 use super::report::Rows;
 use super::run::{Batch, Done, in_one_file, post_options, report_beside};
-use super::{progress, report};
+use super::{lines, progress, report};
 use deflex::correct::{self, Outline, Poster, Sinks, StreamError, compensate_declared, compensate_pieces, post_pieces};
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, cl, rapid};
@@ -14,6 +13,7 @@ use deflex::report::html::PathTrace;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufReader, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -188,8 +188,14 @@ impl Long<'_> {
         let mut path = reports.path;
         if let Some(path) = &mut path {
             self.file.rewind().map_err(|error| cannot_read(self.name, &error))?;
-            let mut lines = Lines::new(BufReader::new(&self.file));
-            path.quote(|_, line| lines.get(line));
+            // Calls go back and forth in the file: which lines first, then one pass over it.
+            let mut wanted = BTreeSet::new();
+            path.quote(|_, line| {
+                wanted.insert(line);
+                None
+            });
+            let lines = lines::read(BufReader::new(&self.file), &wanted);
+            path.quote(|_, line| lines.get(&line).cloned());
         }
         let rows = reports.spooled.map(|spooled| Rows::spooled(spooled, self.name, done.summary.targets));
         let summary = FileSummary::of(self.name, &done.summary, &[]);
