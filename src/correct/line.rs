@@ -2,11 +2,11 @@
 
 use super::path::{self, Point};
 use super::row::{Row, Status, difference};
-use super::solve::{self, Landed, Last, Solved, Spread, Wish};
+use super::solve::{self, Last, Solved, Spread, Wish};
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, Near};
+use crate::equilibrium::{EquilibriumError, Landing, Near};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -165,7 +165,6 @@ pub(super) fn piece(
         Ok((_, near)) => *near,
         Err(_) => arm.near(&prepared.points[i].motor, Joints::zeros()),
     };
-    let uncorrected = solve::forward(arm, &prepared, &as_programmed, near, spread);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
     let solved = solve::commands(arm, &prepared, &wishes, &first, &travels, spread);
 
@@ -221,12 +220,13 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
+    let after = solve::forward(arm, &prepared, &travels, near, spread);
     let nearer = |i: usize| {
-        // What feeds back is much the same as without the correction.
-        let share = uncorrected[i].as_ref().map_or(0.0, |there| there.known.share);
+        // What feeds back is much the same with and without the correction.
+        let share = after[i].as_ref().map_or(0.0, |there| there.known.share);
         Near { share, ..near(i) }
     };
-    let after = solve::forward(arm, &prepared, &travels, nearer, spread);
+    let uncorrected = solve::forward(arm, &prepared, &as_programmed, nearer, spread);
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -384,7 +384,7 @@ impl<'a> Collected<'a> {
         Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
     }
 
-    fn row(&mut self, i: usize, there: &Landed) {
+    fn row(&mut self, i: usize, there: &Landing) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
         if !path::is_end(target) {
             return;

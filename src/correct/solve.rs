@@ -2,11 +2,10 @@
 
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Arm, Command, EquilibriumError, Near, Start};
+use crate::equilibrium::{Arm, Command, EquilibriumError, Landing, Near, Rounds, Start};
 use crate::program::Editable;
 use crate::robot::{Joints, Pose, Unreachable};
 use crate::text::number;
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// A solved command.
@@ -56,6 +55,22 @@ impl Spread {
             Self::Here => (0..count).map(value).collect(),
         }
     }
+
+    /// The same with room to work in, which is used again.
+    pub(super) fn map_with<T: Send, R>(
+        self,
+        room: impl Fn() -> R + Sync + Send,
+        count: usize,
+        value: impl Fn(&mut R, usize) -> T + Sync + Send,
+    ) -> Vec<T> {
+        match self {
+            Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map_init(room, value).collect(),
+            Self::Here => {
+                let mut room = room();
+                (0..count).map(|i| value(&mut room, i)).collect()
+            }
+        }
+    }
 }
 
 /// Points that a thread takes at a time: a millisecond's work.
@@ -68,23 +83,11 @@ pub(super) fn forward(
     commands: &[(Joints, Joints)],
     near: impl Fn(usize) -> Near + Sync + Send,
     spread: Spread,
-) -> Vec<Result<Landed, EquilibriumError>> {
-    spread.map(commands.len(), |i| {
+) -> Vec<Result<Landing, EquilibriumError>> {
+    spread.map_with(Rounds::default, commands.len(), |rounds, i| {
         let (motor, travel) = &commands[i];
-        let (there, known) = arm.predict_near(&prepared.situation(i), motor, travel, &near(i))?;
-        Ok(Landed { wobj_from_tcp: there.wobj_from_tcp, cut: there.load.cut, known })
+        arm.land(&prepared.situation(i), (motor, travel), &near(i), rounds)
     })
-}
-
-/// Where a command ends up, as far as a report asks.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Landed {
-    /// Actual TCP in the actual work object, m.
-    pub(super) wobj_from_tcp: Pose,
-    /// Cutting force on the tool, base axes, N.
-    pub(super) cut: Vector3<f64>,
-    /// A start for equilibria close by.
-    pub(super) known: Near,
 }
 
 /// Motor angles last commanded and the direction of travel into them.

@@ -29,7 +29,7 @@ pub(crate) struct Near {
 /// The arm looked at in one state: where it is, what acts on it, what that does to it.
 #[derive(Clone, Debug)]
 pub(super) struct Look {
-    frames: Frames,
+    pub(super) frames: Frames,
     pub(super) load: Load,
     pub(super) distortion: Distortion,
     /// The TCP as seen from the actual work object, under the distortion that was put in.
@@ -98,9 +98,8 @@ impl Arm {
     }
 
     /// The TCP in the work object where only joints yield, at actual motor angles (rad).
-    pub(super) fn seen_near(&self, situation: &Situation, near: &Turns, motor: &Joints) -> Pose {
-        let mut frames = Frames::default();
-        self.robot.links.chain_near(near, &self.robot.serial_from_motor(motor), None, &mut frames);
+    pub(super) fn seen_near(&self, situation: &Situation, near: &Turns, motor: &Joints, frames: &mut Frames) -> Pose {
+        self.robot.links.chain_near(near, &self.robot.serial_from_motor(motor), None, frames);
         situation.base_from_wobj.inv_mul(&(frames.base_from_flange() * situation.tool.flange_from_tcp))
     }
 

@@ -10,6 +10,7 @@ pub(crate) use arm::Near;
 pub use command::Command;
 pub(crate) use command::Start;
 pub use predict::Equilibrium;
+pub(crate) use predict::{Landing, Rounds};
 
 use crate::robot::Unreachable;
 

@@ -2,6 +2,7 @@ use super::arm::{Look, Near};
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose};
+use nalgebra::Vector3;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where a command ends up.
@@ -18,9 +19,11 @@ pub struct Equilibrium {
     pub distortion: Distortion,
 }
 
-/// What a round adds to the deflection when it ends the iteration, rad and m: 1e-9 mm at 3 m, three digits below a
-/// printed one.
+/// What a round adds to the deflection when it ends the iteration, rad and m: 1e-9 mm at 3 m.
 const LEFT: f64 = 3e-13;
+
+/// The same for a report: 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
+const LEFT_PRINTED: f64 = 2e-12;
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
@@ -45,20 +48,38 @@ impl Arm {
         travel: &Joints,
     ) -> Result<Equilibrium, EquilibriumError> {
         let near = self.near(motor_commanded, Joints::zeros());
-        self.predict_near(situation, motor_commanded, travel, &near).map(|(there, _)| there)
+        let mut rounds = Rounds::default();
+        let there = self.settle(situation, (motor_commanded, travel), &near, LEFT, &mut rounds)?;
+        let Rounds { mut rounds, distortion } = rounds;
+        let load = std::mem::take(&mut rounds[there.last].look.load);
+        Ok(Equilibrium { motor: there.motor, wobj_from_tcp: there.seen, load, distortion })
     }
 
-    /// The same from what is known close by: the same answer in fewer rounds. With it what is known then.
-    pub(crate) fn predict_near(
+    /// As much of it as a report asks, to its printed digits, from what is known close by. `rounds` is room to work in,
+    /// which is used again.
+    pub(crate) fn land(
         &self,
         situation: &Situation,
-        motor_commanded: &Joints,
-        travel: &Joints,
+        command: (&Joints, &Joints),
         near: &Near,
-    ) -> Result<(Equilibrium, Near), EquilibriumError> {
+        rounds: &mut Rounds,
+    ) -> Result<Landing, EquilibriumError> {
+        let there = self.settle(situation, command, near, LEFT_PRINTED, rounds)?;
+        Ok(Landing { wobj_from_tcp: there.seen, cut: rounds.rounds[there.last].look.load.cut, known: there.known })
+    }
+
+    /// Attempts with a smaller and smaller share, until one settles.
+    fn settle(
+        &self,
+        situation: &Situation,
+        command: (&Joints, &Joints),
+        near: &Near,
+        enough: f64,
+        rounds: &mut Rounds,
+    ) -> Result<Settled, EquilibriumError> {
         let mut failure = EquilibriumError::NotFinite;
         for share in SHARES {
-            match self.settle(situation, motor_commanded, travel, near, share) {
+            match self.attempt(situation, command, near, share, enough, rounds) {
                 Err(error @ EquilibriumError::NoEquilibrium { .. }) => failure = error,
                 done => return done,
             }
@@ -89,35 +110,35 @@ impl Arm {
         look.seen
     }
 
-    fn settle(
+    fn attempt(
         &self,
         situation: &Situation,
-        motor_commanded: &Joints,
-        travel: &Joints,
+        (motor_commanded, travel): (&Joints, &Joints),
         near: &Near,
         share: f64,
-    ) -> Result<(Equilibrium, Near), EquilibriumError> {
-        let mut distortion = Distortion { joints: near.deflection, ..Distortion::default() };
+        enough: f64,
+        rounds: &mut Rounds,
+    ) -> Result<Settled, EquilibriumError> {
+        rounds.begin(&near.deflection);
+        let Rounds { rounds: [first, second], distortion } = rounds;
+        let (mut now, mut before) = (first, second);
         let mut motor = motor_commanded + near.deflection;
-        let (mut first, mut second) = (Round::default(), Round::default());
-        let (mut now, mut before) = (&mut first, &mut second);
         let mut known = *near;
         let mut first_step = f64::INFINITY;
         let mut step = f64::INFINITY;
         let mut axis = 0;
         for round in 0..ROUNDS {
-            self.look(situation, motor_commanded, &near.turns, &motor, &distortion, before.parts, &mut now.look);
+            self.look(situation, motor_commanded, &near.turns, &motor, distortion, before.parts, &mut now.look);
             let Round { look, left, size, parts } = &mut *now;
             // Once in there, always in there: a part that was looked at may go back to zero.
             *parts = look.distortion.parts().or(before.parts);
-            left.set_difference(&look.distortion, &distortion, *parts);
+            left.set_difference(&look.distortion, distortion, *parts);
             *size = left.dot(left, *parts).sqrt();
             let same_lost = look.distortion.lost == distortion.lost;
             // Zero before the first look, which is no lost motion's fault.
-            if *size < LEFT && (round > 0 || same_lost) {
+            if *size < enough && (round > 0 || same_lost) {
                 known.deflection = distortion.joints;
-                let there = Equilibrium { motor, wobj_from_tcp: look.seen, load: look.load.clone(), distortion };
-                return Ok((there, known));
+                return Ok(Settled { motor, seen: look.seen, last: round % 2, known });
             }
             // `max` and comparisons pass over what is not a number, so the pose itself is looked at.
             if !look.seen.translation.vector.iter().all(|v| v.is_finite()) {
@@ -147,19 +168,58 @@ impl Arm {
                 distortion.set(&look.distortion, *parts);
                 distortion.go_towards(&before.look.distortion, back, *parts);
                 // The next round would leave too little to be looked at, if it gains as much as this one.
-                sure = same_lost && *parts == Parts::Joints && *size * (*size / before.size) < LEFT;
+                sure = same_lost && *parts == Parts::Joints && *size * (*size / before.size) < enough;
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
             if sure {
                 known.deflection = distortion.joints;
-                let wobj_from_tcp = self.seen_near(situation, &near.turns, &moved);
-                return Ok((Equilibrium { motor: moved, wobj_from_tcp, load: look.load.clone(), distortion }, known));
+                let seen = self.seen_near(situation, &near.turns, &moved, &mut look.frames);
+                return Ok(Settled { motor: moved, seen, last: round % 2, known });
             }
             axis = (moved - motor).iamax() + 1;
             motor = moved;
             std::mem::swap(&mut now, &mut before);
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * step, axis })
+    }
+}
+
+/// Where a command ends up, as far as a report asks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Landing {
+    /// Actual TCP in the actual work object, m.
+    pub(crate) wobj_from_tcp: Pose,
+    /// Cutting force on the tool, base axes, N.
+    pub(crate) cut: Vector3<f64>,
+    /// A start for equilibria close by.
+    pub(crate) known: Near,
+}
+
+/// Where an attempt came to.
+struct Settled {
+    motor: Joints,
+    seen: Pose,
+    /// Which of the two rounds was the last.
+    last: usize,
+    known: Near,
+}
+
+/// Room for the rounds of an iteration, some kilobytes.
+#[derive(Default)]
+pub(crate) struct Rounds {
+    /// In turn this one and the one before.
+    rounds: [Round; 2],
+    distortion: Distortion,
+}
+
+impl Rounds {
+    /// As if nothing had been here.
+    fn begin(&mut self, deflection: &Joints) {
+        // What was never looked at is still zero.
+        if self.rounds.iter().any(|round| round.parts == Parts::All) {
+            *self = Self::default();
+        }
+        self.distortion = Distortion { joints: *deflection, ..Distortion::default() };
     }
 }
 
