@@ -102,6 +102,23 @@ proptest! {
     }
 }
 
+#[test]
+fn targets_of_several_uses_that_agree_are_corrected_once() {
+    let cell = cell();
+    let text = program(SOME.start, 1, "\n");
+    let (head, body) = text.split_once("    ConfL\\Off;\n").unwrap();
+    let moves = body.split_once("    ! the end").unwrap().0;
+    let twice = format!("{head}{moves}{body}");
+    let expected = whole(&twice, &cell);
+    for threads in [1, 3] {
+        let came = streamed(&twice, &cell, threads).unwrap();
+        assert_eq!(words(&came), words(&expected));
+        let (came, expected) = (came.as_ref().unwrap(), expected.as_ref().unwrap());
+        assert!(came.0 == expected.0, "the programs differ");
+        assert!(came.1 == expected.1, "the reports differ");
+    }
+}
+
 fn gcd(a: usize, b: usize) -> usize {
     if b == 0 { a } else { gcd(b, a % b) }
 }

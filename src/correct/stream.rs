@@ -13,6 +13,7 @@ use crate::program::piece::leaves_its_start;
 use crate::program::post::Text;
 use crate::program::{Next, StraightPiece, cl, rapid};
 use crate::text::{Diagnostic, Patch, apply};
+use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::{Mutex, PoisonError};
 
@@ -95,6 +96,10 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     patch: &mut Patch<S>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
+    // A clone's name would have to be new to the whole program.
+    if options.allow_clones && pieces.shares() {
+        return Err(StreamError::NotStraight);
+    }
     let carried = Carried::new(cell).map_err(StreamError::Refused)?;
     let way = Way {
         carried: &carried,
@@ -104,10 +109,21 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         skip: &|_| (),
         write: &|_, piece, corrected| Some(changed(piece, corrected)),
     };
-    let mut write = |changes: &Vec<Changed>| {
-        changes.iter().try_for_each(|change| patch.replace(change.start, change.old, &change.text))
+    let (mut shared, mut disputed) = (HashMap::new(), false);
+    let mut write = |changes: &Option<Vec<Changed>>| {
+        for change in changes.iter().flatten() {
+            let before = change.shared.and_then(|target| shared.insert(target, change.clone()));
+            disputed |= before.as_ref().is_some_and(|before| before != change);
+            if before.is_none() && change.old > 0 {
+                patch.replace(change.start, change.old, &change.text)?;
+            }
+        }
+        disputed |= changes.is_none();
+        if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
-    run(&way, cell, options, threads, &mut write, sinks)
+    let done = run(&way, cell, options, threads, &mut write, sinks);
+    // Whoever sees all uses of a target decides.
+    if disputed { Err(StreamError::NotStraight) } else { done }
 }
 
 /// Corrects a CL program and posts it, piece by piece: the same bytes as [`compensate`](super::compensate) and
@@ -290,34 +306,41 @@ fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
 }
 
 /// New text for a stretch of the file.
+#[derive(Clone, Debug, PartialEq, Eq)]
 struct Changed {
     start: u64,
+    /// Bytes; none where nothing changes.
     old: u32,
     text: Vec<u8>,
+    /// The declaration of a target that other motions go to as well, by its offset: they have to agree.
+    shared: Option<u64>,
 }
 
-/// What of the piece's stretch and of its declarations, wherever they stand, has edits.
-fn changed(piece: &StraightPiece, corrected: &Corrected) -> Vec<Changed> {
+/// What of the piece's stretch and of its declarations, wherever they stand, has edits; `None` where motions do not agree on
+/// a target.
+fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>> {
+    let rewritten = corrected.rewritten.as_ref().filter(|rewritten| rewritten.kept.is_empty())?;
     let bytes = &piece.program.sources[0].bytes;
-    let mut edits = corrected.rewritten.as_ref().and_then(|r| r.edits.first()).map_or(&[][..], Vec::as_slice);
-    let stretches = piece.elsewhere.iter().map(|declared| (&declared.own, declared.at)).chain([(&piece.own, piece.at)]);
+    let mut edits = rewritten.edits.first().map_or(&[][..], Vec::as_slice);
+    let declared = piece.elsewhere.iter().map(|target| (&target.own, target.at, target.shared.then_some(target.at)));
     let mut out = Vec::new();
-    for (own, start) in stretches {
+    for (own, at, shared) in declared.chain([(&piece.own, piece.at, None)]) {
         let (here, further) = edits.split_at(edits.partition_point(|edit| edit.span.range().end <= own.end));
         edits = further;
-        let (Some(first), Some(last)) = (here.first(), here.last()) else { continue };
-        let (from, to) = (first.span.range().start, last.span.range().end);
-        let (mut text, mut done) = (Vec::with_capacity(2 * (to - from)), from);
+        if here.is_empty() && shared.is_none() {
+            continue;
+        }
+        let from = here.first().map_or(own.start, |edit| edit.span.range().start);
+        let (mut text, mut done) = (Vec::new(), from);
         for edit in here {
             text.extend_from_slice(&bytes[done..edit.span.range().start]);
             text.extend_from_slice(&edit.content);
             done = edit.span.range().end;
         }
         #[allow(clippy::cast_possible_truncation)] // within a piece
-        let old = (to - from) as u32;
-        out.push(Changed { start: start + (from - own.start) as u64, old, text });
+        out.push(Changed { start: at + (from - own.start) as u64, old: (done - from) as u32, text, shared });
     }
-    out
+    Some(out)
 }
 
 /// What comes out, in order.

@@ -36,6 +36,8 @@ pub struct Elsewhere {
     pub own: Range<usize>,
     /// Their offset in the file.
     pub at: u64,
+    /// Several motions go to it, maybe of several pieces.
+    pub shared: bool,
 }
 
 /// Whether the direction out of the first target is told by these: what follows is not looked at.

@@ -10,7 +10,7 @@ use crate::text::Source;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// Cuts a program into pieces; each of its targets has one use.
+/// Cuts a program into pieces.
 #[derive(Debug)]
 pub struct Declared<R> {
     index: Arc<Index>,
@@ -50,11 +50,16 @@ impl<R: Read + Seek> Declared<R> {
         let entries = self.index.of(piece.body());
         let text = lines_of(&entries, &mut self.file)?;
         let len = piece.len() as u64;
-        let places = entries.iter().map(|entry| (entry.start, entry.len as usize));
-        let lines = piece.declare(self.data, &text, places, self.at);
+        let lines = piece.declare(self.data, &text, &entries, self.at);
         self.at += len;
         // Fewer lines in the file than in the piece: a short program.
         Ok(if lines { Next::Piece(piece) } else { Next::NotStraight })
+    }
+
+    /// Whether several motions go to one target.
+    #[must_use]
+    pub fn shares(&self) -> bool {
+        self.index.shares()
     }
 
     /// Names of the targets that it moves to.

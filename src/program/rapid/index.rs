@@ -23,7 +23,22 @@ pub(super) struct Entry {
     pub(super) start: u64,
     /// Its bytes, with its end.
     pub(super) len: u32,
-    used: bool,
+    uses: Uses,
+}
+
+/// How often motions go to a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Uses {
+    None,
+    Once,
+    More,
+}
+
+impl Entry {
+    /// Whether several motions go there.
+    pub(super) fn shared(&self) -> bool {
+        self.uses == Uses::More
+    }
 }
 
 /// A program up to its first motion.
@@ -38,7 +53,7 @@ pub(super) struct Head {
 }
 
 impl Index {
-    /// Looks through a program; `None` where it is not one procedure that moves to targets of one use each.
+    /// Looks through a program; `None` where it is not one procedure of motions.
     pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head)>> {
         let mut head = Head { text: Vec::new(), data: 0, bytes: 0, lines: 0 };
         let mut index = Self { entries: Vec::new() };
@@ -57,7 +72,7 @@ impl Index {
             match declared(text).filter(|_| in_module && !in_routine) {
                 #[allow(clippy::cast_possible_truncation)] // no longer than the longest line
                 Some(name) => {
-                    index.entries.push(Entry { name: hash(name), start: head.bytes, len: len as u32, used: false })
+                    index.entries.push(Entry { name: hash(name), start: head.bytes, len: len as u32, uses: Uses::None })
                 }
                 None => {
                     head.text.extend_from_slice(&line);
@@ -78,7 +93,7 @@ impl Index {
         Ok(Some((index, head)))
     }
 
-    /// Notes which targets are used, from this line on; false where one is used twice, or here stands more than motions.
+    /// Notes which targets are used, from this line on; false where here stands more than motions.
     fn count(&mut self, first: Vec<u8>, input: &mut impl BufRead) -> io::Result<bool> {
         let mut line = first;
         loop {
@@ -91,10 +106,9 @@ impl Index {
             if !(comment || is_motion(word) || harmless(word)) {
                 return Ok(false);
             }
-            if let Some(entry) = target(text).and_then(|name| self.position(name))
-                && std::mem::replace(&mut self.entries[entry].used, true)
-            {
-                return Ok(false);
+            if let Some(entry) = target(text).and_then(|name| self.position(name)) {
+                let uses = &mut self.entries[entry].uses;
+                *uses = if *uses == Uses::None { Uses::Once } else { Uses::More };
             }
             line.clear();
             input.by_ref().take(LONGEST).read_until(b'\n', &mut line)?;
@@ -111,7 +125,7 @@ impl Index {
 
     /// Whether the program moves to a target of this name.
     pub(super) fn uses(&self, name: &[u8]) -> bool {
-        self.position(name).is_some_and(|at| self.entries[at].used)
+        self.position(name).is_some_and(|at| self.entries[at].uses != Uses::None)
     }
 
     /// The declarations of the targets that motions go to, in the order of the file.
@@ -119,7 +133,13 @@ impl Index {
         let names = body.split(|b| *b == b'\n').filter_map(|line| target(line.trim_ascii()));
         let mut found: Vec<Entry> = names.filter_map(|name| self.position(name)).map(|at| self.entries[at]).collect();
         found.sort_unstable_by_key(|entry| entry.start);
+        found.dedup_by_key(|entry| entry.start);
         found
+    }
+
+    /// Whether several motions go to one target.
+    pub(super) fn shares(&self) -> bool {
+        self.entries.iter().any(Entry::shared)
     }
 }
 

@@ -6,6 +6,7 @@
 //! assignment, a call, a declared target, a moving external axis, …) is looked for in the piece as read; a program with any
 //! of that is not straight and is read whole.
 
+use super::index::Entry;
 use super::lex::{self, Cursor, Kind};
 use super::straight;
 use super::symbols::harmless;
@@ -358,19 +359,13 @@ impl Piece {
         &self.source.bytes[self.own.clone()]
     }
 
-    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file: `places` are their offsets and
-    /// lengths there. False where there are more lines now than the file has up to here.
-    pub(super) fn declare(
-        &mut self,
-        data: usize,
-        text: &[u8],
-        places: impl Iterator<Item = (u64, usize)>,
-        at: u64,
-    ) -> bool {
+    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file. False where there are more lines now than the file has up to here.
+    pub(super) fn declare(&mut self, data: usize, text: &[u8], entries: &[Entry], at: u64) -> bool {
         let mut start = data;
-        for (from, len) in places {
-            self.elsewhere.push(Elsewhere { own: start..start + len, at: from });
-            start += len;
+        for entry in entries {
+            let own = start..start + entry.len as usize;
+            start = own.end;
+            self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() });
         }
         self.source.bytes.splice(data..data, text.iter().copied());
         let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
