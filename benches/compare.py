@@ -13,6 +13,7 @@ import math
 import os
 import pathlib
 import random
+import re
 import shutil
 import statistics
 import subprocess
@@ -49,6 +50,44 @@ def generate(path, targets):
             # Back and forth.
             out.writelines(a + y + b for a, b in (some if row % 2 == 0 else reversed(some)))
         out.write("  ENDPROC\nENDMODULE\n")
+
+
+def generate_declared(path, targets):
+    """The same targets, declared before the routine that moves to them."""
+    generate(path, targets)
+    pose = re.compile(r"    MoveL (\[\[.*\]\]),v50")
+    with open(path) as inline, open(f"{path}.moves", "w") as moves, open(f"{path}.declared", "w") as out:
+        count = 0
+        for line in inline:
+            found = pose.match(line)
+            if found:
+                count += 1
+                out.write(f"  CONST robtarget p{count}:={found[1]};\n")
+                moves.write(f"    MoveL p{count},v50{line[found.end():]}")
+            elif "PROC" in line or line.startswith("ENDMODULE"):
+                moves.write(line)
+            else:
+                out.write(line)
+        moves.close()
+        with open(f"{path}.moves") as rest:
+            shutil.copyfileobj(rest, out)
+    os.remove(f"{path}.moves")
+    os.replace(f"{path}.declared", path)
+
+
+def generate_cl(path, targets):
+    """The same surface as cutter locations: a point and the tool axis."""
+    rows = []
+    for i in range(min(targets, ROW)):
+        x, tilt = 0.3 * i, math.atan(0.3 * math.cos(0.02 * 0.3 * i))
+        z = 40.0 + 15.0 * math.sin(0.02 * x)
+        rows.append((f"GOTO/{x:.4f},", f",{z:.4f},{-math.sin(tilt):.6f},0.000000,{math.cos(tilt):.6f}\n"))
+    with open(path, "w") as out:
+        out.write("UNITS/MM\nLOADTL/1\nSPINDL/6000,RPM,CLW\nFEDRAT/3000,MMPM\n")
+        for row in range(math.ceil(targets / ROW)):
+            y, some = f"{0.02 * row:.4f}", rows[: targets - row * ROW]
+            out.writelines(a + y + b for a, b in (some if row % 2 == 0 else reversed(some)))
+        out.write("FINI\n")
 
 
 def run(command, stdin=None, stdout=None):
@@ -143,6 +182,11 @@ def table(args, folder):
         jobs[f"deflex, {threads} thr"] = lambda t=threads: run(compensate(program, folder, t))
     jobs["deflex, gravity and backlash, 1 thr"] = lambda: run(compensate(program, folder, 1, with_effects(folder)))
     jobs["deflex, pipe to pipe, 4 thr"] = lambda: piped(program, folder, 4)
+    for name, text, make in (("CL to RAPID", "part.cl", generate_cl), ("declared targets", "declared.mod", generate_declared)):
+        make(folder / text, args.targets)
+        for threads in (1, 4):
+            command = compensate(folder / text, folder, threads)
+            jobs[f"deflex, {name}, {threads} thr"] = lambda c=command: run(c)
     got = in_turn(jobs, args.runs)
     print(f"{args.targets:,} targets, {program.stat().st_size / 1e6:.0f} MB of RAPID, median of {args.runs} runs\n")
     print("| | ns a target | over the floor, same threads | peak MiB |\n|---|---|---|---|")
@@ -157,16 +201,23 @@ def table(args, folder):
 def figure(args, folder):
     """Panels of (x, seconds, MiB)."""
     panels = []
-    for threads in (1, 4):
+    kinds = {
+        "RAPID, 1 thread": ("part.mod", generate, 1, args.largest),
+        "RAPID, 4 threads": ("part.mod", generate, 4, args.largest),
+        "CL to RAPID, 4 threads": ("part.cl", generate_cl, 4, args.largest),
+        # An index of the declarations is held.
+        "RAPID with declared targets, 4 threads": ("part.mod", generate_declared, 4, args.largest // 10),
+    }
+    for name, (file, make, threads, largest) in kinds.items():
         points, targets = [], 1000
-        while targets <= args.largest:
-            program = folder / "part.mod"
-            generate(program, targets)
+        while targets <= largest:
+            program = folder / file
+            make(program, targets)
             seconds, memory = run(compensate(program, folder, threads))
             points.append((targets, seconds, memory))
-            print(f"{threads} threads, {targets} targets: {seconds:.3f} s, {memory:.0f} MiB", file=sys.stderr)
+            print(f"{name}, {targets} targets: {seconds:.3f} s, {memory:.0f} MiB", file=sys.stderr)
             targets *= 10
-        panels.append((f"targets ({threads} thread{'s' * (threads > 1)})", points, True))
+        panels.append((f"targets: {name}", points, True))
 
     generate(folder / "part.mod", 100_000)
     points, cell = [], (HERE / "cell.toml").read_text()
@@ -177,7 +228,7 @@ def figure(args, folder):
     panels.append(("effects besides springs and cut (10⁵ targets, 1 thread)", points, False))
 
     points = []
-    for count in (1, 2, 4, 8, 16):
+    for count in (1, 2, 4, 8, 16, 32):
         batch, out = folder / "batch", folder / "corrected"
         for old in (batch, out):
             shutil.rmtree(old, ignore_errors=True)
@@ -187,7 +238,8 @@ def figure(args, folder):
             text = (batch / f"part{i}.mod").read_text()
             (batch / f"part{i}.mod").write_text(text.replace("MODULE Mill", f"MODULE Mill{i}", 1))
         inputs = sorted(batch.iterdir())
-        command = [DEFLEX, "compensate", *inputs, "--cell", HERE / "cell.toml", "--out-dir", out, "--jobs", 4, "--quiet"]
+        outputs = ["--out-dir", out, "--report", folder / "batch.csv"]
+        command = [DEFLEX, "compensate", *inputs, "--cell", HERE / "cell.toml", *outputs, "--jobs", 4, "--quiet"]
         points.append((count, *run(command)))
     panels.append(("programs in a batch (2·10⁴ targets each, 4 threads)", points, True))
 
@@ -232,14 +284,15 @@ def identification(folder):
 
 def svg(panels):
     """Time in blue, memory in orange; log-log where x is a size, so that a straight line of slope one is cost as work."""
-    width, height, gap, left = 300, 190, 110, 60
+    width, height, gap, left, columns = 300, 190, 110, 60, 4
+    rows = math.ceil(len(panels) / columns)
     out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + len(panels[:3]) * (width + gap)}" height="{2 * (height + gap) + 20}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left + len(panels[:columns]) * (width + gap)}" height="{rows * (height + gap) + 20}" '
         'font-family="sans-serif" font-size="11">',
         '<rect width="100%" height="100%" fill="white"/>',
     ]
     for i, (name, points, logarithmic) in enumerate(panels):
-        x0, y0 = left + (i % 3) * (width + gap), 30 + (i // 3) * (height + gap)
+        x0, y0 = left + (i % columns) * (width + gap), 30 + (i // columns) * (height + gap)
         out.append(f'<text x="{x0}" y="{y0 - 10}" font-weight="bold">{name}</text>')
         out.append(f'<rect x="{x0}" y="{y0}" width="{width}" height="{height}" fill="none" stroke="#888"/>')
         if not points:

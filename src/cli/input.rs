@@ -366,15 +366,17 @@ impl CellFile {
     }
 }
 
-/// A table of forces with its file.
+/// Rows of a table of forces in its file.
 #[derive(Debug)]
 pub(super) struct ForceFile {
-    table: Table,
-    pub(super) forces: Forces,
+    file: String,
+    /// Which target each row names, and its line in the file.
+    rows: Vec<(TargetRef, u64)>,
 }
 
 impl ForceFile {
-    pub(super) fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+    /// What the table says of targets, and what is needed to tell whether it is a program's own.
+    pub(super) fn read(path: &Path) -> Result<(Self, Forces), Vec<Diagnostic>> {
         let table = table(path)?;
         if table.rows.iter().all(|row| row.target.is_none()) {
             let message = "no row names a target: expected a column `target` with ordinals or names";
@@ -382,7 +384,9 @@ impl ForceFile {
                 Diagnostic::error("forces.target", &table.file, message).help("number the motion targets from 1"),
             ]);
         }
-        Ok(Self { forces: table.forces(), table })
+        let forces = table.forces();
+        let rows = table.rows.into_iter().filter_map(|row| Some((row.target?, row.line)));
+        Ok((Self { file: table.file, rows: rows.collect() }, forces))
     }
 
     /// Rows that belong to no target of a program: the table is another program's.
@@ -396,17 +400,17 @@ impl ForceFile {
     /// The same for a program with this last target, and targets of these names.
     pub(super) fn check_targets(&self, last: u32, named: impl Fn(&str) -> bool) -> Result<(), Vec<Diagnostic>> {
         const MOST: usize = 10; // a wrong table is wrong in every row
-        let wrong = self.table.rows.iter().filter_map(|row| {
-            let message = match row.target.as_ref()? {
+        let wrong = self.rows.iter().filter_map(|(target, line)| {
+            let message = match target {
                 TargetRef::Ordinal(ordinal) if *ordinal > last => {
                     format!("target {ordinal} is not in the program, which has {last} motion targets")
                 }
                 TargetRef::Name(name) if !named(name) => format!("target `{name}` is not in the program"),
                 _ => return None,
             };
-            let mut diagnostic = Diagnostic::error("forces.target", &self.table.file, message)
+            let mut diagnostic = Diagnostic::error("forces.target", &self.file, message)
                 .help("targets are counted from 1 in the order they run, or named as declared");
-            (diagnostic.line, diagnostic.column) = (usize::try_from(row.line).unwrap_or(0), 1);
+            (diagnostic.line, diagnostic.column) = (usize::try_from(*line).unwrap_or(0), 1);
             Some(diagnostic)
         });
         let wrong: Vec<Diagnostic> = wrong.take(MOST).collect();

@@ -37,17 +37,18 @@ impl Setup {
             (Ok(cell), Ok(forces)) => (cell, forces),
             (cell, forces) => return Err([cell.err(), forces.err()].into_iter().flatten().flatten().collect()),
         };
+        let (rows, forces) = forces.unzip();
         let options = Options {
             correct: match what {
                 What::Pose => Correct::Pose,
                 What::Position => Correct::Position,
             },
-            forces: forces.as_ref().map(|file| file.forces.clone()),
+            forces,
             tool: model.tool.clone(),
             stiffness: reports.html.is_some(),
             ..Options::default()
         };
-        Ok(Self { cell, forces, context, options })
+        Ok(Self { cell, forces: rows, context, options })
     }
 
     /// Parses a program and checks that the table of forces is its own.
