@@ -38,11 +38,7 @@ fn arm_of(robot: Robot, effects: &[&str]) -> Arm {
         let name = table.remove("kind").unwrap();
         all.push((kind(name.as_str().unwrap()).unwrap().read)(table).unwrap());
     }
-    Arm {
-        robot,
-        stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])),
-        effects: all,
-    }
+    Arm { robot, stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])), effects: all }
 }
 
 fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
