@@ -14,30 +14,40 @@ use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// What came through a pipe, in a temporary file, so that it can be read twice.
-pub(super) struct Piped(Temporary);
+pub(super) struct Piped {
+    /// As the user typed it.
+    path: PathBuf,
+    spooled: Temporary,
+}
 
 impl Piped {
     /// Takes in the program where it is the one input.
     pub(super) fn new(args: &Compensate) -> Result<Option<Self>, Vec<Diagnostic>> {
         let [path] = &args.inputs[..] else { return Ok(None) };
-        if !is_stdout(path) {
+        // A named pipe, or one of the shell's own.
+        let pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
+        if !is_stdout(path) && !pipe {
             return Ok(None);
         }
         let spooled = Temporary::spool().and_then(|(spooled, mut file)| {
-            io::copy(&mut io::stdin().lock(), &mut file)?;
-            Ok(Self(spooled))
+            if is_stdout(path) {
+                io::copy(&mut io::stdin().lock(), &mut file)?;
+            } else {
+                io::copy(&mut File::open(path)?, &mut file)?;
+            }
+            Ok(Self { path: path.clone(), spooled })
         });
-        spooled.map(Some).map_err(|error| cannot_read("-", &error))
+        spooled.map(Some).map_err(|error| cannot_read(&path.display().to_string(), &error))
     }
 
     pub(super) fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
-        let path = self.0.path().unwrap_or(Path::new("-")).to_owned();
-        input::job_of(Text::File { name: "-".to_owned(), path }, Path::new("-"), format)
+        let path = self.spooled.path().unwrap_or(&self.path).to_owned();
+        input::job_of(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
     }
 }
 

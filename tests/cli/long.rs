@@ -198,3 +198,18 @@ fn interrupted(bench: &Bench, arguments: &[&str], outputs: usize) {
     assert!(!staged(".").iter().any(|name| name.starts_with("out.")), "{:?}", staged("."));
     assert!(staged("out").is_empty(), "{:?}", staged("out"));
 }
+
+#[cfg(unix)]
+#[test]
+fn a_program_from_a_named_pipe_is_that_of_a_file() {
+    let bench = Bench::new();
+    let text = long_cl(5000);
+    bench.write("part.apt", &text).run("compensate part.apt --cell cell.toml -o out.mod").exits(0);
+    let pipe = bench.path("pipe.apt");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let writer = std::thread::spawn(move || std::fs::write(pipe, text));
+    bench.run("compensate pipe.apt --cell cell.toml -o piped.mod").exits(0);
+    writer.join().unwrap().unwrap();
+    let named = |text: String| text.replace("piped", "out").replace("pipe.apt", "part.apt");
+    assert!(named(bench.read("piped.mod")) == bench.read("out.mod"), "the programs differ");
+}
