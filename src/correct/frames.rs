@@ -1,7 +1,7 @@
 //! Tools and work objects of a program, from the program itself or from the cell, in SI.
 
 use super::Options;
-use crate::cell::Cell;
+use crate::cell::{Cell, nearest};
 use crate::effects::ToolFrame;
 use crate::program::{Program, ToolData, WobjData};
 use crate::robot::Pose;
@@ -33,6 +33,11 @@ fn object_frame(data: &WobjData) -> Pose {
     pose(data.uframe_mm, data.uframe_quat) * pose(data.oframe_mm, data.oframe_quat)
 }
 
+/// The beginning of a help where a declared name is near. Names are kept in upper case: RAPID does not tell case apart.
+fn meant<'a>(name: &str, declared: impl Iterator<Item = &'a String>) -> String {
+    nearest(name, declared.map(String::as_str)).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
+}
+
 /// Every tool of the program by its index; a tool that no target uses may be missing.
 pub(super) fn tools(
     program: &Program,
@@ -45,7 +50,7 @@ pub(super) fn tools(
             let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
             return Err(vec![
                 Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
-                    .help(format!("declared: {known}")),
+                    .help(format!("{}declared: {known}", meant(name, cell.tools.keys()))),
             ]);
         };
         return Ok(vec![Some(tool); program.tools.len()]);
@@ -59,7 +64,8 @@ pub(super) fn tools(
                     "cell.unknown-tool",
                     format!("tool `{}` is declared neither in the program nor in the cell", tool.name),
                     format!(
-                        "add [tools.{}] to the cell, or give the module that declares it with --context",
+                        "{}add [tools.{}] to the cell, or give the module that declares it with --context",
+                        meant(&tool.name, cell.tools.keys()),
                         tool.name
                     ),
                 )
@@ -84,7 +90,8 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Pose>>,
                     "cell.unknown-wobj",
                     format!("work object `{}` is declared neither in the program nor in the cell", wobj.name),
                     format!(
-                        "add [wobjs.{}] to the cell, or give the module that declares it with --context",
+                        "{}add [wobjs.{}] to the cell, or give the module that declares it with --context",
+                        meant(&wobj.name, cell.wobjs.keys()),
                         wobj.name
                     ),
                 )

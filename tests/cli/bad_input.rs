@@ -227,6 +227,21 @@ fn statements_that_cannot_be_read_are_told_before_they_are_missed() {
 }
 
 #[test]
+fn mistyped_names_get_the_nearest_declared_one() {
+    let bench = Bench::new();
+    for (from, to, near) in
+        [("tool = \"tMill\"", "tool = \"tMil\"", "TMILL"), ("wobj = \"wPart\"", "wobj = \"wPrat\"", "WPART")]
+    {
+        bench.write("cell.toml", CELL.replace(from, to));
+        let said = bench.run("predict part.apt --cell cell.toml").exits(2).stderr;
+        assert!(said.contains(&format!("did you mean `{near}`? add [")), "{said}");
+    }
+    bench.write("cell.toml", CELL);
+    let said = bench.run("predict part.mod --cell cell.toml --tool mill").exits(2).stderr;
+    assert!(said.contains("did you mean `TMILL`? declared: TMILL"), "{said}");
+}
+
+#[test]
 fn files_in_each_others_place_are_recognised() {
     let bench = Bench::new();
     let said = |arguments: &str| bench.run(arguments).exits(2).stderr;
