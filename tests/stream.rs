@@ -84,9 +84,9 @@ fn cell(text: &str) -> Cell {
 /// What a run gives: program, report, what is said.
 type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<Diagnostic>), Vec<Diagnostic>>;
 
-fn whole(text: &str, cell: &Cell) -> Came {
+fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let program = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new())?;
-    let corrected = compensate(&program, cell, &Options::default())?;
+    let corrected = compensate(&program, cell, options)?;
     if !corrected.failures.is_empty() {
         return Err(corrected.failures);
     }
@@ -97,12 +97,12 @@ fn whole(text: &str, cell: &Cell) -> Came {
 }
 
 /// `None` where the program is not straight.
-fn streamed(text: &str, cell: &Cell, threads: usize) -> Option<Came> {
+fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
     let pieces = Pieces::new("part.mod", text.as_bytes(), &[]).unwrap()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    Some(match compensate_pieces(pieces, cell, &Options::default(), threads, &mut program, &mut sinks) {
+    Some(match compensate_pieces(pieces, cell, options, threads, &mut program, &mut sinks) {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
         }
@@ -120,10 +120,10 @@ fn words(came: &Came) -> Vec<String> {
     said.iter().map(|d| format!("{d} {:?}", d.snippet)).collect()
 }
 
-fn agree(text: &str, cell: &Cell) -> Result<(), TestCaseError> {
-    let expected = whole(text, cell);
+fn agree(text: &str, cell: &Cell, options: &Options) -> Result<(), TestCaseError> {
+    let expected = whole(text, cell, options);
     for threads in [1, 3] {
-        let Some(came) = streamed(text, cell, threads) else {
+        let Some(came) = streamed(text, cell, options, threads) else {
             return Err(TestCaseError::fail("the program is straight"));
         };
         prop_assert_eq!(words(&came), words(&expected));
@@ -215,12 +215,14 @@ proptest! {
     fn any_straight_program_gives_the_same_in_pieces(
         lines in proptest::collection::vec(line(), SOME_PIECES),
         crlf in any::<bool>(),
+        subdivide in prop::option::of(Just(3e-10)),
     ) {
+        let options = Options { subdivide, ..Options::default() };
         // Lead in and out of marks and stops steps the correction: not what this is about.
         let cell = cell(&CELL.replace("max_step_mm = 1.0", "max_step_mm = 5.0"));
         let text = program(&lines, if crlf { "\r\n" } else { "\n" });
-        prop_assert_eq!(words(&whole(&text, &cell)), Vec::<String>::new());
-        agree(&text, &cell)?;
+        prop_assert_eq!(words(&whole(&text, &cell, &options)), Vec::<String>::new());
+        agree(&text, &cell, &options)?;
     }
 }
 
@@ -237,9 +239,9 @@ fn refusals_and_failures_are_told_alike() {
         (&text, cell(&CELL.replace(stiffness, ""))),
         (&text.replace("tMill\\WObj", "tOther\\WObj"), cell(CELL)),
     ] {
-        let expected = whole(text, &cell);
+        let expected = whole(text, &cell, &Options::default());
         assert!(expected.is_err());
-        let came = streamed(text, &cell, 3).unwrap();
+        let came = streamed(text, &cell, &Options::default(), 3).unwrap();
         let (came, expected) = (words(&came), words(&expected));
         // A tool that is missing is missing in every piece; more than a thousand messages are only counted.
         assert_eq!(came.iter().take(1).collect::<Vec<_>>(), expected.iter().take(1).collect::<Vec<_>>());
@@ -253,7 +255,7 @@ fn refusals_and_failures_are_told_alike() {
 fn what_only_the_whole_tells_is_not_streamed() {
     let text = program(&[Line::Cut; SOME_PIECES.start], "\n");
     let cell = cell(CELL);
-    assert_eq!(words(&streamed(&text, &cell, 2).unwrap()), Vec::<String>::new());
+    assert_eq!(words(&streamed(&text, &cell, &Options::default(), 2).unwrap()), Vec::<String>::new());
     let pose = "[[0,0,40],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
     let late = |statement: &str| text.replace("  ENDPROC", &format!("    {statement}\n  ENDPROC"));
     let early = |data: &str| text.replace("  PROC main", &format!("  {data}\n  PROC main"));
@@ -272,6 +274,6 @@ fn what_only_the_whole_tells_is_not_streamed() {
         text.replace("    ConfL", "    WHILE TRUE DO\n    ConfL"),
     ];
     for program in &programs {
-        assert!(streamed(program, &cell, 2).is_none(), "{}", &program[program.len() - 300..]);
+        assert!(streamed(program, &cell, &Options::default(), 2).is_none(), "{}", &program[program.len() - 300..]);
     }
 }

@@ -180,9 +180,9 @@ fn posting(max_targets: Option<usize>) -> PostOptions {
     }
 }
 
-fn whole(text: &str, cell: &Cell, most: Option<usize>) -> Came {
+fn whole(text: &str, cell: &Cell, most: Option<usize>, corrects: &Options) -> Came {
     let program = cl::read(Source::new("part.apt", text.as_bytes()), options(cell))?;
-    let corrected = compensate(&program, cell, &Options::default())?;
+    let corrected = compensate(&program, cell, corrects)?;
     if !corrected.failures.is_empty() {
         return Err(corrected.failures);
     }
@@ -208,7 +208,14 @@ impl Write for InMemory<'_> {
 }
 
 /// `None` where the file is read whole.
-fn streamed(text: &str, cell: &Cell, most: Option<usize>, size: usize, threads: usize) -> Option<Came> {
+fn streamed(
+    text: &str,
+    cell: &Cell,
+    most: Option<usize>,
+    corrects: &Options,
+    size: usize,
+    threads: usize,
+) -> Option<Came> {
     let pieces = || Pieces::sized("part.apt", text.as_bytes(), options(cell), size).unwrap();
     let outline = match Outline::of_pieces(pieces()?, |_, _| ()) {
         Err(StreamError::NotStraight) => return None,
@@ -223,7 +230,7 @@ fn streamed(text: &str, cell: &Cell, most: Option<usize>, size: usize, threads: 
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     let open = |name: &str| Ok(InMemory(name.to_owned(), &files));
-    let done = post_pieces(pieces()?, cell, &Options::default(), threads, &poster, open, &mut sinks);
+    let done = post_pieces(pieces()?, cell, corrects, threads, &poster, open, &mut sinks);
     Some(match done {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             let files = files.into_inner().unwrap();
@@ -254,11 +261,15 @@ proptest! {
         most in prop::option::of(1..60_usize),
         threads in 1..4_usize,
         tight in prop::bool::weighted(0.2),
+        subdivide in prop::option::of(Just(1e-9)),
     ) {
+        let corrects = Options { subdivide, ..Options::default() };
+        // How many parts there are is told by what is inserted.
+        let most = most.filter(|_| subdivide.is_none());
         // Random paths step the correction; limits refuse some of them, which must be told alike.
         let cell = cell(&CELL.replace("max_step_mm = 1.0", if tight { "max_step_mm = 0.05" } else { "max_step_mm = 5.0" }));
         let text = file(&lines, "\n");
-        let (came, expected) = (streamed(&text, &cell, most, size, threads), whole(&text, &cell, most));
+        let (came, expected) = (streamed(&text, &cell, most, &corrects, size, threads), whole(&text, &cell, most, &corrects));
         let came = came.ok_or_else(|| TestCaseError::fail("the file is streamed"))?;
         prop_assert_eq!(words(&came), words(&expected));
         prop_assert_eq!(came.is_ok(), expected.is_ok());
@@ -274,7 +285,7 @@ proptest! {
 fn what_only_the_whole_tells_is_read_whole() {
     let cell = cell(CELL);
     let text = file(&[Line::Tilted; 40], "\n");
-    assert!(streamed(&text, &cell, None, 300, 2).unwrap().is_ok());
+    assert!(streamed(&text, &cell, None, &Options::default(), 300, 2).unwrap().is_ok());
     let card = |line: &str| format!("{line:<72}{:08}\n", 1);
     let files = [
         text.replace("FINI", "INDEX/1\nCOPY/1,SAME,2\nFINI"),
@@ -283,7 +294,7 @@ fn what_only_the_whole_tells_is_read_whole() {
         "nothing of the kind\n".repeat(20),
     ];
     for file in &files {
-        assert!(streamed(file, &cell, None, 300, 2).is_none(), "{}", &file[..200]);
+        assert!(streamed(file, &cell, None, &Options::default(), 300, 2).is_none(), "{}", &file[..200]);
     }
 }
 
@@ -296,10 +307,16 @@ fn a_file_without_feed_or_unit_or_tool_is_refused_alike() {
         (text.clone(), cell(&CELL.replace("[tools.tMill]", "[tools.tOther]"))),
         (text.replace("1.5000,", "9999.5,"), cell(CELL)),
     ] {
-        let (came, expected) = (streamed(&text, &cell, None, 300, 2).unwrap(), whole(&text, &cell, None));
+        let (came, expected) = (
+            streamed(&text, &cell, None, &Options::default(), 300, 2).unwrap(),
+            whole(&text, &cell, None, &Options::default()),
+        );
         assert!(expected.is_err());
         assert_eq!(words(&came), words(&expected));
     }
     let no_unit = cell(&CELL.replace("units = \"mm\"\n", ""));
-    assert!(streamed(&without("UNITS/MM\n"), &no_unit, None, 300, 2).is_none(), "told by whoever reads it whole");
+    assert!(
+        streamed(&without("UNITS/MM\n"), &no_unit, None, &Options::default(), 300, 2).is_none(),
+        "told by whoever reads it whole"
+    );
 }

@@ -54,8 +54,9 @@ impl Piped {
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {
     let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
-    // A list of modules goes along with them.
-    if batch.setup.options.subdivide.is_some() || !job.companions.is_empty() {
+    // How many parts there are is told by what is inserted; a list of modules goes along with them.
+    let parts = batch.setup.options.subdivide.is_some() && batch.args.max_targets.is_some();
+    if parts || !job.companions.is_empty() {
         return Ok(None);
     }
     let file = File::open(path).map_err(|error| cannot_read(name, &error))?;

@@ -110,6 +110,8 @@ pub(super) struct Carried<'a> {
     shift: Turns<Option<Vector3<f64>>>,
     /// How far the program is posted (CL input).
     pub(super) posted: Turns<Place>,
+    /// Where the way to the next piece begins.
+    end: Turns<Option<subdivide::Start>>,
 }
 
 impl<'a> Carried<'a> {
@@ -121,6 +123,7 @@ impl<'a> Carried<'a> {
             reached: Turns::new(None),
             shift: Turns::new(None),
             posted: Turns::new(Place::default()),
+            end: Turns::new(None),
         })
     }
 
@@ -131,11 +134,15 @@ impl<'a> Carried<'a> {
         self.reached.break_off();
         self.shift.break_off();
         self.posted.break_off();
+        self.end.break_off();
     }
 
     /// Passes on what a piece that is refused does not change.
-    fn skip(&self, n: usize) {
+    fn skip(&self, n: usize, options: &Options) {
         self.commanded.take(n, |_| ());
+        if options.subdivide.is_some() {
+            self.end.take(n, |_| ());
+        }
         self.reached.take(n, |_| ());
         self.shift.take(n, |_| ());
     }
@@ -153,7 +160,7 @@ pub(super) fn piece(
     let prepared = match carried.path.take(n, |path| path::prepare(program, cell, options, path))? {
         Ok(prepared) => prepared,
         Err(refused) => {
-            carried.skip(n);
+            carried.skip(n, options);
             return Some(Err(refused));
         }
     };
@@ -187,7 +194,13 @@ pub(super) fn piece(
         });
     }
     let inserts = match options.subdivide {
-        Some(tolerance) => subdivide::inserts(program, cell, &prepared, &motors, &wishes, tolerance),
+        Some(tolerance) => {
+            let solved = subdivide::Solved { program, cell, prepared: &prepared, motors: &motors, wishes: &wishes };
+            let last = solved.last();
+            let before =
+                carried.end.take(n, |end| if last.is_some() { std::mem::replace(end, last) } else { end.clone() })?;
+            solved.inserts(before.as_ref(), tolerance, spread)
+        }
         None => Vec::new(),
     };
     let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };

@@ -4,50 +4,82 @@
 //! curvature. A stretch is halved while the correction at its middle is off the mean of its ends.
 
 use super::line::Inserts;
-use super::solve::Wish;
-use super::{Prepared, frames};
+use super::solve::{Spread, Wish};
+use super::{Point, Prepared, frames};
 use crate::cell::Cell;
 use crate::program::{Insert, Motion, Program, Role};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Translation3, Vector3};
-use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Halvings of one stretch at most: 2⁶ − 1 inserted points.
 const DEEPEST: usize = 6;
 
-/// Points to insert so that the correction is linear to `tolerance` (m) between neighbours.
-pub(super) fn inserts(
-    program: &Program,
-    cell: &Cell,
-    prepared: &Prepared,
-    motors: &[Joints],
-    wishes: &[Wish],
-    tolerance: f64,
-) -> Inserts {
-    let straight = |i: usize| {
-        let (from, to) = (&program.targets[i - 1], &program.targets[i]);
-        to.motion == Motion::Linear
-            && to.role == Role::End
-            && from.wobj == to.wobj
-            && from.tool == to.tool
-            && wishes[i] == Wish::Pose
-            && wishes[i - 1] != Wish::Keep
-    };
-    let stretches: Vec<Inserts> = (1..program.targets.len())
-        .into_par_iter()
-        .map(|i| {
+/// Where a stretch begins: a target as it was solved.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    point: Point,
+    motor: Joints,
+    wish: Wish,
+    tool: Arc<str>,
+    wobj: Arc<str>,
+}
+
+/// A program, or a piece of one, with its commands.
+pub(super) struct Solved<'a> {
+    pub(super) program: &'a Program,
+    pub(super) cell: &'a Cell,
+    pub(super) prepared: &'a Prepared,
+    pub(super) motors: &'a [Joints],
+    pub(super) wishes: &'a [Wish],
+}
+
+impl Solved<'_> {
+    /// Target `i` as the start of the stretch behind it.
+    fn start(&self, i: usize) -> Start {
+        let target = &self.program.targets[i];
+        Start {
+            point: self.prepared.points[i].clone(),
+            motor: self.motors[i],
+            wish: self.wishes[i],
+            tool: Arc::clone(&self.program.tools[usize::from(target.tool)].name),
+            wobj: Arc::clone(&self.program.wobjs[usize::from(target.wobj)].name),
+        }
+    }
+
+    /// The last target, where there is one.
+    pub(super) fn last(&self) -> Option<Start> {
+        self.program.targets.len().checked_sub(1).map(|last| self.start(last))
+    }
+
+    /// Points to insert so that the correction is linear to `tolerance` (m) between neighbours; `before` is the last target
+    /// of the pieces before.
+    pub(super) fn inserts(&self, before: Option<&Start>, tolerance: f64, spread: Spread) -> Inserts {
+        let stretches = spread.map(self.program.targets.len(), |i| {
+            let own = i.checked_sub(1).map(|before| self.start(before));
             let mut found = Vec::new();
-            if straight(i) {
-                let stretch = Stretch { cell, prepared, i, tolerance };
-                let ends = (stretch.corrected(&motors[i - 1], 0.0), stretch.corrected(&motors[i], 1.0));
+            if let Some(from) = own.as_ref().or(before).filter(|from| self.is_straight(from, i)) {
+                let stretch = Stretch { cell: self.cell, prepared: self.prepared, from: &from.point, i, tolerance };
+                let ends = (stretch.corrected(&from.motor, 0.0), stretch.corrected(&self.motors[i], 1.0));
                 if let (Some(from), Some(to)) = ends {
                     stretch.halve((0.0, &from), (1.0, &to), DEEPEST, &mut found);
                 }
             }
             found
-        })
-        .collect();
-    stretches.into_iter().flatten().collect()
+        });
+        stretches.into_iter().flatten().collect()
+    }
+
+    /// Whether the way to target `i` is one that points can be put into.
+    fn is_straight(&self, from: &Start, i: usize) -> bool {
+        let to = &self.program.targets[i];
+        to.motion == Motion::Linear
+            && to.role == Role::End
+            && from.wobj.eq_ignore_ascii_case(&self.program.wobjs[usize::from(to.wobj)].name)
+            && from.tool.eq_ignore_ascii_case(&self.program.tools[usize::from(to.tool)].name)
+            && self.wishes[i] == Wish::Pose
+            && from.wish != Wish::Keep
+    }
 }
 
 /// A corrected point of a stretch.
@@ -66,6 +98,7 @@ impl Corrected {
 struct Stretch<'a> {
     cell: &'a Cell,
     prepared: &'a Prepared,
+    from: &'a Point,
     i: usize,
     tolerance: f64,
 }
@@ -73,7 +106,7 @@ struct Stretch<'a> {
 impl Stretch<'_> {
     /// The correction at a share of the way, cut and tool as at the stretch's end.
     fn corrected(&self, near: &Joints, share: f64) -> Option<Corrected> {
-        let (from, to) = (&self.prepared.points[self.i - 1], &self.prepared.points[self.i]);
+        let (from, to) = (self.from, &self.prepared.points[self.i]);
         let (a, b) = (&from.wobj_from_tcp, &to.wobj_from_tcp);
         let way =
             Rotation3::from_scaled_axis(share * crate::robot::rotation_vector(&(b.rotation * a.rotation.inverse())));
