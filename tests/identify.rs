@@ -130,12 +130,12 @@ fn a_real_robot_is_explained_in_stages() {
     assert!(found.before.rms_mm > 0.9 && found.after.rms_mm < 0.063, "{:?} {:?}", found.before, found.after);
 }
 
-/// UR10 with every stage in it: 0.092 was measured on C, 0.070 on A. A fit that lost rows made A's errors no numbers.
+/// UR10 with every stage in it: 0.095 was measured on C, 0.088 on every fifth row of A, rows far off included. A fit that lost rows made A's errors no numbers.
 #[test]
 fn a_large_robot_is_explained_and_every_error_is_a_number() {
     let Some(data) = shared("data") else { return };
     let cell = cell(&data.join("ur10.toml"));
-    for (file, every, most) in [("ur10_C.csv", 1, 0.097), ("ur10_A.csv", 5, 0.084)] {
+    for (file, every, most) in [("ur10_C.csv", 1, 0.097), ("ur10_A.csv", 5, 0.092)] {
         let mut table = Table::read(&source(&data.join(file))).unwrap();
         let mut row = 0;
         table.rows.retain(|_| {

@@ -3,7 +3,7 @@
 use super::data::{Observation, Problem};
 use super::device;
 use super::smooth::Curve;
-use crate::effects::{Effect, JointCurve, KINDS, Survey};
+use crate::effects::{Effect, JointCurve, KINDS, Survey, joint_error_curve};
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -167,7 +167,6 @@ const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
 pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     let survey = survey(arm, problem);
     let mut found: Vec<Candidate> = Vec::new();
-    let mut curves = Vec::new();
     for (slot, effect) in arm.effects.iter().enumerate() {
         // A device frame of its own swallows the work object's.
         if !(effect.parameters().is_empty() || problem.free_device && effect.kind() == "work_object_frame") {
@@ -177,7 +176,9 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     for kind in KINDS {
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
         // The empirical map is what patterns stand for here: it names no effect.
-        if declared || kind.name == "empirical" || problem.free_device && kind.name == "work_object_frame" {
+        // A device frame of its own swallows the work object's; curves over the whole robot are made below.
+        let other = ["work_object_frame", "joint_error_curve"].contains(&kind.name);
+        if declared || kind.name == "empirical" || problem.free_device && other {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
@@ -187,11 +188,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
         let count = variants.len().max(1) as f64;
         let new =
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
-        let new = variants.into_iter().map(new);
-        match problem.free_device && kind.name == "joint_error_curve" {
-            true => curves.extend(finest(new).into_iter().filter_map(Candidate::into_curve)),
-            false => found.extend(new),
-        }
+        found.extend(variants.into_iter().map(new));
     }
     // Effects of other sizes than the typical one compete too, on the same columns.
     let sizes = if problem.free_device { &SIZES_WHOLE[..] } else { &SIZES };
@@ -199,22 +196,28 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     let twin = |c: &Candidate| sizes.iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();
     let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
     found.extend(twins);
-    found.extend(curves);
+    if problem.free_device && !arm.effects.iter().any(|effect| effect.kind() == "joint_error_curve") {
+        found.extend(curves(&survey));
+    }
     found.extend(patterns(&survey, problem));
     found
 }
 
-/// Of the variants of each family the one with the most numbers: smoothness makes the coarser ones of it.
-fn finest(variants: impl Iterator<Item = Candidate>) -> Vec<Candidate> {
-    let mut best: Vec<Candidate> = Vec::new();
-    for candidate in variants {
-        match best.iter_mut().find(|known| known.family == candidate.family) {
-            Some(known) if known.values.len() < candidate.values.len() => *known = candidate,
-            Some(_) => {}
-            None => best.push(candidate),
-        }
-    }
-    best
+/// The curve of every joint that moved, with knots as fine as its range allows: smoothness makes the coarser ones of it.
+fn curves(survey: &Survey) -> Vec<Candidate> {
+    /// Degrees: delivered robots show waves of 12° and more, and shorter ones that only many rows a degree hold.
+    const SPACINGS_DEG: (f64, f64) = (1.25, 2.5);
+    /// Knots of a joint from which on they are spaced wider: the work grows as their cube.
+    const MOST: f64 = 100.0;
+    /// A joint that moved less shows no curve, degrees.
+    const LEAST_RANGE_DEG: f64 = 4.0;
+    let of_joint = |joint: usize| {
+        let (from, to) = (survey.motor_min[joint].to_degrees(), survey.motor_max[joint].to_degrees());
+        let spacing = ((to - from) / MOST).clamp(SPACINGS_DEG.0, SPACINGS_DEG.1);
+        let curve = (to - from >= LEAST_RANGE_DEG).then(|| joint_error_curve(joint + 1, from, to, spacing))?;
+        Candidate::new(curve.as_ref(), Home::New(Shape(curve.clone_box())), 1.0).into_curve()
+    };
+    (0..6).filter_map(of_joint).collect()
 }
 
 /// Variants over time constants: the parameter named `tau_s` is searched, not fitted from nothing.

@@ -35,6 +35,8 @@ pub struct Input<'a> {
 const LEAST_ROWS: usize = 16;
 /// Rounds of linearising, choosing and refitting.
 const ROUNDS: usize = 6;
+/// One row in so many is few, over the whole robot.
+const FEW: usize = 500;
 /// Rounds of seeking gear harmonics before anything flexible is let in.
 const GEAR_ROUNDS: usize = 4;
 
@@ -200,7 +202,9 @@ impl Engine {
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
             self.choose(set.clone());
-            let outliers = self.mark_outliers();
+            // Of ten thousand rows a few more stand out in every round: no reason for another one.
+            let few = if whole { self.problem.rows.len() / FEW } else { 0 };
+            let outliers = self.mark_outliers() > few;
             // Beside a field, what is periodic in a joint passes for anything: it would be withdrawn.
             let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);

@@ -12,6 +12,8 @@ use statrs::function::erf::erf;
 
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
+/// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
+const BLUNDER: f64 = 2.0 * OUTLIER;
 /// Standard deviation of normal numbers over the median of their sizes.
 const TO_SIGMA: f64 = 1.4826;
 /// The kind that names nothing.
@@ -152,8 +154,8 @@ impl Engine {
         blocks.par_iter().map(of_block).collect()
     }
 
-    /// Marks rows whose whitened residual no noise makes; says whether any is new.
-    pub(super) fn mark_outliers(&mut self) -> bool {
+    /// Marks rows whose whitened residual no noise makes; how many are new.
+    pub(super) fn mark_outliers(&mut self) -> usize {
         let whitened = self.whitened(&self.residual());
         // Rows that no fit has seen also carry what the fit does not know of them: their own scale says how much.
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
@@ -163,7 +165,7 @@ impl Engine {
             .collect();
         sizes.sort_by(f64::total_cmp);
         let unseen = (TO_SIGMA * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)).max(self.sigma);
-        let limit = |row: &Observation| OUTLIER * if row.held_out { unseen } else { self.sigma };
+        let limit = |row: &Observation| if row.held_out { BLUNDER * unseen } else { OUTLIER * self.sigma };
         let far: Vec<usize> = (0..self.problem.rows.len())
             .filter(|&i| {
                 let row = &self.problem.rows[i];
@@ -171,13 +173,13 @@ impl Engine {
             })
             .collect();
         // A tenth of the rows are not outliers but an effect.
-        if far.is_empty() || far.len() * 20 > self.problem.rows.len() {
-            return false;
+        if far.len() * 20 > self.problem.rows.len() {
+            return 0;
         }
         for &i in &far {
             self.problem.rows[i].outlier = true;
         }
-        true
+        far.len()
     }
 
     pub(super) fn whitened(&self, residual: &DVector<f64>) -> DVector<f64> {

@@ -11,11 +11,11 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
 /// Angles over which a curve stays alike, degrees: of one tooth, and of a third of a turn.
-const REACHES_DEG: [f64; 8] = [2.5, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 45.0];
+const REACHES_DEG: [f64; 9] = [1.6, 2.5, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 45.0];
 /// Sizes of curves, as shares of the typical one.
 const SIZES: [f64; 5] = [0.3, 0.6, 1.2, 2.5, 5.0];
 /// What a new curve has until the data have spoken: places in the two lists.
-const USUAL: (usize, usize) = (2, 2);
+const USUAL: (usize, usize) = (3, 2);
 /// Variance of a knot that owes nothing to its neighbours, over that of the curve: it keeps the inverse sound.
 const NUGGET: f64 = 1e-6;
 
@@ -61,7 +61,7 @@ impl Curve {
 
     /// Some that differ enough, for all curves alike.
     pub(super) fn common() -> impl Iterator<Item = usize> {
-        [2, 4].into_iter().flat_map(|reach| [2, 3].map(|size| reach * SIZES.len() + size))
+        [3, 5].into_iter().flat_map(|reach| [2, 3].map(|size| reach * SIZES.len() + size))
     }
 
     /// Takes the smoothness of that number.
