@@ -12,6 +12,9 @@ use proptest::prelude::*;
 /// Independent forward and inverse meet to the rounding of f64 over an arm of 2 m.
 const SAME_POSE: f64 = 1e-11;
 
+/// The same where the inverse is a search: what it takes for found where rounding keeps it from more, 1e-7 mm.
+const FOUND_POSE: f64 = 1e-10;
+
 fn deg(values: [f64; 6]) -> Joints {
     Joints::from(values.map(f64::to_radians))
 }
@@ -72,8 +75,11 @@ fn round_trip(arm: &Arm, motor: &Joints, force: Vector3<f64>) {
     let command = arm.command(&situation, &situation.wobj_from_tcp, motor, &none).unwrap();
     let there = arm.predict(&situation, &command.commanded(&none), &none).unwrap();
     let gap = there.wobj_from_tcp.inv_mul(&situation.wobj_from_tcp);
-    assert!(gap.translation.vector.norm() < SAME_POSE, "{gap:?}");
-    assert!((gap.rotation.matrix() - nalgebra::Matrix3::identity()).amax() < SAME_POSE);
+    let searched =
+        !arm.robot.has_closed_form() || arm.effects.iter().any(|effect| effect.kind() == "bearing_compliance");
+    let same = if searched { FOUND_POSE } else { SAME_POSE };
+    assert!(gap.translation.vector.norm() < same, "{gap:?}");
+    assert!((gap.rotation.matrix() - nalgebra::Matrix3::identity()).amax() < same);
     // The energy check: K (q_actual − q_commanded) = Jᵀ F + weights.
     let stiffness = arm.stiffness.unwrap();
     let spring = stiffness.component_mul(&(there.motor - command.commanded(&none)));
@@ -171,7 +177,8 @@ proptest! {
         let limits = &robot.limits;
         let motor = Joints::from_fn(|i, _| (limits.min[i] + share[i] * (limits.max[i] - limits.min[i])).clamp(-3.1, 3.1));
         let jacobian = robot.jacobian(&robot.frames(&motor), &robot.forward(&motor).translation.vector);
-        prop_assume!(jacobian.determinant().abs() > 0.02 && robot.limit_violation(&motor).is_none());
+        let reach: f64 = robot.links.rows().iter().map(|row| row.a.abs() + row.d.abs()).sum();
+        prop_assume!(jacobian.determinant().abs() > 1e-3 * reach.powi(3) && robot.limit_violation(&motor).is_none());
         round_trip(&arm_of(robot, &effects), &motor, Vector3::from(f));
     }
 }

@@ -19,11 +19,20 @@ pub struct Equilibrium {
     pub distortion: Distortion,
 }
 
-/// What a round adds to the deflection when it ends the iteration, rad and m: 1e-9 mm at 3 m.
-const LEFT: f64 = 3e-13;
+/// When the iteration ends.
+#[derive(Clone, Copy)]
+struct Enough {
+    /// What a round adds to the deflection then, rad and m.
+    left: f64,
+    /// Whether the last step is taken without a look where the two rounds before show what it would leave.
+    foreseen: bool,
+}
 
-/// The same for a report: 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
-const LEFT_PRINTED: f64 = 2e-12;
+/// 1e-9 mm at 3 m, seen by a look.
+const EXACT: Enough = Enough { left: 3e-13, foreseen: false };
+
+/// 6e-9 mm at 3 m, less than a hundredth of the last printed digit: a step may leave ten times what is foreseen.
+const PRINTED: Enough = Enough { left: 2e-12, foreseen: true };
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
@@ -49,7 +58,7 @@ impl Arm {
     ) -> Result<Equilibrium, EquilibriumError> {
         let near = self.near(motor_commanded, Joints::zeros());
         let mut rounds = Rounds::default();
-        let there = self.settle(situation, (motor_commanded, travel), &near, LEFT, &mut rounds)?;
+        let there = self.settle(situation, (motor_commanded, travel), &near, EXACT, &mut rounds)?;
         let Rounds { mut rounds, distortion } = rounds;
         let load = std::mem::take(&mut rounds[there.last].look.load);
         Ok(Equilibrium { motor: there.motor, wobj_from_tcp: there.seen, load, distortion })
@@ -64,7 +73,7 @@ impl Arm {
         near: &Near,
         rounds: &mut Rounds,
     ) -> Result<Landing, EquilibriumError> {
-        let there = self.settle(situation, command, near, LEFT_PRINTED, rounds)?;
+        let there = self.settle(situation, command, near, PRINTED, rounds)?;
         Ok(Landing { wobj_from_tcp: there.seen, cut: rounds.rounds[there.last].look.load.cut, known: there.known })
     }
 
@@ -74,7 +83,7 @@ impl Arm {
         situation: &Situation,
         command: (&Joints, &Joints),
         near: &Near,
-        enough: f64,
+        enough: Enough,
         rounds: &mut Rounds,
     ) -> Result<Settled, EquilibriumError> {
         let mut failure = EquilibriumError::NotFinite;
@@ -116,7 +125,7 @@ impl Arm {
         (motor_commanded, travel): (&Joints, &Joints),
         near: &Near,
         share: f64,
-        enough: f64,
+        enough: Enough,
         rounds: &mut Rounds,
     ) -> Result<Settled, EquilibriumError> {
         rounds.begin(&near.deflection);
@@ -136,7 +145,7 @@ impl Arm {
             *size = left.dot(left, *parts).sqrt();
             let same_lost = look.distortion.lost == distortion.lost;
             // Zero before the first look, which is no lost motion's fault.
-            if *size < enough && (round > 0 || same_lost) {
+            if *size < enough.left && (round > 0 || same_lost) {
                 known.deflection = distortion.joints;
                 return Ok(Settled { motor, seen: look.seen, last: round % 2, known });
             }
@@ -168,7 +177,8 @@ impl Arm {
                 distortion.set(&look.distortion, *parts);
                 distortion.go_towards(&before.look.distortion, back, *parts);
                 // The next round would leave too little to be looked at, if it gains as much as this one.
-                sure = same_lost && *parts == Parts::Joints && *size * (*size / before.size) < enough;
+                let foreseen = *size * (*size / before.size);
+                sure = enough.foreseen && foreseen < enough.left && same_lost && *parts == Parts::Joints;
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
             if sure {

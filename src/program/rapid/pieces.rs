@@ -17,8 +17,8 @@ use std::io::{self, BufRead, Read};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes of the body in a piece: some hundred targets, which stay in a core's own memory. Not a matter of threads: any number of them sees the same pieces.
-pub const PIECE: usize = 32 * 1024;
+/// Bytes of the body in a piece: a thousand targets, of which each kind of line is read once. Not a matter of threads: any number of them sees the same pieces.
+pub const PIECE: usize = 128 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
