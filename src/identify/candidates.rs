@@ -2,6 +2,7 @@
 
 use super::data::{Observation, Problem};
 use super::device;
+use super::pattern::{self, Pattern};
 use super::smooth::Curve;
 use crate::effects::{Effect, JointCurve, KINDS, Survey, joint_error_curve};
 use crate::equilibrium::{Arm, Equilibrium};
@@ -46,19 +47,6 @@ impl Clone for Shape {
     fn clone(&self) -> Self {
         Self(self.0.clone_box())
     }
-}
-
-/// What an unexplained remainder may follow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pattern {
-    /// One joint's angle.
-    Joint(usize),
-    /// Time.
-    Time,
-    /// The force.
-    Force,
-    /// A jump from one sixteenth of the run on.
-    Jump(usize),
 }
 
 /// A candidate with its current numbers.
@@ -118,7 +106,7 @@ impl Candidate {
         }
     }
 
-    fn pattern(pattern: Pattern, size: usize) -> Self {
+    pub(super) fn pattern(pattern: Pattern, size: usize) -> Self {
         /// Patterns of this size are looked for, mm.
         const TYPICAL_MM: f64 = 0.05;
         Self {
@@ -199,7 +187,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     if problem.free_device && !arm.effects.iter().any(|effect| effect.kind() == "joint_error_curve") {
         found.extend(curves(&survey));
     }
-    found.extend(patterns(&survey, problem));
+    found.extend(pattern::all(&survey, problem));
     found
 }
 
@@ -238,26 +226,6 @@ fn time_constants(variants: Vec<Box<dyn Effect>>, survey: &Survey) -> Vec<Box<dy
     }
     out
 }
-
-fn patterns(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
-    if problem.free_device {
-        return Vec::new();
-    }
-    let mut all: Vec<Candidate> =
-        (0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * ORDERS.len())).collect();
-    if survey.time.is_some_and(|(from, to)| to > from) {
-        all.push(Candidate::pattern(Pattern::Time, 3 * WAVES));
-    }
-    if survey.has_force {
-        all.push(Candidate::pattern(Pattern::Force, 3 * 9));
-    }
-    all.extend((1..JUMPS).map(|at| Candidate { variants: JUMPS as f64, ..Candidate::pattern(Pattern::Jump(at), 3) }));
-    all
-}
-
-const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
-const WAVES: usize = 14;
-const JUMPS: usize = 16;
 
 /// What the data offer.
 pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
@@ -339,7 +307,7 @@ pub(super) fn design(
         firsts.push(next);
         let candidate = &candidates[c];
         next = match &candidate.home {
-            Home::Pattern(pattern) => add(pattern_columns(problem, *pattern, candidate.values.len())),
+            Home::Pattern(pattern) => add(pattern::columns(problem, *pattern, candidate.values.len())),
             home => {
                 let own = chosen.contains(&c).then(|| now(Some(c)));
                 let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
@@ -442,59 +410,4 @@ impl About<'_> {
         };
         (0..candidate.values.len()).into_par_iter().map(of_knot).collect()
     }
-}
-
-fn pattern_columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVector<f64>> {
-    /// In mm, as the prior of [`Candidate::pattern`].
-    const TYPICAL_MM: f64 = 0.05;
-    let count = problem.rows.len().max(2);
-    let time = problem.rows.iter().map(|row| problem.runs[row.run].points[row.point].time);
-    let (from, to) = time.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
-    let force_size = problem
-        .rows
-        .iter()
-        .map(|row| match problem.runs[row.run].situation(row.point).cutting {
-            crate::effects::Cutting::Constant(force) => force.norm(),
-            _ => 0.0,
-        })
-        .fold(1.0, f64::max);
-    let value = |row: &Observation, index: usize, which: usize| {
-        use std::f64::consts::PI;
-        let point = &problem.runs[row.run].points[row.point];
-        match pattern {
-            Pattern::Joint(joint) => {
-                let angle = ORDERS[which / 2] * row.motor[joint];
-                if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
-            }
-            Pattern::Time => (PI * (which + 1) as f64 * (point.time - from) / (to - from).max(1e-9)).cos(),
-            Pattern::Force => match problem.runs[row.run].situation(row.point).cutting {
-                crate::effects::Cutting::Constant(force) => {
-                    let f = force / force_size;
-                    [f.x, f.y, f.z, f.x * f.x, f.y * f.y, f.z * f.z, f.x * f.y, f.y * f.z, f.x * f.z][which]
-                }
-                _ => 0.0,
-            },
-            Pattern::Jump(at) => f64::from(u8::from(index * JUMPS >= at * count)),
-        }
-    };
-    let functions = size / 3;
-    let mut columns = Vec::with_capacity(size);
-    for which in 0..functions {
-        for axis in 0..3 {
-            let parts: Vec<(usize, usize, f64)> = problem
-                .rows
-                .par_iter()
-                .enumerate()
-                .map(|(index, row)| (row.offset, row.seen.len(), value(row, index, which)))
-                .collect();
-            let mut column = DVector::zeros(problem.scalars);
-            for (offset, len, value) in parts {
-                if axis < len {
-                    column[offset + axis] = TYPICAL_MM * value;
-                }
-            }
-            columns.push(column);
-        }
-    }
-    columns
 }

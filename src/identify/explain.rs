@@ -1,6 +1,6 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
-use super::candidates::{Candidate, Home, Pattern, fitted, with};
+use super::candidates::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::{Observation, Problem};
 use super::engine::{Engine, Input, Linearised, Posterior};
@@ -8,6 +8,7 @@ use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation, Unexplained,
 };
+use super::pattern::Pattern;
 use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};

@@ -16,6 +16,7 @@ mod gate;
 mod gear;
 mod noise;
 mod outcome;
+mod pattern;
 mod score;
 mod search;
 mod separability;
