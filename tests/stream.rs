@@ -170,8 +170,10 @@ fn program(lines: &[Line], ends: &str) -> String {
     let mut x = 0.0_f64;
     for line in lines {
         let turn = 0.002 * (0.01 * x).sin();
+        // There and back again, within reach.
+        let along = 600.0 - (x % 1200.0 - 600.0).abs();
         let pose = format!(
-            "[[{x:.3},{:.3},{:.2}],[{:.8},{:.8},0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
+            "[[{along:.3},{:.3},{:.2}],[{:.8},{:.8},0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
             20.0 * (0.013 * x).sin(),
             40.0 + 10.0 * (0.007 * x).cos(),
             turn,

@@ -55,7 +55,8 @@ fn words(came: &Came) -> Vec<String> {
 /// `count` targets along a line, declared in the order that `turn` makes of theirs; every tenth is inline.
 fn program(count: usize, turn: usize, ends: &str) -> String {
     let pose = |i: usize| {
-        let x = 0.1 * i as f64;
+        // There and back again, within reach.
+        let x = 500.0 - (0.1 * i as f64 % 1000.0 - 500.0).abs();
         format!(
             "[[{x:.3},{:.2},40.000],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
             (0.05 * x).sin()
