@@ -3,6 +3,7 @@
 
   benches/compare.py [--anchors DIR] [--targets N] [--runs N]        a table on stdout
   benches/compare.py --figure docs/speed.svg [--largest N]           how time and memory grow
+  benches/compare.py --identification --rows 200000                  the same of an identification alone
 
 --anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor; what
 is not there is left out. Times are wall seconds, median of the runs, which take turns; memory is the operating system's peak.
@@ -245,7 +246,7 @@ def figure(args, folder):
         points.append((count, *run(command)))
     panels.append(("programs in a batch (2·10⁴ targets each, 4 threads)", points, True))
 
-    points = identification(folder)
+    points = identification(args, folder)
     panels.append(("measured rows of an identification", points, True))
     pathlib.Path(args.figure).write_text(svg(panels))
     for name, points, _ in panels:
@@ -254,7 +255,7 @@ def figure(args, folder):
             print(f"  {x:>10,}  {seconds:8.3f} s  {memory:6.0f} MiB")
 
 
-def identification(folder):
+def identification(args, folder):
     """The closed-loop sample's program over and over; what a cell with its backlash would measure there, with fresh noise."""
     sample = ROOT / "samples/closed-loop"
     lines = (sample / "part.mod").read_text().splitlines(keepends=True)
@@ -266,7 +267,7 @@ def identification(folder):
     )
     noise = random.Random(6660)
     points = []
-    for times in (1, 3, 10, 30):
+    for times in (t for t in (1, 3, 10, 30, 100, 658) if t * len(rows) <= args.rows):
         program, forces, measured = folder / "long.mod", folder / "forces.csv", folder / "long.csv"
         body = [lines[i] for i in moves] * times
         program.write_text("".join(lines[: moves[0]] + body + lines[moves[-1] + 1 :]))
@@ -280,7 +281,7 @@ def identification(folder):
                 out.write(",".join([row["target"], *(f"{x:.4f}" for x in place), *load]) + "\n")
         command = [DEFLEX, "identify", "--run", program, measured, "--cell", sample / "cell.toml", "--quiet"]
         points.append((len(loads), *run(command)))
-        print(f"{points[-1][0]} rows: {points[-1][1]:.2f} s", file=sys.stderr)
+        print(f"{points[-1][0]} rows: {points[-1][1]:.2f} s, {points[-1][2]:.0f} MiB", file=sys.stderr)
     return points
 
 
@@ -327,6 +328,8 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--figure")
     parser.add_argument("--largest", type=int, default=10_000_000)
+    parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 200000 takes minutes and gigabytes")
+    parser.add_argument("--identification", action="store_true", help="only how an identification grows")
     parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")
     args = parser.parse_args()
     if args.generate:
@@ -335,7 +338,7 @@ def main():
         sys.exit("/usr/bin/time is needed for the peak memory: apt-get install time")
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT, check=True)
     with tempfile.TemporaryDirectory(dir=os.environ.get("DATA")) as folder:
-        (figure if args.figure else table)(args, pathlib.Path(folder))
+        (figure if args.figure else identification if args.identification else table)(args, pathlib.Path(folder))
 
 
 if __name__ == "__main__":
