@@ -1,6 +1,6 @@
 //! What an identification came to, for people, and its residuals row by row.
 
-use crate::identify::{Identification, ResidualRow};
+use crate::identify::{FittedParameter, Identification, ResidualRow};
 use crate::text::number::write_fixed;
 use std::fmt::Write;
 
@@ -32,10 +32,7 @@ pub fn identify_text(found: &Identification) -> String {
             "  {}: posterior {:.3}; held-out rms {:.4} mm before it, {:.4} mm with it",
             added.kind, added.posterior, added.held_out_rms_before_mm, added.held_out_rms_after_mm
         );
-        for p in &added.parameters {
-            let _ =
-                writeln!(out, "    {:26} {:12.4e} {}  [{:.4e}, {:.4e}]", p.name, p.value, p.unit, p.ci95[0], p.ci95[1]);
-        }
+        write_parameters(&mut out, &added.parameters);
         if !added.not_told_apart_from.is_empty() {
             let _ = writeln!(out, "    not told apart from: {}", added.not_told_apart_from.join(", "));
         }
@@ -78,6 +75,25 @@ pub fn identify_text(found: &Identification) -> String {
     out
 }
 
+/// Each parameter with its interval; of a curve's knots only how many and how large, since they are hundreds.
+fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
+    const MOST: usize = 36; // of the effects that are no curves, `link_geometry` has most
+    if parameters.len() <= MOST {
+        for p in parameters {
+            let [low, high] = p.ci95;
+            let _ = writeln!(out, "    {:26} {:12.4e} {}  [{low:.4e}, {high:.4e}]", p.name, p.value, p.unit);
+        }
+        return;
+    }
+    let family = |p: &FittedParameter| p.name.rsplit_once('[').map_or(p.name.len(), |(family, _)| family.len());
+    for knots in parameters.chunk_by(|a, b| a.name[..family(a)] == b.name[..family(b)]) {
+        let (name, values) = (&knots[0].name[..family(&knots[0])], || knots.iter().map(|p| p.value));
+        let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        let count = knots.len();
+        let _ = writeln!(out, "    {name:26} {count} values from {low:.4e} to {high:.4e} {}", knots[0].unit);
+    }
+}
+
 /// Residuals as CSV, one row a measured row.
 #[must_use]
 pub fn residual_csv(rows: &[ResidualRow]) -> String {
@@ -97,4 +113,28 @@ pub fn residual_csv(rows: &[ResidualRow]) -> String {
         out.push(b'\n');
     }
     String::from_utf8(out).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn knots_of_curves_are_counted_and_other_parameters_shown() {
+        let parameter =
+            |name: String, value| FittedParameter { name, value, unit: "rad", ci95: [value - 1.0, value + 1.0] };
+        let few: Vec<_> = (0..6).map(|i| parameter(format!("half_gap_rad[{i}]"), f64::from(i))).collect();
+        let mut out = String::new();
+        write_parameters(&mut out, &few);
+        assert_eq!(out.lines().count(), 6);
+        assert!(out.contains("half_gap_rad[5]                5.0000e0 rad  [4.0000e0, 6.0000e0]"), "{out}");
+        let knots = (0..80).map(|i| parameter(format!("curves[{}].error_rad[{}]", i / 40, i % 40), f64::from(i)));
+        let mut out = String::new();
+        write_parameters(&mut out, &knots.collect::<Vec<_>>());
+        assert_eq!(
+            out,
+            "    curves[0].error_rad        40 values from 0.0000e0 to 3.9000e1 rad\n    \
+             curves[1].error_rad        40 values from 4.0000e1 to 7.9000e1 rad\n"
+        );
+    }
 }
