@@ -9,6 +9,7 @@
 //! program gives the same bytes for any number of threads.
 
 mod arcs;
+mod collected;
 mod forces;
 mod frames;
 mod line;

@@ -1,0 +1,122 @@
+//! Rows and failures of a run as they come, and the limits that make a failure of a correction.
+
+use super::line::{Corrected, Posted};
+use super::path;
+use super::row::{Row, Status};
+use super::{Prepared, frames};
+use crate::cell::Cell;
+use crate::equilibrium::{EquilibriumError, Landing};
+use crate::program::{Change, Editable, Language, Program, Rewritten};
+use crate::text::Diagnostic;
+use nalgebra::Vector3;
+
+/// Rows and failures as they come.
+pub(super) struct Collected<'a> {
+    pub(super) program: &'a Program,
+    prepared: &'a Prepared,
+    pub(super) rows: Vec<Row>,
+    /// With their points.
+    failures: Vec<(usize, Diagnostic)>,
+    /// Points with a failure already: one message a point.
+    failed: Vec<bool>,
+}
+
+impl<'a> Collected<'a> {
+    pub(super) fn new(program: &'a Program, prepared: &'a Prepared) -> Self {
+        let failed = vec![false; program.targets.len()];
+        Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
+    }
+
+    pub(super) fn row(&mut self, i: usize, there: &Landing) {
+        let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
+        if !path::is_end(target) {
+            return;
+        }
+        let normal = point.normal_error(&self.prepared.laws, &there.wobj_from_tcp);
+        let force = point.base_from_wobj.rotation.inverse() * there.cut;
+        let mut row = Row::new(target, point, &there.wobj_from_tcp, normal, force);
+        if let Editable::No(reason) = target.editable {
+            row.status = Status::Kept(reason);
+        }
+        self.rows.push(row);
+    }
+
+    pub(super) fn fail(&mut self, i: usize, error: &EquilibriumError) {
+        let help = match error {
+            EquilibriumError::Unreachable(_) => "move the work object or the start branch, or change the program there",
+            EquilibriumError::NoEquilibrium { .. } => {
+                "check `[robot.stiffness]` and `[cut]`: the cut is stiffer than the arm"
+            }
+            EquilibriumError::NotFinite => "check the cell's numbers",
+        };
+        self.refuse(i, "target.unsolved", error.to_string(), help);
+    }
+
+    pub(super) fn refuse(&mut self, i: usize, code: &'static str, message: String, help: &str) {
+        if std::mem::replace(&mut self.failed[i], true) {
+            return;
+        }
+        let target = &self.program.targets[i];
+        let name = target.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
+        let source = &self.program.sources[usize::from(target.source)];
+        let message = format!("target {}{name}: {message}", target.ordinal);
+        let failure = Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help);
+        self.failures.push((i, failure));
+    }
+
+    /// Failures in the order of the targets.
+    pub(super) fn finish(
+        mut self,
+        notes: Vec<Diagnostic>,
+        rewritten: Option<Rewritten>,
+        posted: Vec<Posted>,
+    ) -> Corrected {
+        self.failures.sort_by_key(|(i, _)| *i);
+        let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
+        Corrected { rows: self.rows, failures, notes, rewritten, posted }
+    }
+}
+
+/// Corrections that would surprise the machine: too large, or too different from the neighbour's.
+pub(super) fn check_limits(
+    out: &mut Collected,
+    cell: &Cell,
+    prepared: &Prepared,
+    written: &[([f64; 3], [f64; 4])],
+    changes: &[Option<Change>],
+    last: &mut Option<Vector3<f64>>,
+) {
+    for (i, point) in prepared.points.iter().enumerate() {
+        let corrected = changes[i].is_some() || out.program.language == Language::Cl;
+        let shift = if corrected {
+            let to = frames::pose(written[i].0, written[i].1).translation.vector;
+            point.base_from_wobj.rotation * (to - point.wobj_from_tcp.translation.vector)
+        } else {
+            Vector3::zeros()
+        };
+        let size = shift.norm();
+        let limits = &cell.limits;
+        if size > limits.max_correction {
+            out.refuse(
+                i,
+                "limits.max-correction",
+                format!("correction of {:.3} mm, more than max_correction_mm = {}", 1e3 * size, 1e3 * limits.max_correction),
+                "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant",
+            );
+        }
+        let step = last.map_or(0.0, |last| (shift - last).norm());
+        if step > limits.max_step {
+            out.refuse(
+                i,
+                "limits.max-step",
+                format!(
+                    "the correction steps by {:.3} mm from the target before, more than max_step_mm = {}",
+                    1e3 * step,
+                    1e3 * limits.max_step
+                ),
+                "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant",
+            );
+        }
+        *last = Some(shift);
+    }
+}
