@@ -38,6 +38,16 @@ fn meant<'a>(name: &str, declared: impl Iterator<Item = &'a String>) -> String {
     nearest(name, declared.map(String::as_str)).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
 }
 
+/// The tool that `--tool` names.
+pub(crate) fn named_tool(cell: &Cell, name: &str) -> Result<ToolFrame, Vec<Diagnostic>> {
+    cell.tools.get(&name.to_ascii_uppercase()).copied().ok_or_else(|| {
+        let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
+        Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
+            .help(format!("{}declared: {known}", meant(name, cell.tools.keys())))
+            .into()
+    })
+}
+
 /// Every tool of the program by its index; a tool that no target uses may be missing.
 pub(super) fn tools(
     program: &Program,
@@ -46,13 +56,7 @@ pub(super) fn tools(
 ) -> Result<Vec<Option<ToolFrame>>, Vec<Diagnostic>> {
     let find = |name: &str| cell.tools.get(&name.to_ascii_uppercase()).copied();
     if let Some(name) = &options.tool {
-        let Some(tool) = find(name) else {
-            let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
-            return Err(vec![
-                Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
-                    .help(format!("{}declared: {known}", meant(name, cell.tools.keys()))),
-            ]);
-        };
+        let tool = named_tool(cell, name)?;
         return Ok(vec![Some(tool); program.tools.len()]);
     }
     let mut errors = Vec::new();

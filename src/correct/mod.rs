@@ -24,6 +24,7 @@ mod subdivide;
 mod turns;
 
 pub use forces::{ForceRow, Forces};
+pub(crate) use frames::named_tool;
 pub use line::{Corrected, Posted, compensate, predict};
 pub use path::Point;
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};

@@ -3,7 +3,7 @@
 use super::device::{self, Device};
 use super::noise::Series;
 use crate::cell::Cell;
-use crate::correct::{Options, Prepared};
+use crate::correct::{Options, Prepared, named_tool};
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
@@ -135,7 +135,7 @@ impl Problem {
     /// Aligns rows that carry their own motor angles; the device's pose is unknown.
     pub(super) fn of_poses(cell: &Cell, tables: &[Table], tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let tool = match (tool, cell.tools.len()) {
-            (Some(name), _) => cell.tools.get(&name.to_ascii_uppercase()).copied(),
+            (Some(name), _) => Some(named_tool(cell, name)?),
             (None, 1) => cell.tools.values().next().copied(),
             (None, _) => None,
         };
