@@ -6,7 +6,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
-use deflex::program::cl::{self, ClOptions, Point, Units};
+use deflex::program::cl::{self, ClOptions, Units};
 use deflex::program::{Goal, Language, Program, RewriteOptions, Target, detect, rapid};
 use deflex::text::{Diagnostic, Source, apply};
 use std::sync::LazyLock;
@@ -23,12 +23,11 @@ const TARGETS_OF_LOOPS: usize = 200_000;
 
 fn cl_options() -> ClOptions {
     ClOptions {
-        tool: "tMill".to_owned(),
-        wobj: "wPart".to_owned(),
+        tool: "tMill".into(),
+        wobj: "wPart".into(),
         units: Some(Units::Millimetre),
-        point: Point::Tip,
-        corner_radius_mm: None,
         arc_tolerance_mm: 0.01,
+        ..ClOptions::default()
     }
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
 
 use assert_cmd::Command;
-use deflex::program::cl::{ClOptions, Point, Units, read};
+use deflex::program::cl::{ClOptions, Units, read};
 use deflex::program::{Goal, Program, Role};
 use deflex::text::Source;
 use std::path::{Path, PathBuf};
@@ -123,9 +123,8 @@ fn cl(file: &str) -> Program {
         tool: "tMill".into(),
         wobj: "wPart".into(),
         units: Some(Units::Millimetre),
-        point: Point::Tip,
-        corner_radius_mm: None,
         arc_tolerance_mm: 0.01,
+        ..ClOptions::default()
     };
     read(Source::new(file, std::fs::read(folder().join(file)).unwrap()), &options).unwrap()
 }

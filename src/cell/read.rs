@@ -15,8 +15,6 @@ use nalgebra::{DMatrix, Quaternion, Translation3, UnitQuaternion, Vector3};
 const MAX_CORRECTION_MM: f64 = 5.0;
 /// Without `[limits]`: the step between neighbours is not limited by default beyond this, mm.
 const MAX_STEP_MM: f64 = 2.0;
-/// Chords of arcs, mm: a tenth of what a robot repeats.
-const ARC_TOLERANCE_MM: f64 = 0.005;
 
 impl Cell {
     /// Reads and checks a cell file.
@@ -242,7 +240,7 @@ fn cl(check: &mut Check, raw: &raw::Cl, corner_radius_mm: Option<f64>) -> Option
     if point == Point::Centre && corner_radius_mm.is_none() {
         check.error("cl.point", "point = \"centre\" needs the corner radius", "add [cut.cutter] corner_radius_mm");
     }
-    let arc_tolerance_mm = raw.arc_tolerance_mm.unwrap_or(ARC_TOLERANCE_MM);
+    let arc_tolerance_mm = raw.arc_tolerance_mm.unwrap_or(ClOptions::default().arc_tolerance_mm);
     check.positive("cl.arc_tolerance_mm", &[arc_tolerance_mm]);
     let turn = raw.spin_deg.unwrap_or(0.0);
     check.finite("cl.spin_deg", &[turn]);

@@ -4,7 +4,7 @@ use super::args::{Format, Reading};
 use deflex::cell::Cell;
 use deflex::correct::Forces;
 use deflex::measured::{Table, TargetRef};
-use deflex::program::cl::{self, ClOptions, Point, Units};
+use deflex::program::cl::{self, ClOptions, Units};
 use deflex::program::{Language, ModuleNames, Program, detect, group_modules, rapid};
 use deflex::text::{Diagnostic, Source, Span};
 use rayon::prelude::*;
@@ -234,14 +234,7 @@ fn listed(path: &Path) -> Result<Job, Vec<Diagnostic>> {
 
 /// How CL is read where no cell says it: only what is independent of it is asked for then.
 fn without_cell() -> ClOptions {
-    ClOptions {
-        tool: "tool0".to_owned(),
-        wobj: "wobj0".to_owned(),
-        units: Some(Units::Millimetre),
-        point: Point::Tip,
-        corner_radius_mm: None,
-        arc_tolerance_mm: 0.005,
-    }
+    ClOptions { units: Some(Units::Millimetre), ..ClOptions::default() }
 }
 
 /// Parses a program for a run with a cell.

@@ -84,6 +84,13 @@ pub struct Tool {
     pub data: Option<ToolData>,
 }
 
+impl Tool {
+    /// Whether another is this one: RAPID does not tell case apart.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data
+    }
+}
+
 /// RAPID tooldata: millimetres, kilograms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolData {
@@ -115,6 +122,13 @@ pub struct Wobj {
     pub name: Arc<str>,
     /// Its wobjdata where the program or a context module declares it; else the cell must.
     pub data: Option<WobjData>,
+}
+
+impl Wobj {
+    /// Whether another is this one: RAPID does not tell case apart.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data
+    }
 }
 
 /// RAPID wobjdata: millimetres.

@@ -22,6 +22,11 @@ pub(crate) fn read_plain(token: &[u8]) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
+/// Whether a word is what programs print for a number that is none.
+pub(crate) fn is_none(word: &[u8]) -> bool {
+    [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
+}
+
 /// Powers of ten that are exact in binary.
 const TENS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,

@@ -7,14 +7,7 @@ use proptest::prelude::*;
 use std::fmt::Write;
 
 fn options() -> ClOptions {
-    ClOptions {
-        tool: "tMill".into(),
-        wobj: "wPart".into(),
-        units: None,
-        point: Point::Tip,
-        corner_radius_mm: None,
-        arc_tolerance_mm: 0.2,
-    }
+    ClOptions { tool: "tMill".into(), wobj: "wPart".into(), arc_tolerance_mm: 0.2, ..ClOptions::default() }
 }
 
 fn in_mm() -> ClOptions {

@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // the table is what it is run for
 
-use deflex::program::cl::{ClOptions, Point, Units, read};
+use deflex::program::cl::{ClOptions, Units, read};
 use deflex::program::{Goal, Program, Role, round_trip};
 use deflex::text::Source;
 use std::path::PathBuf;
@@ -12,9 +12,8 @@ fn options() -> ClOptions {
         tool: "tMill".into(),
         wobj: "wPart".into(),
         units: Some(Units::Millimetre),
-        point: Point::Tip,
-        corner_radius_mm: None,
         arc_tolerance_mm: 0.01,
+        ..ClOptions::default()
     }
 }
 

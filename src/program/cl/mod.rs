@@ -51,6 +51,23 @@ pub struct ClOptions {
     pub arc_tolerance_mm: f64,
 }
 
+/// Chords of arcs, mm: a tenth of what a robot repeats.
+const ARC_TOLERANCE_MM: f64 = 0.005;
+
+/// What holds where nobody says: no unit, the tip, the robot's own tool and work object.
+impl Default for ClOptions {
+    fn default() -> Self {
+        Self {
+            tool: "tool0".to_owned(),
+            wobj: "wobj0".to_owned(),
+            units: None,
+            point: Point::Tip,
+            corner_radius_mm: None,
+            arc_tolerance_mm: ARC_TOLERANCE_MM,
+        }
+    }
+}
+
 /// Length unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Units {

@@ -10,7 +10,7 @@ use super::read::{ARC_WITHOUT_END, Outcome, Reader};
 use super::statement::Statement;
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
 use crate::program::{Editable, Goal, Motion, Role, Target};
-use crate::text::Span;
+use crate::text::{Span, number};
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
 const AXIS_LENGTH: std::ops::Range<f64> = 0.9..1.1;
@@ -353,8 +353,7 @@ pub(super) fn axis(printed: [f64; 3]) -> Option<[f64; 3]> {
 
 /// Whether a word names something, rather than being a number that is none (`NaN`, `-inf`, `1E999`, `1..5`).
 fn is_name(word: &[u8]) -> bool {
-    word.first().is_some_and(u8::is_ascii_alphabetic)
-        && ![&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
+    word.first().is_some_and(u8::is_ascii_alphabetic) && !number::is_none(word)
 }
 
 fn is_unit(v: [f64; 3]) -> bool {

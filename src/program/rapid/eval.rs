@@ -552,7 +552,5 @@ fn skip_brackets(cursor: &mut Cursor<'_>, open: usize) {
 
 /// Why a name that nothing declares has no value.
 fn undeclared(name: &[u8]) -> &'static str {
-    // As programs print numbers that are none.
-    let none = [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| name.eq_ignore_ascii_case(none));
-    if none { NOT_A_NUMBER } else { "name is not declared in the files given" }
+    if text::number::is_none(name) { NOT_A_NUMBER } else { "name is not declared in the files given" }
 }

@@ -270,13 +270,7 @@ impl<'a> Runner<'a> {
         }
         let (name, value) = self.named(scope, argument);
         let tool = Tool { name, data: value.tool() };
-        let same = |t: &Tool| t.name.eq_ignore_ascii_case(&tool.name) && t.data == tool.data;
-        let found = self.tools.iter().position(same);
-        let index = found.unwrap_or_else(|| {
-            self.tools.push(tool);
-            self.tools.len() - 1
-        });
-        let index = u16::try_from(index).unwrap_or(u16::MAX);
+        let index = index(&mut self.tools, tool, Tool::is);
         self.tool = Cached { place: Some(place), epoch: self.epoch, index };
         index
     }
@@ -293,13 +287,7 @@ impl<'a> Runner<'a> {
             None => ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(RUN_TIME))),
         };
         let wobj = Wobj { name, data: value.wobj() };
-        let same = |w: &Wobj| w.name.eq_ignore_ascii_case(&wobj.name) && w.data == wobj.data;
-        let found = self.wobjs.iter().position(same);
-        let index = found.unwrap_or_else(|| {
-            self.wobjs.push(wobj);
-            self.wobjs.len() - 1
-        });
-        let index = u16::try_from(index).unwrap_or(u16::MAX);
+        let index = index(&mut self.wobjs, wobj, Wobj::is);
         self.wobj = Cached { place: Some(place), epoch: self.epoch, index };
         index
     }
@@ -391,4 +379,13 @@ impl<'a> Runner<'a> {
             Site::Offset(at) => Some(self.offsets[*at as usize].root),
         }
     }
+}
+
+/// Where one of a few stands; it is added where it does not.
+pub(super) fn index<T>(all: &mut Vec<T>, one: T, same: impl Fn(&T, &T) -> bool) -> u16 {
+    let at = all.iter().position(|known| same(known, &one)).unwrap_or_else(|| {
+        all.push(one);
+        all.len() - 1
+    });
+    u16::try_from(at).unwrap_or(u16::MAX)
 }

@@ -3,6 +3,7 @@
 
 use super::lex;
 use super::literal::Literal;
+use super::moves::index;
 use super::pieces::Piece;
 use super::run::MAX_NORM_ERROR;
 use super::value::{axes_in_use, unit};
@@ -122,12 +123,8 @@ impl Read {
             return None;
         }
         let motion = motion.map(|mut target| {
-            target.tool = index(&mut self.tools, &program.tools[usize::from(target.tool)], |a, b| {
-                a.name.eq_ignore_ascii_case(&b.name) && a.data == b.data
-            });
-            target.wobj = index(&mut self.wobjs, &program.wobjs[usize::from(target.wobj)], |a, b| {
-                a.name.eq_ignore_ascii_case(&b.name) && a.data == b.data
-            });
+            target.tool = index(&mut self.tools, program.tools[usize::from(target.tool)].clone(), Tool::is);
+            target.wobj = index(&mut self.wobjs, program.wobjs[usize::from(target.wobj)].clone(), Wobj::is);
             target
         });
         Some(Kind { before, behind, motion })
@@ -160,15 +157,6 @@ impl Read {
             targets: self.targets,
         }
     }
-}
-
-/// Where one of a few stands; it is added where it does not.
-fn index<T: Clone>(all: &mut Vec<T>, one: &T, same: impl Fn(&T, &T) -> bool) -> u16 {
-    let at = all.iter().position(|known| same(known, one)).unwrap_or_else(|| {
-        all.push(one.clone());
-        all.len() - 1
-    });
-    u16::try_from(at).unwrap_or(u16::MAX)
 }
 
 #[cfg(test)]
