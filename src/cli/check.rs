@@ -1,17 +1,19 @@
 //! `check`: is each target within tolerance, reachable and convergent?
 
 use super::args::{Check, CheckFormat, Format};
-use super::input::{self, Context, Job};
+use super::foresee::{self, Batch, Foreseen, Question};
+use super::input::{Context, Job};
 use super::output::Outputs;
 use super::report::{self, Rows};
-use super::run::{Originals, Setup, both, one_thing};
+use super::run::{Originals, Setup, both, each, one_thing};
+use super::stream::{self, Piped};
 use super::{Answer, Outcome, message};
-use deflex::correct::{Corrected, Row, Summary, compensate, predict};
+use deflex::correct::{Judged, Messages, Row, Summary, compensate, predict};
 use deflex::program::{Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{CheckFile, FileSummary, check_json, difference, junit, sarif};
+use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif, shift_mm};
 use deflex::text::{Diagnostic, Severity};
-use rayon::prelude::*;
+use indicatif::ProgressBar;
 use std::path::Path;
 
 /// Refusals that are an answer about the program, not a failure of the run.
@@ -20,25 +22,34 @@ const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
 pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(&args.format)?;
     let context = Context::of(&args.context)?;
-    let (mut setup, jobs) =
-        both(Setup::read(&args.model, context, args.correct, &args.reports), input::jobs(&args.inputs, kind))?;
+    let piped = Piped::new(&args.inputs)?;
+    let jobs = stream::jobs(piped.as_ref(), &args.inputs, kind);
+    let (mut setup, jobs) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
     if let Some(most) = args.max_correction {
         setup.cell.cell.limits.max_correction = 1e-3 * most;
     }
     one_thing(1 + args.reports.to_stdout())?;
-    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Check, jobs.len()));
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
-    let checked: Vec<_> = jobs.into_par_iter().map(|job| one(args, &setup, &originals, path.clone(), job)).collect();
+    let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
+    let batch = Batch {
+        setup: &setup,
+        originals: &originals,
+        outputs: &outputs,
+        report: args.reports.report.as_deref(),
+        path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Check, jobs.len())),
+        programs: jobs.len(),
+    };
+    let checked = each(jobs, args.common.quiet, |job, bar| one(args, &batch, job, bar))?;
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     let mut said = setup.notes();
-    for Checked { file, rows: report, path, notes } in input::all(checked)? {
+    for Checked { file, outputs: staged, rows: report, path, notes } in checked {
         said.extend(notes.into_iter().filter(|note| !said.contains(note)).collect::<Vec<_>>());
+        outputs.append(staged)?;
         files.push(file);
-        rows.push(report);
+        rows.extend(report);
         paths.extend(path);
     }
 
-    let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
     let text = match form {
         CheckFormat::Json => report::pretty(&check_json(&files))?,
         CheckFormat::Junit => junit(&files),
@@ -49,7 +60,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     if let Some(path) = &args.reports.json {
         outputs.add_report(path, report::pretty(&check_json(&files))?.as_bytes())?;
     }
-    if let Some(path) = &args.reports.report {
+    if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &args.reports.html {
@@ -82,70 +93,105 @@ fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<D
 /// One program, judged.
 struct Checked {
     file: CheckFile,
-    rows: Rows,
+    /// What is staged already.
+    outputs: Outputs,
+    /// For the report of all programs; `None` where none is wanted, or it is staged already.
+    rows: Option<Rows>,
     /// For `--html`.
     path: Option<(FileSummary, PathTrace)>,
     /// What could not be judged, and how it was understood.
     notes: Vec<Diagnostic>,
 }
 
-fn one(
-    args: &Check,
-    setup: &Setup,
-    originals: &Originals,
-    trace: Option<PathTrace>,
-    job: Job,
-) -> Result<Checked, Vec<Diagnostic>> {
-    let path = job.name.clone();
-    let original = originals.of(&job, setup)?;
+fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
+    let findings = |judged: Judged<'_>| findings(args, judged);
+    let question = Question { corrects: corrects(args), findings: &findings };
+    match foresee::streamed(batch, &job, bar, Some(question))? {
+        Some(foreseen) => streamed(batch, &job.name, foreseen),
+        None => whole(args, batch, job),
+    }
+}
+
+/// Whether the correction that would be made is judged, there being no other.
+fn corrects(args: &Check) -> bool {
+    args.max_correction.is_some() && args.against.is_none()
+}
+
+/// A program that went through a piece at a time.
+fn streamed(batch: &Batch<'_>, name: &str, foreseen: Foreseen) -> Result<Checked, Vec<Diagnostic>> {
+    let Foreseen { streamed, findings, outputs, rows, path } = foreseen;
+    let (found, sum) = if streamed.refused.is_empty() {
+        (findings.into_parts(), streamed.summary)
+    } else {
+        let (refused, more) = streamed.refused.into_parts();
+        ((about_the_program(batch, refused)?, more), Summary::default())
+    };
+    let file = CheckFile::new(name, streamed.last as usize, found);
+    let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file), path));
+    Ok(Checked { file, outputs, rows, path, notes: streamed.notes })
+}
+
+/// Refusals as findings, if they are.
+fn about_the_program(batch: &Batch<'_>, refused: Vec<Diagnostic>) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+    let all = refused.iter().all(|error| ABOUT_THE_PROGRAM.contains(&error.code));
+    if all && !refused.is_empty() { Ok(refused) } else { Err(batch.setup.cell.own(refused)) }
+}
+
+/// A program that is held whole.
+fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagnostic>> {
+    let (name, setup) = (job.name.clone(), batch.setup);
+    let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
     let targets = program.targets.iter().filter(|target| target.role == Role::End).count();
-    let about_the_program = |errors: Vec<Diagnostic>| {
-        let all = errors.iter().all(|error| ABOUT_THE_PROGRAM.contains(&error.code));
-        if all && !errors.is_empty() { Ok(errors) } else { Err(setup.cell.own(errors)) }
-    };
     let cell = &setup.cell.cell;
-    let predicted = match predict(&program, cell, &setup.options, original.as_ref()) {
+    let outputs = batch.outputs.sibling();
+    let mut predicted = match predict(&program, cell, &setup.options, original.as_ref()) {
         Ok(predicted) => predicted,
-        Err(errors) => {
-            let findings = about_the_program(errors)?;
-            let shown = trace.map(|nothing| (FileSummary::of(&path, &Summary::default(), &findings), nothing));
-            let file = CheckFile::new(path, targets, findings);
-            return Ok(Checked { file, rows: Rows::new(&program, &[]), path: shown, notes: Vec::new() });
+        Err(refused) => {
+            let mut held = Messages::with_room(Findings::MOST);
+            held.add(about_the_program(batch, refused)?);
+            let file = CheckFile::new(&name, targets, held.into_parts());
+            let nothing = FileSummary::of(&name, &Summary::default(), &[]).with_findings(&file);
+            let path = batch.path.clone().map(|path| (nothing, path));
+            let rows = batch.rows(Some(Rows::new(&program, &[])))?;
+            return Ok(Checked { file, outputs, rows, path, notes: Vec::new() });
         }
     };
-    let shown = trace.map(|mut trace| {
-        trace.extend(&predicted.rows);
-        trace.quote(|target, _| program.line_of(target));
-        (FileSummary::new(&path, &program, &predicted), trace)
-    });
-    let place = Places::new(&program);
-    let over = predicted.rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
-    let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
-    findings.extend(predicted.failures);
-    match (args.max_correction, &original) {
-        (Some(most), Some(original)) => {
-            let moved = difference(original, &program).moved;
-            findings.extend(moved.iter().filter(|m| m.mm > most).map(|m| place.correction(m.target, m.mm, most)));
-        }
-        (Some(_), None) => {
-            let Corrected { failures, .. } =
-                compensate(&program, cell, &setup.options).map_err(|e| setup.cell.own(e))?;
-            findings.extend(failures);
-        }
-        (None, _) => {}
+    let mut failures = std::mem::take(&mut predicted.failures);
+    if corrects(args) {
+        failures.extend(compensate(&program, cell, &setup.options).map_err(|e| setup.cell.own(e))?.failures);
     }
-    findings.sort_by_key(|finding| (finding.file.clone(), finding.line, finding.column));
-    findings.dedup();
-    let shown = shown.map(|(summary, trace)| (summary.with_failures(&findings), trace));
-    let rows = Rows::new(&program, &predicted.rows);
+    let original = original.as_ref().map_or(&[][..], |original| &original.targets);
+    let mut found = Findings::default();
+    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, original }));
+    let file = CheckFile::new(&name, targets, found.into_parts());
+    let path = batch.path.clone().map(|mut path| {
+        path.extend(&predicted.rows);
+        path.quote(|target, _| program.line_of(target));
+        (FileSummary::new(&name, &program, &predicted).with_findings(&file), path)
+    });
+    let rows = batch.rows(Some(Rows::new(&program, &predicted.rows)))?;
     let not_judged = program.unknown_targets().iter().map(|(reason, count)| {
-        Diagnostic::error("check.not-judged", &path, format!("not judged: {count} {reason}"))
+        Diagnostic::error("check.not-judged", &name, format!("not judged: {count} {reason}"))
             .severity(Severity::Warning)
             .help("`deflex inspect` names their lines")
     });
     let notes = predicted.notes.into_iter().chain(not_judged).collect();
-    Ok(Checked { file: CheckFile::new(path, targets, findings), rows, path: shown, notes })
+    Ok(Checked { file, outputs, rows, path, notes })
+}
+
+/// What is wrong with a program, or a piece of it.
+fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
+    let Judged { program, rows, failures, original } = judged;
+    let place = Places::new(program);
+    let over = rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
+    let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
+    findings.extend(failures);
+    if let Some(most) = args.max_correction {
+        let moved = original.iter().zip(&program.targets).map(|(a, b)| (b.ordinal, shift_mm(&a.goal, &b.goal)));
+        findings.extend(moved.filter(|(_, mm)| *mm > most).map(|(target, mm)| place.correction(target, mm, most)));
+    }
+    findings
 }
 
 /// Where targets stand in the text.
@@ -190,7 +236,8 @@ fn text(files: &[CheckFile]) -> String {
         for finding in &file.findings {
             out += &format!("{finding}\n");
         }
-        let verdict = match file.findings.len() {
+        out.extend(file.rest().map(|rest| rest + "\n"));
+        let verdict = match file.count() {
             0 => "ok".to_owned(),
             n => format!("{n} findings"),
         };

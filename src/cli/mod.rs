@@ -3,6 +3,7 @@
 mod args;
 mod check;
 mod diff;
+mod foresee;
 mod generate;
 mod identify;
 mod init;

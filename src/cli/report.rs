@@ -1,13 +1,17 @@
 //! Report rows of several programs in one file.
 
 use super::output::{Outputs, Temporary, cannot_write};
-use deflex::correct::Row;
+use super::{progress, stream};
+use deflex::correct::{Row, Sinks};
 use deflex::program::{Program, Role};
-use deflex::report::{FileSummary, write_csv};
+use deflex::report::html::PathTrace;
+use deflex::report::{CSV_HEADER, FileSummary, csv_rows, write_csv};
 use deflex::text::Diagnostic;
+use indicatif::ProgressBar;
 use serde::Serialize;
-use std::io::{self, BufRead, BufReader, BufWriter, Write};
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
 
 /// The report of one program.
 #[derive(Default)]
@@ -72,6 +76,81 @@ impl Rows {
             Csv::Held(csv) => Box::new(&csv[..]),
             Csv::Spooled(temporary) => Box::new(BufReader::new(temporary.reopen()?)),
         })
+    }
+}
+
+/// Reports of a program that are written as it goes through.
+pub(super) struct ProgramReports {
+    rows: Copies,
+    /// Rows for the report of a batch, which is put together when all are done.
+    spooled: Option<Temporary>,
+    /// For `--html`.
+    path: Option<PathTrace>,
+}
+
+impl ProgramReports {
+    /// `own` is the program's own report, `joined` that of all `programs`.
+    pub(super) fn open(
+        own: Option<PathBuf>,
+        joined: Option<&Path>,
+        programs: usize,
+        path: Option<PathTrace>,
+        outputs: &mut Outputs,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let own = own.as_deref().into_iter().chain(joined.filter(|_| programs == 1));
+        let mut rows = own.map(|path| outputs.open_report(path)).collect::<Result<Vec<_>, _>>()?;
+        let mut spooled = None;
+        if joined.is_some() && programs > 1 {
+            let (temporary, file) = Temporary::spool().map_err(|error| stream::cannot_write(&error))?;
+            rows.push(file);
+            spooled = Some(temporary);
+        }
+        let mut rows = Copies(rows);
+        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| stream::cannot_write(&error))?;
+        Ok(Self { rows, spooled, path })
+    }
+
+    /// Fills them with what `run` comes to.
+    pub(super) fn filled<T>(&mut self, bar: Option<&ProgressBar>, run: impl FnOnce(&mut Sinks<'_>) -> T) -> T {
+        let (wanted, path) = (!self.rows.0.is_empty(), &mut self.path);
+        run(&mut Sinks {
+            report: &mut self.rows,
+            rows: &|rows| if wanted { csv_rows(rows) } else { Vec::new() },
+            each: &mut |rows| path.iter_mut().for_each(|path| path.extend(rows)),
+            progress: &|targets, bytes| bar.into_iter().for_each(|bar| progress::at(bar, targets, bytes)),
+        })
+    }
+
+    /// Takes all rows back.
+    pub(super) fn emptied(mut self, path: Option<PathTrace>) -> Result<Self, Vec<Diagnostic>> {
+        let mut empty = |file: &mut File| {
+            file.set_len(0)?;
+            file.rewind()?;
+            file.write_all(CSV_HEADER.as_bytes())
+        };
+        self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| stream::cannot_write(&error))?;
+        Ok(Self { path, ..self })
+    }
+
+    /// So many rows of the program `name` for the report of a batch, and its path.
+    pub(super) fn done(self, name: &str, rows: usize) -> (Option<Rows>, Option<PathTrace>) {
+        (self.spooled.map(|spooled| Rows::spooled(spooled, name, rows)), self.path)
+    }
+}
+
+/// The same bytes to several files.
+struct Copies(Vec<File>);
+
+impl Write for Copies {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        for file in &mut self.0 {
+            file.write_all(bytes)?;
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! `compensate` and `predict`: programs through the forward line, in parallel, and what comes out in order.
 
 use super::args::{Compensate, Corrected as What, Model, Predict, Reports};
+use super::foresee::{self, Foreseen};
 use super::input::{self, CellFile, Context, ForceFile, Job};
 use super::output::{Outputs, cannot_write, is_stdout};
 use super::report::{self, Rows};
@@ -108,14 +109,25 @@ impl Done {
         let rows = Some(Rows::new(program, &corrected.rows));
         Ok(Self { outputs, rows, summary, line, notes: corrected.notes, path })
     }
+
+    /// A program that was predicted a piece at a time.
+    fn streamed(name: &str, foreseen: Foreseen) -> Result<Self, Vec<Diagnostic>> {
+        let Foreseen { streamed, outputs, rows, path, .. } = foreseen;
+        if !streamed.failures.is_empty() {
+            return Err(streamed.failures);
+        }
+        let summary = FileSummary::of(name, &streamed.summary, &[]);
+        let line = report::line(&summary, false);
+        Ok(Self { outputs, rows, summary, line, notes: streamed.notes, path })
+    }
 }
 
 /// Runs every program; all that fail are told.
-fn each(
+pub(super) fn each<T: Send>(
     jobs: Vec<Job>,
     quiet: bool,
-    one: impl Fn(Job, &ProgressBar) -> Result<Done, Vec<Diagnostic>> + Sync,
-) -> Result<Vec<Done>, Vec<Diagnostic>> {
+    one: impl Fn(Job, &ProgressBar) -> Result<T, Vec<Diagnostic>> + Sync,
+) -> Result<Vec<T>, Vec<Diagnostic>> {
     let bar = progress::bar(jobs.len(), quiet);
     let done: Vec<_> = jobs
         .into_par_iter()
@@ -169,11 +181,8 @@ fn finish(
 
 pub(super) fn run_compensate(args: &Compensate) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
-    let piped = Piped::new(args)?;
-    let jobs = match &piped {
-        Some(piped) => piped.job(args.reading.format).map(|job| vec![job]),
-        None => input::jobs(&args.inputs, args.reading.format),
-    };
+    let piped = Piped::new(&args.inputs)?;
+    let jobs = stream::jobs(piped.as_ref(), &args.inputs, args.reading.format);
     let (mut setup, jobs) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
@@ -338,8 +347,8 @@ pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
 
 pub(super) fn run_predict(args: &Predict) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
-    let jobs = input::jobs(&args.inputs, args.reading.format);
-    let (setup, jobs) = both(setup, jobs)?;
+    let piped = Piped::new(&args.inputs)?;
+    let (setup, jobs) = both(setup, stream::jobs(piped.as_ref(), &args.inputs, args.reading.format))?;
     let mut reports = args.reports.clone();
     if reports.report.is_none() && reports.to_stdout() == 0 {
         reports.report = Some(PathBuf::from("-"));
@@ -348,15 +357,42 @@ pub(super) fn run_predict(args: &Predict) -> Outcome {
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
     let outputs = Outputs::new(read.chain(&args.against));
-    let path = args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len()));
-    let done = each(jobs, args.common.quiet, |job, _| {
-        let name = job.name.clone();
-        let original = originals.of(&job, &setup)?;
-        let program = setup.program(job)?;
-        let predicted = predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
-        Done::new(&name, &program, predicted.map_err(|e| setup.cell.own(e))?, outputs.sibling(), path.clone())
+    let batch = foresee::Batch {
+        setup: &setup,
+        originals: &originals,
+        outputs: &outputs,
+        report: reports.report.as_deref(),
+        path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len())),
+        programs: jobs.len(),
+    };
+    let done = each(jobs, args.common.quiet, |job, bar| match foresee::streamed(&batch, &job, bar, None)? {
+        Some(foreseen) => Done::streamed(&job.name, foreseen),
+        None => batch.predicted(job),
     })?;
     finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)
+}
+
+impl foresee::Batch<'_> {
+    /// Predicts what becomes of a program that is held whole.
+    fn predicted(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
+        let (name, setup) = (job.name.clone(), self.setup);
+        let original = self.originals.of(&job, setup)?;
+        let program = setup.program(job)?;
+        let predicted = predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
+        let predicted = predicted.map_err(|e| setup.cell.own(e))?;
+        let mut done = Done::new(&name, &program, predicted, self.outputs.sibling(), self.path.clone())?;
+        done.rows = self.rows(done.rows)?;
+        Ok(done)
+    }
+
+    /// Rows as the run's report needs them.
+    pub(super) fn rows(&self, rows: Option<Rows>) -> Result<Option<Rows>, Vec<Diagnostic>> {
+        let (Some(mut rows), Some(path)) = (rows, self.report) else { return Ok(None) };
+        if self.programs > 1 {
+            rows.spool().map_err(|error| cannot_write(path, &error))?;
+        }
+        Ok(Some(rows))
+    }
 }
 
 /// Both values, or the errors of both.
@@ -392,13 +428,16 @@ impl<'a> Originals<'a> {
 
     /// The original of a program.
     pub(super) fn of(&self, job: &Job, setup: &Setup) -> Result<Option<Program>, Vec<Diagnostic>> {
+        self.job(job)?.map(|original| setup.program(original)).transpose()
+    }
+
+    /// The same, not yet parsed.
+    pub(super) fn job(&self, job: &Job) -> Result<Option<Job>, Vec<Diagnostic>> {
         let Some(path) = self.against else { return Ok(None) };
-        let original = if path.is_dir() {
+        if path.is_dir() {
             let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
-            input::jobs(&files, self.format)?.into_iter().next()
-        } else {
-            Some(input::job(path, self.format)?)
-        };
-        original.map(|original| setup.program(original)).transpose()
+            return Ok(input::jobs(&files, self.format)?.into_iter().next());
+        }
+        input::job(path, self.format).map(Some)
     }
 }

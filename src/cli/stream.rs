@@ -3,19 +3,19 @@
 use super::args::{Compensate, Format};
 use super::input::{self, Job, Text, cannot_read};
 use super::output::{Outputs, Temporary, is_stdout};
-use super::report::Rows;
+use super::report::ProgramReports;
 use super::run::{Batch, Done, in_one_file, post_options, report_beside};
 use super::{lines, progress, report};
-use deflex::correct::{self, Outline, Poster, Sinks, StreamError, compensate_declared, compensate_pieces, post_pieces};
+use deflex::correct::{self, Outline, Poster, StreamError, compensate_declared, compensate_pieces, post_pieces};
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, cl, rapid};
+use deflex::report::FileSummary;
 use deflex::report::html::PathTrace;
-use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{self, BufReader, Seek, Write};
+use std::io::{self, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 /// What came through a pipe, in a temporary file, so that it can be read twice.
@@ -27,8 +27,8 @@ pub(super) struct Piped {
 
 impl Piped {
     /// Takes in the program where it is the one input.
-    pub(super) fn new(args: &Compensate) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let [path] = &args.inputs[..] else { return Ok(None) };
+    pub(super) fn new(inputs: &[PathBuf]) -> Result<Option<Self>, Vec<Diagnostic>> {
+        let [path] = inputs else { return Ok(None) };
         // A named pipe, or one of the shell's own.
         let pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
         if !is_stdout(path) && !pipe {
@@ -45,10 +45,19 @@ impl Piped {
         spooled.map(Some).map_err(|error| cannot_read(&path.display().to_string(), &error))
     }
 
-    pub(super) fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
+    fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
         let path = self.spooled.path().unwrap_or(&self.path).to_owned();
         input::job_of(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
     }
+}
+
+/// Looks into the inputs, of which one may have been taken in already.
+pub(super) fn jobs(
+    piped: Option<&Piped>,
+    inputs: &[PathBuf],
+    format: Option<Format>,
+) -> Result<Vec<Job>, Vec<Diagnostic>> {
+    piped.map_or_else(|| input::jobs(inputs, format), |piped| piped.job(format).map(|job| vec![job]))
 }
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
@@ -93,7 +102,7 @@ impl Long<'_> {
         let Some(pieces) = pieces.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
-        let mut reports = ProgramReports::open(self.batch, file, &mut self.outputs)?;
+        let mut reports = self.reports(file)?;
         let (setup, threads) = (self.batch.setup, self.threads());
         let done = reports.filled(self.bar, |sinks| {
             compensate_pieces(pieces, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
@@ -115,7 +124,7 @@ impl Long<'_> {
         let Some(pieces) = pieces.map_err(failed)? else { return Ok(None) };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
-        let mut reports = ProgramReports::open(self.batch, file, &mut self.outputs)?;
+        let mut reports = self.reports(file)?;
         let (_scratch, scratch) = Temporary::spool().map_err(|error| cannot_write(&error))?;
         let mut patch = Patch::new(scratch);
         let (setup, threads) = (self.batch.setup, self.threads());
@@ -144,7 +153,7 @@ impl Long<'_> {
         let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
         let poster = Poster::new(outline, &setup.cell.cell, &post_options(args, &self.job.files[0]))?;
         in_one_file(args, poster.files())?;
-        let mut reports = ProgramReports::open(self.batch, Path::new(poster.main_file()), &mut self.outputs)?;
+        let mut reports = self.reports(Path::new(poster.main_file()))?;
         let (bar, threads) = (self.bar, self.threads());
         let mut refused = None;
         let open = |name: &str| {
@@ -162,6 +171,19 @@ impl Long<'_> {
             // Targets of CL data have no names.
             None => self.done(done, reports, |_| false),
         }
+    }
+
+    /// Reports of the program, whose own name one beside it takes.
+    fn reports(&mut self, file: &Path) -> Result<ProgramReports, Vec<Diagnostic>> {
+        let (args, programs) = (self.batch.args, self.batch.programs);
+        let beside = report_beside(args, file);
+        ProgramReports::open(
+            beside,
+            args.reports.report.as_deref(),
+            programs,
+            self.batch.path.clone(),
+            &mut self.outputs,
+        )
     }
 
     /// Threads are shared among the programs of a batch.
@@ -196,19 +218,10 @@ impl Long<'_> {
         if !done.failures.is_empty() {
             return Err(done.failures);
         }
-        let mut path = reports.path;
+        let (rows, mut path) = reports.done(self.name, done.summary.targets);
         if let Some(path) = &mut path {
-            self.file.rewind().map_err(|error| cannot_read(self.name, &error))?;
-            // Calls go back and forth in the file: which lines first, then one pass over it.
-            let mut wanted = BTreeSet::new();
-            path.quote(|_, line| {
-                wanted.insert(line);
-                None
-            });
-            let lines = lines::read(BufReader::new(&self.file), &wanted);
-            path.quote(|_, line| lines.get(&line).cloned());
+            quote(path, self.reread()?);
         }
-        let rows = reports.spooled.map(|spooled| Rows::spooled(spooled, self.name, done.summary.targets));
         let summary = FileSummary::of(self.name, &done.summary, &[]);
         let line = report::line(&summary, true);
         Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes: done.notes, path }))
@@ -224,6 +237,18 @@ impl Long<'_> {
     }
 }
 
+/// Quotes the program on its page.
+pub(super) fn quote(path: &mut PathTrace, file: File) {
+    // Calls go back and forth in the file: which lines first, then one pass over it.
+    let mut wanted = BTreeSet::new();
+    path.quote(|_, line| {
+        wanted.insert(line);
+        None
+    });
+    let lines = lines::read(BufReader::new(file), &wanted);
+    path.quote(|_, line| lines.get(&line).cloned());
+}
+
 /// Where a file of the program goes.
 fn place(args: &Compensate, file: &Path) -> PathBuf {
     match &args.out_dir {
@@ -232,62 +257,7 @@ fn place(args: &Compensate, file: &Path) -> PathBuf {
     }
 }
 
-/// Reports of a program that are written as it goes through.
-struct ProgramReports {
-    rows: Copies,
-    /// Rows for the report of a batch, which is put together when all are done.
-    spooled: Option<Temporary>,
-    /// For `--html`.
-    path: Option<PathTrace>,
-}
-
-impl ProgramReports {
-    /// `file` is the program's own name, which a report beside it takes.
-    fn open(batch: &Batch<'_>, file: &Path, outputs: &mut Outputs) -> Result<Self, Vec<Diagnostic>> {
-        let beside = report_beside(batch.args, file);
-        let wanted = batch.args.reports.report.as_ref();
-        let own = beside.iter().chain(wanted.filter(|_| batch.programs == 1));
-        let mut rows = own.map(|path| outputs.open_report(path)).collect::<Result<Vec<_>, _>>()?;
-        let mut spooled = None;
-        if wanted.is_some() && batch.programs > 1 {
-            let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(&error))?;
-            rows.push(file);
-            spooled = Some(temporary);
-        }
-        let mut rows = Copies(rows);
-        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| cannot_write(&error))?;
-        Ok(Self { rows, spooled, path: batch.path.clone() })
-    }
-
-    /// Fills them with what `run` comes to.
-    fn filled<T>(&mut self, bar: Option<&ProgressBar>, run: impl FnOnce(&mut Sinks<'_>) -> T) -> T {
-        let (wanted, path) = (!self.rows.0.is_empty(), &mut self.path);
-        run(&mut Sinks {
-            report: &mut self.rows,
-            rows: &|rows| if wanted { csv_rows(rows) } else { Vec::new() },
-            each: &mut |rows| path.iter_mut().for_each(|path| path.extend(rows)),
-            progress: &|targets, bytes| bar.into_iter().for_each(|bar| progress::at(bar, targets, bytes)),
-        })
-    }
-}
-
-/// The same bytes to several files.
-struct Copies(Vec<File>);
-
-impl Write for Copies {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        for file in &mut self.0 {
-            file.write_all(bytes)?;
-        }
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-fn cannot_write(error: &io::Error) -> Vec<Diagnostic> {
+pub(super) fn cannot_write(error: &io::Error) -> Vec<Diagnostic> {
     Diagnostic::error("io.write", "", format!("the outputs cannot be written: {error}"))
         .help("check that there is room on the disk")
         .into()

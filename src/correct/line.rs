@@ -69,23 +69,36 @@ pub fn predict(
         let original = &Prepared::new(original, cell, options)?;
         prepared.judge_against(original, program)?;
     }
+    Ok(foreseen(program, cell, options, &prepared, 0, Spread::Threads))
+}
+
+/// What becomes of piece `n` of a program as it is, prepared.
+pub(super) fn foreseen(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    prepared: &Prepared,
+    n: usize,
+    spread: Spread,
+) -> Corrected {
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
     let there = {
         let near = |i: usize| cell.arm.near(&commands[i].0, Joints::zeros());
-        solve::forward(&cell.arm, &prepared, &commands, near, Spread::Threads)
+        solve::forward(&cell.arm, prepared, &commands, near, spread)
     };
-    let mut out = Collected::new(program, &prepared);
+    let mut out = Collected::new(program, prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
             Ok(there) => out.row(i, &there),
             Err(error) => out.fail(i, &error),
         }
     }
-    sigma::fill(&mut out.rows, cell, &prepared, &commands, Spread::Threads);
+    sigma::fill(&mut out.rows, cell, prepared, &commands, spread);
     if options.stiffness {
-        stiffness::fill(&mut out.rows, program, cell, &prepared, &commands, Spread::Threads);
+        stiffness::fill(&mut out.rows, program, cell, prepared, &commands, spread);
     }
-    Ok(out.finish(notes(program, cell, &prepared), None, Vec::new()))
+    let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
+    out.finish(notes, None, Vec::new())
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -360,16 +373,19 @@ fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic>
     notes
 }
 
+/// The original of a program with so many targets has another number of them.
+pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagnostic {
+    let message = format!("{targets} targets, but the original has {original}");
+    Diagnostic::error("against.count", name, message)
+        .help("--against takes the program that this one was corrected from")
+}
+
 impl Prepared {
     /// Counts errors from the targets of `original`: they define depth, force and the wanted poses.
-    fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
+    pub(super) fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
         if original.points.len() != self.points.len() {
             let name = program.sources.first().map_or("", |s| s.name.as_str());
-            let message = format!("{} targets, but the original has {}", self.points.len(), original.points.len());
-            return Err(vec![
-                Diagnostic::error("against.count", name, message)
-                    .help("--against takes the program that this one was corrected from"),
-            ]);
+            return Err(vec![other_count(name, self.points.len(), original.points.len())]);
         }
         for (point, original) in self.points.iter_mut().zip(&original.points) {
             let commanded: (Pose, Joints, Joints) = (point.wobj_from_tcp, point.motor, point.travel);

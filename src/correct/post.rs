@@ -1,6 +1,6 @@
 //! CL input: corrected points to a RAPID program.
 
-use super::stream::Messages;
+use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
 use crate::program::cl::Pieces;

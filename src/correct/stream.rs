@@ -4,6 +4,7 @@
 //! passes (see [`Turns`]). So any number of threads gives the same bytes, and those of [`compensate`](super::compensate).
 
 use super::line::{self, Carried};
+use super::messages::Messages;
 use super::row::Tally;
 use super::solve::Spread;
 use super::turns::Turns;
@@ -36,10 +37,19 @@ pub struct Streamed {
     pub summary: Summary,
     /// Ordinal of the last target.
     pub last: u32,
+    /// Why there is no answer for the program as a whole, as from [`Prepared::new`](super::Prepared::new): none but where it
+    /// is only judged.
+    pub refused: Messages,
     /// Targets that have no answer or pass a limit: what was written is then no program to use.
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings.
     pub notes: Vec<Diagnostic>,
+}
+
+impl Streamed {
+    pub(super) fn answered(self) -> Result<Self, StreamError> {
+        if self.refused.is_empty() { Ok(self) } else { Err(StreamError::Refused(self.refused.all())) }
+    }
 }
 
 /// Why a program did not go through.
@@ -54,9 +64,6 @@ pub enum StreamError {
     /// An output cannot be written.
     Write(io::Error),
 }
-
-/// More messages than this are only counted: a wrong cell fails at every target.
-const MOST_MESSAGES: usize = 1000;
 
 /// Corrects a RAPID program piece by piece on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
 /// rewrite, in memory that does not grow with the program.
@@ -73,14 +80,17 @@ pub fn compensate_pieces<R: Read + Send>(
 ) -> Result<Streamed, StreamError> {
     let carried = Carried::new(cell).map_err(StreamError::Refused)?;
     let way = Way {
-        carried: &carried,
         pieces: Mutex::new((0, pieces)),
         take: rapid::Pieces::take,
         read: rapid::Piece::read,
-        skip: &|_| (),
-        write: &|_, piece, corrected| Some(Text { bytes: written(piece, corrected), files: Vec::new() }),
+        solve: &|n, piece| {
+            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
+            Some(corrected.map(|corrected| (written(piece, &corrected), corrected)).map_err(Unsolved::from))
+        },
+        break_off: &|| carried.break_off(),
+        refusals: Messages::default(),
     };
-    run(&way, cell, options, threads, &mut |text| program.write_all(&text.bytes), sinks)
+    run(&way, threads, &mut |bytes: Vec<u8>| program.write_all(&bytes), sinks)?.answered()
 }
 
 /// Corrects a RAPID program whose targets are declared far from their use: in memory is an index of them. What changes is
@@ -102,28 +112,31 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     }
     let carried = Carried::new(cell).map_err(StreamError::Refused)?;
     let way = Way {
-        carried: &carried,
         pieces: Mutex::new((0, pieces)),
         take: rapid::Declared::take,
         read: rapid::Piece::read,
-        skip: &|_| (),
-        write: &|_, piece, corrected| Some(changed(piece, corrected)),
+        solve: &|n, piece| {
+            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
+            Some(corrected.map(|corrected| (changed(piece, &corrected), corrected)).map_err(Unsolved::from))
+        },
+        break_off: &|| carried.break_off(),
+        refusals: Messages::default(),
     };
     let (mut shared, mut disputed) = (HashMap::new(), false);
-    let mut write = |changes: &Option<Vec<Changed>>| {
-        for change in changes.iter().flatten() {
+    let mut write = |changes: Option<Vec<Changed>>| {
+        disputed |= changes.is_none();
+        for change in changes.into_iter().flatten() {
             let before = change.shared.and_then(|target| shared.insert(target, change.clone()));
-            disputed |= before.as_ref().is_some_and(|before| before != change);
+            disputed |= before.as_ref().is_some_and(|before| *before != change);
             if before.is_none() && change.old > 0 {
                 patch.replace(change.start, change.old, &change.text)?;
             }
         }
-        disputed |= changes.is_none();
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
-    let done = run(&way, cell, options, threads, &mut write, sinks);
+    let done = run(&way, threads, &mut write, sinks);
     // Whoever sees all uses of a target decides.
-    if disputed { Err(StreamError::NotStraight) } else { done }
+    if disputed { Err(StreamError::NotStraight) } else { done?.answered() }
 }
 
 /// Corrects a CL program and posts it, piece by piece: the same bytes as [`compensate`](super::compensate) and
@@ -142,18 +155,23 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
 ) -> Result<Streamed, StreamError> {
     let carried = Carried::new(cell).map_err(StreamError::Refused)?;
     let way = Way {
-        carried: &carried,
         pieces: Mutex::new((0, pieces)),
         take: cl::Pieces::take,
         read: Some,
-        skip: &|n| {
-            carried.posted.take(n, |_| ());
-        },
-        write: &|n, piece, corrected| {
-            let points = poster.points(&piece.program, corrected);
+        solve: &|n, piece| {
+            let corrected = match line::piece(&piece.program, cell, options, &carried, n, Spread::Here)? {
+                Ok(corrected) => corrected,
+                Err(refused) => {
+                    carried.posted.take(n, |_| ())?;
+                    return Some(Err(refused.into()));
+                }
+            };
+            let points = poster.points(&piece.program, &corrected);
             let from = carried.posted.take(n, |place| std::mem::replace(place, place.behind(&points)))?;
-            Some(poster.post.stretch(&from, &points, piece.last))
+            Some(Ok((poster.post.stretch(&from, &points, piece.last), corrected)))
         },
+        break_off: &|| carried.break_off(),
+        refusals: Messages::default(),
     };
     let mut file: Option<W> = None;
     let mut write = |text: &Text| {
@@ -166,34 +184,51 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
         file.as_mut().map_or(Ok(()), |file| file.write_all(&text.bytes[from..]))
     };
     write(poster.post.head()).map_err(StreamError::Write)?;
-    let mut streamed = run(&way, cell, options, threads, &mut write, sinks)?;
+    let mut streamed = run(&way, threads, &mut |text| write(&text), sinks)?.answered()?;
     streamed.notes = [&poster.warnings[..], &streamed.notes, &poster.notes].concat();
     Ok(streamed)
 }
 
-/// How a language comes in and goes out.
-struct Way<'a, S, P, T> {
-    carried: &'a Carried<'a>,
+/// How a language comes in, and what is made of it.
+pub(super) struct Way<'a, S, P, T> {
     /// The next piece's number, and where it comes from.
-    pieces: Mutex<(usize, S)>,
-    take: fn(&mut S) -> io::Result<Next<P>>,
-    read: fn(P) -> Option<StraightPiece>,
-    /// A piece, of this number, is refused.
-    skip: &'a (dyn Fn(usize) + Sync),
-    /// What a piece, of this number, comes to; `None` where one before it died.
-    write: &'a (dyn Fn(usize, &StraightPiece, &Corrected) -> Option<T> + Sync),
+    pub(super) pieces: Mutex<(usize, S)>,
+    pub(super) take: fn(&mut S) -> io::Result<Next<P>>,
+    pub(super) read: fn(P) -> Option<StraightPiece>,
+    /// What a piece, of this number, comes to, and what is written of it; `None` where one before it died.
+    pub(super) solve: &'a Solve<'a, T>,
+    /// Lets no piece wait for one that died.
+    pub(super) break_off: &'a (dyn Fn() + Sync),
+    /// Where refusals go: none yet.
+    pub(super) refusals: Messages,
 }
 
-fn run<'a, S: Send, P, T: Send>(
+type Solve<'a, T> = dyn Fn(usize, &StraightPiece) -> Option<Result<(T, Corrected), Unsolved>> + Sync + 'a;
+
+/// Why a piece comes to nothing.
+pub(super) enum Unsolved {
+    /// The program has no answer; the others are looked at all the same.
+    Refused(Vec<Diagnostic>),
+    /// All stop.
+    Stop(StreamError),
+}
+
+impl From<Vec<Diagnostic>> for Unsolved {
+    fn from(refused: Vec<Diagnostic>) -> Self {
+        Self::Refused(refused)
+    }
+}
+
+/// Takes all pieces through; what they come to is written in order.
+pub(super) fn run<'a, S: Send, P, T: Send>(
     way: &'a Way<'a, S, P, T>,
-    cell: &'a Cell,
-    options: &'a Options,
     threads: usize,
-    program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send),
+    program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     let (rows, progress) = (sinks.rows, sinks.progress);
-    let run = Run { way, cell, options, writer: Turns::new(Writer::new(program, sinks)), stop: Mutex::new(None) };
+    let writer = Writer { refused: way.refusals.clone(), ..Writer::new(program, sinks) };
+    let run = Run { way, writer: Turns::new(writer), stop: Mutex::new(None) };
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
             scope.spawn(|| run.work(rows, progress));
@@ -202,13 +237,11 @@ fn run<'a, S: Send, P, T: Send>(
     if let Some(why) = run.stop.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(why);
     }
-    run.writer.into_inner().done()
+    Ok(run.writer.into_inner().done())
 }
 
 struct Run<'a, S, P, T> {
     way: &'a Way<'a, S, P, T>,
-    cell: &'a Cell,
-    options: &'a Options,
     writer: Turns<Writer<'a, T>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
@@ -216,9 +249,8 @@ struct Run<'a, S, P, T> {
 
 /// A piece, ready to be written.
 struct Done<T> {
-    program: T,
-    report: Vec<u8>,
-    corrected: Corrected,
+    /// The program's text, the report's and what both are made from; or why there is none.
+    outcome: Result<(T, Vec<u8>, Corrected), Vec<Diagnostic>>,
     /// Ordinal of its last target, where it has any.
     last: Option<u32>,
     bytes: u64,
@@ -234,20 +266,14 @@ impl<S, P, T> Run<'_, S, P, T> {
             let Some(piece) = (self.way.read)(piece).filter(own_start) else {
                 return self.stop(StreamError::NotStraight);
             };
-            let carried = self.way.carried;
-            let corrected = line::piece(&piece.program, self.cell, self.options, carried, n, Spread::Here);
-            let Some(corrected) = corrected else { return };
-            let done = match corrected {
-                Ok(corrected) => {
-                    let Some(program) = (self.way.write)(n, &piece, &corrected) else { return };
-                    let (last, bytes) = (piece.program.targets.last().map(|t| t.ordinal), piece.own.len() as u64);
-                    Ok(Done { program, report: rows(&corrected.rows), corrected, last, bytes })
-                }
-                Err(refused) => {
-                    (self.way.skip)(n);
-                    Err(refused)
-                }
+            let Some(solved) = (self.way.solve)(n, &piece) else { return };
+            let outcome = match solved {
+                Ok((program, corrected)) => Ok((program, rows(&corrected.rows), corrected)),
+                Err(Unsolved::Refused(refused)) => Err(refused),
+                Err(Unsolved::Stop(why)) => return self.stop(why),
             };
+            let (last, bytes) = (piece.program.targets.last().map(|t| t.ordinal), piece.own.len() as u64);
+            let done = Done { outcome, last, bytes };
             match self.writer.take(n, |writer| writer.write(done, progress)) {
                 Some(Ok(())) => {}
                 Some(Err(error)) => return self.stop(StreamError::Write(error)),
@@ -277,7 +303,7 @@ impl<S, P, T> Run<'_, S, P, T> {
     }
 
     fn break_off(&self) {
-        self.way.carried.break_off();
+        (self.way.break_off)();
         self.writer.break_off();
     }
 }
@@ -345,7 +371,7 @@ fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>>
 
 /// What comes out, in order.
 struct Writer<'a, T> {
-    program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send),
+    program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     report: &'a mut (dyn Write + Send),
     each: &'a mut (dyn FnMut(&[Row]) + Send),
     tally: Tally,
@@ -359,7 +385,7 @@ struct Writer<'a, T> {
 }
 
 impl<'a, T> Writer<'a, T> {
-    fn new(program: &'a mut (dyn FnMut(&T) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
+    fn new(program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
         Self {
             program,
             report: &mut *sinks.report,
@@ -374,72 +400,36 @@ impl<'a, T> Writer<'a, T> {
         }
     }
 
-    fn write(
-        &mut self,
-        done: Result<Done<T>, Vec<Diagnostic>>,
-        progress: &(dyn Fn(usize, u64) + Sync),
-    ) -> io::Result<()> {
-        let done = match done {
-            Ok(done) => done,
+    fn write(&mut self, done: Done<T>, progress: &(dyn Fn(usize, u64) + Sync)) -> io::Result<()> {
+        self.last = done.last.unwrap_or(self.last);
+        self.bytes += done.bytes;
+        let (program, report, corrected) = match done.outcome {
+            Ok(outcome) => outcome,
             Err(refused) => {
                 self.refused.add_once(refused);
                 return Ok(());
             }
         };
-        self.failures.add(done.corrected.failures);
-        self.notes.extend(done.corrected.notes);
-        self.tally.add(&done.corrected.rows);
-        (self.each)(&done.corrected.rows);
-        self.last = done.last.unwrap_or(self.last);
-        self.targets += done.corrected.rows.len();
-        self.bytes += done.bytes;
+        self.failures.add(corrected.failures);
+        self.notes.extend(corrected.notes);
+        self.tally.add(&corrected.rows);
+        (self.each)(&corrected.rows);
+        self.targets += corrected.rows.len();
         progress(self.targets, self.bytes);
-        if self.refused.count + self.failures.count == 0 {
-            (self.program)(&done.program)?;
-            self.report.write_all(&done.report)?;
+        if self.refused.is_empty() && self.failures.is_empty() {
+            (self.program)(program)?;
+            self.report.write_all(&report)?;
         }
         Ok(())
     }
 
-    fn done(self) -> Result<Streamed, StreamError> {
-        if self.refused.count > 0 {
-            return Err(StreamError::Refused(self.refused.all()));
-        }
-        Ok(Streamed {
+    fn done(self) -> Streamed {
+        Streamed {
             summary: self.tally.summary(),
             last: self.last,
+            refused: self.refused,
             failures: self.failures.all(),
             notes: self.notes,
-        })
-    }
-}
-
-/// The first messages, and how many there were.
-#[derive(Default)]
-pub(super) struct Messages {
-    first: Vec<Diagnostic>,
-    count: usize,
-}
-
-impl Messages {
-    pub(super) fn add(&mut self, messages: Vec<Diagnostic>) {
-        self.count += messages.len();
-        let room = MOST_MESSAGES - self.first.len();
-        self.first.extend(messages.into_iter().take(room));
-    }
-
-    /// Names that nobody declares are missing in every piece.
-    fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
-        let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
-        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
-        self.add(messages);
-    }
-
-    pub(super) fn all(mut self) -> Vec<Diagnostic> {
-        if self.count > self.first.len() {
-            let more = format!("{} more targets have messages like these", self.count - self.first.len());
-            self.first.push(Diagnostic::error("target.more", "", more));
         }
-        self.first
     }
 }

@@ -17,7 +17,7 @@ pub use detect::detect;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Pieces` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use piece::{Next, StraightPiece};
+pub use piece::{AnyPieces, Next, StraightPiece};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 

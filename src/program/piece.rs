@@ -1,6 +1,10 @@
 //! Long programs, a stretch at a time.
 
+use super::cl::{self, ClOptions};
+use super::rapid::{self, Names};
 use super::{Goal, Program, Target};
+use crate::text::{Diagnostic, Source};
+use std::io::{self, Read, Seek};
 use std::ops::Range;
 
 /// What taking the next piece of a program came to.
@@ -38,6 +42,102 @@ pub struct Elsewhere {
     pub at: u64,
     /// Several motions go to it, maybe of several pieces.
     pub shared: bool,
+}
+
+/// The pieces of a long program of whatever kind.
+#[derive(Debug)]
+pub enum AnyPieces<R> {
+    /// RAPID with inline targets in one procedure.
+    Inline(Box<rapid::Pieces<R>>),
+    /// RAPID with an index.
+    Indexed(Box<rapid::Declared<R>>),
+    /// CL.
+    Cl(Box<cl::Pieces<R>>),
+}
+
+/// A piece, not yet read.
+#[derive(Debug)]
+pub enum AnyPiece {
+    /// RAPID.
+    Rapid(Box<rapid::Piece>),
+    /// CL, which is read as it is cut.
+    Cl(Box<StraightPiece>),
+}
+
+impl<R: Read + Seek> AnyPieces<R> {
+    /// RAPID with inline targets in one procedure; `None` where `input` does not begin like that.
+    ///
+    /// # Errors
+    /// What it reports.
+    pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Ok(rapid::Pieces::new(name, input, context)?.map(|pieces| Self::Inline(Box::new(pieces))))
+    }
+
+    /// RAPID of which an index is held; see [`rapid::Declared::new`].
+    ///
+    /// # Errors
+    /// What the inputs report.
+    pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Ok(rapid::Declared::new(name, body, file, context)?.map(|pieces| Self::Indexed(Box::new(pieces))))
+    }
+
+    /// CL; `None` where only the whole can be read.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn cl(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
+        Ok(cl::Pieces::new(name, input, options)?.map(|pieces| Self::Cl(Box::new(pieces))))
+    }
+
+    /// The next piece.
+    ///
+    /// # Errors
+    /// What the input reports.
+    pub fn take(&mut self) -> io::Result<Next<AnyPiece>> {
+        let rapid = match self {
+            Self::Inline(pieces) => pieces.take()?,
+            Self::Indexed(pieces) => pieces.take()?,
+            Self::Cl(pieces) => return Ok(pieces.take()?.map(|piece| AnyPiece::Cl(Box::new(piece)))),
+        };
+        Ok(rapid.map(|piece| AnyPiece::Rapid(Box::new(piece))))
+    }
+
+    /// Reads a piece; `None` where it is not straight after all.
+    #[must_use]
+    pub fn read(piece: AnyPiece) -> Option<StraightPiece> {
+        match piece {
+            AnyPiece::Rapid(piece) => piece.read(),
+            AnyPiece::Cl(piece) => Some(*piece),
+        }
+    }
+
+    /// What was noticed in the text so far.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Diagnostic> {
+        match self {
+            Self::Cl(pieces) => pieces.warnings(),
+            Self::Inline(_) | Self::Indexed(_) => Vec::new(),
+        }
+    }
+
+    /// Names of the targets that it moves to, where they have any.
+    #[must_use]
+    pub fn names(&self) -> Option<Names> {
+        match self {
+            Self::Indexed(pieces) => Some(pieces.names()),
+            Self::Inline(_) | Self::Cl(_) => None,
+        }
+    }
+}
+
+impl<P> Next<P> {
+    fn map<Q>(self, other: impl FnOnce(P) -> Q) -> Next<Q> {
+        match self {
+            Self::Piece(piece) => Next::Piece(other(piece)),
+            Self::End => Next::End,
+            Self::NotStraight => Next::NotStraight,
+        }
+    }
 }
 
 /// Whether the direction out of the first target is told by these: what follows is not looked at.

@@ -14,13 +14,27 @@ pub struct CheckFile {
     pub targets: usize,
     /// What is wrong, at its place.
     pub findings: Vec<Diagnostic>,
+    /// How many findings there are besides.
+    pub more: usize,
 }
 
 impl CheckFile {
     /// The check of the program at `path` with so many executed motions.
     #[must_use]
-    pub fn new(path: impl Into<String>, targets: usize, findings: Vec<Diagnostic>) -> Self {
-        Self { path: path.into(), targets, findings }
+    pub fn new(path: impl Into<String>, targets: usize, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
+        Self { path: path.into(), targets, findings, more }
+    }
+
+    /// How many findings there are, listed or not.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.findings.len() + self.more
+    }
+
+    /// The words for those that are not listed.
+    #[must_use]
+    pub fn rest(&self) -> Option<String> {
+        (self.more > 0).then(|| format!("{} more findings: --report CSV has every target", self.more))
     }
 }
 
@@ -43,8 +57,10 @@ pub fn junit(files: &[CheckFile]) -> String {
             out.push_str("/>\n");
             continue;
         }
-        let text: Vec<String> = file.findings.iter().map(|finding| escape(&finding.to_string())).collect();
-        let message = format!("{} of {} targets", file.findings.len(), file.targets);
+        let rest = file.rest().into_iter();
+        let text: Vec<String> =
+            file.findings.iter().map(ToString::to_string).chain(rest).map(|text| escape(&text)).collect();
+        let message = format!("{} of {} targets", file.count(), file.targets);
         let _ = write!(
             out,
             ">\n      <failure message=\"{}\" type=\"tolerance\">{}</failure>\n    </testcase>\n",
@@ -95,9 +111,9 @@ pub fn sarif(files: &[CheckFile]) -> Value {
         })
     };
     let mut results: Vec<Value> = findings().take(MOST_RESULTS).map(result).collect();
-    let more = findings().count() - results.len();
+    let more = files.iter().map(CheckFile::count).sum::<usize>() - results.len();
     if more > 0 {
-        let text = format!("{more} more findings are not listed here: `deflex check --format text` names all");
+        let text = format!("{more} more findings are not listed here: `deflex check --report CSV` has every target");
         results.push(json!({ "kind": "informational", "level": "none", "message": { "text": text } }));
     }
     let rule = |rule: &&Diagnostic| {
@@ -173,6 +189,7 @@ pub fn check_json(files: &[CheckFile]) -> Value {
             "targets": file.targets,
             "passed": file.findings.is_empty(),
             "findings": file.findings.iter().map(finding).collect::<Vec<_>>(),
+            "more_findings": file.more,
         })
     };
     json!({
@@ -202,7 +219,7 @@ mod tests {
     #[test]
     fn a_run_holds_no_more_results_than_services_take() {
         let findings = vec![Diagnostic::error("check.max-error", "a.mod", "off"); MOST_RESULTS + 7];
-        let log = sarif(&[CheckFile { path: "a.mod".into(), targets: findings.len(), findings }]);
+        let log = sarif(&[CheckFile::new("a.mod", findings.len(), (findings, 0))]);
         let results = log["runs"][0]["results"].as_array().unwrap();
         assert_eq!(results.len(), MOST_RESULTS + 1);
         assert!(results[MOST_RESULTS]["message"]["text"].as_str().unwrap().starts_with("7 more findings"));

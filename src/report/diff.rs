@@ -134,6 +134,12 @@ fn list(conf: Conf) -> [i32; 4] {
     [conf.cf1, conf.cf4, conf.cf6, conf.cfx]
 }
 
+/// How far apart two goals are, mm.
+#[must_use]
+pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
+    compare(a, b).0.norm()
+}
+
 type Compared = (Vector3<f64>, f64, Option<(Conf, Conf)>);
 
 fn compare(a: &Goal, b: &Goal) -> Compared {

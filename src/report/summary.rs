@@ -1,3 +1,4 @@
+use super::CheckFile;
 use crate::correct::{Corrected, Summary};
 use crate::program::Program;
 use crate::text::Diagnostic;
@@ -30,6 +31,9 @@ pub struct FileSummary {
     pub max_kept_mm: f64,
     /// Targets without an answer or over a limit.
     pub failures: Vec<FailureLine>,
+    /// How many there are besides.
+    #[serde(skip)]
+    pub more_failures: usize,
 }
 
 /// How many targets were kept for a reason.
@@ -67,10 +71,10 @@ impl FileSummary {
         Self::of(path, &sum, &corrected.failures)
     }
 
-    /// The same with other failures: what a check found.
+    /// The same with what a check found for failures.
     #[must_use]
-    pub fn with_failures(self, failures: &[Diagnostic]) -> Self {
-        Self { failures: lines(failures), ..self }
+    pub fn with_findings(self, found: &CheckFile) -> Self {
+        Self { failures: lines(&found.findings), more_failures: found.more, ..self }
     }
 
     /// The same from what was counted already.
@@ -88,6 +92,7 @@ impl FileSummary {
             max_remaining_mm: sum.max_remaining_mm,
             max_kept_mm: sum.max_kept_mm,
             failures: lines(failures),
+            more_failures: 0,
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::bench::{Bench, PROGRAM};
 use deflex::program::rapid::PIECE;
 
 /// The small program's cuts over and over: there and back, some pieces long.
-fn long(rounds: usize) -> String {
+pub(crate) fn long(rounds: usize) -> String {
     let lines: Vec<&str> = PROGRAM.lines().collect();
     let (head, cuts, end) = (&lines[..5], &lines[5..8], &lines[8..]);
     let body: Vec<&str> = (0..rounds).flat_map(|_| cuts.iter().copied()).collect();
@@ -12,7 +12,7 @@ fn long(rounds: usize) -> String {
 }
 
 /// Moves along a line and back, with an arc now and then.
-fn long_cl(targets: usize) -> String {
+pub(crate) fn long_cl(targets: usize) -> String {
     let mut text = "UNITS/MM\nFEDRAT/600,MMPM\nRAPID\nGOTO/0,0,100,0,0,1\nGOTO/0,0,0,0,0,1\n".to_owned();
     for i in 0..targets {
         let x = 0.5 * (i % 200) as f64;
@@ -30,10 +30,10 @@ fn a_long_program_is_the_same_from_file_and_pipe_streamed_and_whole() {
     let text = long(5 * PIECE / 400);
     bench.write("long.mod", &text);
     // What a procedure more changes is only that the program is read whole.
-    bench.write("whole.mod", text.replace("ENDMODULE", "  PROC idle()\n  ENDPROC\nENDMODULE"));
+    bench.write("whole.mod", text.replace("ENDMODULE", "  PROC idle(num n)\n  ENDPROC\nENDMODULE"));
     bench.run("compensate long.mod --cell cell.toml -o out.mod --report out.csv --jobs 3").exits(0);
     bench.run("compensate whole.mod --cell cell.toml -o out-whole.mod --report whole.csv").exits(0);
-    let whole = bench.read("out-whole.mod").replace("  PROC idle()\n  ENDPROC\n", "");
+    let whole = bench.read("out-whole.mod").replace("  PROC idle(num n)\n  ENDPROC\n", "");
     assert!(bench.read("out.mod") == whole, "the programs differ");
     assert!(bench.read("out.csv") == bench.read("whole.csv"), "the reports differ");
     let piped = bench.run_with("compensate - --cell cell.toml --jobs 2", &text).exits(0);
@@ -116,7 +116,7 @@ fn declared_targets_are_corrected_where_they_stand() {
     }
     let text = PROGRAM.replace("  PROC", &format!("{data}  PROC")).replace("  ENDPROC", &format!("{moves}  ENDPROC"));
     // What a procedure more changes is only that the program is read whole.
-    let more = "  PROC idle()\n  ENDPROC\n";
+    let more = "  PROC idle(num n)\n  ENDPROC\n";
     bench.write("part.mod", &text).write("whole.mod", text.replace("ENDMODULE", &format!("{more}ENDMODULE")));
     bench.write("forces.csv", "target,fx_n,fy_n,fz_n\np7,100,0,50\nP9,0,0,90\n12,0,10,90\n");
     let options = "--cell cell.toml --forces forces.csv --html";

@@ -12,6 +12,7 @@ mod html;
 mod identify;
 mod init;
 mod inputs;
+mod judged;
 mod long;
 mod outputs;
 mod shell;

@@ -31,7 +31,7 @@ mod tree;
 mod value;
 
 // What passes between `Pieces` and the line that corrects them; not for callers.
-pub use declared::Declared;
+pub use declared::{Declared, Names};
 #[doc(hidden)]
 pub use pieces::Piece;
 pub use pieces::{PIECE, Pieces};

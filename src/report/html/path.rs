@@ -203,7 +203,7 @@ impl PathPage<'_> {
             let failed = count(|sum| usize::from(!sum.failures.is_empty()));
             all.push(Tile {
                 key: "findings",
-                value: count(|sum| sum.failures.len()).to_string(),
+                value: count(|sum| sum.failures.len() + sum.more_failures).to_string(),
                 unit: "",
                 label: "Findings",
                 aside: format!("in {failed} of {} programs", self.programs.len()),
@@ -236,10 +236,10 @@ impl PathPage<'_> {
     }
 
     fn findings(&self) -> String {
-        /// Beyond, a table is a file: `check --format json` has all.
+        /// Beyond, a table is a file.
         const SHOWN: usize = 200;
         let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
-        let count = all().count();
+        let count = all().count() + self.programs.iter().map(|(sum, _)| sum.more_failures).sum::<usize>();
         if count == 0 {
             return "<p>None: every target is reached and within tolerance.</p>\n".to_owned();
         }
@@ -249,7 +249,9 @@ impl PathPage<'_> {
         }
         let more = match count.saturating_sub(SHOWN) {
             0 => String::new(),
-            more => format!("<p class=\"note\">… and {more} more: <code>check --format json</code> has all.</p>\n"),
+            more => {
+                format!("<p class=\"note\">… and {more} more: <code>check --report CSV</code> has every target.</p>\n")
+            }
         };
         table.html() + &more
     }

@@ -1,0 +1,150 @@
+//! `predict` and `check` on long programs, in constant memory.
+
+use super::input::{Job, Text, cannot_read};
+use super::output::Outputs;
+use super::report::{ProgramReports, Rows};
+use super::run::{Originals, Setup};
+use super::{progress, stream};
+use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_pieces};
+use deflex::program::{AnyPieces, Language};
+use deflex::report::Findings;
+use deflex::report::html::PathTrace;
+use deflex::text::Diagnostic;
+use indicatif::ProgressBar;
+use std::fs::File;
+use std::path::Path;
+
+/// What all programs of a run have in common.
+pub(super) struct Batch<'a> {
+    pub(super) setup: &'a Setup,
+    pub(super) originals: &'a Originals<'a>,
+    /// What none may write over.
+    pub(super) outputs: &'a Outputs,
+    /// The report of all programs.
+    pub(super) report: Option<&'a Path>,
+    /// An empty path, for `--html`.
+    pub(super) path: Option<PathTrace>,
+    /// How many they are.
+    pub(super) programs: usize,
+}
+
+/// What a check asks of each piece.
+#[derive(Clone, Copy)]
+pub(super) struct Question<'a> {
+    /// Whether the program is corrected too.
+    pub(super) corrects: bool,
+    pub(super) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
+}
+
+/// A long program that went through.
+pub(super) struct Foreseen {
+    pub(super) streamed: Streamed,
+    /// Where there was a question.
+    pub(super) findings: Findings,
+    /// What it wrote, staged.
+    pub(super) outputs: Outputs,
+    /// For the report of a batch; that of the one program is staged already.
+    pub(super) rows: Option<Rows>,
+    /// For `--html`.
+    pub(super) path: Option<PathTrace>,
+}
+
+/// Streams a program; `None` where only the whole of it, or of its original, tells what it means.
+pub(super) fn streamed(
+    batch: &Batch<'_>,
+    job: &Job,
+    bar: &ProgressBar,
+    question: Option<Question<'_>>,
+) -> Result<Option<Foreseen>, Vec<Diagnostic>> {
+    let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
+    let original = batch.originals.job(job)?;
+    // In a batch the bar counts programs.
+    let bar = Some(bar).filter(|_| batch.programs == 1);
+    for kind in [Kind::Any, Kind::Indexed] {
+        let Some(pieces) = pieces(batch.setup, job, kind)? else { continue };
+        let before = match &original {
+            Some(original) => match self::pieces(batch.setup, original, kind)? {
+                Some(pieces) => Some(pieces),
+                None => continue,
+            },
+            None => None,
+        };
+        if let Some(bar) = bar {
+            let bytes = std::fs::metadata(path).map_err(|error| cannot_read(name, &error))?.len();
+            progress::bytes(bar, bytes);
+        }
+        let names = [pieces.names(), before.as_ref().and_then(AnyPieces::names)];
+        let mut outputs = batch.outputs.sibling();
+        let mut reports = ProgramReports::open(None, batch.report, batch.programs, batch.path.clone(), &mut outputs)?;
+        let (cell, options) = (&batch.setup.cell.cell, &batch.setup.options);
+        let threads = rayon::current_num_threads().div_ceil(batch.programs);
+        let mut findings = Findings::default();
+        let mut found = |more| findings.add(more);
+        let judge = question.map(|Question { corrects, findings }| Judge {
+            corrects,
+            refusals: Findings::MOST,
+            findings,
+            found: &mut found,
+        });
+        let done = reports.filled(bar, |sinks| predict_pieces(pieces, before, cell, options, threads, judge, sinks));
+        let streamed = match done {
+            Ok(streamed) => streamed,
+            Err(StreamError::NotStraight) => continue,
+            Err(StreamError::Refused(errors)) => return Err(batch.setup.cell.own(errors)),
+            Err(StreamError::Read(error)) => return Err(cannot_read(name, &error)),
+            Err(StreamError::Write(error)) => return Err(stream::cannot_write(&error)),
+        };
+        if let Some(forces) = &batch.setup.forces {
+            let named = |name: &str| names.iter().flatten().any(|names| names.uses(name));
+            forces.check_targets(streamed.last, named)?;
+        }
+        if !streamed.refused.is_empty() {
+            reports = reports.emptied(batch.path.clone())?;
+        }
+        let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
+        let (rows, mut trace) = reports.done(name, rows);
+        if let Some(trace) = &mut trace {
+            stream::quote(trace, open(job)?);
+        }
+        return Ok(Some(Foreseen { streamed, findings, outputs, rows, path: trace }));
+    }
+    Ok(None)
+}
+
+/// How a program is read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Without an index, if it begins like that.
+    Any,
+    Indexed,
+}
+
+/// The pieces of a program; `None` where it can only be read whole.
+fn pieces(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyPieces<File>>, Vec<Diagnostic>> {
+    let [Text::File { name, .. }] = &job.texts[..] else { return Ok(None) };
+    let failed = |error: std::io::Error| cannot_read(name, &error);
+    let context = setup.context.sources();
+    match job.language {
+        Language::Cl => {
+            let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
+            AnyPieces::cl(name, open(job)?, &options).map_err(failed)
+        }
+        Language::Rapid => {
+            let inline = match kind {
+                Kind::Any => AnyPieces::inline(name, open(job)?, context).map_err(failed)?,
+                Kind::Indexed => None,
+            };
+            match inline {
+                Some(pieces) => Ok(Some(pieces)),
+                None => AnyPieces::indexed(name, open(job)?, open(job)?, context).map_err(failed),
+            }
+        }
+    }
+}
+
+fn open(job: &Job) -> Result<File, Vec<Diagnostic>> {
+    match &job.texts[..] {
+        [Text::File { name, path }] => File::open(path).map_err(|error| cannot_read(name, &error)),
+        _ => Err(Vec::new()),
+    }
+}

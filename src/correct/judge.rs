@@ -1,0 +1,228 @@
+//! Long programs judged as they are, a piece at a time: what [`predict`](super::predict) says of the whole.
+
+use super::line::{self, Carried};
+use super::messages::Messages;
+use super::path::{self, Point};
+use super::solve::Spread;
+use super::stream::{self, Sinks, StreamError, Streamed, Unsolved, Way};
+use super::turns::Turns;
+use super::{Corrected, Options, Prepared, Row};
+use crate::cell::Cell;
+use crate::program::piece::leaves_its_start;
+use crate::program::{AnyPieces, Next, Program, Target};
+use crate::text::Diagnostic;
+use std::collections::VecDeque;
+use std::io::{Read, Seek};
+use std::sync::Mutex;
+
+/// Who looks at what each piece came to.
+pub struct Judge<'a> {
+    /// Whether the program is corrected too, for the limits that this would pass.
+    pub corrects: bool,
+    /// Most refusals that are held.
+    pub refusals: usize,
+    /// What is wrong with a piece.
+    pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
+    /// Told of it, in running order.
+    pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
+}
+
+/// A piece of a program, or all of it, as the cell would cut it.
+pub struct Judged<'a> {
+    /// The program.
+    pub program: &'a Program,
+    /// One row an executed motion, in running order; targets that failed have none.
+    pub rows: &'a [Row],
+    /// Targets that have no answer, corrected or as they are.
+    pub failures: Vec<Diagnostic>,
+    /// The targets of the program that it was corrected from, as far as there is one.
+    pub original: &'a [Target],
+}
+
+/// Predicts what the cell would make of a long program, `original` being what errors are counted from: the same rows as
+/// [`predict`](super::predict), in memory that does not grow with the program. With a judge, targets without an answer are
+/// for it to say and no failures, and [`Streamed::refused`] is not an error.
+///
+/// # Errors
+/// See [`StreamError`].
+pub fn predict_pieces<R: Read + Seek + Send>(
+    pieces: AnyPieces<R>,
+    original: Option<AnyPieces<R>>,
+    cell: &Cell,
+    options: &Options,
+    threads: usize,
+    judge: Option<Judge<'_>>,
+    sinks: &mut Sinks<'_>,
+) -> Result<Streamed, StreamError> {
+    let new = || path::Carried::new(cell).map_err(StreamError::Refused);
+    let path = Turns::new(new()?);
+    let original = match original {
+        Some(pieces) => Some(Turns::new(Original::new(pieces, new()?))),
+        None => None,
+    };
+    let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
+    let carried = if corrects { Some(Carried::new(cell).map_err(StreamError::Refused)?) } else { None };
+    let (refusals, findings, found) = match judge {
+        Some(judge) => (Messages::with_room(judge.refusals), Some(judge.findings), Some(judge.found)),
+        None => (Messages::default(), None, None),
+    };
+    let solve = |n: usize, program: &Program| -> Option<Result<(Vec<Diagnostic>, Corrected), Unsolved>> {
+        let prepared = path.take(n, |path| path::prepare(program, cell, options, path))?;
+        let correction = carried.as_ref().map(|c| line::piece(program, cell, options, c, n, Spread::Here));
+        let before = match &original {
+            Some(original) => Some(original.take(n, |o| o.next(program, cell, options))?),
+            None => None,
+        };
+        let mut prepared = match prepared {
+            Ok(prepared) => prepared,
+            Err(refused) => return Some(Err(refused.into())),
+        };
+        let before = match before {
+            None => None,
+            Some(Ok(Some((original, targets)))) => match prepared.judge_against(&original, program) {
+                Ok(()) => Some(targets),
+                Err(refused) => return Some(Err(refused.into())),
+            },
+            // Why is said when all has been looked at.
+            Some(Ok(None)) => return Some(Err(Vec::new().into())),
+            Some(Err(why)) => return Some(Err(Unsolved::Stop(why))),
+        };
+        let mut predicted = line::foreseen(program, cell, options, &prepared, n, Spread::Here);
+        let Some(findings) = findings else { return Some(Ok((Vec::new(), predicted))) };
+        let mut failures = std::mem::take(&mut predicted.failures);
+        if let Some(correction) = correction {
+            match correction? {
+                Ok(corrected) => failures.extend(corrected.failures),
+                Err(refused) => return Some(Err(refused.into())),
+            }
+        }
+        let original = before.as_deref().unwrap_or_default();
+        Some(Ok((findings(Judged { program, rows: &predicted.rows, failures, original }), predicted)))
+    };
+    let way = Way {
+        pieces: Mutex::new((0, pieces)),
+        take: AnyPieces::take,
+        read: AnyPieces::<R>::read,
+        solve: &|n, piece| solve(n, &piece.program),
+        break_off: &|| {
+            path.break_off();
+            carried.iter().for_each(Carried::break_off);
+            original.iter().for_each(Turns::break_off);
+        },
+        refusals,
+    };
+    let mut found = found;
+    let mut told = |findings: Vec<Diagnostic>| {
+        if let Some(found) = &mut found {
+            found(findings);
+        }
+        Ok(())
+    };
+    let mut streamed = stream::run(&way, threads, &mut told, sinks)?;
+    let warnings = way.pieces.into_inner().map(|(_, pieces)| pieces.warnings()).unwrap_or_default();
+    streamed.notes.splice(0..0, warnings);
+    if streamed.refused.is_empty()
+        && let Some(original) = original
+    {
+        original.into_inner().done(cell, options)?;
+    }
+    if findings.is_some() { Ok(streamed) } else { streamed.answered() }
+}
+
+/// The original of a corrected program, read along with it.
+struct Original<'a, R> {
+    pieces: AnyPieces<R>,
+    path: path::Carried<'a>,
+    /// Read, and not yet asked for.
+    targets: VecDeque<(Target, Point)>,
+    /// The points' laws and the like.
+    prepared: Option<Prepared>,
+    /// The corrected program's first source.
+    name: String,
+    /// Targets of either program so far.
+    asked: usize,
+    came: usize,
+    begun: bool,
+    ended: bool,
+    refused: Messages,
+}
+
+impl<'a, R: Read + Seek> Original<'a, R> {
+    fn new(pieces: AnyPieces<R>, path: path::Carried<'a>) -> Self {
+        Self {
+            pieces,
+            path,
+            targets: VecDeque::new(),
+            prepared: None,
+            name: String::new(),
+            asked: 0,
+            came: 0,
+            begun: false,
+            ended: false,
+            refused: Messages::default(),
+        }
+    }
+
+    /// As many targets as the next piece of the program has; `None` where there are fewer, or one is refused.
+    fn next(
+        &mut self,
+        program: &Program,
+        cell: &Cell,
+        options: &Options,
+    ) -> Result<Option<(Prepared, Vec<Target>)>, StreamError> {
+        let count = program.targets.len();
+        self.asked += count;
+        if self.name.is_empty() {
+            self.name = program.sources.first().map_or_else(String::new, |source| source.name.clone());
+        }
+        while self.came < self.asked && !self.ended {
+            self.read(cell, options)?;
+        }
+        let Some(prepared) = self.prepared.as_ref().filter(|_| self.refused.is_empty() && self.came >= self.asked)
+        else {
+            return Ok(None);
+        };
+        let (targets, points) = self.targets.drain(..count).unzip();
+        Ok(Some((Prepared { points, started: prepared.started, laws: prepared.laws.clone() }, targets)))
+    }
+
+    /// Reads its next piece.
+    fn read(&mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
+        let piece = match self.pieces.take().map_err(StreamError::Read)? {
+            Next::Piece(piece) => AnyPieces::<R>::read(piece).ok_or(StreamError::NotStraight)?,
+            Next::End => {
+                self.ended = true;
+                return Ok(());
+            }
+            Next::NotStraight => return Err(StreamError::NotStraight),
+        };
+        // As of the program itself: the feed out of the first target is told by the first piece.
+        if !(std::mem::replace(&mut self.begun, true) || piece.last || leaves_its_start(&piece.program.targets)) {
+            return Err(StreamError::NotStraight);
+        }
+        self.came += piece.program.targets.len();
+        match path::prepare(&piece.program, cell, options, &mut self.path) {
+            Ok(mut prepared) => {
+                let points = std::mem::take(&mut prepared.points);
+                self.targets.extend(piece.program.targets.into_iter().zip(points));
+                self.prepared = Some(prepared);
+            }
+            Err(refused) => self.refused.add_once(refused),
+        }
+        Ok(())
+    }
+
+    /// Whether it has the targets of the program, and no more.
+    fn done(mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
+        while !self.ended {
+            self.read(cell, options)?;
+            self.targets.clear();
+        }
+        let refused = if self.refused.is_empty() && self.asked != self.came {
+            vec![line::other_count(&self.name, self.asked, self.came)]
+        } else {
+            self.refused.all()
+        };
+        if refused.is_empty() { Ok(()) } else { Err(StreamError::Refused(refused)) }
+    }
+}

@@ -1,0 +1,65 @@
+//! Messages of a long run: a wrong cell fails at every target.
+
+use crate::text::Diagnostic;
+
+/// The first messages, and how many there were.
+#[derive(Clone, Debug)]
+pub struct Messages {
+    first: Vec<Diagnostic>,
+    count: usize,
+    most: usize,
+}
+
+impl Default for Messages {
+    fn default() -> Self {
+        /// More are only counted: nobody reads on.
+        const MOST: usize = 1000;
+        Self::with_room(MOST)
+    }
+}
+
+impl Messages {
+    /// None yet; more than `most` will only be counted.
+    #[must_use]
+    pub fn with_room(most: usize) -> Self {
+        Self { first: Vec::new(), count: 0, most }
+    }
+
+    /// Takes in more.
+    pub fn add(&mut self, messages: Vec<Diagnostic>) {
+        self.count += messages.len();
+        let room = self.most - self.first.len();
+        self.first.extend(messages.into_iter().take(room));
+    }
+
+    /// Names that nobody declares are missing in every piece.
+    pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
+        let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
+        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
+        self.add(messages);
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The first, and how many there are besides.
+    #[must_use]
+    pub fn into_parts(self) -> (Vec<Diagnostic>, usize) {
+        let more = self.count - self.first.len();
+        (self.first, more)
+    }
+
+    /// The first, and as one more message how many there are besides.
+    #[must_use]
+    pub fn all(mut self) -> Vec<Diagnostic> {
+        let more = self.count - self.first.len();
+        if more > 0 {
+            let more = format!("{more} more targets have messages like these");
+            self.first.push(Diagnostic::error("target.more", "", more));
+        }
+        self.first
+    }
+}
