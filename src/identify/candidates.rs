@@ -324,8 +324,8 @@ pub(super) fn design(
         candidates[c].first = first;
     }
     let mut always = Vec::new();
-    for (run, device) in problem.devices.iter().enumerate() {
-        for axis in 0..device.unknowns() {
+    for run in 0..problem.devices.len() {
+        for axis in 0..device::unknowns(problem, run) {
             always.push(next);
             next = add(vec![device::column(problem, &settled, run, axis)]);
         }
@@ -404,7 +404,7 @@ impl About<'_> {
         let of_knot = |k: usize| {
             let mut column = raised.clone();
             for (row, weights) in self.problem.rows.iter().zip(&weights) {
-                column.rows_mut(row.offset, row.seen.len()).scale_mut(weights[k]);
+                column.rows_range_mut(row.scalars()).scale_mut(weights[k]);
             }
             column
         };

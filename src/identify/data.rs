@@ -3,14 +3,15 @@
 use super::device::{self, Device};
 use super::noise::Series;
 use crate::cell::Cell;
-use crate::correct::{Options, Prepared, named_tool};
+use crate::correct::{Options, Prepared};
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::robot::{Joints, Pose};
 use crate::text::Diagnostic;
-use nalgebra::{DVector, Matrix3, Rotation3, Translation3, Vector3};
+use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// What an instrument said about one row.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +25,7 @@ pub(super) enum Seen {
 }
 
 impl Seen {
-    fn of(row: &MeasuredRow) -> Option<Self> {
+    pub(super) fn of(row: &MeasuredRow) -> Option<Self> {
         let position = row.position_mm.map(|p| Self::Position(p.into()));
         position.or(row.normal_mm.map(Self::Normal)).or(row.distance_mm.map(Self::Distance))
     }
@@ -50,6 +51,8 @@ pub(super) struct Observation {
     pub(super) motor: Joints,
     pub(super) travel: Joints,
     pub(super) seen: Seen,
+    /// How the probe was turned, in the device's frame.
+    pub(super) turned: Option<UnitQuaternion<f64>>,
     /// Relative standard deviation.
     pub(super) weight: f64,
     pub(super) held_out: bool,
@@ -58,6 +61,24 @@ pub(super) struct Observation {
     /// First of its scalars in stacked vectors.
     pub(super) offset: usize,
 }
+
+impl Observation {
+    /// Its scalars in stacked vectors: of the position, mm, and behind them of the turn, mrad.
+    pub(super) fn scalars(&self) -> Range<usize> {
+        self.offset..self.offset + self.seen.len() + if self.turned.is_some() { TURNS } else { 0 }
+    }
+
+    /// Those of the turn alone.
+    pub(super) fn turns(&self) -> Range<usize> {
+        self.offset + self.seen.len()..self.scalars().end
+    }
+}
+
+/// Scalars of a turn.
+const TURNS: usize = 3;
+
+/// What a row adds to a stacked vector: as many as it has of a position, mm, and a turn, mrad.
+pub(super) type Parts = [[f64; 3]; 2];
 
 /// Everything that is fitted to.
 #[derive(Debug)]
@@ -68,29 +89,39 @@ pub(super) struct Problem {
     pub(super) scalars: usize,
     /// Whether rows carry their own motor angles (`--poses`), over the whole robot.
     pub(super) free_device: bool,
-    /// Rows with a measured orientation.
+    /// Measured orientations that are not used: a program's rows are judged by positions.
     pub(super) orientations: usize,
     /// What is unknown of each run's instrument.
     pub(super) devices: Vec<Device>,
+    /// Standard deviation of a turn (mrad) over that of a position (mm).
+    pub(super) turn_weight: f64,
 }
+
+/// A row whose arm finds no equilibrium.
+const LOST: Parts = [[f64::NAN; 3]; 2];
 
 /// Blocks that a run is cut into; every fourth is held out.
 const BLOCKS: usize = 16;
 
 /// A measured point this far from its target does not belong to it, mm.
-const ELSEWHERE_MM: f64 = 50.0;
+pub(super) const ELSEWHERE_MM: f64 = 50.0;
 
 impl Problem {
-    /// Aligns runs to their programs.
-    pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
-        let mut problem = Self {
+    pub(super) fn empty(free_device: bool) -> Self {
+        Self {
             runs: Vec::new(),
             rows: Vec::new(),
             scalars: 0,
-            free_device: false,
+            free_device,
             orientations: 0,
             devices: Vec::new(),
-        };
+            turn_weight: 1.0,
+        }
+    }
+
+    /// Aligns runs to their programs.
+    pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
+        let mut problem = Self::empty(false);
         for (program, table) in runs {
             let has_force = table.rows.iter().any(|row| row.force_n.is_some());
             let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
@@ -122,6 +153,7 @@ impl Problem {
             for (order, (point, row, seen)) in taken.into_iter().enumerate() {
                 let at = &prepared.points[point];
                 let (motor, travel) = (at.motor, at.travel);
+                problem.orientations += usize::from(row.quat.is_some());
                 problem.push(run, point, order, row, motor, travel, seen, &blocks);
             }
             problem.runs.push(prepared);
@@ -132,83 +164,8 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Aligns rows that carry their own motor angles; the device's pose is unknown.
-    pub(super) fn of_poses(cell: &Cell, tables: &[Table], tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
-        let tool = match (tool, cell.tools.len()) {
-            (Some(name), _) => Some(named_tool(cell, name)?),
-            (None, 1) => cell.tools.values().next().copied(),
-            (None, _) => None,
-        };
-        let Some(tool) = tool else {
-            let message = "--poses needs the one tool that carries the reflector";
-            return Err(vec![
-                Diagnostic::error("identify.tool", "", message).help("declare one [tools.NAME], or give --tool NAME"),
-            ]);
-        };
-        let mut problem = Self {
-            runs: Vec::new(),
-            rows: Vec::new(),
-            scalars: 0,
-            free_device: true,
-            orientations: 0,
-            devices: Vec::new(),
-        };
-        for table in tables {
-            let mut points = Vec::new();
-            let mut pairs = Vec::new();
-            let mut taken = Vec::new();
-            let mut previous: Option<(Joints, Joints)> = None;
-            for row in &table.rows {
-                let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)));
-                let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
-                    let message =
-                        "a row of --poses needs q1_deg … q6_deg, and x_mm, y_mm, z_mm or distance_mm".to_owned();
-                    return Err(vec![at_line(table, row.line, message)]);
-                };
-                let motor = Joints::from(deg.map(f64::to_radians));
-                let travel = crate::correct::travel_into(previous, &motor);
-                previous = Some((motor, travel));
-                let base_from_tcp = cell.arm.robot.forward(&motor) * tool.flange_from_tcp;
-                pairs.push((base_from_tcp.translation.vector, seen));
-                let mut point = crate::correct::Point::measured(base_from_tcp, tool, motor, travel);
-                (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);
-                point.payload = row.payload_kg.unwrap_or(0.0);
-                if let Some(force) = row.force_n {
-                    point.set_force(force.into());
-                }
-                points.push(point);
-                taken.push((row, motor, travel, seen));
-            }
-            let blocks = Blocks::of(&taken.iter().map(|(row, ..)| row.holdout).collect::<Vec<_>>());
-            let fitted: Vec<(Vector3<f64>, Vector3<f64>)> = pairs
-                .iter()
-                .enumerate()
-                .filter(|(i, _)| !blocks.held_out(*i))
-                .filter_map(|(_, (there, seen))| match seen {
-                    Seen::Position(seen) => Some((*there, seen * 1e-3)),
-                    _ => None,
-                })
-                .collect();
-            // Lengths alone have no frame: the base's will do.
-            let device = if fitted.is_empty() { Device::Known } else { Device::Frame };
-            if device == Device::Frame {
-                let base_from_device = registration(&fitted);
-                points.iter_mut().for_each(|point| point.place_in(&base_from_device));
-            }
-            let run = problem.runs.len();
-            for (order, (row, motor, travel, seen)) in taken.into_iter().enumerate() {
-                problem.push(run, order, order, row, motor, travel, seen, &blocks);
-            }
-            problem.runs.push(Prepared::of_points(points));
-            problem.devices.push(device);
-            problem.find_fixed_point(run, table)?;
-        }
-        problem.scale_weights();
-        Ok(problem)
-    }
-
     #[allow(clippy::too_many_arguments)] // one row's fields, named at the only two callers
-    fn push(
+    pub(super) fn push(
         &mut self,
         run: usize,
         point: usize,
@@ -220,7 +177,6 @@ impl Problem {
         blocks: &Blocks,
     ) {
         let offset = self.scalars;
-        self.orientations += usize::from(row.quat.is_some());
         self.scalars += seen.len();
         self.rows.push(Observation {
             run,
@@ -230,6 +186,7 @@ impl Problem {
             motor,
             travel,
             seen,
+            turned: None,
             weight: row.sigma_mm.unwrap_or(1.0),
             held_out: blocks.held_out(order),
             block: blocks.of_row(order),
@@ -240,7 +197,8 @@ impl Problem {
 
     /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
     pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
-        self.stack(|row| self.equilibrium(arm, row).map_or([f64::NAN; 3], |there| self.gap(row, &there.wobj_from_tcp)))
+        let of = |row| self.equilibrium(arm, row).map_or(LOST, |there| self.gap(row, &there.wobj_from_tcp));
+        self.stacked(self.rows.par_iter().map(of).collect())
     }
 
     /// Equilibrium at every row, where there is one.
@@ -253,7 +211,7 @@ impl Problem {
         let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
             let situation = self.runs[row.run].situation(row.point);
             let there = known.as_ref().map(|known| arm.nudged(&situation, &row.motor, &row.travel, known));
-            there.map_or([f64::NAN; 3], |there| self.gap(row, &there))
+            there.map_or(LOST, |there| self.gap(row, &there))
         };
         self.stacked(self.rows.par_iter().zip(known).map(of).collect())
     }
@@ -262,42 +220,67 @@ impl Problem {
         arm.predict(&self.runs[row.run].situation(row.point), &row.motor, &row.travel).ok()
     }
 
-    /// What was measured minus where the TCP is, mm.
-    fn gap(&self, row: &Observation, wobj_from_tcp: &Pose) -> [f64; 3] {
-        match row.seen {
+    /// What was measured minus where the TCP is.
+    fn gap(&self, row: &Observation, wobj_from_tcp: &Pose) -> Parts {
+        let moved = match row.seen {
             Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),
             Seen::Normal(seen) => [seen - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0],
             Seen::Distance(seen) => match self.devices[row.run] {
                 Device::Point(from) => [seen - (wobj_from_tcp.translation.vector * 1e3 - from).norm(), 0.0, 0.0],
                 _ => [f64::NAN; 3],
             },
-        }
+        };
+        let turned = match (row.turned, self.devices[row.run]) {
+            (Some(seen), Device::Frame { tcp_from_probe }) => {
+                let there = UnitQuaternion::from_rotation_matrix(&wobj_from_tcp.rotation) * tcp_from_probe;
+                (1e3 * (seen * there.inverse()).scaled_axis()).into()
+            }
+            _ => [0.0; 3],
+        };
+        [moved, turned]
     }
 
-    /// A stacked vector from three numbers a row (one for normal errors).
-    pub(super) fn stack(&self, of: impl Fn(&Observation) -> [f64; 3] + Sync + Send) -> DVector<f64> {
-        self.stacked(self.rows.par_iter().map(of).collect())
-    }
-
-    pub(super) fn stacked(&self, parts: Vec<[f64; 3]>) -> DVector<f64> {
+    /// A stacked vector from its parts, row by row.
+    pub(super) fn stacked(&self, parts: Vec<Parts>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
-        for (row, part) in self.rows.iter().zip(parts) {
-            for (k, value) in part.into_iter().enumerate().take(row.seen.len()) {
-                out[row.offset + k] = value;
+        for (row, [moved, turned]) in self.rows.iter().zip(parts) {
+            let values = moved.into_iter().take(row.seen.len()).chain(turned);
+            for (k, value) in row.scalars().zip(values) {
+                out[k] = value;
             }
         }
         out
     }
 
+    /// Finds anew how much turns scatter beside positions of this standard deviation, from what is left of the fitted
+    /// rows; whether that matters.
+    pub(super) fn weigh_turns(&mut self, residual: &DVector<f64>, position_mm: f64) -> bool {
+        /// Changes below this share make no difference to what is fitted.
+        const CLOSE: f64 = 0.05;
+        /// Medians from which on a turn is a blunder.
+        const FAR: f64 = 7.0;
+        let fitted = self.rows.iter().filter(|row| !row.held_out && !row.outlier);
+        let mut sizes: Vec<f64> = fitted.flat_map(Observation::turns).map(|k| residual[k].abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let Some(&median) = sizes.get(sizes.len() / 2).filter(|median| **median > 0.0) else { return false };
+        sizes.truncate(sizes.partition_point(|size| *size < FAR * median));
+        let rms = (sizes.iter().map(|size| size * size).sum::<f64>() / sizes.len() as f64).sqrt();
+        let before = std::mem::replace(&mut self.turn_weight, rms / position_mm);
+        (self.turn_weight / before - 1.0).abs() > CLOSE
+    }
+
     /// Series of the rows that `keep` lets in: one a run and axis.
     pub(super) fn series(&self, keep: impl Fn(&Observation) -> bool) -> Vec<Series> {
-        let mut series = vec![Series::default(); 3 * self.runs.len()];
+        const AXES: usize = 3 + TURNS;
+        let mut series = vec![Series::default(); AXES * self.runs.len()];
         for row in self.rows.iter().filter(|row| !row.outlier && keep(row)) {
-            for k in 0..row.seen.len() {
-                let series = &mut series[3 * row.run + k];
-                series.samples.push((row.offset + k, row.order, row.weight));
+            let mut add = |axis: usize, scalar: usize, weight: f64| {
+                let series = &mut series[AXES * row.run + axis];
+                series.samples.push((scalar, row.order, weight));
                 series.places.push(self.place_mm(row));
-            }
+            };
+            (0..row.seen.len()).for_each(|k| add(k, row.offset + k, row.weight));
+            row.turns().enumerate().for_each(|(k, scalar)| add(3 + k, scalar, self.turn_weight));
         }
         series.retain(|series| !series.samples.is_empty());
         series
@@ -319,8 +302,19 @@ impl Problem {
         (high - low).norm()
     }
 
+    /// Takes the orientations of a run's rows, where it has any: the scalars are numbered anew.
+    pub(super) fn take_turns(&mut self, run: usize, turned: &[Option<UnitQuaternion<f64>>]) {
+        let of_run = self.rows.iter_mut().filter(|row| row.run == run);
+        of_run.zip(turned).for_each(|(row, turned)| row.turned = *turned);
+        self.scalars = 0;
+        for row in &mut self.rows {
+            row.offset = self.scalars;
+            self.scalars = row.scalars().end;
+        }
+    }
+
     /// Finds the fixed point that a run's lengths were measured from.
-    fn find_fixed_point(&mut self, run: usize, table: &Table) -> Result<(), Vec<Diagnostic>> {
+    pub(super) fn find_fixed_point(&mut self, run: usize, table: &Table) -> Result<(), Vec<Diagnostic>> {
         let of_run = |row: &&Observation| row.run == run;
         let lengths = self.rows.iter().filter(of_run).filter(|row| matches!(row.seen, Seen::Distance(_))).count();
         if lengths == 0 {
@@ -344,7 +338,7 @@ impl Problem {
     }
 
     /// Standard deviations become relative to their quadratic mean, so that σ is in mm whether they are given or not.
-    fn scale_weights(&mut self) {
+    pub(super) fn scale_weights(&mut self) {
         let n = self.rows.len().max(1) as f64;
         let mean = (self.rows.iter().map(|row| row.weight * row.weight).sum::<f64>() / n).sqrt();
         if mean > 0.0 {
@@ -353,7 +347,7 @@ impl Problem {
     }
 }
 
-fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
+pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
     let mut diagnostic = Diagnostic::error("measured.row", &table.file, message)
         .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
     (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
@@ -425,13 +419,13 @@ fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Se
 }
 
 /// Contiguous blocks of a run and which are held out.
-struct Blocks {
+pub(super) struct Blocks {
     length: usize,
     given: Option<Vec<bool>>,
 }
 
 impl Blocks {
-    fn of(holdout: &[Option<bool>]) -> Self {
+    pub(super) fn of(holdout: &[Option<bool>]) -> Self {
         let given = holdout.iter().any(Option::is_some).then(|| holdout.iter().map(|h| h.unwrap_or(false)).collect());
         Self { length: holdout.len().div_ceil(BLOCKS).max(1), given }
     }
@@ -440,24 +434,10 @@ impl Blocks {
         order / self.length
     }
 
-    fn held_out(&self, order: usize) -> bool {
+    pub(super) fn held_out(&self, order: usize) -> bool {
         match &self.given {
             Some(given) => given[order],
             None => self.of_row(order) % 4 == 2,
         }
     }
-}
-
-/// Rigid registration of points in the base (first) to points in the device (second), m: Kabsch.
-fn registration(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Pose {
-    let n = pairs.len().max(1) as f64;
-    let base = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / n;
-    let device = pairs.iter().map(|pair| pair.1).sum::<Vector3<f64>>() / n;
-    let spread: Matrix3<f64> = pairs.iter().map(|(b, d)| (b - base) * (d - device).transpose()).sum();
-    // Static 3×3 decomposition: sound on planes too.
-    let svd = spread.svd(true, true);
-    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Pose::identity() };
-    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * vt).determinant().signum()));
-    let rotation = u * flip * vt;
-    Pose::from_parts(Translation3::from(base - rotation * device), Rotation3::from_matrix_unchecked(rotation))
 }

@@ -1,9 +1,9 @@
 //! What is unknown of a measuring instrument: nothing, the frame of a tracker, the fixed point of a draw-wire.
 
-use super::data::{Observation, Problem, Seen};
+use super::data::{Observation, Parts, Problem, Seen};
 use crate::equilibrium::Equilibrium;
 use crate::robot::Pose;
-use nalgebra::{DVector, Matrix3, Matrix4, Rotation3, Translation3, Vector3, Vector4};
+use nalgebra::{DVector, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector3, Vector4};
 use rayon::prelude::*;
 
 /// The unknown part of a run's instrument.
@@ -11,8 +11,11 @@ use rayon::prelude::*;
 pub(super) enum Device {
     /// It measures in the work object.
     Known,
-    /// It measures in a frame of its own: the pose of that frame is fitted.
-    Frame,
+    /// It measures in a frame of its own: the pose of that frame is fitted, and how its probe is mounted.
+    Frame {
+        /// How the probe is turned on the tool; matters where orientations are measured.
+        tcp_from_probe: UnitQuaternion<f64>,
+    },
     /// It measures lengths from this point, which is fitted: work object axes, mm.
     Point(Vector3<f64>),
 }
@@ -20,14 +23,13 @@ pub(super) enum Device {
 /// Prior of a shift and of a turn, mm and rad: anything that a registration may be off.
 const FREE: (f64, f64) = (100.0, 0.1);
 
-impl Device {
-    /// Numbers that are fitted.
-    pub(super) fn unknowns(self) -> usize {
-        match self {
-            Self::Known => 0,
-            Self::Frame => 6,
-            Self::Point(_) => 3,
-        }
+/// Numbers of a run's instrument that are fitted.
+pub(super) fn unknowns(problem: &Problem, run: usize) -> usize {
+    match problem.devices[run] {
+        Device::Known => 0,
+        Device::Frame { .. } if problem.rows.iter().any(|row| row.run == run && row.turned.is_some()) => 9,
+        Device::Frame { .. } => 6,
+        Device::Point(_) => 3,
     }
 }
 
@@ -35,17 +37,21 @@ impl Device {
 /// a turn about where the TCP is declared would leave a wrong tool in every frame.
 pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: usize, axis: usize) -> DVector<f64> {
     let unit = Vector3::ith(axis % 3, 1.0);
-    let of = |(row, there): (&Observation, &Option<Equilibrium>)| {
+    let of = |(row, there): (&Observation, &Option<Equilibrium>)| -> Parts {
         let declared = || problem.runs[row.run].points[row.point].wobj_from_tcp;
-        let place = there.as_ref().map_or_else(declared, |there| there.wobj_from_tcp).translation.vector * 1e3;
-        match problem.devices[row.run] {
-            _ if row.run != run => [0.0; 3],
-            Device::Known => [0.0; 3],
-            // The frame moves: the point moves the other way in it.
-            Device::Frame if axis < 3 => (-unit * FREE.0).into(),
-            Device::Frame => (-unit.cross(&place) * FREE.1).into(),
-            Device::Point(from) => [-(place - from).normalize().dot(&unit) * FREE.0, 0.0, 0.0],
-        }
+        let there = there.as_ref().map_or_else(declared, |there| there.wobj_from_tcp);
+        let place = there.translation.vector * 1e3;
+        let none = Vector3::zeros();
+        // The frame moves: the point and the probe move the other way in it.
+        let [moved, turned] = match problem.devices[row.run] {
+            _ if row.run != run => [none; 2],
+            Device::Known => [none; 2],
+            Device::Frame { .. } if axis < 3 => [-unit * FREE.0, none],
+            Device::Frame { .. } if axis < 6 => [-unit.cross(&place) * FREE.1, -unit * FREE.1 * 1e3],
+            Device::Frame { tcp_from_probe } => [none, there.rotation * (tcp_from_probe * unit) * FREE.1 * 1e3],
+            Device::Point(from) => [Vector3::x() * -(place - from).normalize().dot(&unit) * FREE.0, none],
+        };
+        [moved.into(), turned.into()]
     };
     problem.stacked(problem.rows.par_iter().zip(settled).map(of).collect())
 }
@@ -53,7 +59,7 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: us
 /// Where every run's instrument is taken to be.
 pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
     let frame = |run: &crate::correct::Prepared| run.points.first().map(|point| point.base_from_wobj);
-    let place = |(&device, run)| (device, frame(run).filter(|_| device == Device::Frame));
+    let place = |(&device, run)| (device, frame(run).filter(|_| matches!(device, Device::Frame { .. })));
     problem.devices.iter().zip(&problem.runs).map(place).collect()
 }
 
@@ -72,7 +78,7 @@ pub(super) fn shift(problem: &mut Problem, run: usize, unknowns: &[f64]) {
     let three = |from: usize, size: f64| Vector3::from_fn(|k, _| unknowns[from + k] * size);
     match problem.devices[run] {
         Device::Known => {}
-        Device::Frame => {
+        Device::Frame { tcp_from_probe } => {
             let step = Pose::from_parts(
                 Translation3::from(three(0, FREE.0) * 1e-3),
                 Rotation3::from_scaled_axis(three(3, FREE.1)),
@@ -80,6 +86,10 @@ pub(super) fn shift(problem: &mut Problem, run: usize, unknowns: &[f64]) {
             for point in &mut problem.runs[run].points {
                 let base_from_device = point.base_from_wobj * step;
                 point.place_in(&base_from_device);
+            }
+            if unknowns.len() > 6 {
+                let turned = UnitQuaternion::from_scaled_axis(three(6, FREE.1));
+                problem.devices[run] = Device::Frame { tcp_from_probe: tcp_from_probe * turned };
             }
         }
         Device::Point(from) => problem.devices[run] = Device::Point(from + three(0, FREE.0)),

@@ -2,6 +2,7 @@
 
 use super::candidates::{self, Candidate, Home, with};
 use super::data::Problem;
+use super::device;
 use super::explain::Ranking;
 use super::gear::{self, Comb, Term};
 use super::noise::{self, Moments};
@@ -49,6 +50,8 @@ pub(super) struct Engine {
     pub(super) shape: noise::Shape,
     /// Posterior covariance of the chosen columns, in typical sizes, in the order of `chosen`.
     pub(super) covariance: DMatrix<f64>,
+    /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
+    pub(super) refused_mm: Option<f64>,
 }
 
 /// Finds the effects that a cell lacks.
@@ -98,7 +101,7 @@ impl Engine {
         let candidates = candidates::all(&declared, &problem);
         let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
-        Self { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance }
+        Self { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance, refused_mm: None }
     }
 
     pub(super) fn arm(&self) -> Arm {
@@ -150,6 +153,7 @@ impl Engine {
         let mut linear = None;
         let mut posteriors = Vec::new();
         let mut ranking = Ranking::default();
+        let places = device::places(&self.problem);
         // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
         for _ in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
@@ -208,7 +212,8 @@ impl Engine {
             // Beside a field, what is periodic in a joint passes for anything: it would be withdrawn.
             let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);
-            let settled = same && !outliers && !gear && (whole || !self.prune());
+            let weighed = self.weigh_turns();
+            let settled = same && !outliers && !gear && !weighed && (whole || !self.prune());
             linear = Some(now);
             if settled && field.is_none() {
                 break;
@@ -226,6 +231,10 @@ impl Engine {
         if let Some(linear) = linear.as_ref().filter(|_| self.is_unexplained()) {
             self.withdraw(linear, &mut posteriors);
             self.add_map(&mut posteriors);
+        }
+        if self.gains_nothing(before) {
+            posteriors.clear();
+            device::restore(&mut self.problem, &places);
         }
         let after = self.residual();
         self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)

@@ -158,12 +158,20 @@ impl Engine {
         let wander_mm = self.sigma * self.shape.wander.sqrt();
         let unexplained = self.unexplained(linear);
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem);
+        advice.extend(self.refused_mm.map(|error_mm| {
+            format!(
+                "nothing is added: with what the fitted rows speak for, the error on held-out rows would be {error_mm:.4} mm instead of \
+                 {:.4}; the fitted rows are too few or unlike the held-out ones: measure more of them, over the same area",
+                errors_before.rms_mm
+            )
+        }));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
         Identification {
             rows: self.problem.rows.len(),
             held_out_rows: self.problem.rows.iter().filter(|row| row.held_out).count(),
             noise_mm: self.sigma,
             wander_mm,
+            orientation_noise_deg: self.orientation_noise_deg(),
             noise_floor_rms_mm: (axes * (self.sigma * self.sigma + wander_mm * wander_mm)).sqrt(),
             before: errors_before,
             after: errors_after,
@@ -178,6 +186,12 @@ impl Engine {
             extended,
             residuals: self.residual_rows(before, after),
         }
+    }
+
+    /// White noise of measured orientations, where there are any.
+    fn orientation_noise_deg(&self) -> Option<f64> {
+        let any = self.problem.rows.iter().any(|row| row.turned.is_some());
+        any.then(|| (1e-3 * self.problem.turn_weight * self.sigma).to_degrees())
     }
 
     /// Patterns that stayed in the set: more than noise, and in nobody's list.
@@ -363,7 +377,7 @@ fn advice(added: &[Added], unexplained: &Unexplained, pairs: &[Separation], prob
     }
     if problem.orientations > 0 {
         all.push(format!(
-            "{} measured orientations were read and not used: positions alone are fitted and scored",
+            "{} measured orientations were read and not used: beside a program, or a length, positions alone are fitted and scored",
             problem.orientations
         ));
     }

@@ -121,7 +121,7 @@ impl Engine {
     fn go_to(&mut self, aim: &[f64]) -> f64 {
         let mut at = 0;
         for run in 0..self.problem.devices.len() {
-            let unknowns = self.problem.devices[run].unknowns();
+            let unknowns = device::unknowns(&self.problem, run);
             device::shift(&mut self.problem, run, &aim[at..at + unknowns]);
             at += unknowns;
         }

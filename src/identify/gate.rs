@@ -12,10 +12,10 @@ use statrs::function::erf::erf;
 
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
-/// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
-const BLUNDER: f64 = 2.0 * OUTLIER;
 /// Standard deviation of normal numbers over the median of their sizes.
 const TO_SIGMA: f64 = 1.4826;
+/// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
+const BLUNDER: f64 = 2.0 * OUTLIER;
 /// The kind that names nothing.
 const MAP: &str = "empirical";
 /// Standard errors that a map must gain on unseen blocks: it will be used, and claims nothing else.
@@ -154,6 +154,30 @@ impl Engine {
         blocks.par_iter().map(of_block).collect()
     }
 
+    /// Takes everything back that makes the held-out rows worse than the declared cell does; whether it had to.
+    ///
+    /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them.
+    pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
+        let held_out = |row: &Observation| row.held_out;
+        let error_mm = self.errors(&self.residual(), held_out).rms_mm;
+        let worse = error_mm > self.errors(before, held_out).rms_mm;
+        if worse {
+            let any = self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
+            self.refused_mm = any.then_some(error_mm);
+            for c in std::mem::take(&mut self.chosen) {
+                let candidate = &mut self.candidates[c];
+                candidate.values.clone_from(&candidate.start);
+            }
+        }
+        worse
+    }
+
+    /// Finds anew how much measured turns scatter beside positions; whether that matters to what is fitted.
+    pub(super) fn weigh_turns(&mut self) -> bool {
+        let residual = self.residual();
+        self.problem.weigh_turns(&residual, self.sigma * (1.0 + self.shape.wander).sqrt())
+    }
+
     /// Marks rows whose whitened residual no noise makes; how many are new.
     pub(super) fn mark_outliers(&mut self) -> usize {
         let whitened = self.whitened(&self.residual());
@@ -169,7 +193,7 @@ impl Engine {
         let far: Vec<usize> = (0..self.problem.rows.len())
             .filter(|&i| {
                 let row = &self.problem.rows[i];
-                !row.outlier && (0..row.seen.len()).any(|k| whitened[row.offset + k].abs() > limit(row))
+                !row.outlier && row.scalars().any(|k| whitened[k].abs() > limit(row))
             })
             .collect();
         // A tenth of the rows are not outliers but an effect.

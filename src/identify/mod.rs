@@ -17,6 +17,7 @@ mod gear;
 mod noise;
 mod outcome;
 mod pattern;
+mod poses;
 mod score;
 mod search;
 mod separability;

@@ -13,6 +13,9 @@ pub struct Identification {
     pub noise_mm: f64,
     /// Wander of the noise, per axis, mm.
     pub wander_mm: f64,
+    /// White noise of measured orientations, per axis, degrees; `None` where none were fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orientation_noise_deg: Option<f64>,
     /// 3-D noise floor with the wander in it, mm.
     pub noise_floor_rms_mm: f64,
     /// Declared cell, on held-out rows.

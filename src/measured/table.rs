@@ -228,6 +228,32 @@ impl Cells<'_> {
         }
     }
 
+    /// Four numbers that are a rotation, but for their digits.
+    fn quat(&self) -> Result<Option<[f64; 4]>, CellError> {
+        /// Three decimals leave no more.
+        const ROUNDED: f64 = 2e-3;
+        let quat = self.group::<4>(4)?;
+        let norm = quat.map_or(1.0, |q| q.iter().map(|v| v * v).sum::<f64>().sqrt());
+        if (norm - 1.0).abs() <= ROUNDED {
+            return Ok(quat);
+        }
+        Err((
+            format!("qw, qx, qy, qz have norm {norm:.4}"),
+            "expected a unit quaternion, scalar first, or four empty cells".into(),
+        ))
+    }
+
+    /// A number that cannot be negative, or not zero either.
+    fn size(&self, column: usize, zero: bool) -> Result<Option<f64>, CellError> {
+        match self.number(column)? {
+            Some(value) if value < 0.0 || !zero && value == 0.0 => Err((
+                format!("{} is {value}", COLUMNS[column]),
+                format!("expected a number {}, or an empty cell", if zero { "not below 0" } else { "above 0" }),
+            )),
+            value => Ok(value),
+        }
+    }
+
     fn row(&self, line: u64) -> Result<MeasuredRow, CellError> {
         let target = match self.text(0) {
             None => None,
@@ -251,15 +277,15 @@ impl Cells<'_> {
             line,
             target,
             position_mm: self.group::<3>(1)?,
-            quat: self.group::<4>(4)?,
+            quat: self.quat()?,
             normal_mm: self.number(8)?,
             motor_deg: self.group::<6>(9)?,
-            distance_mm: self.number(15)?,
+            distance_mm: self.size(15, true)?,
             force_n: self.group::<3>(16)?,
             time_s: self.number(19)?,
             temperature_c: self.number(20)?,
-            payload_kg: self.number(21)?,
-            sigma_mm: self.number(22)?,
+            payload_kg: self.size(21, true)?,
+            sigma_mm: self.size(22, false)?,
             run: self.text(23),
             holdout,
         })
@@ -291,5 +317,9 @@ mod tests {
         assert_eq!((nan.line, nan.message.as_str()), (3, "x_mm is `nan`"));
         let part = &read("target,x_mm,y_mm,z_mm\n1,1,2,\n").unwrap_err()[0];
         assert!(part.message.contains("in part"));
+        let zero = &read("target,qw,qx,qy,qz\n1,1,0,0,0\n2,0,0,0,0\n").unwrap_err()[0];
+        assert_eq!((zero.line, zero.message.as_str()), (3, "qw, qx, qy, qz have norm 0.0000"));
+        let certain = &read("target,sigma_mm\n1,0\n").unwrap_err()[0];
+        assert_eq!(certain.message, "sigma_mm is 0");
     }
 }
