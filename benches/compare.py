@@ -33,6 +33,7 @@ HEAD = """MODULE Mill
 """
 UNUSED = "[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tMill\\WObj:=wPart;"
 ROW = 1000  # targets of a row over the surface
+ROUTINES = 50
 
 
 def generate(path, targets):
@@ -74,6 +75,25 @@ def generate_declared(path, targets):
             shutil.copyfileobj(rest, out)
     os.remove(f"{path}.moves")
     os.replace(f"{path}.declared", path)
+
+
+def generate_routines(path, targets):
+    """The same targets in 50 routines that main calls, main first."""
+    generate(path, targets)
+    each = math.ceil(targets / ROUTINES)
+    with open(path) as inline, open(f"{path}.routines", "w") as out:
+        count = 0
+        for line in inline:
+            if "PROC main" in line:
+                out.write(line + "".join(f"    Path_{i};\n" for i in range(math.ceil(targets / each))) + "  ENDPROC\n")
+            elif "MoveL" in line:
+                if count % each == 0:
+                    out.write(("  ENDPROC\n" if count else "") + f"  PROC Path_{count // each}()\n")
+                out.write(line)
+                count += 1
+            else:
+                out.write(line)
+    os.replace(f"{path}.routines", path)
 
 
 def generate_cl(path, targets):
@@ -183,7 +203,12 @@ def table(args, folder):
         jobs[f"deflex, {threads} thr"] = lambda t=threads: run(compensate(program, folder, t))
     jobs["deflex, gravity and backlash, 1 thr"] = lambda: run(compensate(program, folder, 1, with_effects(folder)))
     jobs["deflex, pipe to pipe, 4 thr"] = lambda: piped(program, folder, 4)
-    for name, text, make in (("CL to RAPID", "part.cl", generate_cl), ("declared targets", "declared.mod", generate_declared)):
+    kinds = (
+        ("CL to RAPID", "part.cl", generate_cl),
+        ("declared targets", "declared.mod", generate_declared),
+        ("50 routines", "routines.mod", generate_routines),
+    )
+    for name, text, make in kinds:
         make(folder / text, args.targets)
         for threads in (1, 4):
             command = compensate(folder / text, folder, threads)

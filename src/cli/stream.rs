@@ -114,7 +114,7 @@ impl Long<'_> {
         self.done(done, reports, |_| false)
     }
 
-    /// RAPID with declared targets: what changes is collected first.
+    /// RAPID with declared targets or several routines: what changes is collected first.
     fn patch(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let (context, name, path) = (self.batch.setup.context.sources(), self.name, self.path);
         let failed = |error: io::Error| cannot_read(name, &error);

@@ -114,5 +114,7 @@ fn first_use(
 ) -> Option<impl Fn(&'static str, String, String) -> Diagnostic> {
     let target = program.targets.iter().find(|t| uses(t) && !matches!(t.editable, crate::program::Editable::No(_)))?;
     let source = &program.sources[usize::from(target.source)];
-    Some(move |code, message, help| Diagnostic::error(code, "", message).at(source, target.span).help(help))
+    Some(move |code, message, help| {
+        Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help)
+    })
 }

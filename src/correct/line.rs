@@ -361,7 +361,7 @@ fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic>
                    the branch nearest home is taken";
         notes.push(
             Diagnostic::error("robot.start", "", how)
-                .at(source, first.span)
+                .on_line(source, first.span, first.line)
                 .severity(Severity::Note)
                 .help("give `[robot] start_deg` in the cell"),
         );

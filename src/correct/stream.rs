@@ -93,8 +93,8 @@ pub fn compensate_pieces<R: Read + Send>(
     run(&way, threads, &mut |bytes: Vec<u8>| program.write_all(&bytes), sinks)?.answered()
 }
 
-/// Corrects a RAPID program whose targets are declared far from their use: in memory is an index of them. What changes is
-/// collected in `patch`, to be applied to the program when all went well.
+/// Corrects a RAPID program whose targets are declared far from their use, or that runs from routine to routine: in memory is
+/// an index of these. What changes is collected in `patch`, to be applied to the program when all went well.
 ///
 /// # Errors
 /// See [`StreamError`].
@@ -128,7 +128,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         for change in changes.into_iter().flatten() {
             let before = change.shared.and_then(|target| shared.insert(target, change.clone()));
             disputed |= before.as_ref().is_some_and(|before| *before != change);
-            if before.is_none() && change.old > 0 {
+            if before.is_none() && (change.old > 0 || !change.text.is_empty()) {
                 patch.replace(change.start, change.old, &change.text)?;
             }
         }
@@ -272,7 +272,8 @@ impl<S, P, T> Run<'_, S, P, T> {
                 Err(Unsolved::Refused(refused)) => Err(refused),
                 Err(Unsolved::Stop(why)) => return self.stop(why),
             };
-            let (last, bytes) = (piece.program.targets.last().map(|t| t.ordinal), piece.own.len() as u64);
+            let last = piece.program.targets.last().map(|t| t.ordinal);
+            let bytes = (piece.own.len() + piece.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
             let done = Done { outcome, last, bytes };
             match self.writer.take(n, |writer| writer.write(done, progress)) {
                 Some(Ok(())) => {}
@@ -335,7 +336,7 @@ fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Changed {
     start: u64,
-    /// Bytes; none where nothing changes.
+    /// Bytes; none where there is only more text.
     old: u32,
     text: Vec<u8>,
     /// The declaration of a target that other motions go to as well, by its offset: they have to agree.
@@ -351,7 +352,7 @@ fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>>
     let declared = piece.elsewhere.iter().map(|target| (&target.own, target.at, target.shared.then_some(target.at)));
     let mut out = Vec::new();
     for (own, at, shared) in declared.chain([(&piece.own, piece.at, None)]) {
-        let (here, further) = edits.split_at(edits.partition_point(|edit| edit.span.range().end <= own.end));
+        let (here, further) = edits.split_at(edits.partition_point(|edit| edit.span.range().start < own.end));
         edits = further;
         if here.is_empty() && shared.is_none() {
             continue;

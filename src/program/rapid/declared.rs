@@ -1,27 +1,31 @@
-//! A long program whose targets are declared far from their use, in pieces that fit in memory.
+//! A long program whose targets are declared far from their use, or that runs from routine to routine, in pieces that fit in
+//! memory.
 //!
-//! What is held is an index of the declarations. A piece is a stretch of the body, as in `pieces`, with the declarations of
-//! the targets that it moves to, which stand elsewhere in the file.
+//! What is held is an index of the declarations and of the routines. A piece is a stretch of the text in the order in which it
+//! runs, as in `pieces`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
 
-use super::index::{Head, Index, lines_of};
-use super::pieces::{Piece, Pieces};
+use super::index::{Index, lines_of};
+use super::pieces::{PIECE, Piece, Pieces};
+use super::routines::{Parts, Running, running};
 use crate::program::Next;
 use crate::text::Source;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek};
 use std::sync::Arc;
+
+/// Lines that pieces are counted from, more than any has: which line of the file each is stands in its parts.
+const LINES: usize = 1 << 20;
 
 /// Cuts a program into pieces.
 #[derive(Debug)]
 pub struct Declared<R> {
     index: Arc<Index>,
-    /// The body.
-    pieces: Pieces<R>,
+    /// The text as it runs.
+    pieces: Pieces<Running<R>>,
+    parts: Parts,
     /// The same file, where declarations are read from.
     file: R,
     /// Where a piece's declarations belong in its head.
     data: usize,
-    /// Offset in the file of the next piece.
-    at: u64,
 }
 
 impl<R: Read + Seek> Declared<R> {
@@ -30,12 +34,26 @@ impl<R: Read + Seek> Declared<R> {
     ///
     /// # Errors
     /// What they report.
-    pub fn new(name: &str, mut body: R, mut file: R, context: &[Source]) -> io::Result<Option<Self>> {
-        let Some((index, head)) = Index::read(&mut BufReader::new(&mut file))? else { return Ok(None) };
-        let Head { text, data, bytes: at, lines } = head;
-        body.seek(SeekFrom::Start(at))?;
-        let pieces = Pieces::behind(name, body, context, text, lines)?;
-        Ok(pieces.map(|pieces| Self { index: Arc::new(index), pieces, file, data, at }))
+    pub fn new(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Self::sized(name, body, file, context, PIECE)
+    }
+
+    /// The same, with pieces of about so many bytes.
+    ///
+    /// # Errors
+    /// What `body` and `file` report.
+    pub fn sized(name: &str, body: R, mut file: R, context: &[Source], piece: usize) -> io::Result<Option<Self>> {
+        let Some((index, head, routines)) = Index::read(&mut BufReader::new(&mut file))? else { return Ok(None) };
+        // Nothing that `Pieces` alone would not do.
+        if index.is_empty() && routines.len() == 1 || !routines.iter().any(|routine| routine.moves) {
+            return Ok(None);
+        }
+        let Some(stretches) = running(&routines) else { return Ok(None) };
+        let stretches: Arc<[_]> = stretches.into();
+        let running = Running::new(body, Arc::clone(&stretches));
+        let pieces = Pieces::behind(name, running, context, head.text, LINES, piece)?;
+        let new = |pieces| Self { index: Arc::new(index), pieces, parts: Parts::new(stretches), file, data: head.data };
+        Ok(pieces.map(new))
     }
 
     /// The next piece.
@@ -49,11 +67,11 @@ impl<R: Read + Seek> Declared<R> {
         };
         let entries = self.index.of(piece.body());
         let text = lines_of(&entries, &mut self.file)?;
-        let len = piece.len() as u64;
-        let lines = piece.declare(self.data, &text, &entries, self.at);
-        self.at += len;
-        // Fewer lines in the file than in the piece: a short program.
-        Ok(if lines { Next::Piece(piece) } else { Next::NotStraight })
+        piece.declare(self.data, &text, &entries);
+        let mut parts = self.parts.next(piece.body().len());
+        parts.iter_mut().for_each(|part| part.running_line += LINES);
+        piece.place(&parts);
+        Ok(Next::Piece(piece))
     }
 
     /// Whether several motions go to one target.

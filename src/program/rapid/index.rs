@@ -1,6 +1,8 @@
-//! Where a long program declares its targets: their lines by name, not what stands there.
+//! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
 
+use super::lex;
 use super::pieces::{PIECE, first_word, is_motion};
+use super::routines::Routine;
 use super::symbols::harmless;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
@@ -41,80 +43,148 @@ impl Entry {
     }
 }
 
-/// A program up to its first motion.
+/// A program up to its first routine.
 pub(super) struct Head {
     /// Everything but the targets' declarations.
     pub(super) text: Vec<u8>,
     /// Where declarations belong: behind the module's name.
     pub(super) data: usize,
-    /// Bytes and lines of the file up to there.
-    pub(super) bytes: u64,
-    pub(super) lines: usize,
+}
+
+/// Where in a program a line stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Within {
+    Nothing,
+    Data,
+    Routine,
+    /// Behind a routine.
+    Module,
+    /// Behind the module.
+    End,
+}
+
+/// A program as far as it was looked through.
+struct Scan {
+    head: Head,
+    index: Index,
+    routines: Vec<Routine>,
+    within: Within,
+}
+
+impl Scan {
+    /// Takes in a line of the file; `None` where it is more than motion, calls and data.
+    fn take(&mut self, line: &[u8], start: u64, lines_before: usize) -> Option<()> {
+        let text = line.trim_ascii();
+        let word = first_word(text);
+        let len = line.len() as u64;
+        let routine = procedure(text);
+        match (self.within, routine) {
+            (Within::Data | Within::Module, Some(name)) => {
+                if self.within == Within::Data {
+                    self.head.text.extend_from_slice(line);
+                    self.index.sort()?;
+                }
+                self.routines.push(Routine::new(name));
+                self.within = Within::Routine;
+            }
+            (Within::Nothing | Within::Data, None) => {
+                if let Some(name) = declared(text).filter(|_| self.within == Within::Data) {
+                    let entry = Entry { name: hash(name), start, len: u32::try_from(len).ok()?, uses: Uses::None };
+                    self.index.entries.push(entry);
+                    return Some(());
+                }
+                if self.head.text.len() > PIECE || is_motion(word) {
+                    return None;
+                }
+                self.head.text.extend_from_slice(line);
+                if word.eq_ignore_ascii_case(b"MODULE") {
+                    (self.within, self.head.data) = (Within::Data, self.head.text.len());
+                }
+            }
+            (Within::Routine, None) if text.eq_ignore_ascii_case(b"ENDPROC") => self.within = Within::Module,
+            (Within::Routine, None) => self.statement(text, start, len, lines_before)?,
+            (Within::Module, None) if text.eq_ignore_ascii_case(b"ENDMODULE") => self.within = Within::End,
+            // A mark out here is in force somewhere else.
+            (Within::Module | Within::End, None) if is_comment(text) && text.get(1..).and_then(lex::mark).is_none() => {
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// A line of a routine.
+    fn statement(&mut self, text: &[u8], start: u64, len: u64, lines_before: usize) -> Option<()> {
+        let routine = self.routines.last_mut()?;
+        let word = first_word(text);
+        let moves = is_motion(word);
+        if is_comment(text) || moves || harmless(word) {
+            routine.moves |= moves;
+            routine.line(start, len, lines_before);
+            if moves && let Some(name) = target(text) {
+                self.index.count(name);
+            }
+            return Some(());
+        }
+        let (name, rest) = self::word(text)?;
+        (rest == b";").then(|| routine.call(name))
+    }
+}
+
+/// Nothing, or nothing but a comment.
+fn is_comment(text: &[u8]) -> bool {
+    text.first().is_none_or(|first| *first == b'!')
+}
+
+/// The name of a procedure without parameters that a line begins.
+fn procedure(text: &[u8]) -> Option<&[u8]> {
+    let (mut word, mut rest) = word(text)?;
+    if word.eq_ignore_ascii_case(b"LOCAL") {
+        (word, rest) = self::word(rest)?;
+    }
+    let (name, rest) = self::word(rest).filter(|_| word.eq_ignore_ascii_case(b"PROC"))?;
+    let alone = rest.strip_prefix(b"(")?.trim_ascii_start() == b")";
+    // One that is called like an instruction is called wherever that is meant.
+    (alone && !is_motion(name) && !harmless(name)).then_some(name)
 }
 
 impl Index {
-    /// Looks through a program; `None` where it is not one procedure of motions.
-    pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head)>> {
-        let mut head = Head { text: Vec::new(), data: 0, bytes: 0, lines: 0 };
-        let mut index = Self { entries: Vec::new() };
-        let (mut line, mut in_module, mut in_routine) = (Vec::new(), false, false);
+    /// Looks through a program; `None` where it is not one module of procedures that move and call each other.
+    pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head, Vec<Routine>)>> {
+        let mut scan = Scan {
+            head: Head { text: Vec::new(), data: 0 },
+            index: Self { entries: Vec::new() },
+            routines: Vec::new(),
+            within: Within::Nothing,
+        };
+        let (mut line, mut start, mut lines) = (Vec::new(), 0, 0);
         loop {
             line.clear();
-            let len = input.by_ref().take(LONGEST).read_until(b'\n', &mut line)?;
-            if line.last() != Some(&b'\n') || head.text.len() > PIECE {
-                return Ok(None);
-            }
-            let text = line.trim_ascii();
-            let word = first_word(text);
-            if is_motion(word) {
+            let len = input.by_ref().take(LONGEST).read_until(b'\n', &mut line)? as u64;
+            if len == 0 {
                 break;
             }
-            match declared(text).filter(|_| in_module && !in_routine) {
-                #[allow(clippy::cast_possible_truncation)] // no longer than the longest line
-                Some(name) => {
-                    index.entries.push(Entry { name: hash(name), start: head.bytes, len: len as u32, uses: Uses::None })
-                }
-                None => {
-                    head.text.extend_from_slice(&line);
-                    in_routine |= word.eq_ignore_ascii_case(b"PROC");
-                    if word.eq_ignore_ascii_case(b"MODULE") {
-                        (in_module, head.data) = (true, head.text.len());
-                    }
-                }
+            // A line of this length is no program's; one without an end ends the file.
+            if len == LONGEST || scan.take(&line, start, lines).is_none() {
+                return Ok(None);
             }
-            head.bytes += len as u64;
-            head.lines += 1;
+            start += len;
+            lines += 1;
         }
-        index.entries.sort_unstable_by_key(|entry| entry.name);
-        let twice = index.entries.windows(2).any(|pair| pair[0].name == pair[1].name);
-        if index.entries.is_empty() || twice || !index.count(line, input)? {
-            return Ok(None);
-        }
-        Ok(Some((index, head)))
+        Ok((scan.within == Within::End).then_some((scan.index, scan.head, scan.routines)))
     }
 
-    /// Notes which targets are used, from this line on; false where here stands more than motions.
-    fn count(&mut self, first: Vec<u8>, input: &mut impl BufRead) -> io::Result<bool> {
-        let mut line = first;
-        loop {
-            let text = line.trim_ascii();
-            let word = first_word(text);
-            if word.eq_ignore_ascii_case(b"ENDPROC") {
-                return Ok(true);
-            }
-            let comment = text.is_empty() || text[0] == b'!';
-            if !(comment || is_motion(word) || harmless(word)) {
-                return Ok(false);
-            }
-            if let Some(entry) = target(text).and_then(|name| self.position(name)) {
-                let uses = &mut self.entries[entry].uses;
-                *uses = if *uses == Uses::None { Uses::Once } else { Uses::More };
-            }
-            line.clear();
-            input.by_ref().take(LONGEST).read_until(b'\n', &mut line)?;
-            if line.last() != Some(&b'\n') {
-                return Ok(false);
-            }
+    /// Sorts the declarations by name; `None` where one stands there twice.
+    fn sort(&mut self) -> Option<()> {
+        self.entries.sort_unstable_by_key(|entry| entry.name);
+        let twice = self.entries.windows(2).any(|pair| pair[0].name == pair[1].name);
+        (!twice).then_some(())
+    }
+
+    /// Notes that a motion goes to a target.
+    fn count(&mut self, name: &[u8]) {
+        if let Some(entry) = self.position(name) {
+            let uses = &mut self.entries[entry].uses;
+            *uses = if *uses == Uses::None { Uses::Once } else { Uses::More };
         }
     }
 
@@ -135,6 +205,11 @@ impl Index {
         found.sort_unstable_by_key(|entry| entry.start);
         found.dedup_by_key(|entry| entry.start);
         found
+    }
+
+    /// Whether it declares no target.
+    pub(super) fn is_empty(&self) -> bool {
+        self.entries.is_empty()
     }
 
     /// Whether several motions go to one target.

@@ -22,6 +22,7 @@ mod motion;
 mod moves;
 mod pieces;
 mod rewrite;
+mod routines;
 mod run;
 mod statement;
 mod straight;

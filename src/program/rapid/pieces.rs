@@ -8,6 +8,7 @@
 
 use super::index::Entry;
 use super::lex::{self, Cursor, Kind};
+use super::routines::Part;
 use super::straight;
 use super::symbols::harmless;
 use crate::program::piece::Elsewhere;
@@ -22,6 +23,9 @@ pub const PIECE: usize = 128 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
+
+/// What a piece may have to read on to the end of a line: shorter ones only matter to small pieces.
+const LONGEST: usize = 4096;
 
 /// What begins a body.
 const FIRST: &[u8] = b"MoveL";
@@ -49,8 +53,10 @@ pub struct Piece {
     pub(super) mark_before: Option<Mark>,
     /// What of it stands elsewhere in the file: declarations of targets.
     elsewhere: Vec<Elsewhere>,
-    /// Offset of the stretch in the file, where that is of interest.
+    /// Offset of `own` in the file, where that is of interest.
     at: u64,
+    /// Lines from which on the stretch stands somewhere else in the file, and which lines of the file these are.
+    lines: Vec<(usize, usize)>,
     /// Motions before it.
     pub(super) motions_before: u32,
     pub(super) motions: u32,
@@ -64,6 +70,8 @@ pub struct Piece {
 pub struct Pieces<R> {
     input: R,
     name: String,
+    /// Bytes of the body in a piece.
+    piece: usize,
     dialect: &'static str,
     context: Arc<[Source]>,
     /// Up to the line of the first motion.
@@ -94,12 +102,21 @@ impl<R: Read> Pieces<R> {
     /// # Errors
     /// What `input` reports.
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Self::sized(name, input, context, PIECE)
+    }
+
+    /// The same, with pieces of about so many bytes.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn sized(name: &str, input: R, context: &[Source], piece: usize) -> io::Result<Option<Self>> {
         if context.iter().map(|source| source.bytes.len()).sum::<usize>() > PIECE {
             return Ok(None);
         }
         let mut pieces = Self {
             input,
             name: name.to_owned(),
+            piece,
             dialect: "rapid",
             context: context.into(),
             head: Vec::new(),
@@ -137,6 +154,7 @@ impl<R: Read> Pieces<R> {
         context: &[Source],
         head: Vec<u8>,
         lines: usize,
+        piece: usize,
     ) -> io::Result<Option<Self>> {
         // The head comes from memory, and is no piece's own.
         let begun = [&head, FIRST].concat();
@@ -145,6 +163,7 @@ impl<R: Read> Pieces<R> {
         Ok(Some(Self {
             input,
             name,
+            piece,
             dialect,
             context,
             head,
@@ -176,18 +195,19 @@ impl<R: Read> Pieces<R> {
         }
         let (motions_before, before_stretch, mark_before) = (self.motions, self.lines, self.mark);
         // A line that the piece's end cuts through is read on; one of more than a piece is no program's.
-        self.fill(2 * PIECE)?;
+        self.fill(2 * self.piece + LONGEST)?;
         let Some(cut) = self.cut() else { return Ok(Next::NotStraight) };
-        let mark: &[u8] = match mark_before {
-            None => b"",
-            Some(Mark::Air) => b"! deflex air\n",
-            Some(Mark::Cut) => b"! deflex cut\n",
+        // What is inserted before a motion ends its line like the line before.
+        let mark = match mark_before {
+            None => Vec::new(),
+            Some(Mark::Air) => [b"! deflex air", line_end(&self.head)].concat(),
+            Some(Mark::Cut) => [b"! deflex cut", line_end(&self.head)].concat(),
         };
         let mut bytes = Vec::with_capacity(self.head.len() + cut.stretch + END.len() + mark.len() + HEAD_ROOM);
         bytes.extend_from_slice(&self.head);
         let first = self.state == State::First;
         // The first piece's marks stand in its head.
-        let before = if first { &[][..] } else { mark };
+        let before = if first { &[][..] } else { &mark };
         bytes.extend_from_slice(before);
         let from = bytes.len();
         bytes.extend_from_slice(&self.rest[..cut.stretch]);
@@ -226,6 +246,7 @@ impl<R: Read> Pieces<R> {
             mark_before,
             elsewhere: Vec::new(),
             at: 0,
+            lines: Vec::new(),
             motions_before,
             motions: self.motions - motions_before,
             last_line: self.last_line,
@@ -237,8 +258,8 @@ impl<R: Read> Pieces<R> {
     /// Where the stretch ends that begins at `rest`; its motions and marks are counted.
     fn cut(&mut self) -> Option<Cut> {
         let (mut at, mut lines, mut behind_motion) = (0, 0, false);
-        let whole = self.rest.len() < 2 * PIECE;
-        while at < PIECE || !behind_motion {
+        let whole = self.rest.len() < 2 * self.piece + LONGEST;
+        while at < self.piece || !behind_motion {
             let line = line_of(&self.rest[at..]);
             let ended = line.last() == Some(&b'\n');
             if line.is_empty() || !ended && !whole {
@@ -300,17 +321,24 @@ impl Piece {
 
     /// Reads the piece; `None` where it is not straight after all.
     #[must_use]
-    pub fn read(self) -> Option<StraightPiece> {
-        match straight::read(&self) {
-            Some(read) => Some(StraightPiece {
+    pub fn read(mut self) -> Option<StraightPiece> {
+        let lines = std::mem::take(&mut self.lines);
+        let mut piece = match straight::read(&self) {
+            Some(read) => StraightPiece {
                 program: read.into_program(self.dialect, self.source),
                 own: self.own,
                 elsewhere: self.elsewhere,
                 at: self.at,
                 last: self.last,
-            }),
-            None => self.read_plain(),
+            },
+            None => self.read_plain()?,
+        };
+        for target in piece.program.targets.iter_mut().filter(|_| !lines.is_empty()) {
+            let line = target.line as usize;
+            let (running, file) = lines[lines.partition_point(|(running, _)| *running <= line).checked_sub(1)?];
+            target.line = u32::try_from(line - running + file).ok()?;
         }
+        Some(piece)
     }
 
     /// Who wrote the program.
@@ -356,11 +384,11 @@ impl Piece {
 
     /// The stretch.
     pub(super) fn body(&self) -> &[u8] {
-        &self.source.bytes[self.own.clone()]
+        &self.source.bytes[self.stretch.clone()]
     }
 
-    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file. False where there are more lines now than the file has up to here.
-    pub(super) fn declare(&mut self, data: usize, text: &[u8], entries: &[Entry], at: u64) -> bool {
+    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file.
+    pub(super) fn declare(&mut self, data: usize, text: &[u8], entries: &[Entry]) {
         let mut start = data;
         for entry in entries {
             let own = start..start + entry.len as usize;
@@ -372,10 +400,24 @@ impl Piece {
         (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
         self.head += text.len();
         self.plain_head &= text.is_empty();
-        self.at = at;
-        let lines = self.source.lines_before.checked_sub(self.elsewhere.len());
-        self.source.lines_before = lines.unwrap_or_default();
-        lines.is_some()
+        // More than there are: see `Declared`.
+        self.source.lines_before -= entries.len();
+    }
+
+    /// Says where in the file the parts of the stretch stand, of which it is put together.
+    pub(super) fn place(&mut self, parts: &[Part]) {
+        let mut end = self.stretch.start;
+        // What ends the last piece stands nowhere.
+        self.own = end..end;
+        for part in parts {
+            let own = std::mem::replace(&mut self.own, end..end + part.len);
+            let at = std::mem::replace(&mut self.at, part.start);
+            end = self.own.end;
+            if !self.lines.is_empty() {
+                self.elsewhere.push(Elsewhere { own, at, shared: false });
+            }
+            self.lines.push((part.running_line, part.line));
+        }
     }
 }
 
@@ -405,6 +447,12 @@ fn line_of(mut bytes: &[u8]) -> &[u8] {
     // Reading from a slice cannot fail.
     let len = bytes.skip_until(b'\n').unwrap_or(0);
     &all[..len]
+}
+
+/// How the last line ends.
+fn line_end(text: &[u8]) -> &[u8] {
+    let returns = text.iter().rev().skip(1).take_while(|b| **b == b'\r').count();
+    &text[text.len().saturating_sub(1 + returns)..]
 }
 
 pub(super) fn first_word(text: &[u8]) -> &[u8] {
