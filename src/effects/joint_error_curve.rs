@@ -3,7 +3,7 @@
 //! Valid only where it was seen: beyond its first and last knot the curve holds their value, and
 //! [`Effect::covers`] says so.
 
-use super::spline::Spline;
+use super::spline::{Place, Spline};
 use super::{
     ANY, Covered, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of,
 };
@@ -36,20 +36,26 @@ pub(super) struct JointErrorCurve {
 pub struct JointCurve {
     /// 0 to 5.
     pub joint: usize,
-    /// The curve that has one at one knot and zero at the others, for each knot.
-    units: Vec<Spline>,
+    knots_deg: Vec<f64>,
+    /// Second derivative at each knot by each knot's value, those of a knot together.
+    bends: Vec<Vec<f64>>,
 }
 
 impl JointCurve {
     /// Commanded motor angles of the knots, degrees.
     #[must_use]
     pub fn knots_deg(&self) -> &[f64] {
-        self.units[0].knots()
+        &self.knots_deg
     }
 
-    /// What each knot's value counts for at a commanded motor angle, degrees; one in all.
-    pub fn weights(&self, angle_deg: f64) -> impl Iterator<Item = f64> {
-        self.units.iter().map(move |unit| unit.at(angle_deg))
+    /// What each knot's value counts for at a commanded motor angle, degrees; one in all. As many as there are knots.
+    pub fn weights(&self, angle_deg: f64, out: &mut [f64]) {
+        let Place { i, values, bends } = Place::of(&self.knots_deg, angle_deg);
+        for (out, (low, high)) in out.iter_mut().zip(self.bends[i].iter().zip(&self.bends[i + 1])) {
+            *out = bends[0] * low + bends[1] * high;
+        }
+        out[i] += values[0];
+        out[i + 1] += values[1];
     }
 }
 
@@ -138,9 +144,10 @@ impl Effect for JointErrorCurve {
     fn joint_curve(&self) -> Option<JointCurve> {
         let [(joint, curve)] = &self.curves[..] else { return None };
         let knots = curve.knots();
-        let unit =
-            |k: usize| Spline::new(knots.to_vec(), (0..knots.len()).map(|i| f64::from(u8::from(i == k))).collect());
-        Some(JointCurve { joint: *joint, units: (0..knots.len()).map(unit).collect() })
+        let one_at = |k: usize| (0..knots.len()).map(|i| f64::from(u8::from(i == k))).collect();
+        let units: Vec<Spline> = (0..knots.len()).map(|k| Spline::new(knots.to_vec(), one_at(k))).collect();
+        let bends = (0..knots.len()).map(|i| units.iter().map(|unit| unit.bends()[i]).collect()).collect();
+        Some(JointCurve { joint: *joint, knots_deg: knots.to_vec(), bends })
     }
 
     fn parameters(&self) -> Vec<Parameter> {
@@ -171,6 +178,7 @@ impl Effect for JointErrorCurve {
 
 #[cfg(test)]
 mod tests {
+    use super::joint_error_curve;
     use crate::effects::bench::Bench;
     use approx::assert_abs_diff_eq;
 
@@ -184,5 +192,23 @@ mod tests {
         assert_abs_diff_eq!(bench.run(curve).1.joints[1], 6.5e-5 + 1.593_75e-5, epsilon = 1e-18);
         bench.motor[1] = 40f64.to_radians();
         assert_abs_diff_eq!(bench.run(curve).1.joints[1], 3e-5, epsilon = 1e-18);
+    }
+
+    #[test]
+    fn weights_are_what_each_value_adds() {
+        let flat = joint_error_curve(1, -30.0, 50.0, 9.0);
+        let curve = flat.joint_curve().unwrap();
+        let values: Vec<f64> = (0..curve.knots_deg().len()).map(|i| ((i * i) as f64).sin()).collect();
+        let raised = flat.with_values(&values);
+        for angle in [-40.0, -30.0, -3.3, 12.0, 49.9, 50.0, 60.0] {
+            let mut weights = vec![0.0; values.len()];
+            curve.weights(angle, &mut weights);
+            let mut bench = Bench::default();
+            bench.motor[0] = f64::to_radians(angle);
+            let there = bench.run(&toml::to_string(&raised.to_table()).unwrap()).1.joints[0];
+            let sum: f64 = weights.iter().zip(&values).map(|(w, v)| w * v).sum();
+            assert_abs_diff_eq!(there, sum, epsilon = 1e-12);
+            assert_abs_diff_eq!(weights.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+        }
     }
 }

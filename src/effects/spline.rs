@@ -41,13 +41,33 @@ impl Spline {
         self.knots.first().is_some_and(|first| *first <= x) && self.knots.last().is_some_and(|last| x <= *last)
     }
 
+    /// Second derivatives at the knots.
+    pub(super) fn bends(&self) -> &[f64] {
+        &self.bends
+    }
+
     pub(super) fn at(&self, x: f64) -> f64 {
-        let x = x.clamp(self.knots[0], self.knots[self.knots.len() - 1]);
-        let i = self.knots.partition_point(|knot| *knot <= x).clamp(1, self.knots.len() - 1) - 1;
-        let step = self.knots[i + 1] - self.knots[i];
-        let (a, b) = ((self.knots[i + 1] - x) / step, (x - self.knots[i]) / step);
-        let bend = (a.powi(3) - a) * self.bends[i] + (b.powi(3) - b) * self.bends[i + 1];
-        a * self.values[i] + b * self.values[i + 1] + bend * step * step / 6.0
+        let Place { i, values: [a, b], bends: [c, d] } = Place::of(&self.knots, x);
+        a * self.values[i] + b * self.values[i + 1] + c * self.bends[i] + d * self.bends[i + 1]
+    }
+}
+
+/// Between which knots a place lies, and what their values and second derivatives count for there.
+pub(super) struct Place {
+    /// The lower knot.
+    pub(super) i: usize,
+    pub(super) values: [f64; 2],
+    pub(super) bends: [f64; 2],
+}
+
+impl Place {
+    pub(super) fn of(knots: &[f64], x: f64) -> Self {
+        let x = x.clamp(knots[0], knots[knots.len() - 1]);
+        let i = knots.partition_point(|knot| *knot <= x).clamp(1, knots.len() - 1) - 1;
+        let step = knots[i + 1] - knots[i];
+        let (a, b) = ((knots[i + 1] - x) / step, (x - knots[i]) / step);
+        let bend = |share: f64| (share.powi(3) - share) * step * step / 6.0;
+        Self { i, values: [a, b], bends: [bend(a), bend(b)] }
     }
 }
 

@@ -1,15 +1,12 @@
-//! What may be added to a cell, and the change that each of its numbers makes to every row.
+//! What may be added to a cell.
 
-use super::data::{Observation, Problem};
-use super::device;
+use super::data::Problem;
 use super::pattern::{self, Pattern};
 use super::smooth::Curve;
-use crate::effects::{Effect, JointCurve, KINDS, Survey, joint_error_curve};
-use crate::equilibrium::{Arm, Equilibrium};
+use crate::effects::{Effect, KINDS, Survey, joint_error_curve};
+use crate::equilibrium::Arm;
 use crate::robot::Joints;
-use nalgebra::{DMatrix, DVector, Vector3};
-use rayon::prelude::*;
-use std::ops::Range;
+use nalgebra::{DVector, Vector3};
 
 /// Family of the laws of the joints' springs.
 pub(super) const SPRING: &str = "spring";
@@ -122,6 +119,11 @@ impl Candidate {
             variants: 1.0,
             curve: None,
         }
+    }
+
+    /// Columns of a pattern, each with the number that it is taken with.
+    pub(super) fn pattern_numbers(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.columns().enumerate().map(|(k, column)| (column, self.values[k] / self.typical[k]))
     }
 
     pub(super) fn columns(&self) -> std::ops::Range<usize> {
@@ -267,72 +269,6 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     survey
 }
 
-/// The design of the `wanted` candidates: a column a number, mm per typical size, about the arm with the `chosen` ones
-/// in it (whose residual is `base`); then, for an unknown device, its six frame columns a run.
-pub(super) fn design(
-    declared: &Arm,
-    problem: &Problem,
-    candidates: &mut [Candidate],
-    chosen: &[usize],
-    wanted: &[usize],
-    base: &DVector<f64>,
-) -> (DMatrix<f64>, Vec<usize>) {
-    let now = |but: Option<usize>| {
-        let changes: Vec<(&Home, &[f64])> = chosen
-            .iter()
-            .filter(|&&c| Some(c) != but)
-            .map(|&c| (&candidates[c].home, &candidates[c].values[..]))
-            .collect();
-        with(declared, &changes)
-    };
-    let whole = now(None);
-    let settled = problem.equilibria(&whole);
-    // One after another in memory, as the matrix has them: with curves they are hundreds.
-    let mut numbers: Vec<f64> = Vec::new();
-    let mut count = 0;
-    let mut add = |columns: Vec<DVector<f64>>| {
-        columns.iter().for_each(|column| numbers.extend_from_slice(column.as_slice()));
-        count += columns.len();
-        count
-    };
-    let mut firsts = Vec::new();
-    let mut next = 0;
-    for (i, &c) in wanted.iter().enumerate() {
-        // Twins share their columns, while neither is about its own numbers.
-        let twin = wanted[..i].iter().position(|&o| twins(&candidates[o], &candidates[c]));
-        if let Some(twin) = twin.filter(|&twin| !chosen.contains(&c) && !chosen.contains(&wanted[twin])) {
-            firsts.push(firsts[twin]);
-            continue;
-        }
-        firsts.push(next);
-        let candidate = &candidates[c];
-        next = match &candidate.home {
-            Home::Pattern(pattern) => add(pattern::columns(problem, *pattern, candidate.values.len())),
-            home => {
-                let own = chosen.contains(&c).then(|| now(Some(c)));
-                let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
-                match &candidate.curve {
-                    Some(curve) => add(about.along(home, candidate, &curve.of)),
-                    None => {
-                        add((0..candidate.values.len()).map(|k| about.derivative(home, candidate, k..k + 1)).collect())
-                    }
-                }
-            }
-        };
-    }
-    for (&c, first) in wanted.iter().zip(firsts) {
-        candidates[c].first = first;
-    }
-    let mut always = Vec::new();
-    for run in 0..problem.devices.len() {
-        for axis in 0..device::unknowns(problem, run) {
-            always.push(next);
-            next = add(vec![device::column(problem, &settled, run, axis)]);
-        }
-    }
-    (DMatrix::from_vec(problem.scalars, next, numbers), always)
-}
-
 /// Whether two candidates differ in their prior's size only.
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
@@ -363,51 +299,5 @@ pub(super) fn fitted(declared: &Arm, candidate: &Candidate) -> Option<Box<dyn Ef
         Home::Declared(slot) => Some(declared.effects[*slot].with_values(&candidate.values)),
         Home::New(shape) => Some(shape.0.with_values(&candidate.values)),
         Home::Pattern(_) => None,
-    }
-}
-
-/// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
-const STEP: f64 = 0.05;
-
-/// What derivatives are taken about.
-struct About<'a> {
-    /// The arm without the candidate's own numbers.
-    arm: &'a Arm,
-    problem: &'a Problem,
-    /// Residual and equilibria of the arm with them.
-    base: &'a DVector<f64>,
-    settled: &'a [Option<Equilibrium>],
-}
-
-impl About<'_> {
-    /// With some numbers moved alike.
-    fn derivative(&self, home: &Home, candidate: &Candidate, numbers: Range<usize>) -> DVector<f64> {
-        let mut values = candidate.values.clone();
-        let k = numbers.start;
-        let (low, high) = candidate.bounds[k];
-        let step = STEP * candidate.typical[k];
-        let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
-        values[numbers].iter_mut().for_each(|value| *value += step);
-        let moved = self.problem.residual_near(&with(self.arm, &[(home, &values)]), self.settled);
-        let scale = candidate.typical[k] / step;
-        // The residual falls by what the prediction grows.
-        let mut column = (self.base - moved) * scale;
-        column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
-        column
-    }
-
-    /// Every knot's column of a curve: its share of what the whole curve does, raised alike.
-    fn along(&self, home: &Home, candidate: &Candidate, curve: &JointCurve) -> Vec<DVector<f64>> {
-        let raised = self.derivative(home, candidate, 0..candidate.values.len());
-        let of_row = |row: &Observation| curve.weights(row.motor[curve.joint].to_degrees()).collect();
-        let weights: Vec<Vec<f64>> = self.problem.rows.par_iter().map(of_row).collect();
-        let of_knot = |k: usize| {
-            let mut column = raised.clone();
-            for (row, weights) in self.problem.rows.iter().zip(&weights) {
-                column.rows_range_mut(row.scalars()).scale_mut(weights[k]);
-            }
-            column
-        };
-        (0..candidate.values.len()).into_par_iter().map(of_knot).collect()
     }
 }

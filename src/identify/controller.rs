@@ -1,7 +1,8 @@
 //! Whether the controller already corrects what the cell corrects.
 
 use super::data::Problem;
-use super::noise::{self, Moments};
+use super::moments::Moments;
+use super::noise;
 use super::score::{Columns, score};
 use crate::effects::Covered;
 use crate::equilibrium::Arm;

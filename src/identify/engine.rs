@@ -2,10 +2,12 @@
 
 use super::candidates::{self, Candidate, Home, with};
 use super::data::Problem;
+use super::design::Design;
 use super::device;
 use super::explain::Ranking;
 use super::gear::{self, Comb, Term};
-use super::noise::{self, Moments};
+use super::moments::Moments;
+use super::noise;
 use super::outcome::Identification;
 use super::search::Search;
 use super::whole::Choice;
@@ -91,7 +93,7 @@ pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
 pub(super) struct Linearised {
     pub(super) moments: Vec<Moments>,
     pub(super) always: Vec<usize>,
-    pub(super) design: DMatrix<f64>,
+    pub(super) design: Design,
     /// Pseudo-data: what the residual would be with every number at neutral.
     pub(super) data: DVector<f64>,
 }
@@ -117,7 +119,7 @@ impl Engine {
     pub(super) fn linearise(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
         let base = self.residual();
         let (design, always) =
-            candidates::design(&self.declared, &self.problem, &mut self.candidates, &self.chosen, wanted, &base);
+            Design::new(&self.declared, &self.problem, &mut self.candidates, &self.chosen, wanted, &base);
         let data = self.pseudo(&design, base, wanted);
         let series = self.problem.series(|row| !row.held_out);
         let moments = shapes.par_iter().map(|&shape| Moments::on(&design, &data, &series, shape)).collect();
@@ -133,17 +135,15 @@ impl Engine {
     }
 
     /// What a residual would be with every chosen number at neutral.
-    fn pseudo(&self, design: &DMatrix<f64>, residual: DVector<f64>, wanted: &[usize]) -> DVector<f64> {
+    fn pseudo(&self, design: &Design, residual: DVector<f64>, wanted: &[usize]) -> DVector<f64> {
         let mut data = residual;
         for &c in self.chosen.iter().filter(|c| wanted.contains(c)) {
             let candidate = &self.candidates[c];
             if candidate.is_pattern() {
                 continue;
             }
-            for (k, column) in candidate.columns().enumerate() {
-                let off = (candidate.values[k] - candidate.start[k]) / candidate.typical[k];
-                data.axpy(off, &design.column(column), 1.0);
-            }
+            let off = |k: usize| (candidate.values[k] - candidate.start[k]) / candidate.typical[k];
+            design.add(candidate.columns().enumerate().map(|(k, column)| (column, off(k))), &mut data);
         }
         data
     }
@@ -177,6 +177,8 @@ impl Engine {
                 _ => noise::few(),
             };
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
+            // Two designs at a time would be twice the memory.
+            drop(linear.take());
             let now = self.linearise(&wanted, &shapes);
             let staged = whole.then(|| self.staged(&now));
             let search = Search::new(&self.candidates, &now.moments, &now.always);
@@ -268,7 +270,7 @@ impl Engine {
     pub(super) fn add_gear(&mut self, linear: &Linearised) -> bool {
         let left = self.pseudo_left();
         let Some(zero) = self.candidates.iter().find(|c| c.kind == "zero_offset") else { return false };
-        let comb = Comb::new(&self.problem, &linear.design, zero, self.shape, self.sigma);
+        let comb = Comb::new(&self.problem, linear.design.kept(), zero, self.shape, self.sigma);
         let (terms, looked_at) = comb.terms(&left);
         let known = |terms: &[Term]| {
             let same = |c: &Candidate| c.kind == "gear_harmonic" && gear::terms_of(c) == terms;
@@ -297,12 +299,9 @@ impl Engine {
         let patterns = self.patterns();
         if !patterns.is_empty() {
             let (design, _) =
-                candidates::design(&self.declared, &self.problem, &mut self.candidates, &[], &patterns, &left.clone());
+                Design::new(&self.declared, &self.problem, &mut self.candidates, &[], &patterns, &left.clone());
             for &c in &patterns {
-                let candidate = &self.candidates[c];
-                for (k, column) in candidate.columns().enumerate() {
-                    left.axpy(-candidate.values[k] / candidate.typical[k], &design.column(column), 1.0);
-                }
+                design.add(self.candidates[c].pattern_numbers().map(|(column, number)| (column, -number)), &mut left);
             }
         }
         left

@@ -52,13 +52,11 @@ impl Engine {
             let mut own = DVector::zeros(linear.data.len());
             let mut numbers = DVector::zeros(self.candidates[c].values.len());
             if let Some((mean, _)) = posterior(&linear.moments[score.shape], &columns, score.sigma) {
-                for (n, (column, value)) in columns.list.iter().zip(mean.iter()).enumerate() {
-                    left.axpy(-value * column.1, &linear.design.column(column.0), 1.0);
-                    if n >= frames {
-                        own.axpy(value * column.1, &linear.design.column(column.0), 1.0);
-                        numbers[n - frames] = value * column.1;
-                    }
-                }
+                let numbered =
+                    || columns.list.iter().zip(mean.iter()).map(|(column, value)| (column.0, value * column.1));
+                linear.design.add(numbered().map(|(column, number)| (column, -number)), &mut left);
+                linear.design.add(numbered().skip(frames), &mut own);
+                numbers.iter_mut().zip(numbered().skip(frames)).for_each(|(number, (_, value))| *number = value);
             }
             let rms_mm = self.errors(&own, |row| !row.held_out).rms_mm;
             traces.push((Trace { candidate: &self.candidates[c], numbers }, rms_mm));
@@ -202,9 +200,7 @@ impl Engine {
             let candidate = &self.candidates[c];
             let share = linear.map_or(0.0, |linear| {
                 let mut part = DVector::zeros(self.problem.scalars);
-                for (k, column) in candidate.columns().enumerate() {
-                    part.axpy(candidate.values[k] / candidate.typical[k], &linear.design.column(column), 1.0);
-                }
+                linear.design.add(candidate.pattern_numbers(), &mut part);
                 let left = self.residual();
                 (part.dot(&left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0)
             });

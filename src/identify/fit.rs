@@ -154,9 +154,7 @@ impl Engine {
             let candidate = &self.candidates[c];
             prior += candidate.unlikely();
             if candidate.is_pattern() {
-                for (k, column) in candidate.columns().enumerate() {
-                    left.axpy(-candidate.values[k] / candidate.typical[k], &linear.design.column(column), 1.0);
-                }
+                linear.design.add(candidate.pattern_numbers().map(|(column, number)| (column, -number)), &mut left);
             }
         }
         let series = self.problem.series(|row| !row.held_out);

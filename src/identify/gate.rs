@@ -3,7 +3,8 @@
 use super::candidates::{self, Candidate, Home};
 use super::data::Observation;
 use super::engine::{Engine, Linearised, Posterior};
-use super::noise::{self, Moments};
+use super::moments::Moments;
+use super::noise;
 use super::score::{Columns, posterior, score};
 use super::search::{self, Search};
 use nalgebra::{DMatrix, DVector};
@@ -29,7 +30,7 @@ impl Engine {
         let price = search::FIELD + (fields.len() as f64).ln();
         let series = self.problem.series(|row| !row.held_out);
         let columns = search.columns(set);
-        let mut stacked = linear.design.select_columns(columns.list.iter().map(|column| &column.0));
+        let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let renumbered = numbered(&columns);
         stacked = stacked.insert_column(columns.list.len(), 0.0);
         stacked.set_column(columns.list.len(), &linear.data);
@@ -125,7 +126,7 @@ impl Engine {
         let mut blocks: Vec<(usize, usize)> =
             self.problem.rows.iter().filter(|row| !row.held_out).map(|row| (row.run, row.block)).collect();
         blocks.dedup();
-        let mut stacked = linear.design.select_columns(columns.list.iter().map(|column| &column.0));
+        let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         stacked = stacked.insert_column(columns.list.len(), 0.0);
         stacked.set_column(columns.list.len(), &linear.data);
         let local = numbered(columns);
@@ -144,9 +145,8 @@ impl Engine {
             let moments = Moments::of(&stacked, &series, self.shape);
             let mut left = linear.data.clone();
             if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
-                for (k, &(column, scale)) in columns.list.iter().enumerate().filter(|(k, _)| in_cell[*k]) {
-                    left.axpy(-mean[k] * scale, &linear.design.column(column), 1.0);
-                }
+                let numbers = columns.list.iter().enumerate().filter(|(k, _)| in_cell[*k]);
+                linear.design.add(numbers.map(|(k, &(column, scale))| (column, -mean[k] * scale)), &mut left);
             }
             let rows = self.problem.rows.iter().filter(|row| !row.outlier && (row.run, row.block) == block);
             rows.map(|row| left.rows(row.offset, row.seen.len()).norm_squared()).sum()

@@ -8,12 +8,14 @@
 mod candidates;
 mod controller;
 mod data;
+mod design;
 mod device;
 mod engine;
 mod explain;
 mod fit;
 mod gate;
 mod gear;
+mod moments;
 mod noise;
 mod outcome;
 mod pattern;

@@ -8,8 +8,7 @@
 //! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a wander, nor
 //! for the effects that are named beside it.
 
-use nalgebra::{DMatrix, DMatrixView, DVector, Vector3};
-use rayon::prelude::*;
+use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Shape of the noise; its size σ is profiled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +94,7 @@ impl Shape {
 }
 
 /// (row of the stacked design, time index, standard deviation relative to σ).
-type Sample = (usize, usize, f64);
+pub(super) type Sample = (usize, usize, f64);
 
 /// One series of scalars in the order in which they were measured.
 #[derive(Clone, Debug, Default)]
@@ -219,13 +218,13 @@ pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape,
     mean
 }
 
-struct Step {
-    decay: f64,
-    gain: f64,
-    variance: f64,
+pub(super) struct Step {
+    pub(super) decay: f64,
+    pub(super) gain: f64,
+    pub(super) variance: f64,
 }
 
-fn steps(series: &Series, shape: Shape) -> Vec<Step> {
+pub(super) fn steps(series: &Series, shape: Shape) -> Vec<Step> {
     let mut uncertainty = shape.wander;
     let mut last = None;
     series
@@ -243,115 +242,6 @@ fn steps(series: &Series, shape: Shape) -> Vec<Step> {
             Step { decay, gain, variance }
         })
         .collect()
-}
-
-/// Sums of products of whitened columns: all that evidence needs, whatever the number of rows.
-#[derive(Clone, Debug)]
-pub(super) struct Moments {
-    /// Xᵀ X over the prior sizes.
-    pub(super) gram: DMatrix<f64>,
-    /// Xᵀ y.
-    pub(super) cross: DVector<f64>,
-    /// yᵀ y.
-    pub(super) square: f64,
-    /// Number of scalars.
-    pub(super) count: usize,
-    /// Σ ½ ln S_t at σ = 1.
-    pub(super) log_scale: f64,
-    pub(super) shape: Shape,
-}
-
-impl Moments {
-    /// Moments of `y` (last column of `stacked`) on the columns before it.
-    pub(super) fn of(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) -> Self {
-        let width = stacked.ncols() - 1;
-        let (full, log_scale) = if shape.field.is_some() {
-            let Whitened { columns, log_scale } = whiten(stacked, series, shape);
-            let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, _)| row)).collect();
-            let columns = columns.select_rows(&used);
-            (columns.transpose() * &columns, log_scale)
-        } else {
-            products(&stacked.columns(0, width), stacked.column(width).as_slice(), series, shape)
-        };
-        Self::from_products(full, log_scale, series, shape)
-    }
-
-    /// Moments of data on the columns of a design, under noise without a field.
-    pub(super) fn on(design: &DMatrix<f64>, data: &DVector<f64>, series: &[Series], shape: Shape) -> Self {
-        let (full, log_scale) = products(&design.columns(0, design.ncols()), data.as_slice(), series, shape);
-        Self::from_products(full, log_scale, series, shape)
-    }
-
-    fn from_products(full: DMatrix<f64>, log_scale: f64, series: &[Series], shape: Shape) -> Self {
-        let width = full.ncols() - 1;
-        Self {
-            gram: full.view((0, 0), (width, width)).into_owned(),
-            cross: full.view((0, width), (width, 1)).column(0).into_owned(),
-            square: full[(width, width)],
-            count: series.iter().map(|series| series.samples.len()).sum(),
-            log_scale,
-            shape,
-        }
-    }
-
-    /// The same columns with other data: their own products serve again.
-    pub(super) fn with_data(self, design: &DMatrix<f64>, data: &DVector<f64>, series: &[Series]) -> Self {
-        let design = design.columns(0, design.ncols());
-        let of_series = |series: &Series| {
-            let (mut cross, mut square) = (DVector::zeros(design.ncols()), 0.0);
-            white_blocks(&design, data.as_slice(), series, &steps(series, self.shape), |block| {
-                let y = block.column(design.ncols());
-                cross += block.columns(0, design.ncols()).tr_mul(&y);
-                square += y.norm_squared();
-            });
-            (cross, square)
-        };
-        let parts: Vec<_> = series.par_iter().map(of_series).collect();
-        let none = (DVector::zeros(design.ncols()), 0.0);
-        let (cross, square) = parts.into_iter().fold(none, |sum, part| (sum.0 + part.0, sum.1 + part.1));
-        Self { cross, square, ..self }
-    }
-}
-
-/// Products of all whitened columns, data last.
-fn products(design: &DMatrixView<f64>, data: &[f64], series: &[Series], shape: Shape) -> (DMatrix<f64>, f64) {
-    let width = design.ncols() + 1;
-    let of_series = |series: &Series| {
-        let steps = steps(series, shape);
-        let mut full = DMatrix::zeros(width, width);
-        // A product by blocks; `tr_mul` goes column by column.
-        white_blocks(design, data, series, &steps, |block| full += block.transpose() * &block);
-        (full, steps.iter().map(|step| 0.5 * step.variance.ln()).sum::<f64>())
-    };
-    let parts: Vec<_> = series.par_iter().map(of_series).collect();
-    parts.into_iter().fold((DMatrix::zeros(width, width), 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
-}
-
-/// Whitens all columns along a series, data last, some rows at a time: memory does not grow with the rows.
-fn white_blocks(
-    design: &DMatrixView<f64>,
-    data: &[f64],
-    series: &Series,
-    steps: &[Step],
-    mut take: impl FnMut(DMatrix<f64>),
-) {
-    const ROWS: usize = 512;
-    let width = design.ncols() + 1;
-    let mut wander = vec![0.0; width];
-    for (samples, steps) in series.samples.chunks(ROWS).zip(steps.chunks(ROWS)) {
-        let mut block = DMatrix::zeros(samples.len(), width);
-        for (k, (mut white, wander)) in block.column_iter_mut().zip(&mut wander).enumerate() {
-            let column = design.get((.., k..k + 1));
-            for ((white, sample), step) in white.iter_mut().zip(samples).zip(steps) {
-                *wander *= step.decay;
-                let seen = column.as_ref().map_or(data[sample.0], |column| column[sample.0]);
-                let innovation = seen - *wander;
-                *wander += step.gain * innovation;
-                *white = innovation / step.variance.sqrt();
-            }
-        }
-        take(block);
-    }
 }
 
 #[cfg(test)]
@@ -373,18 +263,6 @@ mod tests {
         assert!((product - DMatrix::identity(5, 5)).amax() < 1e-12);
         let half_log_det = 0.5 * covariance.determinant().ln();
         assert!((whitened.log_scale - half_log_det).abs() < 1e-12);
-    }
-
-    #[test]
-    fn products_some_rows_at_a_time_are_those_of_the_whole() {
-        let shape = Shape { wander: 0.4, correlation: 0.9, field: None };
-        let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
-        let series = [Series { samples, places: vec![Vector3::zeros(); 1300] }];
-        let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
-        let whole = whiten(&stacked, &series, shape);
-        let (full, log_scale) = products(&stacked.columns(0, 2), stacked.column(2).as_slice(), &series, shape);
-        assert!((whole.columns.transpose() * &whole.columns - full).amax() < 1e-9);
-        assert!((whole.log_scale - log_scale).abs() < 1e-9);
     }
 
     #[test]

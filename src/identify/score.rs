@@ -4,7 +4,7 @@
 //! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It punishes
 //! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it.
 
-use super::noise::Moments;
+use super::moments::Moments;
 use super::smooth::Smoothness;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;

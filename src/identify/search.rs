@@ -6,7 +6,7 @@
 //! same evidence is what it cannot be told apart from.
 
 use super::candidates::Candidate;
-use super::noise::Moments;
+use super::moments::Moments;
 use super::score::{Columns, Score, profiled, score};
 use std::cell::RefCell;
 use std::collections::BTreeMap;

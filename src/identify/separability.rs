@@ -4,7 +4,7 @@
 //! over the noise: from 5 on they can be told apart, below 3 they cannot, whatever is measured more of the same.
 
 use super::candidates::Candidate;
-use super::noise::Moments;
+use super::moments::Moments;
 use super::outcome::Separation;
 use nalgebra::{DMatrix, DVector};
 
