@@ -2,4 +2,4 @@
 
 mod table;
 
-pub use table::{MeasuredRow, Table, TargetRef};
+pub use table::{MeasuredRow, Rows, Table, TargetRef};

@@ -2,6 +2,7 @@ use crate::cell::nearest;
 use crate::correct::{ForceRow, Forces};
 use crate::text::{Diagnostic, Source};
 use nalgebra::Vector3;
+use std::io::Read;
 
 /// Which target a row belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -94,16 +95,59 @@ impl Table {
     /// # Errors
     /// Unknown columns (with the nearest known one), cells that are not finite numbers, groups given in part.
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
-        let error = |line: u64, message: String, help: String| {
-            let mut diagnostic = Diagnostic::error("measured.csv", &source.name, message).help(help);
-            (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
-            diagnostic
-        };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(false).from_reader(&source.bytes[..]);
+        let (mut rows, mut errors) = (Vec::new(), Vec::new());
+        for row in Rows::new(&source.name, &source.bytes[..])? {
+            match row {
+                Ok(row) => rows.push(row),
+                Err(error) => errors.push(error),
+            }
+        }
+        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows }) } else { Err(errors) }
+    }
+
+    /// Forces and covariates by target, for `--forces`.
+    #[must_use]
+    pub fn forces(&self) -> Forces {
+        self.rows.iter().filter_map(|row| Some((row.target.clone()?, row.force()))).collect()
+    }
+}
+
+impl MeasuredRow {
+    /// Force and covariates.
+    #[must_use]
+    pub fn force(&self) -> ForceRow {
+        ForceRow {
+            force: self.force_n.map(Vector3::from),
+            time: self.time_s,
+            temperature: self.temperature_c,
+            payload: self.payload_kg,
+        }
+    }
+}
+
+/// The rows of a table that is not held, or what is wrong with them; it ends where too many are.
+pub struct Rows<R> {
+    file: String,
+    records: csv::ByteRecordsIntoIter<R>,
+    place: Places,
+    wrong: usize,
+}
+
+/// Where each of [`COLUMNS`] stands.
+type Places = [Option<usize>; COLUMNS.len()];
+
+impl<R: Read> Rows<R> {
+    /// Reads the header of the table in `file`.
+    ///
+    /// # Errors
+    /// Unknown columns (with the nearest known one).
+    pub fn new(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(false).from_reader(input);
         let header = match reader.byte_headers() {
-            Ok(header) => header.clone(),
+            Ok(header) => header,
             Err(reason) => {
-                return Err(vec![error(1, format!("not a CSV file: {reason}"), "expected a header row".into())]);
+                let message = format!("not a CSV file: {reason}");
+                return Err(vec![wrong(file, 1, message, "expected a header row".into())]);
             }
         };
         let mut errors = Vec::new();
@@ -113,7 +157,7 @@ impl Table {
             let name = name.trim_start_matches('\u{feff}');
             match COLUMNS.iter().position(|known| *known == name && !name.is_empty()) {
                 Some(column) if place[column].is_some() => {
-                    errors.push(error(1, format!("column `{name}` stands twice"), "remove one of them".into()));
+                    errors.push(wrong(file, 1, format!("column `{name}` stands twice"), "remove one of them".into()));
                 }
                 Some(column) => place[column] = Some(at),
                 None => {
@@ -124,69 +168,50 @@ impl Table {
                         },
                         |near| format!("did you mean `{near}`?"),
                     );
-                    errors.push(error(1, format!("unknown column `{name}`"), help));
+                    errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
                 }
             }
         }
         if !errors.is_empty() {
             return Err(errors);
         }
-        let mut rows = Vec::new();
-        for record in reader.byte_records() {
-            let record = match record {
-                Ok(record) => record,
-                Err(reason) => {
-                    let line = reason.position().map_or(0, csv::Position::line);
-                    errors.push(error(
-                        line,
-                        format!("row not read: {reason}"),
-                        "every row has the header's columns".into(),
-                    ));
-                    break;
-                }
-            };
-            let line = record.position().map_or(0, csv::Position::line);
-            let cells = Cells { record: &record, place: &place };
-            match cells.row(line) {
-                Ok(row) => rows.push(row),
-                Err((message, help)) => errors.push(error(line, message, help)),
-            }
-            if errors.len() >= MESSAGES {
-                break;
-            }
-        }
-        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows }) } else { Err(errors) }
+        Ok(Self { file: file.to_owned(), records: reader.into_byte_records(), place, wrong: 0 })
     }
+}
 
-    /// Forces and covariates by target, for `--forces`.
-    #[must_use]
-    pub fn forces(&self) -> Forces {
-        let mut forces =
-            Forces { forces_given: self.rows.iter().any(|row| row.force_n.is_some()), ..Forces::default() };
-        for row in &self.rows {
-            let entry = ForceRow {
-                force: row.force_n.map(Vector3::from),
-                time: row.time_s,
-                temperature: row.temperature_c,
-                payload: row.payload_kg,
-            };
-            match &row.target {
-                Some(TargetRef::Ordinal(ordinal)) => {
-                    forces.by_ordinal.insert(*ordinal, entry);
-                }
-                Some(TargetRef::Name(name)) => {
-                    forces.by_name.insert(name.to_ascii_uppercase(), entry);
-                }
-                None => {}
-            }
+impl<R: Read> Iterator for Rows<R> {
+    type Item = Result<MeasuredRow, Diagnostic>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.wrong >= MESSAGES {
+            return None;
         }
-        forces
+        let record = match self.records.next()? {
+            Ok(record) => record,
+            Err(reason) => {
+                // What stands behind it is not looked at.
+                self.wrong = MESSAGES;
+                let (line, message) =
+                    (reason.position().map_or(0, csv::Position::line), format!("row not read: {reason}"));
+                return Some(Err(wrong(&self.file, line, message, "every row has the header's columns".into())));
+            }
+        };
+        let line = record.position().map_or(0, csv::Position::line);
+        let row = Cells { record: &record, place: &self.place }.row(line);
+        self.wrong += usize::from(row.is_err());
+        Some(row.map_err(|(message, help)| wrong(&self.file, line, message, help)))
     }
+}
+
+fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error("measured.csv", file, message).help(help);
+    (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
+    diagnostic
 }
 
 struct Cells<'a> {
     record: &'a csv::ByteRecord,
-    place: &'a [Option<usize>; COLUMNS.len()],
+    place: &'a Places,
 }
 
 type CellError = (String, String);
