@@ -1,5 +1,6 @@
 //! The user's cell file with effects added, comments and all else kept.
 
+use super::uncertainty;
 use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
@@ -30,11 +31,7 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
     for effect in effects {
         let mut table = edited(&effect.table);
         if let Some(covariance) = &effect.covariance {
-            let rows: toml::Value =
-                covariance.iter().map(|row| toml::Value::from(row.clone())).collect::<Vec<_>>().into();
-            let mut uncertainty = toml::Table::new();
-            uncertainty.insert("covariance".to_owned(), rows);
-            table.insert("uncertainty", Item::Table(edited(&uncertainty)));
+            table.insert("uncertainty", Item::Table(edited(&uncertainty::table(covariance))));
         }
         table.insert("provenance", Item::Table(edited(&effect.provenance)));
         let kind = effect.table.get("kind").and_then(toml::Value::as_str);

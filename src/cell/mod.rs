@@ -10,6 +10,7 @@ mod raw;
 mod read;
 mod syntax;
 mod template;
+mod uncertainty;
 
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;

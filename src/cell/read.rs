@@ -3,7 +3,7 @@
 use super::check::Check;
 use super::cut::cut;
 use super::syntax::{in_words, parse};
-use super::{Cell, Cl, Controller, CorrectionLimits, Spin, SpinRule, nearest, raw};
+use super::{Cell, Cl, Controller, CorrectionLimits, Spin, SpinRule, nearest, raw, uncertainty};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::program::cl::{ClOptions, Point, Units};
@@ -305,16 +305,16 @@ fn effects(check: &mut Check, raw: &[toml::Table], stiffness: bool, controller: 
     (effects, covariances)
 }
 
-/// `uncertainty = { covariance = [[…], …] }`, square over the effect's parameters.
+/// The covariance over the effect's parameters, where the cell has one.
 fn covariance(check: &mut Check, key: &str, value: Option<toml::Value>, size: usize) -> Option<DMatrix<f64>> {
-    let rows: Vec<Vec<f64>> = value?.get("covariance")?.clone().try_into().ok()?;
-    if rows.len() != size || rows.iter().any(|row| row.len() != size || row.iter().any(|v| !v.is_finite())) {
+    let value = value.filter(|value| value.get("covariance").or(value.get("factors")).is_some())?;
+    let covariance = uncertainty::read(&value, size);
+    if covariance.is_none() {
         check.error(
             key,
-            format!("uncertainty.covariance is not a {size} by {size} matrix"),
+            format!("uncertainty is not a covariance of {size} parameters"),
             "remove `uncertainty`, or identify again",
         );
-        return None;
     }
-    Some(DMatrix::from_fn(size, size, |i, j| rows[i][j]))
+    covariance
 }

@@ -29,6 +29,10 @@ pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands:
         for (a, left) in columns.iter().enumerate() {
             for (b, right) in columns.iter().enumerate() {
                 let (Some(left), Some(right)) = (left, right) else { continue };
+                // Curves of different joints are blocks of their own.
+                if covariance[(a, b)].abs() <= 0.0 {
+                    continue;
+                }
                 for (sum, (x, y)) in variance.iter_mut().zip(left.iter().zip(right)) {
                     *sum += covariance[(a, b)] * x.dot(y);
                 }

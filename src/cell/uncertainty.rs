@@ -1,0 +1,121 @@
+//! `[effect.uncertainty]`: the covariance of an effect's parameters, in full or, where they are many, as factors.
+
+use nalgebra::DMatrix;
+
+/// More parameters than this are written as factors: in full they would be most of the file.
+const MANY: usize = 64;
+
+/// Digits of a factor behind the first: the standard deviation of anything that depends on the parameters keeps four.
+const DIGITS: usize = 5;
+
+/// The table of a covariance: `covariance`, its rows; of many parameters `factors`, the lower triangles L of L Lᵀ of the
+/// blocks along its diagonal, row by row.
+pub(super) fn table(covariance: &[Vec<f64>]) -> toml::Table {
+    let factors = (covariance.len() > MANY).then(|| factors(covariance)).flatten();
+    let (key, value): (&str, toml::Value) = match factors {
+        Some(factors) => ("factors", factors.into()),
+        None => ("covariance", covariance.to_vec().into()),
+    };
+    toml::Table::from_iter([(key.to_owned(), value)])
+}
+
+/// `None` where a block is not positive definite.
+fn factors(covariance: &[Vec<f64>]) -> Option<Vec<Vec<Vec<f64>>>> {
+    let factor = |block: std::ops::Range<usize>| {
+        let n = block.len();
+        let lower = DMatrix::from_fn(n, n, |i, j| covariance[block.start + i][block.start + j]).cholesky()?.unpack();
+        Some((0..n).map(|i| (0..=i).map(|j| rounded(lower[(i, j)])).collect()).collect())
+    };
+    blocks(covariance).into_iter().map(factor).collect()
+}
+
+/// Runs of parameters that owe nothing to the others.
+fn blocks(covariance: &[Vec<f64>]) -> Vec<std::ops::Range<usize>> {
+    let mut all = Vec::new();
+    let (mut start, mut end) = (0, 0);
+    for (i, row) in covariance.iter().enumerate() {
+        if i > end {
+            all.push(start..i);
+            start = i;
+        }
+        end = end.max(row.iter().rposition(|value| value.abs() > 0.0).unwrap_or(i)).max(i);
+    }
+    all.push(start..covariance.len());
+    all
+}
+
+fn rounded(value: f64) -> f64 {
+    format!("{value:.DIGITS$e}").parse().unwrap_or(value)
+}
+
+/// The covariance of `size` parameters; `None` if the table has none of this size.
+pub(super) fn read(table: &toml::Value, size: usize) -> Option<DMatrix<f64>> {
+    let mut whole = DMatrix::zeros(size, size);
+    if let Some(factors) = table.get("factors") {
+        let factors: Vec<Vec<Vec<f64>>> = factors.clone().try_into().ok()?;
+        let mut at = 0;
+        for rows in factors {
+            let n = rows.len();
+            if at + n > size || rows.iter().enumerate().any(|(i, row)| row.len() != i + 1) {
+                return None;
+            }
+            let lower = DMatrix::from_fn(n, n, |i, j| rows[i].get(j).copied().unwrap_or(0.0));
+            whole.view_mut((at, at), (n, n)).copy_from(&(&lower * lower.transpose()));
+            at += n;
+        }
+        return (at == size && whole.iter().all(|value| value.is_finite())).then_some(whole);
+    }
+    let rows: Vec<Vec<f64>> = table.get("covariance")?.clone().try_into().ok()?;
+    if rows.len() != size || rows.iter().any(|row| row.len() != size) {
+        return None;
+    }
+    whole = DMatrix::from_fn(size, size, |i, j| rows[i][j]);
+    whole.iter().all(|value| value.is_finite()).then_some(whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Smooth along the angle as fitted curves are, so that the factors' last numbers are small; two curves.
+    fn smooth(n: usize) -> Vec<Vec<f64>> {
+        let of = |i: usize, j: usize| {
+            let apart = (i as f64 - j as f64).abs() / 6.0;
+            let same = (i < n / 3) == (j < n / 3);
+            if same { 1e-10 * ((1.0 + apart) * (-apart).exp() + if i == j { 1e-4 } else { 0.0 }) } else { 0.0 }
+        };
+        (0..n).map(|i| (0..n).map(|j| of(i, j)).collect()).collect()
+    }
+
+    #[test]
+    fn many_parameters_come_back_from_factors() {
+        let covariance = smooth(90);
+        let table = table(&covariance);
+        let sizes: Vec<usize> =
+            table["factors"].as_array().unwrap().iter().map(|b| b.as_array().unwrap().len()).collect();
+        assert_eq!(sizes, [30, 60]);
+        let back = read(&toml::Value::Table(table), 90).unwrap();
+        // What the command depends on is no single parameter: differences of neighbours are the hardest.
+        for i in 0..89 {
+            let spread = |of: &dyn Fn(usize, usize) -> f64| of(i, i) + of(i + 1, i + 1) - 2.0 * of(i, i + 1);
+            let (now, then) = (spread(&|a, b| back[(a, b)]), spread(&|a, b| covariance[a][b]));
+            assert!((now / then - 1.0).abs() < 2e-4, "{i}: {now} {then}");
+        }
+    }
+
+    #[test]
+    fn few_parameters_and_older_files_have_the_matrix_itself() {
+        let covariance = smooth(12);
+        let table = table(&covariance);
+        let back = read(&toml::Value::Table(table), 12).unwrap();
+        assert!((0..12).all(|i| (0..12).all(|j| back[(i, j)].to_bits() == covariance[i][j].to_bits())));
+    }
+
+    #[test]
+    fn other_sizes_are_none() {
+        let table = toml::Value::Table(table(&smooth(90)));
+        assert!(read(&table, 89).is_none() && read(&table, 91).is_none());
+        let short: toml::Table = toml::from_str("factors = [[[1.0], [2.0]]]").unwrap();
+        assert!(read(&toml::Value::Table(short), 2).is_none());
+    }
+}
