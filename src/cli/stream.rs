@@ -98,7 +98,7 @@ impl Long<'_> {
     /// RAPID, edited in place.
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();
-        let pieces = rapid::Pieces::new(self.name, self.reread()?, context);
+        let pieces = rapid::Pieces::of_file(self.name, self.reread()?, context);
         let Some(pieces) = pieces.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;

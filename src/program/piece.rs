@@ -70,7 +70,7 @@ impl<R: Read + Seek> AnyPieces<R> {
     /// # Errors
     /// What it reports.
     pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Pieces::new(name, input, context)?.map(|pieces| Self::Inline(Box::new(pieces))))
+        Ok(rapid::Pieces::of_file(name, input, context)?.map(|pieces| Self::Inline(Box::new(pieces))))
     }
 
     /// RAPID of which an index is held; see [`rapid::Declared::new`].

@@ -14,7 +14,7 @@ use super::symbols::harmless;
 use crate::program::piece::Elsewhere;
 use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
-use std::io::{self, BufRead, Read};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -103,6 +103,28 @@ impl<R: Read> Pieces<R> {
     /// What `input` reports.
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, input, context, PIECE)
+    }
+
+    /// The same for a file, whose end is looked at first: it shows most programs of several routines.
+    ///
+    /// # Errors
+    /// What `file` reports.
+    pub fn of_file(name: &str, mut file: R, context: &[Source]) -> io::Result<Option<Self>>
+    where
+        R: Seek,
+    {
+        /// As much as `main` takes behind all routines, or the last of many.
+        const TAIL: u64 = 64 * 1024;
+        let len = file.seek(SeekFrom::End(0))?;
+        file.seek(SeekFrom::Start(len.saturating_sub(TAIL)))?;
+        let mut tail = Vec::new();
+        file.by_ref().take(TAIL).read_to_end(&mut tail)?;
+        file.rewind()?;
+        let ends = |line: &&[u8]| first_word(line.trim_ascii()).eq_ignore_ascii_case(b"ENDPROC");
+        match tail.split(|b| *b == b'\n').filter(ends).nth(1) {
+            Some(_) => Ok(None),
+            None => Self::new(name, file, context),
+        }
     }
 
     /// The same, with pieces of about so many bytes.
