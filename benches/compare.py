@@ -3,6 +3,7 @@
 
   benches/compare.py [--anchors DIR] [--targets N] [--runs N]        a table on stdout
   benches/compare.py --figure docs/speed.svg [--largest N]           how time and memory grow
+  benches/compare.py --memory [--targets N]                          peak memory by kind of program and command
   benches/compare.py --identification --rows 200000                  the same of an identification alone
 
 --anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor; what
@@ -111,6 +112,14 @@ def generate_cl(path, targets):
         out.write("FINI\n")
 
 
+KINDS = (
+    ("inline targets", "part.mod", generate),
+    ("CL to RAPID", "part.cl", generate_cl),
+    ("declared targets", "declared.mod", generate_declared),
+    ("50 routines", "routines.mod", generate_routines),
+)
+
+
 def run(command, stdin=None, stdout=None):
     """Wall seconds, peak MiB. Through time(1): a child of this interpreter would begin with its peak."""
     with tempfile.NamedTemporaryFile("r") as note:
@@ -203,12 +212,7 @@ def table(args, folder):
         jobs[f"deflex, {threads} thr"] = lambda t=threads: run(compensate(program, folder, t))
     jobs["deflex, gravity and backlash, 1 thr"] = lambda: run(compensate(program, folder, 1, with_effects(folder)))
     jobs["deflex, pipe to pipe, 4 thr"] = lambda: piped(program, folder, 4)
-    kinds = (
-        ("CL to RAPID", "part.cl", generate_cl),
-        ("declared targets", "declared.mod", generate_declared),
-        ("50 routines", "routines.mod", generate_routines),
-    )
-    for name, text, make in kinds:
+    for name, text, make in KINDS[1:]:
         make(folder / text, args.targets)
         for threads in (1, 4):
             command = compensate(folder / text, folder, threads)
@@ -222,6 +226,25 @@ def table(args, folder):
         print(f"| {name} | {1e9 * seconds / args.targets:,.0f} | {ratio} | {memory:.0f} |")
     speed_up = got["deflex, 1 thr"][0] / got["deflex, 4 thr"][0]
     print(f"\nFour threads are {speed_up:.1f} times as fast as one.")
+
+
+def memory(args, folder):
+    """Peak MiB of each command on each kind of program, report included, on 4 threads."""
+    cell = ["--cell", HERE / "cell.toml", "--report", folder / "out.csv", "--jobs", 4, "--quiet"]
+    print(f"{args.targets:,} targets, peak MiB on 4 threads\n")
+    print("| | compensate | predict | check | check, against the original |\n|---|---|---|---|---|")
+    for name, file, make in KINDS:
+        program, out = folder / file, folder / "out.mod"
+        make(program, args.targets)
+        check = [DEFLEX, "check", "--max-error", 1, "--max-correction", 5, *cell]
+        commands = (
+            [DEFLEX, "compensate", program, "-o", out, *cell],
+            [DEFLEX, "predict", program, *cell],
+            [*check, program],
+            [*check, out, "--against", program],
+        )
+        print(f"| {name} |", " | ".join(f"{run(command)[1]:.0f}" for command in commands), "|", flush=True)
+        program.unlink()
 
 
 def figure(args, folder):
@@ -355,6 +378,7 @@ def main():
     parser.add_argument("--largest", type=int, default=10_000_000)
     parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 200000 takes minutes and gigabytes")
     parser.add_argument("--identification", action="store_true", help="only how an identification grows")
+    parser.add_argument("--memory", action="store_true", help="only peak memory")
     parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")
     args = parser.parse_args()
     if args.generate:
@@ -363,7 +387,8 @@ def main():
         sys.exit("/usr/bin/time is needed for the peak memory: apt-get install time")
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=ROOT, check=True)
     with tempfile.TemporaryDirectory(dir=os.environ.get("DATA")) as folder:
-        (figure if args.figure else identification if args.identification else table)(args, pathlib.Path(folder))
+        what = figure if args.figure else memory if args.memory else identification if args.identification else table
+        what(args, pathlib.Path(folder))
 
 
 if __name__ == "__main__":

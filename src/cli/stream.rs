@@ -63,9 +63,8 @@ pub(super) fn jobs(
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {
     let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
-    // How many parts there are is told by what is inserted; a list of modules goes along with them.
-    let parts = batch.setup.options.subdivide.is_some() && batch.args.max_targets.is_some();
-    if parts || !job.companions.is_empty() {
+    // A list of modules goes along with them.
+    if !job.companions.is_empty() {
         return Ok(None);
     }
     let file = File::open(path).map_err(|error| cannot_read(name, &error))?;
@@ -146,10 +145,19 @@ impl Long<'_> {
         // Once through for what the head of the program needs, then once more.
         let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
         let read = |targets, bytes| self.bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
-        let outline = match Outline::of_pieces(pieces, read) {
+        let mut outline = match Outline::of_pieces(pieces, read) {
             Ok(outline) => outline,
             Err(why) => return self.refused(why),
         };
+        if setup.options.subdivide.is_some() && args.max_targets.is_some() {
+            // How many parts there are is told by what is inserted.
+            let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
+            let (cell, threads, bar) = (&setup.cell.cell, self.threads(), self.bar);
+            let solved = |targets, bytes| bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
+            if let Err(why) = correct::count_pieces(pieces, cell, &setup.options, threads, &mut outline, &solved) {
+                return self.refused(why);
+            }
+        }
         let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
         let poster = Poster::new(outline, &setup.cell.cell, &post_options(args, &self.job.files[0]))?;
         in_one_file(args, poster.files())?;

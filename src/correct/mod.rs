@@ -34,7 +34,7 @@ pub use path::Point;
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
-pub use stream::{Sinks, StreamError, Streamed, compensate_declared, compensate_pieces, post_pieces};
+pub use stream::{Sinks, StreamError, Streamed, compensate_declared, compensate_pieces, count_pieces, post_pieces};
 
 use crate::cell::Cell;
 use crate::effects::Situation;

@@ -32,7 +32,7 @@ const CORNER_TOLERANCE_MM: f64 = 0.05;
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
     /// Points.
-    points: usize,
+    pub(super) points: usize,
     /// The first feed of a move.
     first_feed: Option<f64>,
     /// The first move without a feed.

@@ -8,7 +8,7 @@ use super::messages::Messages;
 use super::row::Tally;
 use super::solve::Spread;
 use super::turns::Turns;
-use super::{Corrected, Options, Poster, Row, Summary};
+use super::{Corrected, Options, Outline, Poster, Row, Summary};
 use crate::cell::Cell;
 use crate::program::piece::leaves_its_start;
 use crate::program::post::Text;
@@ -187,6 +187,42 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     let mut streamed = run(&way, threads, &mut |text| write(&text), sinks)?.answered()?;
     streamed.notes = [&poster.warnings[..], &streamed.notes, &poster.notes].concat();
     Ok(streamed)
+}
+
+/// Counts the points that [`post_pieces`] will write with what is inserted, so that its parts can be laid out: takes as long
+/// as that.
+///
+/// # Errors
+/// See [`StreamError`].
+pub fn count_pieces<R: Read + Send>(
+    pieces: cl::Pieces<R>,
+    cell: &Cell,
+    options: &Options,
+    threads: usize,
+    outline: &mut Outline,
+    progress: &(dyn Fn(usize, u64) + Sync),
+) -> Result<(), StreamError> {
+    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    let way = Way {
+        pieces: Mutex::new((0, pieces)),
+        take: cl::Pieces::take,
+        read: Some,
+        solve: &|n, piece| {
+            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
+            Some(corrected.map(|corrected| (corrected.posted.len(), corrected)).map_err(Unsolved::from))
+        },
+        break_off: &|| carried.break_off(),
+        refusals: Messages::default(),
+    };
+    let mut points = 0;
+    let mut count = |posted| {
+        points += posted;
+        Ok(())
+    };
+    let mut sinks = Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress };
+    run(&way, threads, &mut count, &mut sinks)?.answered()?;
+    outline.points = points;
+    Ok(())
 }
 
 /// How a language comes in, and what is made of it.

@@ -59,6 +59,15 @@ fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
     }
     assert!(bench.read("out.csv") == bench.read("unread.csv"), "the reports differ");
     assert!(bench.read("out.html") == renamed(bench.read("unread.html")), "the pages differ");
+    let options = "--cell cell.toml --max-targets 5000 --subdivide 0.00001";
+    for (input, out) in [("long.apt", "more"), ("unread.apt", "more-unread")] {
+        bench.run(&format!("compensate {input} --out-dir {out} {options}")).exits(0);
+    }
+    assert!(bench.names("more").len() > bench.names("out").len());
+    for part in bench.names("more") {
+        let other = renamed(bench.read(&format!("more-unread/{}", part.replace("long", "unread"))));
+        assert!(bench.read(&format!("more/{part}")) == other, "{part} differs");
+    }
     bench.run("compensate long.apt --cell cell.toml -o program.mod").exits(0);
     let piped = bench.run_with("compensate - --cell cell.toml --jobs 2", &text).exits(0);
     let file = bench.read("program.mod").replace("from long.apt", "from -");
