@@ -33,14 +33,14 @@ pub struct StraightPiece {
     pub last: bool,
 }
 
-/// A declaration that stands elsewhere in the file than its use.
+/// Declarations that stand elsewhere in the file than their use, or lines that run before.
 #[derive(Clone, Debug)]
 pub struct Elsewhere {
     /// Its bytes in the piece's source.
     pub own: Range<usize>,
     /// Their offset in the file.
     pub at: u64,
-    /// Several motions go to it, maybe of several pieces.
+    /// One declaration, which several motions go to, maybe of several pieces.
     pub shared: bool,
 }
 

@@ -175,6 +175,7 @@ impl Index {
 
     /// Sorts the declarations by name; `None` where one stands there twice.
     fn sort(&mut self) -> Option<()> {
+        self.entries.shrink_to_fit();
         self.entries.sort_unstable_by_key(|entry| entry.name);
         let twice = self.entries.windows(2).any(|pair| pair[0].name == pair[1].name);
         (!twice).then_some(())

@@ -415,7 +415,13 @@ impl Piece {
         for entry in entries {
             let own = start..start + entry.len as usize;
             start = own.end;
-            self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() });
+            match self.elsewhere.last_mut() {
+                // Neighbours that are only this piece's are one stretch of the file.
+                Some(last) if !last.shared && !entry.shared() && last.at + last.own.len() as u64 == entry.start => {
+                    last.own.end = own.end;
+                }
+                _ => self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() }),
+            }
         }
         self.source.bytes.splice(data..data, text.iter().copied());
         let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
