@@ -13,7 +13,7 @@ use crate::cell::Cell;
 use crate::program::piece::leaves_its_start;
 use crate::program::post::Text;
 use crate::program::{Next, StraightPiece, cl, rapid};
-use crate::text::{Diagnostic, Patch, apply};
+use crate::text::{Diagnostic, Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::{Mutex, PoisonError};
@@ -358,13 +358,10 @@ impl<S, P, T> Drop for BreakOff<'_, '_, S, P, T> {
 
 /// The piece's own bytes with its edits.
 fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
-    let source = &piece.program.sources[0].bytes;
     let edits = corrected.rewritten.as_ref().and_then(|r| r.edits.first()).map_or(&[][..], Vec::as_slice);
-    let mut bytes = Vec::with_capacity(source.len() + source.len() / 4);
+    let mut bytes = Vec::with_capacity(piece.own.len() + piece.own.len() / 4);
     // Writing to a Vec cannot fail.
-    let _ = apply(source, edits, &mut bytes);
-    bytes.truncate(bytes.len() - (source.len() - piece.own.end));
-    bytes.drain(..piece.own.start);
+    let _ = apply_within(&piece.program.sources[0].bytes, piece.own.clone(), edits, &mut bytes);
     bytes
 }
 
@@ -394,14 +391,12 @@ fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>>
             continue;
         }
         let from = here.first().map_or(own.start, |edit| edit.span.range().start);
-        let (mut text, mut done) = (Vec::new(), from);
-        for edit in here {
-            text.extend_from_slice(&bytes[done..edit.span.range().start]);
-            text.extend_from_slice(&edit.content);
-            done = edit.span.range().end;
-        }
+        let to = here.last().map_or(from, |edit| edit.span.range().end);
+        let mut text = Vec::new();
+        // Writing to a Vec cannot fail.
+        let _ = apply_within(bytes, from..to, here, &mut text);
         #[allow(clippy::cast_possible_truncation)] // within a piece
-        out.push(Changed { start: at + (from - own.start) as u64, old: (done - from) as u32, text, shared });
+        out.push(Changed { start: at + (from - own.start) as u64, old: (to - from) as u32, text, shared });
     }
     Some(out)
 }

@@ -1,16 +1,20 @@
 use super::Span;
 use smallvec::SmallVec;
 use std::io::{self, Write};
+use std::ops::Range;
 
 /// A token's text: a number has room in place.
 pub(crate) type Token = SmallVec<[u8; 24]>;
+
+/// What stands instead of a span: a pose has room in place.
+pub(crate) type Content = SmallVec<[u8; 96]>;
 
 /// Replacement of one span by other bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
     /// What is replaced; empty to insert.
     pub span: Span,
-    pub(crate) content: Token,
+    pub(crate) content: Content,
 }
 
 impl Edit {
@@ -28,7 +32,17 @@ impl Edit {
 /// # Errors
 /// What `out` reports.
 pub fn apply(bytes: &[u8], edits: &[Edit], out: &mut impl Write) -> io::Result<()> {
-    let mut done = 0;
+    apply_within(bytes, 0..bytes.len(), edits, out)
+}
+
+/// Writes a stretch of `bytes` with `edits`, all of them within it, as [`apply`] does.
+pub(crate) fn apply_within(
+    bytes: &[u8],
+    stretch: Range<usize>,
+    edits: &[Edit],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut done = stretch.start;
     for edit in edits {
         let range = edit.span.range();
         debug_assert!(range.start >= done, "edits overlap or are unsorted at {}", range.start);
@@ -36,5 +50,5 @@ pub fn apply(bytes: &[u8], edits: &[Edit], out: &mut impl Write) -> io::Result<(
         out.write_all(&edit.content)?;
         done = range.end;
     }
-    out.write_all(&bytes[done..])
+    out.write_all(&bytes[done..stretch.end])
 }

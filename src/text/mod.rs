@@ -9,7 +9,7 @@ mod source;
 mod span;
 
 pub use diagnostic::{Diagnostic, Severity};
-pub(crate) use edit::Token;
+pub(crate) use edit::{Content, Token, apply_within};
 pub use edit::{Edit, apply};
 pub(crate) use lines::LineIndex;
 pub use patch::Patch;

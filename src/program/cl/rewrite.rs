@@ -5,7 +5,7 @@ use super::lex::{number, pieces};
 use super::modal::Xyz;
 use super::vector::{add, norm, scale, sub};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Edit, Source, Span, Token, number as text_number};
+use crate::text::{Content, Edit, Source, Span, number as text_number};
 
 /// Two corrections this close, mm, are one: below the last printed digit.
 const SAME_MM: f64 = 1e-6;
@@ -209,7 +209,7 @@ impl Writer<'_> {
             return Err("no room on the card");
         }
         self.grown.insert(start, grown + by);
-        self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Token::new() });
+        self.edits.push(Edit { span: Span::new(end - grown - by, end - grown), content: Content::new() });
         Ok(())
     }
 }

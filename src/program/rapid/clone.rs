@@ -25,7 +25,9 @@ pub(super) fn resolve(
         if of != literal || writer.program.targets[i].editable != Editable::Pose {
             continue;
         }
-        let print = changes[i].as_ref().map_or_else(Print::default, |c| writer.print(i, literal, c));
+        let print = changes[i]
+            .as_ref()
+            .map_or_else(Print::default, |c| writer.print(i, &writer.layout.literals[literal as usize], c));
         match groups.iter_mut().find(|(p, _)| *p == print) {
             Some((_, users)) => users.push(i),
             None => groups.push((print, vec![i])),

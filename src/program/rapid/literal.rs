@@ -2,7 +2,8 @@
 
 use super::lex::{Kind, lexeme, number};
 use crate::program::Conf;
-use crate::text::{self, Span};
+use crate::text::Span;
+use crate::text::number::{self as numbers, Leading, read_leading};
 use nom::Parser;
 
 /// Where the number tokens of one robtarget stand, sign included: x y z, q1 … q4, cf1 … cfx.
@@ -18,9 +19,14 @@ pub(crate) struct Literal {
     at: [u16; TOKENS],
     /// Its length; 0 where the text has a name instead of a number (configuration only).
     size: [u8; TOKENS],
+    /// The pose's decimals, [`Leading::ODD`] where a number has other looks to keep.
+    decimals: [u8; POSE],
     /// Where the external axes' aggregate begins behind `start`.
     external: u16,
 }
+
+/// Numbers of a pose.
+pub(super) const POSE: usize = 7;
 
 /// Numbers that may be edited.
 const TOKENS: usize = 11;
@@ -54,8 +60,15 @@ impl Literal {
     }
 
     fn walk<const VALUES: bool>(bytes: &[u8], source: u16, start: usize) -> Option<(Self, [f64; TOKENS + 6])> {
-        let mut literal =
-            Self { source, start: u32::try_from(start).ok()?, len: 0, at: [0; TOKENS], size: [0; TOKENS], external: 0 };
+        let mut literal = Self {
+            source,
+            start: u32::try_from(start).ok()?,
+            len: 0,
+            at: [0; TOKENS],
+            size: [0; TOKENS],
+            decimals: [Leading::ODD; POSE],
+            external: 0,
+        };
         let mut values = [0.0; TOKENS + 6];
         let mut index = 0;
         let mut at = mark(bytes, start, b'[')?;
@@ -73,7 +86,11 @@ impl Literal {
                     at = mark(bytes, at, b',')?;
                 }
                 let from = blank(bytes, at);
-                (values[index], at) = signed::<VALUES>(bytes, from)?;
+                let decimals;
+                (values[index], at, decimals) = signed::<VALUES>(bytes, from)?;
+                if index < POSE {
+                    literal.decimals[index] = decimals;
+                }
                 if index < TOKENS {
                     literal.at[index] = u16::try_from(from - start).ok()?;
                     literal.size[index] = u8::try_from(at - from).ok()?;
@@ -87,11 +104,30 @@ impl Literal {
         Some((literal, values))
     }
 
+    /// A literal elsewhere that differs in the seven numbers of its pose alone, given where they are behind its start.
+    #[inline]
+    pub(super) fn like(&self, start: usize, len: usize, pose: &[(usize, Leading); POSE]) -> Option<Self> {
+        let mut like = *self;
+        (like.start, like.len) = (u32::try_from(start).ok()?, u16::try_from(len).ok()?);
+        for (i, (at, number)) in pose.iter().enumerate() {
+            like.at[i] = u16::try_from(*at).ok()?;
+            like.size[i] = u8::try_from(number.len).ok()?;
+            like.decimals[i] = number.bare_decimals();
+        }
+        // What stands behind the pose has kept its distance to the end.
+        let behind = |at: u16| (like.len + at).checked_sub(self.len);
+        for i in POSE..TOKENS {
+            like.at[i] = behind(self.at[i])?;
+        }
+        like.external = behind(self.external)?;
+        Some(like)
+    }
+
     /// A literal whose configuration or external axes are names: only the seven numbers of the pose.
     pub(super) fn partial(
         source: u16,
         span: Span,
-        tokens: [Span; 7],
+        tokens: [Span; POSE],
         conf: Option<[Span; 4]>,
         external: Span,
     ) -> Option<Self> {
@@ -101,6 +137,7 @@ impl Literal {
             len: u16::try_from(span.len()).ok()?,
             at: [0; TOKENS],
             size: [0; TOKENS],
+            decimals: [Leading::ODD; POSE],
             external: u16::try_from(external.start.checked_sub(span.start)?).ok()?,
         };
         for (i, token) in tokens.into_iter().chain(conf.into_iter().flatten()).enumerate() {
@@ -119,6 +156,11 @@ impl Literal {
     pub(crate) fn token(&self, i: usize) -> Span {
         let start = self.start + u32::from(self.at[i]);
         Span { start, end: start + u32::from(self.size[i]) }
+    }
+
+    /// Decimals of token `i` of the pose, where it has no other looks to keep.
+    pub(super) fn decimals(&self, i: usize) -> Option<usize> {
+        (self.decimals[i] != Leading::ODD).then_some(self.decimals[i].into())
     }
 
     /// The external axes' aggregate, as text.
@@ -154,25 +196,27 @@ fn mark(bytes: &[u8], at: usize, wanted: u8) -> Option<usize> {
     (bytes.get(at) == Some(&wanted)).then_some(at + 1)
 }
 
-/// `sign? number`: the value and where it ends. Blanks between sign and number are legal.
-fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize)> {
+/// `sign? number`: the value, where it ends, and its [`Leading::bare_decimals`]. Blanks between sign and number are legal.
+fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize, u8)> {
     // Axes that are not there, as most writers print them.
     for unused in [&b"9E9"[..], b"9E+09"] {
         let end = at + unused.len();
         if bytes.get(at..end) == Some(unused) && matches!(bytes.get(end), Some(b',' | b']')) {
-            return Some((9e9, end));
+            return Some((9e9, end, Leading::ODD));
         }
     }
-    if let Some(short) = text::number::read_leading(&bytes[at.min(bytes.len())..])
+    if let Some(short) = read_leading(&bytes[at.min(bytes.len())..])
         && matches!(bytes.get(at + short.len), Some(b',' | b']'))
     {
-        return Some((short.value, at + short.len));
+        return Some((short.value, at + short.len, short.bare_decimals()));
     }
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
     let token = unsigned(bytes, from)?;
-    let value = if VALUES { text::number::read(token)? } else { 0.0 };
-    Some((if negative { -value } else { value }, from + token.len()))
+    let value = if VALUES { numbers::read(token)? } else { 0.0 };
+    let end = from + token.len();
+    let plain = read_leading(&bytes[at..end]).filter(|plain| plain.len == end - at);
+    Some((if negative { -value } else { value }, end, plain.map_or(Leading::ODD, Leading::bare_decimals)))
 }
 
 /// The number token at `from`. Digits and a point are looked at here, anything else by the lexer.

@@ -20,6 +20,7 @@ mod lex;
 mod literal;
 mod motion;
 mod moves;
+mod own;
 mod pieces;
 mod rewrite;
 mod routines;

@@ -462,7 +462,7 @@ fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) ->
     })
 }
 
-fn layout(program: &Program) -> Option<&super::Layout> {
+pub(super) fn layout(program: &Program) -> Option<&super::Layout> {
     match &program.layout {
         crate::program::Layout::Rapid(layout) => Some(layout),
         crate::program::Layout::Cl(_) => None,
@@ -470,7 +470,7 @@ fn layout(program: &Program) -> Option<&super::Layout> {
 }
 
 /// The line at the start of `bytes`, with its end.
-fn line_of(mut bytes: &[u8]) -> &[u8] {
+pub(super) fn line_of(mut bytes: &[u8]) -> &[u8] {
     let all = bytes;
     // Reading from a slice cannot fail.
     let len = bytes.skip_until(b'\n').unwrap_or(0);

@@ -2,13 +2,13 @@
 
 use super::literal::Literal;
 use super::value::{Place, rotate, unit};
-use super::{Layout, Offset, Site, clone, insert};
+use super::{Layout, Offset, Site, clone, insert, own};
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Edit, Token, number};
+use crate::text::{Content, Edit, Token, number};
 use std::collections::HashMap;
 
 /// Most decimals printed: single precision holds no more of any quaternion.
-const MAX_DECIMALS: usize = 15;
+pub(super) const MAX_DECIMALS: usize = 15;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 const SHARED: &str = "declared target used by motions whose corrections differ";
@@ -23,7 +23,7 @@ pub(super) struct Print {
 }
 
 /// Position and orientation as the controller holds them.
-type Pose = ([f64; 3], [f64; 4]);
+pub(super) type Pose = ([f64; 3], [f64; 4]);
 
 pub(in crate::program) fn rewrite(
     program: &Program,
@@ -32,7 +32,23 @@ pub(in crate::program) fn rewrite(
     inserts: &[Insert],
     options: &RewriteOptions,
 ) -> Rewritten {
-    let mut writer = Writer { program, layout, options, edits: vec![Vec::new(); program.written], kept: Vec::new() };
+    if !own::is_own(&layout.sites) {
+        return rewrite_agreed(program, layout, changes, inserts, options);
+    }
+    let mut writer = Writer::new(program, layout, options);
+    let written = writer.own(changes);
+    writer.done(written, inserts)
+}
+
+/// The reference for [`rewrite`]: literals may have several users.
+pub(super) fn rewrite_agreed(
+    program: &Program,
+    layout: &Layout,
+    changes: &[Option<Change>],
+    inserts: &[Insert],
+    options: &RewriteOptions,
+) -> Rewritten {
+    let mut writer = Writer::new(program, layout, options);
     let mut prints: Vec<Option<Print>> = Vec::new();
     let mut cloned = HashMap::new();
     if changes.iter().any(Option::is_some) {
@@ -45,13 +61,7 @@ pub(in crate::program) fn rewrite(
             writer.edit_literal(&layout.literals[literal], print);
         }
     }
-    let inserted = insert::write(&mut writer, inserts);
-    let mut edits = writer.edits;
-    for edits in &mut edits {
-        edits.sort_by_key(|e| (e.span.start, e.span.end));
-    }
-    writer.kept.sort_unstable();
-    Rewritten { edits, written, inserted, kept: writer.kept }
+    writer.done(written, inserts)
 }
 
 /// Corrections on their way into the text.
@@ -64,6 +74,19 @@ pub(super) struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
+    fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
+        Self { program, layout, options, edits: vec![Vec::new(); program.written], kept: Vec::new() }
+    }
+
+    fn done(mut self, written: Vec<Pose>, inserts: &[Insert]) -> Rewritten {
+        let inserted = insert::write(&mut self, inserts);
+        for edits in &mut self.edits {
+            edits.sort_by_key(|e| (e.span.start, e.span.end));
+        }
+        self.kept.sort_unstable();
+        Rewritten { edits: self.edits, written, inserted, kept: self.kept }
+    }
+
     pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
         self.program.sources[place.source as usize].slice(place.span)
     }
@@ -85,7 +108,7 @@ impl<'a> Writer<'a> {
                 continue;
             };
             let print = match (self.program.targets[i].editable, change) {
-                (Editable::Pose, Some(change)) => self.print(i, literal, change),
+                (Editable::Pose, Some(change)) => self.print(i, &self.layout.literals[literal as usize], change),
                 (Editable::Pose, None) => Print::default(),
                 (_, change) => {
                     if change.as_ref().is_some_and(|c| self.differs(i, c)) {
@@ -117,12 +140,12 @@ impl<'a> Writer<'a> {
         (prints, cloned)
     }
 
-    fn reason(&self, i: usize) -> &'static str {
+    pub(super) fn reason(&self, i: usize) -> &'static str {
         if let Editable::No(reason) = self.program.targets[i].editable { reason } else { SHARED }
     }
 
     /// Whether a change asks for anything else than what is there.
-    fn differs(&self, i: usize, change: &Change) -> bool {
+    pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
         let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
         #[allow(clippy::float_cmp)] // the very number that was read means no change
         let moved = change.position_mm != position_mm;
@@ -130,8 +153,7 @@ impl<'a> Writer<'a> {
     }
 
     /// New tokens of a literal for one user's change.
-    pub(super) fn print(&self, i: usize, literal: u32, change: &Change) -> Print {
-        let literal = &self.layout.literals[literal as usize];
+    pub(super) fn print(&self, i: usize, literal: &Literal, change: &Change) -> Print {
         let mut print = Print::default();
         let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
         for axis in 0..3 {
@@ -139,12 +161,7 @@ impl<'a> Writer<'a> {
             (print.tokens[axis], print.values[axis]) = (new.token, new.value);
         }
         if let Some(wanted) = change.quat.filter(|q| turned(*q, quat)) {
-            let mut wanted = unit(wanted);
-            // The same orientation with the signs that are written.
-            if wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
-                wanted = wanted.map(|c| -c);
-            }
-            for (c, value) in wanted.into_iter().enumerate() {
+            for (c, value) in toward(wanted, quat).into_iter().enumerate() {
                 let new = New::of(self.token(literal, 3 + c), value, self.options.quat_decimals);
                 (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
             }
@@ -160,11 +177,11 @@ impl<'a> Writer<'a> {
         print
     }
 
-    fn edit_literal(&mut self, literal: &Literal, print: Print) {
+    pub(super) fn edit_literal(&mut self, literal: &Literal, print: Print) {
         let Some(edits) = self.edits.get_mut(literal.source as usize) else { return };
         for (i, token) in print.tokens.into_iter().enumerate() {
             if let Some(content) = token {
-                edits.push(Edit { span: literal.token(i), content });
+                edits.push(Edit { span: literal.token(i), content: Content::from_slice(&content) });
             }
         }
     }
@@ -189,7 +206,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Position and orientation as written after `print`, f32-rounded; the orientation as printed.
-    fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
+    pub(super) fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
         let value = |i: usize| {
             if let Some(value) = print.and_then(|p| p.values[i]) {
                 return single(value);
@@ -253,7 +270,7 @@ impl<'a> Writer<'a> {
                 Some(print) if done.insert(place) => {
                     for (token, content) in tokens.iter().zip(print) {
                         if let (Some(content), Some(edits)) = (content, self.edits.get_mut(token.source as usize)) {
-                            edits.push(Edit { span: token.span, content: content.clone() });
+                            edits.push(Edit { span: token.span, content: Content::from_slice(content) });
                         }
                     }
                 }
@@ -270,7 +287,7 @@ impl<'a> Writer<'a> {
     }
 
     /// A target as the controller will hold it.
-    fn written(
+    pub(super) fn written(
         &self,
         i: usize,
         prints: &[Option<Print>],
@@ -317,10 +334,17 @@ pub(super) fn quarters(conf: Conf) -> [i32; 4] {
 }
 
 /// Whether two unit quaternions are different orientations.
-fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
+pub(super) fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
     let a = unit(a);
     let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
     !same(1.0) && !same(-1.0)
+}
+
+/// A unit quaternion of the same orientation, with the signs of another.
+pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
+    let wanted = unit(wanted);
+    let against = wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0;
+    if against { wanted.map(|c| -c) } else { wanted }
 }
 
 /// The controller's `num` is an IEEE single.
@@ -352,13 +376,14 @@ impl New {
     fn of(old: &[u8], value: f64, least: usize) -> Self {
         let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
         // As most numbers are: no looks to keep but the count of decimals.
-        if let Some(was) = number::read_leading(old).filter(|was| was.len == old.len() && is_bare(old))
+        if let Some(was) = number::read_leading(old).filter(|was| was.len == old.len() && was.bare)
             && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals))
             && let Some(printed) = fixed.value()
         {
             #[allow(clippy::float_cmp)] // the very number means no change
             let same = printed == was.value;
-            let token = (!same).then(|| Token::from_slice(fixed.text(&mut [0; number::Fixed::SIZE])));
+            let mut place = [0; number::Fixed::SIZE];
+            let token = (!same).then(|| fixed.put(&mut place)).map(|len| Token::from_slice(&place[..len]));
             return Self { token, value: Some(if same { was.value } else { printed }) };
         }
         let mut out = Vec::new();
@@ -380,15 +405,6 @@ impl New {
             out.insert(0, b'+');
         }
         Self { token: Some(out.into()), value: printed }
-    }
-}
-
-/// Whether a number has neither a plus nor zeros before its digits.
-fn is_bare(token: &[u8]) -> bool {
-    match token.strip_prefix(b"-").unwrap_or(token) {
-        [b'0', next, ..] => !next.is_ascii_digit(),
-        [first, ..] => *first != b'+',
-        [] => false,
     }
 }
 

@@ -2,14 +2,16 @@
 //! same, so that one of each kind is read by [`read_as`](super::read_as) and the others by their numbers.
 
 use super::lex;
-use super::literal::Literal;
+use super::literal::{Literal, POSE, Written};
 use super::moves::index;
-use super::pieces::Piece;
+use super::pieces::{Piece, line_of};
 use super::run::MAX_NORM_ERROR;
 use super::value::{axes_in_use, unit};
 use super::{Layout, Site};
 use crate::program::{Goal, Language, Mark, Program, Target, Tool, Wobj};
+use crate::text::number::{Leading, read_leading};
 use crate::text::{Source, Span};
+use std::ops::Range;
 
 /// A program of more kinds of lines than this a piece has nothing to gain.
 const MOST_KINDS: usize = 16;
@@ -31,6 +33,63 @@ struct Kind<'a> {
     behind: &'a [u8],
     /// The motion, if it is one, with the tool and the work object of its own.
     motion: Option<Target>,
+    /// Its last line, as far as that tells what others mean.
+    sample: Option<Sample<'a>>,
+}
+
+/// A line whose robtarget is inline: most lines around it differ from it in nothing but the seven numbers of the pose.
+struct Sample<'a> {
+    /// What stands before each of them, from the line's start on, and behind the last, with the line's end.
+    between: [&'a [u8]; POSE + 1],
+    literal: Literal,
+    written: Written,
+    /// Bytes of the line before the literal, and behind it.
+    before: usize,
+    behind: usize,
+    /// Blanks at the line's start and its end.
+    indent: usize,
+    trailing: usize,
+}
+
+impl<'a> Sample<'a> {
+    fn new(line: &'a [u8], start: usize, literal: Literal, written: Written) -> Option<Self> {
+        let mut between = [&line[..0]; POSE + 1];
+        let mut done = 0;
+        for (i, between) in between.iter_mut().enumerate().take(POSE) {
+            let token = literal.token(i).range();
+            *between = &line[done..token.start - start];
+            done = token.end - start;
+        }
+        between[POSE] = &line[done..];
+        // What ends there is not all of the line.
+        line.ends_with(b"\n").then(|| Self {
+            between,
+            literal,
+            written,
+            before: literal.span().range().start - start,
+            behind: start + line.len() - literal.span().range().end,
+            indent: line.len() - line.trim_ascii_start().len(),
+            trailing: line.len() - line.trim_ascii_end().len(),
+        })
+    }
+
+    /// Reads the line at `start`, if it is like this one: its robtarget, and its length with its end.
+    fn read(&self, bytes: &[u8], start: usize) -> Option<(Literal, Written, usize)> {
+        let [before, between @ ..] = &self.between;
+        let line = bytes.get(start..)?;
+        let mut rest = line.strip_prefix(*before)?;
+        let literal_at = self.before;
+        let mut numbers = [(0, Leading::default()); POSE];
+        for (number, between) in numbers.iter_mut().zip(between) {
+            let leading = read_leading(rest)?;
+            *number = (line.len() - rest.len() - literal_at, leading);
+            rest = rest[leading.len..].strip_prefix(*between)?;
+        }
+        let [x, y, z, quat @ ..] = numbers.map(|(_, number)| number.value);
+        let len = line.len() - rest.len();
+        let literal = self.literal.like(start + literal_at, len - self.behind - literal_at, &numbers)?;
+        Some((literal, Written { position_mm: [x, y, z], quat, ..self.written }, len))
+    }
 }
 
 /// Reads a piece; `None` where only the plain way tells what it means.
@@ -38,7 +97,7 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
     if !piece.plain_head {
         return None;
     }
-    let bytes = &piece.source.bytes[..];
+    let bytes = &piece.source.bytes[..piece.stretch.end];
     let motions = piece.motions as usize;
     let mut read = Read {
         targets: Vec::with_capacity(motions),
@@ -50,11 +109,22 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
     };
     let mut kinds: Vec<Kind> = Vec::new();
     let mut last = 0;
-    let mut start = piece.stretch.start;
-    for (count, line) in bytes[piece.stretch.clone()].split_inclusive(|b| *b == b'\n').enumerate() {
+    let (mut start, mut line_number) = (piece.stretch.start, piece.lines_before);
+    while start < bytes.len() {
+        line_number += 1;
+        if let Some(Kind { motion: Some(like), sample: Some(sample), .. }) = kinds.get(last)
+            && let Some((literal, written, len)) = sample.read(bytes, start)
+        {
+            let text = start + sample.indent..start + len - sample.trailing;
+            start += len;
+            read.push(piece, like, line_number, text, Some((literal, written)))?;
+            continue;
+        }
+        let line = line_of(&bytes[start..]);
         let first = start + line.len() - line.trim_ascii_start().len();
-        start += line.len();
         let text = line.trim_ascii();
+        let line_start = start;
+        start += line.len();
         match text.first() {
             None if line.contains(&b'\r') && !line.ends_with(b"\r\n") => return None,
             None => continue,
@@ -70,7 +140,8 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
         let open = text.iter().position(|b| *b == b'[').unwrap_or(text.len());
         let robtarget = Literal::read(bytes, 0, first + open);
         let (before, behind) = match &robtarget {
-            Some((literal, _)) => (&text[..open], &text[literal.span().end as usize - first..]),
+            // One over several lines is not worth a closer look.
+            Some((literal, _)) => (&text[..open], text.get(literal.span().range().end - first..)?),
             None => (text, &[][..]),
         };
         let alike = |kind: &Kind| kind.behind == behind && kind.before == before;
@@ -83,30 +154,49 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
                 kinds.push(read.learn(piece, before, behind, text)?);
             }
         }
-        let Some(like) = &kinds[last].motion else { continue };
-        let mut target = like.clone();
-        if let Some((literal, written)) = robtarget {
-            let norm = written.quat.iter().map(|c| c * c).sum::<f64>();
-            let inside = &bytes[literal.span().range()];
-            if (norm - 1.0).abs() > MAX_NORM_ERROR || axes_in_use(&written.external) || inside.contains(&b'\r') {
+        let kind = &mut kinds[last];
+        let Some(like) = &kind.motion else { continue };
+        if let Some((literal, written)) = &robtarget {
+            if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
                 return None;
             }
-            target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
-            read.sites.push(Site::Literal { literal: u32::try_from(read.literals.len()).ok()?, argument: None });
-            read.literals.push(literal);
-        } else {
-            read.sites.push(Site::None);
+            kind.sample = Sample::new(line, line_start, *literal, *written);
         }
-        target.ordinal = piece.motions_before + u32::try_from(read.targets.len()).ok()? + 1;
-        target.mark = read.mark;
-        target.span = Span::new(first, first + text.len());
-        target.line = u32::try_from(piece.lines_before + count + 1).ok()?;
-        read.targets.push(target);
+        read.push(piece, like, line_number, first..first + text.len(), robtarget)?;
     }
     (read.targets.len() == motions).then_some(read)
 }
 
 impl Read {
+    /// Takes a line's motion, which is like others, given its text's place and its robtarget as written, if it has one.
+    fn push(
+        &mut self,
+        piece: &Piece,
+        like: &Target,
+        line: usize,
+        text: Range<usize>,
+        robtarget: Option<(Literal, Written)>,
+    ) -> Option<()> {
+        let mut target = like.clone();
+        if let Some((literal, Written { position_mm, quat, conf, .. })) = robtarget {
+            let norm = quat.iter().map(|c| c * c).sum::<f64>();
+            if (norm - 1.0).abs() > MAX_NORM_ERROR {
+                return None;
+            }
+            target.goal = Goal::Pose { position_mm, quat: unit(quat), conf };
+            self.sites.push(Site::Literal { literal: u32::try_from(self.literals.len()).ok()?, argument: None });
+            self.literals.push(literal);
+        } else {
+            self.sites.push(Site::None);
+        }
+        target.ordinal = piece.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
+        target.mark = self.mark;
+        target.span = Span::new(text.start, text.end);
+        target.line = u32::try_from(line).ok()?;
+        self.targets.push(target);
+        Some(())
+    }
+
     /// Reads a line of a new kind, behind the program's own head.
     fn learn<'a>(&mut self, piece: &Piece, before: &'a [u8], behind: &'a [u8], text: &[u8]) -> Option<Kind<'a>> {
         let program = piece.with(text)?;
@@ -127,7 +217,7 @@ impl Read {
             target.wobj = index(&mut self.wobjs, program.wobjs[usize::from(target.wobj)].clone(), Wobj::is);
             target
         });
-        Some(Kind { before, behind, motion })
+        Some(Kind { before, behind, motion, sample: None })
     }
 
     /// The piece as a program.
@@ -205,10 +295,29 @@ mod tests {
         ]
     }
 
+    /// Lines that differ in their pose, mostly, or in anything that a sample has to notice.
     fn common() -> impl Strategy<Value = String> {
-        let end = prop::sample::select(vec![",v50,z1,tA;", ",v200,z1,tB;", ",v50,fine,tA\\WObj:=wobj0;"]);
-        ("-?[0-9]{1,4}\\.[0-9]{0,8}", end)
-            .prop_map(|(x, end)| format!("MoveL [[{x},0,1],[0,1,0,0],[0,-1,0,1],[9E9,9E9,9E9,9E9,9E9,9E9]]{end}"))
+        let often = |common: &'static str, others: &[&'static str]| prop_oneof![12 => Just(common), 1 => prop::sample::select(others.to_vec())];
+        let number = prop_oneof![
+            8 => "-?[0-9]{1,4}\\.[0-9]{1,8}",
+            1 => prop::sample::select(vec!["0", "+1.5", "-0.0", "12.", ".5", "1.5E2", "- 3", "9E9", "1.123456789012345"])
+                .prop_map(str::to_owned),
+        ];
+        let quat =
+            prop::sample::select(vec!["0,1,0,0", "0.7071,0,0.7071,0", "0,0.60,-0.80,0", "0 , 1, 0,0", "0,0,-1.0,0"]);
+        (
+            often("  ", &["", "\t", "   "]),
+            (number, often(",", &[", ", " ,"]), quat, often("],[", &["] ,[", "], ["])),
+            often("0,-1,0,1", &["0,-1,0,0", "0,-1,0,1 ", "0,-1.0,0,1"]),
+            often("9E9,9E9,9E9,9E9,9E9,9E9", &["9E+09,9E9,9E9,9E9,9E9,9E9", "0,9E9,9E9,9E9,9E9,9E9"]),
+            often(
+                ",v50,z1,tA;",
+                &[",v200,z1,tB;", ",v50,fine,tA\\WObj:=wobj0;", ",v50,z1,tA; ", ",v50,z1,tA;\t", ",v50,z10,tA;"],
+            ),
+        )
+            .prop_map(|(indent, (x, comma, quat, joint), conf, external, end)| {
+                format!("{indent}MoveL [[{x}{comma}0,1{joint}{quat}{joint}{conf}],[{external}]]{end}")
+            })
     }
 
     proptest! {

@@ -1,0 +1,192 @@
+//! Literals that one motion each goes to: nobody has to agree on them, so that each goes from change to edit at once. What comes
+//! of it is what [`Writer::literals`](super::rewrite) and the steps behind it make of the same program.
+
+use super::Site;
+use super::literal::{Literal, POSE};
+use super::rewrite::{MAX_DECIMALS, Pose, Writer, single, toward, turned};
+use super::value::unit;
+use crate::program::{Change, Editable, Goal, RewriteOptions};
+use crate::text::number::{Fixed, read_leading};
+use crate::text::{Content, Edit, Span};
+use std::collections::HashMap;
+
+/// Most bytes of a pose with new numbers; longer ones go token by token.
+const ROOM: usize = 192;
+
+/// Whether each target has its literal for itself, in their order.
+pub(super) fn is_own(sites: &[Site]) -> bool {
+    let mut next = 0;
+    sites.iter().all(|site| match site {
+        Site::None => true,
+        Site::Literal { literal, .. } => {
+            next += 1;
+            *literal + 1 == next
+        }
+        Site::Offset(_) => false,
+    })
+}
+
+impl Writer<'_> {
+    /// Edits all literals; the poses of all targets as the controller will hold them.
+    pub(super) fn own(&mut self, changes: &[Option<Change>]) -> Vec<Pose> {
+        let (nothing, nowhere) = (HashMap::new(), HashMap::new());
+        let mut written = Vec::with_capacity(changes.len());
+        if let Some(edits) = self.edits.first_mut() {
+            edits.reserve(self.layout.literals.len());
+        }
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+            let (pose, change) = match (*site, self.program.targets[i].editable, change) {
+                (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => (self.pose(i, literal, change), None),
+                (_, _, change) => (None, change.as_ref()),
+            };
+            if change.is_some_and(|change| self.differs(i, change)) {
+                self.kept.push((i, self.reason(i)));
+            }
+            written.push(pose.unwrap_or_else(|| self.written(i, &[], &nothing, &nowhere)));
+        }
+        written
+    }
+
+    /// Edits a literal; its pose afterwards, `None` where that is the one that is written.
+    fn pose(&mut self, i: usize, literal: u32, change: &Change) -> Option<Pose> {
+        let literal = &self.layout.literals[literal as usize];
+        if let Some((edit, (position, quat))) = self.stretch(i, literal, change) {
+            self.edits.get_mut(literal.source as usize)?.extend(edit);
+            return Some((position, unit(quat)));
+        }
+        let print = self.print(i, literal, change);
+        let (position, quat) = self.literal_pose(literal, Some(&print));
+        self.edit_literal(literal, print);
+        Some((position, unit(quat)))
+    }
+
+    /// A pose whose numbers have no looks to keep but their decimals, as one edit from its first number that changes to the
+    /// last, with its new numbers as the controller holds them. `None` where a closer look is needed.
+    fn stretch(&self, i: usize, literal: &Literal, change: &Change) -> Option<(Option<Edit>, Pose)> {
+        let Goal::Pose { position_mm, quat: is, conf } = self.program.targets[i].goal else { return None };
+        if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
+            return None;
+        }
+        let [x, y, z] = change.position_mm;
+        let turn = change.quat.filter(|wanted| turned(*wanted, is)).map(|wanted| toward(wanted, is));
+        let [q1, q2, q3, q4] = turn.unwrap_or(is);
+        let wanted = [x, y, z, q1, q2, q3, q4];
+        let edited = if turn.is_some() { POSE } else { 3 };
+
+        let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
+        let bytes = &self.program.sources[literal.source as usize].bytes[..];
+        let mut held = [0.0; POSE];
+        let mut text = [0; ROOM];
+        // The edit's place in the source, and the bytes of its text.
+        let (mut start, mut done, mut len) = (0, 0, 0);
+        for k in 0..POSE {
+            let token = literal.token(k).range();
+            let old = bytes.get(token.clone())?;
+            let was = literal.decimals(k)?;
+            if k >= edited {
+                held[k] = single(read_leading(old)?.value);
+                continue;
+            }
+            let least = if k < 3 { position_decimals } else { quat_decimals };
+            let new = Fixed::of(wanted[k], was.max(least).min(MAX_DECIMALS))?;
+            let value = new.value()?;
+            held[k] = single(value);
+            #[allow(clippy::float_cmp)] // the very number means no change
+            let same = match k {
+                0..3 => value == position_mm[k],
+                _ if was < least => value == read_leading(old)?.value,
+                // Of as many decimals: told by the digits below.
+                _ => false,
+            };
+            if same {
+                continue;
+            }
+            // Up to here the text between two edited numbers is kept.
+            let between = if len == 0 { &[][..] } else { bytes.get(done..token.start)? };
+            match between {
+                [one] => *text.get_mut(len)? = *one,
+                _ => text.get_mut(len..len + between.len())?.copy_from_slice(between),
+            }
+            let at = len + between.len();
+            let new_len = new.put(text.get_mut(at..)?.first_chunk_mut()?);
+            if text.get(at..at + new_len)? == old {
+                continue;
+            }
+            if len == 0 {
+                start = token.start;
+            }
+            (done, len) = (token.end, at + new_len);
+        }
+        let edit = (len > 0).then(|| Edit { span: Span::new(start, done), content: Content::from_slice(&text[..len]) });
+        let [x, y, z, quat @ ..] = held;
+        Some((edit, ([x, y, z], quat)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{pieces, rewrite};
+    use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Rewritten, rapid};
+    use crate::text::{Source, apply};
+    use proptest::prelude::*;
+
+    fn read(literals: &[String]) -> Program {
+        let lines: String = literals.iter().map(|literal| format!("  MoveL {literal},v50,z1,tA;\n")).collect();
+        let tool = "PERS tooldata tA:=[TRUE,[[0,0,300],[1,0,0,0]],[8,[0,0,100],[1,0,0,0],0,0,0]];";
+        let text = format!("MODULE M\n{tool}\nPROC main()\n{lines}ENDPROC\nENDMODULE\n");
+        rapid::read(vec![Source::new("x.mod", text)], Vec::new()).unwrap()
+    }
+
+    fn result(program: &Program, rewritten: &Rewritten) -> (String, String) {
+        let mut out = Vec::new();
+        apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+        (String::from_utf8(out).unwrap(), format!("{:?} {:?}", rewritten.written, rewritten.kept))
+    }
+
+    fn literal() -> impl Strategy<Value = String> {
+        let number = prop_oneof![
+            8 => "-?[1-9][0-9]{0,3}\\.[0-9]{1,8}",
+            1 => prop::sample::select(vec!["0", "-0.000", "+1.5", "0012.5", "1.5E2", "- 3.25", "7.", "0.0000"])
+                .prop_map(str::to_owned),
+        ];
+        let quat = prop::sample::select(vec![
+            "1,0,0,0",
+            "0.7071,0,0.7071,0",
+            "0.00000000, 0.6, -0.8, 0.0",
+            "0,0,1.0,-0",
+            "0,10E-1,0,+0",
+        ]);
+        let comma = prop::sample::select(vec![",", ", ", " , "]);
+        (prop::array::uniform3(number), quat, comma).prop_map(|([x, y, z], quat, comma)| {
+            format!("[[{x}{comma}{y}{comma}{z}],[{quat}],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]")
+        })
+    }
+
+    fn step() -> impl Strategy<Value = f64> {
+        prop_oneof![Just(0.0), Just(1e-5), -2.0..2.0]
+    }
+
+    proptest! {
+        #[test]
+        fn own_literals_become_what_agreed_ones_do(
+            literals in prop::collection::vec(literal(), 1..9),
+            steps in prop::collection::vec((prop::array::uniform3(step()), prop::array::uniform4(step()), 0..8), 9),
+        ) {
+            let program = read(&literals);
+            let changes: Vec<Option<Change>> = program.targets.iter().zip(&steps).map(|(target, (by, turn, kind))| {
+                let Goal::Pose { position_mm, quat, conf } = target.goal else { return None };
+                let quat = std::array::from_fn(|k| quat[k] + 0.1 * turn[k]);
+                Some(Change {
+                    position_mm: std::array::from_fn(|k| position_mm[k] + by[k]),
+                    quat: (*kind > 2).then_some(quat),
+                    conf: if *kind == 7 { Some(Conf { cf1: 1, cf4: 0, cf6: 0, cfx: 0 }) } else { conf },
+                }).filter(|_| *kind > 0)
+            }).collect();
+            let (layout, options) = (pieces::layout(&program).unwrap(), RewriteOptions::default());
+            prop_assert!(super::is_own(&layout.sites));
+            let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
+            let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));
+            prop_assert_eq!(own, agreed);
+        }
+    }
+}

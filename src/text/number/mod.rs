@@ -1,0 +1,154 @@
+//! Number tokens: exact reading, fixed-decimal writing.
+//!
+//! The common numbers of programs go through integer arithmetic, all others through the standard
+//! library: [`read_plain`] and [`write_fixed_plain`] are the reference that the fast paths agree with.
+
+mod read;
+mod write;
+
+#[cfg(test)]
+pub(crate) use read::read_plain;
+pub(crate) use read::{Leading, decimals, is_none, read, read_leading};
+#[cfg(test)]
+pub(crate) use write::write_fixed_plain;
+pub(crate) use write::{Fields, Fixed, scaled_row, tens, write_fixed, write_whole};
+
+/// Powers of ten that are exact in binary.
+const TENS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+
+/// 2^53 · 10^15 is below 2^103.
+const MOST_DECIMALS: usize = 15;
+
+/// Powers of ten of as many decimals as are written.
+const WHOLE_TENS: [u64; MOST_DECIMALS + 1] = {
+    let mut tens = [1; MOST_DECIMALS + 1];
+    let mut i = 1;
+    while i <= MOST_DECIMALS {
+        tens[i] = 10 * tens[i - 1];
+        i += 1;
+    }
+    tens
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn reads_every_form_and_no_words() {
+        for (token, value) in [("5.", 5.0), (".5", 0.5), ("-.5", -0.5), ("9E+09", 9e9), ("+1", 1.0)] {
+            assert_eq!(read(token.as_bytes()), Some(value), "{token}");
+        }
+        for token in ["", "inf", "nan", "-", ".", "-.", "1e400", "--1", "infinity", "1.D+03", "1.2.3"] {
+            assert_eq!(read(token.as_bytes()), None, "{token}");
+        }
+    }
+
+    #[test]
+    fn writes_no_negative_zero() {
+        let mut out = Vec::new();
+        write_fixed(&mut out, -0.000_01, 3);
+        assert_eq!(out, b"0.000");
+    }
+
+    /// Both writers, as text.
+    fn both(value: f64, decimals: usize) -> (String, String) {
+        let (mut fast, mut plain) = (Vec::new(), Vec::new());
+        write_fixed(&mut fast, value, decimals);
+        write_fixed_plain(&mut plain, value, decimals);
+        (String::from_utf8_lossy(&fast).into_owned(), String::from_utf8_lossy(&plain).into_owned())
+    }
+
+    #[test]
+    fn ties_and_edges_print_as_the_reference_does() {
+        for value in [0.5, 1.5, 2.5, 0.125, 0.375, 1e15, 9.999_95, 0.999_995, -0.5, 1e-300, 5e-324, 1e22, f64::MAX, 0.0]
+        {
+            for decimals in 0..20 {
+                let (fast, plain) = both(value, decimals);
+                assert_eq!(fast, plain, "{value:e} with {decimals}");
+            }
+        }
+    }
+
+    #[test]
+    fn reads_digits_up_to_any_byte() {
+        for byte in 0..=u8::MAX {
+            let text = [b'1', b'.', b'2', byte, b'3', b'4', b'5', b'6', b'7', b'8', b','];
+            let len = if byte.is_ascii_digit() { 10 } else { 3 };
+            let leading = read_leading(&text).map(|leading| (leading.value, leading.len));
+            assert_eq!(leading, read_plain(&text[..len]).map(|value| (value, len)), "{byte:#x}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn whole_numbers_print_as_the_reference_does(value in any::<u32>(), bits in 0..32) {
+            let value = value >> bits;
+            let mut text = Vec::new();
+            write_whole(&mut text, value);
+            prop_assert_eq!(text, value.to_string().into_bytes());
+        }
+
+        #[test]
+        fn rows_print_as_the_reference_does(values in any::<[i32; 3]>(), bits in 0..32, close in -2_i64..3) {
+            // Numbers around ties, too.
+            let values = values.map(|v| f64::from_bits((f64::from(v >> bits) / 2048.0).to_bits().wrapping_add_signed(close)));
+            if let Some([a, b, c]) = scaled_row(&values, &tens([3, 6, 7])) {
+                let (mut fast, mut plain) = (Fields::<{ Fields::<0>::size(3) }>::new(), Vec::new());
+                fast.push::<3>(values[0], a);
+                fast.push::<6>(values[1], b);
+                fast.push::<7>(values[2], c);
+                for (value, decimals) in values.into_iter().zip([3, 6, 7]) {
+                    write_fixed_plain(&mut plain, value, decimals);
+                    plain.push(b',');
+                }
+                prop_assert_eq!(String::from_utf8_lossy(fast.take()), String::from_utf8_lossy(&plain));
+            }
+        }
+
+        #[test]
+        fn what_is_printed_is_what_a_reader_gets(value in -20_000.0_f64..20_000.0, decimals in 0_usize..16) {
+            let mut text = Vec::new();
+            write_fixed(&mut text, value, decimals);
+            if let Some(read_back) = Fixed::of(value, decimals).and_then(Fixed::value) {
+                prop_assert_eq!(Some(read_back.to_bits()), read_plain(&text).map(f64::to_bits));
+            }
+        }
+
+        #[test]
+        fn any_number_prints_as_the_reference_does(bits in any::<u64>(), decimals in 0_usize..18) {
+            let value = f64::from_bits(bits);
+            prop_assume!(value.is_finite());
+            let (fast, plain) = both(value, decimals);
+            prop_assert_eq!(fast, plain);
+        }
+
+        #[test]
+        fn lengths_print_as_the_reference_does(value in -20_000.0_f64..20_000.0, decimals in 0_usize..16) {
+            let (fast, plain) = both(value, decimals);
+            prop_assert_eq!(fast, plain);
+        }
+
+        #[test]
+        fn a_leading_number_is_the_token(token in "[-+]?[0-9]{0,17}\\.?[0-9]{0,9}", rest in "[,e\\] ]?") {
+            let text = format!("{token}{rest}");
+            if let Some(Leading { value, len, decimals: behind, bare }) = read_leading(text.as_bytes()) {
+                prop_assert_eq!((len, behind), (token.len(), decimals(token.as_bytes())));
+                let mut printed = Vec::new();
+                write_fixed_plain(&mut printed, value, behind);
+                prop_assert_eq!(bare, printed == token.as_bytes());
+                prop_assert_eq!(Some(value.to_bits()), read_plain(token.as_bytes()).map(f64::to_bits));
+            }
+        }
+
+        #[test]
+        fn tokens_read_as_the_reference_does(token in "[-+]?[0-9]{0,12}\\.?[0-9]{0,12}([eE][-+]?[0-9]{1,3})?") {
+            let bits = |value: Option<f64>| value.map(f64::to_bits);
+            prop_assert_eq!(bits(read(token.as_bytes())), bits(read_plain(token.as_bytes())));
+        }
+    }
+}

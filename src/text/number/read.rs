@@ -1,0 +1,166 @@
+//! Number tokens to values, exactly rounded.
+
+use super::{TENS, WHOLE_TENS};
+
+/// Reads a plain decimal token (`12`, `-1.5`, `.5`, `5.`, `9E+09`), exactly rounded.
+///
+/// Returns `None` for anything else, infinities and NaN among it.
+#[must_use]
+pub(crate) fn read(token: &[u8]) -> Option<f64> {
+    read_short(token).or_else(|| read_plain(token))
+}
+
+/// The reference for [`read`].
+#[must_use]
+pub(crate) fn read_plain(token: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(token).ok()?;
+    let digits = text.trim_start_matches(['+', '-']);
+    if text.len() - digits.len() > 1 || !digits.bytes().next().is_some_and(|b| b.is_ascii_digit() || b == b'.') {
+        return None;
+    }
+    text.parse::<f64>().ok().filter(|v| v.is_finite())
+}
+
+/// Whether a word is what programs print for a number that is none.
+pub(crate) fn is_none(word: &[u8]) -> bool {
+    [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
+}
+
+/// Numbers of at most 15 digits whose power of ten is exact: one multiplication or division of two exact
+/// numbers, which is exactly rounded (Clinger 1990).
+fn read_short(token: &[u8]) -> Option<f64> {
+    const MOST_DIGITS: usize = 15; // below 2^53
+    let (negative, digits) = match token {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    let (mut mantissa, mut count, mut point, mut tail) = (0_u64, 0, None, None);
+    for (at, &byte) in digits.iter().enumerate() {
+        match byte {
+            b'0'..=b'9' if count < MOST_DIGITS => {
+                mantissa = mantissa * 10 + u64::from(byte - b'0');
+                count += 1;
+            }
+            b'.' if point.is_none() => point = Some(count),
+            b'e' | b'E' => {
+                tail = Some(&digits[at + 1..]);
+                break;
+            }
+            _ => return None,
+        }
+    }
+    if count == 0 {
+        return None;
+    }
+    let decimals = point.map_or(0, |p| count - p);
+    let power = tail.map_or(Some(0), exponent)? - i32::try_from(decimals).ok()?;
+    let ten = *TENS.get(usize::try_from(power.unsigned_abs()).ok()?)?;
+    #[allow(clippy::cast_precision_loss)] // below 2^53
+    let value = if power < 0 { mantissa as f64 / ten } else { mantissa as f64 * ten };
+    Some(if negative { -value } else { value })
+}
+
+/// A number at the beginning of a text.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Leading {
+    /// Its value.
+    pub(crate) value: f64,
+    /// Its bytes.
+    pub(crate) len: usize,
+    /// Digits behind the point.
+    pub(crate) decimals: usize,
+    /// Whether it has neither a plus nor zeros that say nothing before its digits, nor is it a negative zero.
+    pub(crate) bare: bool,
+}
+
+impl Leading {
+    /// Stands for decimals of a number that is not bare.
+    pub(crate) const ODD: u8 = u8::MAX;
+
+    /// Its decimals if it is bare: then these and its value are all its looks. Else [`Leading::ODD`].
+    #[inline]
+    pub(crate) fn bare_decimals(self) -> u8 {
+        if self.bare { self.decimals.to_le_bytes()[0] } else { Self::ODD }
+    }
+}
+
+/// The number that `bytes` begin with, where it is an optional sign, digits, and a point between digits: what [`read`] gives
+/// for that token, found in one pass. `None` for any other form; whoever calls looks at what follows.
+#[must_use]
+#[inline]
+pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
+    const MOST_DIGITS: usize = 15; // below 2^53
+    let first = *bytes.first()?;
+    let negative = first == b'-';
+    let sign = usize::from(negative | (first == b'+'));
+    // Few digits before the point, as of most numbers.
+    let (mut mantissa, whole) = append_digits_plain(0, &bytes[sign..]);
+    let (mut len, mut decimals) = (sign + whole, 0);
+    if let Some((b'.', behind)) = bytes[len..].split_first() {
+        (mantissa, decimals) = append_digits(mantissa, behind);
+        if decimals == 0 {
+            return None;
+        }
+        len += 1 + decimals;
+    }
+    if whole == 0 || whole + decimals > MOST_DIGITS {
+        return None;
+    }
+    #[allow(clippy::cast_precision_loss)] // below 2^53
+    let value = mantissa as f64 / TENS[decimals];
+    let bare = first != b'+' && (whole == 1 || bytes[sign] != b'0') && !(negative && mantissa == 0);
+    Some(Leading { value: if negative { -value } else { value }, len, decimals, bare })
+}
+
+/// `number` with the digits behind it that `bytes` begin with, and how many they are. Wraps where they are too many.
+#[inline]
+fn append_digits(number: u64, bytes: &[u8]) -> (u64, usize) {
+    if let Some(eight) = bytes.first_chunk() {
+        let (value, len) = digits_of_eight(u64::from_le_bytes(*eight));
+        if len < 8 || !bytes.get(8).is_some_and(u8::is_ascii_digit) {
+            return (number.wrapping_mul(WHOLE_TENS[len]).wrapping_add(value), len);
+        }
+    }
+    append_digits_plain(number, bytes)
+}
+
+/// [`append_digits`] one by one.
+#[inline]
+fn append_digits_plain(number: u64, bytes: &[u8]) -> (u64, usize) {
+    let digits = bytes.iter().map(|b| b.wrapping_sub(b'0')).take_while(|digit| *digit < 10);
+    digits.fold((number, 0), |(number, count), digit| (number.wrapping_mul(10).wrapping_add(digit.into()), count + 1))
+}
+
+/// The number at the beginning of eight bytes of text, the first the lowest, and its digits.
+#[inline]
+fn digits_of_eight(text: u64) -> (u64, usize) {
+    // A digit becomes its value; anything else has its highest bit set then, or gets it from 0x76 = 0x80 - 10.
+    let digits = text ^ 0x3030_3030_3030_3030;
+    let others = (digits.wrapping_add(0x7676_7676_7676_7676) | digits) & 0x8080_8080_8080_8080;
+    let bits = others.trailing_zeros() & !7;
+    // Zeros go before the number until there are eight digits; then ones and tens, pairs, fours are joined at once.
+    let digits = digits.unbounded_shl(64 - bits);
+    let pairs = digits.wrapping_mul(10).wrapping_add(digits >> 8);
+    let of_pairs = |pairs: u64, by: u64| (pairs & 0xFF_0000_00FF).wrapping_mul(by);
+    let whole = of_pairs(pairs, 100 | 1_000_000 << 32).wrapping_add(of_pairs(pairs >> 16, 1 | 10_000 << 32)) >> 32;
+    (whole, bits as usize / 8)
+}
+
+/// A short exponent: `9`, `+09`, `-3`.
+fn exponent(tail: &[u8]) -> Option<i32> {
+    let (sign, digits) = match tail {
+        [b'-', digits @ ..] => (-1, digits),
+        [b'+', digits @ ..] => (1, digits),
+        digits => (1, digits),
+    };
+    let short = matches!(digits.len(), 1..=3) && digits.iter().all(u8::is_ascii_digit);
+    short.then(|| sign * digits.iter().fold(0, |e, d| e * 10 + i32::from(d - b'0')))
+}
+
+/// Digits behind the point of a token, 0 without one; the exponent is not counted.
+#[must_use]
+pub(crate) fn decimals(token: &[u8]) -> usize {
+    let mantissa = token.split(|b| matches!(b, b'e' | b'E' | b'd' | b'D')).next().unwrap_or(token);
+    mantissa.iter().position(|&b| b == b'.').map_or(0, |p| mantissa.len() - p - 1)
+}
