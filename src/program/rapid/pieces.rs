@@ -24,6 +24,9 @@ pub const PIECE: usize = 128 * 1024;
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
 
+/// Motions that end a piece: to declared targets they take few bytes.
+const MOTIONS: u32 = 1024;
+
 /// What a piece may have to read on to the end of a line: shorter ones only matter to small pieces.
 const LONGEST: usize = 4096;
 
@@ -281,7 +284,8 @@ impl<R: Read> Pieces<R> {
     fn cut(&mut self) -> Option<Cut> {
         let (mut at, mut lines, mut behind_motion) = (0, 0, false);
         let whole = self.rest.len() < 2 * self.piece + LONGEST;
-        while at < self.piece || !behind_motion {
+        let most = self.motions + MOTIONS;
+        while at < self.piece && self.motions < most || !behind_motion {
             let line = line_of(&self.rest[at..]);
             let ended = line.last() == Some(&b'\n');
             if line.is_empty() || !ended && !whole {
