@@ -246,6 +246,34 @@ fn shuffled_joint_angles_gain_nothing() {
     assert!(found.after.rms_mm > 0.9 * found.before.rms_mm);
 }
 
+/// A field over the place that no effect describes: half of the error goes, in the cell as it is written too.
+#[test]
+fn a_field_that_nobody_lists_is_mapped() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/designed_wander_unlisted-20");
+    let found = of_folder(&folder);
+    assert!(found.unexplained.significant);
+    assert_eq!(found.added.iter().map(|a| a.kind.as_str()).collect::<Vec<_>>(), ["empirical"]);
+    assert!(found.after.rms_mm < 0.55 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
+    let text = String::from_utf8(source(&folder.join("cell.toml")).bytes).unwrap();
+    let cell = Cell::read(&Source::new("extended", extended(&text, &found.extended).unwrap().into_bytes())).unwrap();
+    let table = Table::read(&source(&folder.join("measured.csv"))).unwrap();
+    let options = Options { forces: Some(table.forces()), ..Options::default() };
+    let rows = predict(&program(&folder.join("part.mod")), &cell, &options, None).unwrap().rows;
+    let scored = |line: u64| found.residuals.iter().any(|row| row.line == line && row.held_out && !row.outlier);
+    let gaps: Vec<f64> = table
+        .rows
+        .iter()
+        .filter(|row| scored(row.line))
+        .map(|row| {
+            let Some(TargetRef::Ordinal(ordinal)) = row.target else { panic!("{row:?}") };
+            let (seen, there) = (row.position_mm.unwrap(), rows.iter().find(|r| r.target == ordinal).unwrap());
+            (0..3).map(|k| (seen[k] - there.position_mm[k] - there.error_mm[k]).powi(2)).sum()
+        })
+        .collect();
+    let rms = (gaps.iter().sum::<f64>() / gaps.len() as f64).sqrt();
+    assert!((rms - found.after.rms_mm).abs() < 1e-4, "{rms} {:?}", found.after);
+}
+
 /// Some cells of the blind table, wandering noise mostly; all of it is `examples/blind_table.rs`.
 #[test]
 fn blind_cells_are_never_named_wrong() {

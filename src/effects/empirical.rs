@@ -3,6 +3,7 @@
 //! Over the position in the work object it shifts the TCP in the work object's axes; over the commanded motor angles, in
 //! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
 
+use super::empirical_field::EmpiricalField;
 use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of};
 use crate::robot::Joints;
 use nalgebra::Vector3;
@@ -12,9 +13,17 @@ use serde::{Deserialize, Serialize};
 pub(super) const KIND: Kind = Kind {
     name: "empirical",
     summary: "no named effect explains it: a smooth map, only where it holds",
-    read: |table| checked(Empirical::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
+    read,
     candidates,
 };
+
+/// One of two forms: a field has a reach.
+fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
+    if table.contains_key("reach_mm") {
+        return checked(table.try_into::<EmpiricalField>()?.check().map_err(toml::de::Error::custom)?);
+    }
+    checked(Empirical::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?)
+}
 
 /// Share of the half range, from the middle, where the map acts in full.
 const FULL: f64 = 0.9;

@@ -11,6 +11,7 @@ mod bearing_compliance;
 mod bench;
 mod distortion;
 mod empirical;
+mod empirical_field;
 mod force_scale;
 mod gear_harmonic;
 mod gravity;
@@ -34,6 +35,8 @@ mod zero_offset;
 
 pub(crate) use distortion::Parts;
 pub use distortion::{Distortion, Twist};
+pub use empirical_field::empirical_field;
+pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};

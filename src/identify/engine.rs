@@ -6,6 +6,7 @@ use super::design::Design;
 use super::device;
 use super::explain::Ranking;
 use super::gear::{self, Comb, Term};
+use super::map::Map;
 use super::moments::Moments;
 use super::noise;
 use super::outcome::Identification;
@@ -52,6 +53,8 @@ pub(super) struct Engine {
     pub(super) shape: noise::Shape,
     /// Posterior covariance of the chosen columns, in typical sizes, in the order of `chosen`.
     pub(super) covariance: DMatrix<f64>,
+    /// What nobody lists, where a field of it holds.
+    pub(super) map: Option<Map>,
     /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
     pub(super) refused_mm: Option<f64>,
 }
@@ -103,13 +106,25 @@ impl Engine {
         let candidates = candidates::all(&declared, &problem);
         let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
-        Self { declared, problem, candidates, chosen: Vec::new(), sigma: 1.0, shape, covariance, refused_mm: None }
+        Self {
+            declared,
+            problem,
+            candidates,
+            chosen: Vec::new(),
+            sigma: 1.0,
+            shape,
+            covariance,
+            map: None,
+            refused_mm: None,
+        }
     }
 
     pub(super) fn arm(&self) -> Arm {
         let changes: Vec<(&Home, &[f64])> =
             self.chosen.iter().map(|&c| (&self.candidates[c].home, &self.candidates[c].values[..])).collect();
-        with(&self.declared, &changes)
+        let mut arm = with(&self.declared, &changes);
+        arm.effects.extend(self.map.iter().map(|map| map.effect.clone_box()));
+        arm
     }
 
     pub(super) fn residual(&self) -> DVector<f64> {

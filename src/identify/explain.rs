@@ -4,6 +4,7 @@ use super::candidates::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::{Observation, Problem};
 use super::engine::{Engine, Input, Linearised, Posterior};
+use super::map::MAP;
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation, Unexplained,
@@ -103,6 +104,16 @@ impl Engine {
         let mut added = Vec::new();
         let mut extended = Vec::new();
         let mut at = 0;
+        let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
+        let provenance = || {
+            let mut provenance = toml::Table::new();
+            provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
+            provenance.insert("data".into(), input.data_hash.into());
+            provenance.insert("rows".into(), rows.into());
+            provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
+            provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
+            provenance
+        };
         let stages = if self.problem.free_device { self.stages() } else { Vec::new() };
         for (n, &c) in self.chosen.iter().enumerate() {
             let candidate = &self.candidates[c];
@@ -142,19 +153,35 @@ impl Engine {
             let covariance = (0..size)
                 .map(|i| (0..size).map(|j| block[(i, j)] * candidate.typical[i] * candidate.typical[j]).collect())
                 .collect();
-            let mut provenance = toml::Table::new();
-            provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
-            provenance.insert("data".into(), input.data_hash.into());
-            provenance.insert("rows".into(), i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX).into());
-            provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
-            provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());
-            extended.push(NewEffect { table: effect.to_table(), covariance: Some(covariance), provenance });
+            extended.push(NewEffect {
+                table: effect.to_table(),
+                covariance: Some(covariance),
+                provenance: provenance(),
+            });
+        }
+        let map = self.map.take();
+        let without = self.residual();
+        let unexplained = self.unexplained(linear, &without);
+        if let Some(map) = map {
+            added.push(Added {
+                kind: MAP.to_owned(),
+                posterior: map.likely,
+                held_out_rms_before_mm: self.errors(&without, held_out).rms_mm,
+                held_out_rms_after_mm: errors_after.rms_mm,
+                parameters: vec![FittedParameter {
+                    name: "reach_mm".to_owned(),
+                    value: map.reach_mm,
+                    unit: "mm",
+                    ci95: map.reaches_mm,
+                }],
+                not_told_apart_from: Vec::new(),
+            });
+            extended.push(NewEffect { table: map.effect.to_table(), covariance: None, provenance: provenance() });
         }
         merge_curves(&mut added, &mut extended);
         ties::add(&mut added, &extended);
         let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
         let wander_mm = self.sigma * self.shape.wander.sqrt();
-        let unexplained = self.unexplained(linear);
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem);
         advice.extend(self.refused_mm.map(|error_mm| {
             format!(
@@ -193,7 +220,7 @@ impl Engine {
     }
 
     /// Patterns that stayed in the set: more than noise, and in nobody's list.
-    pub(super) fn unexplained(&self, linear: Option<&Linearised>) -> Unexplained {
+    pub(super) fn unexplained(&self, linear: Option<&Linearised>, left: &DVector<f64>) -> Unexplained {
         let mut correlates = Vec::new();
         for &c in &self.chosen {
             let Home::Pattern(pattern) = self.candidates[c].home else { continue };
@@ -201,8 +228,7 @@ impl Engine {
             let share = linear.map_or(0.0, |linear| {
                 let mut part = DVector::zeros(self.problem.scalars);
                 linear.design.add(candidate.pattern_numbers(), &mut part);
-                let left = self.residual();
-                (part.dot(&left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0)
+                (part.dot(left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0)
             });
             let with = match pattern {
                 Pattern::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
@@ -213,12 +239,11 @@ impl Engine {
             correlates.push(Correlate { with, r: share });
         }
         if let Some(field) = self.shape.field {
-            let residual = self.residual();
             let series = self.problem.series(|row| !row.held_out);
-            let part = noise::field_of(&residual, &series, self.shape, field);
+            let part = noise::field_of(left, &series, self.shape, field);
             let fitted = DVector::from_iterator(
                 part.len(),
-                part.iter().zip(residual.iter()).map(|(p, r)| if *p == 0.0 { 0.0 } else { *r }),
+                part.iter().zip(left.iter()).map(|(p, r)| if *p == 0.0 { 0.0 } else { *r }),
             );
             let r = part.dot(&fitted) / (part.norm() * fitted.norm()).max(1e-12);
             correlates.push(Correlate { with: "place in the work object".to_owned(), r });

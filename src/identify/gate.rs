@@ -1,6 +1,5 @@
 //! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
 
-use super::candidates::{self, Candidate, Home};
 use super::data::Observation;
 use super::engine::{Engine, Linearised, Posterior};
 use super::moments::Moments;
@@ -9,7 +8,6 @@ use super::score::{Columns, posterior, score};
 use super::search::{self, Search};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use statrs::function::erf::erf;
 
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
@@ -17,10 +15,6 @@ const OUTLIER: f64 = 5.0;
 const TO_SIGMA: f64 = 1.4826;
 /// Held-out rows are scored as they are, but for an instrument's blunders: leaving out what is predicted badly would flatter.
 const BLUNDER: f64 = 2.0 * OUTLIER;
-/// The kind that names nothing.
-const MAP: &str = "empirical";
-/// Standard errors that a map must gain on unseen blocks: it will be used, and claims nothing else.
-const HOLDS: f64 = 2.0;
 
 impl Engine {
     /// The goodness-of-fit gate: noise with a field over the place that explains more than the chosen set without it.
@@ -90,37 +84,6 @@ impl Engine {
         self.choose(set);
     }
 
-    /// Beside something unexplained, adds the empirical map that holds on blocks that its fit has not seen, if one does.
-    pub(super) fn add_map(&mut self, posteriors: &mut Vec<Posterior>) {
-        let survey = candidates::survey(&self.declared, &self.problem);
-        let maps = crate::effects::kind(MAP).map_or_else(Vec::new, |kind| (kind.candidates)(&survey));
-        let first = self.candidates.len();
-        self.candidates.extend(
-            maps.iter().map(|map| {
-                Candidate::new(map.as_ref(), Home::New(candidates::Shape(map.clone_box())), maps.len() as f64)
-            }),
-        );
-        let wanted: Vec<usize> = self.chosen.iter().copied().chain(first..self.candidates.len()).collect();
-        let linear = self.linearise(&wanted, &[self.shape]);
-        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-        let without = self.block_errors(&linear, &search.columns(&self.chosen));
-        let gain = |c: usize| {
-            let with = self.block_errors(&linear, &search.columns(&[&self.chosen[..], &[c]].concat()));
-            let gains: Vec<f64> = without.iter().zip(&with).map(|(without, with)| without - with).collect();
-            (in_standard_errors(&gains), c)
-        };
-        let best = (first..self.candidates.len()).map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-        match best.filter(|(gain, _)| *gain > HOLDS) {
-            Some((gain, c)) => {
-                // How likely the gain is one: of a name there is no question.
-                let likely = 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2));
-                posteriors.push((c, (likely, Vec::new())));
-                self.choose([&self.chosen[..], &[c]].concat());
-            }
-            None => self.candidates.truncate(first),
-        }
-    }
-
     /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
     pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
         let mut blocks: Vec<(usize, usize)> =
@@ -162,7 +125,7 @@ impl Engine {
         let error_mm = self.errors(&self.residual(), held_out).rms_mm;
         let worse = error_mm > self.errors(before, held_out).rms_mm;
         if worse {
-            let any = self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
+            let any = self.map.take().is_some() || self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
             self.refused_mm = any.then_some(error_mm);
             for c in std::mem::take(&mut self.chosen) {
                 let candidate = &mut self.candidates[c];
@@ -220,7 +183,7 @@ fn numbered(columns: &Columns) -> Columns {
 }
 
 /// Mean of some gains over its standard error.
-fn in_standard_errors(gains: &[f64]) -> f64 {
+pub(super) fn in_standard_errors(gains: &[f64]) -> f64 {
     let n = gains.len() as f64;
     let mean = gains.iter().sum::<f64>() / n;
     let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);

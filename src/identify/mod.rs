@@ -15,6 +15,7 @@ mod explain;
 mod fit;
 mod gate;
 mod gear;
+mod map;
 mod moments;
 mod noise;
 mod outcome;

@@ -31,7 +31,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    pub(super) fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
         self.share * (-0.5 * (a - b).norm_squared() / (self.reach_mm * self.reach_mm)).exp()
     }
 }
@@ -84,6 +84,13 @@ pub(super) fn near(shape: Shape) -> Vec<Shape> {
 }
 
 impl Shape {
+    /// Covariance of the wander so many rows apart, over σ².
+    pub(super) fn wandering(self, lag: usize) -> f64 {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
+        let lag = lag as i32;
+        if self.wander > 0.0 { self.wander * self.correlation.powi(lag) } else { 0.0 }
+    }
+
     /// Log prior of a shape, nats: wanders of a real arm are rather smaller than its white noise, and a much
     /// larger one is an effect that nobody modelled.
     pub(super) fn log_prior(self) -> f64 {
@@ -194,9 +201,7 @@ fn covariance(samples: &[Sample], places: &[Vector3<f64>], shape: Shape, field: 
     let mut matrix = DMatrix::zeros(size, size);
     for j in 0..size {
         for i in j..size {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
-            let lag = samples[i].1.abs_diff(samples[j].1) as i32;
-            let wander = if shape.wander > 0.0 { shape.wander * shape.correlation.powi(lag) } else { 0.0 };
+            let wander = shape.wandering(samples[i].1.abs_diff(samples[j].1));
             matrix[(i, j)] = wander + field.covariance(&places[i], &places[j]);
         }
         matrix[(j, j)] += samples[j].2.powi(2);

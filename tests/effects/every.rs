@@ -45,6 +45,7 @@ fn forms() -> Vec<Box<dyn Effect>> {
         "kind = 'tracking_lag'\ntime_s = 0.002",
         "kind = 'empirical'\ndomain_mm = [[-2000, 2000], [-2000, 2000], [-2000, 2000]]\ndegree = 1\nx_mm = [0, 0, 0, 0]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]",
         "kind = 'empirical'\ndomain_deg = [[-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90]]\ndegree = 1\nx_mm = [0, 0, 0, 0, 0, 0, 0]\ny_mm = [0, 0, 0, 0, 0, 0, 0]\nz_mm = [0, 0, 0, 0, 0, 0, 0]",
+        "kind = 'empirical'\nreach_mm = 50\nwithin_mm = 20\nat_mm = [[900, 0, 400], [950, 0, 400]]\nshift_mm = [[0, 0, 0], [0, 0, 0]]",
     ];
     TABLES.iter().map(|text| read(text.parse().unwrap()).unwrap()).collect()
 }
@@ -119,6 +120,23 @@ fn lands(arm: &Arm, motor: &Joints, force: Vector3<f64>, travel: &Joints) -> Res
     let turn = there.wobj_from_tcp.rotation * situation.wobj_from_tcp.rotation.inverse();
     prop_assert!((turn.matrix() - nalgebra::Matrix3::identity()).amax() < SAME_ROTATION, "{turn:?} {names:?}");
     Ok(())
+}
+
+#[test]
+fn a_field_is_undone_where_it_acts() {
+    let motor = Joints::new(0.1, 0.2, 0.1, 0.2, 0.6, 0.3);
+    let force = Vector3::new(300.0, -200.0, 100.0);
+    let there = situation(&arm(vec![]), &motor, force);
+    let at = 1e3 * (there.base_from_wobj * there.wobj_from_tcp).translation.vector;
+    let text = format!(
+        "kind = 'empirical'\nreach_mm = 50.0\nwithin_mm = 20.0\nat_mm = [[{:?}, {:?}, {:?}]]\nshift_mm = [[0.2, -0.1, 0.3]]",
+        at.x + 30.0,
+        at.y,
+        at.z
+    );
+    let arm = arm(vec![read(text.parse().unwrap()).unwrap()]);
+    lands(&arm, &motor, force, &Joints::zeros()).unwrap();
+    assert!(!arm.effects[1].covers(&motor, &there));
 }
 
 fn case() -> impl Strategy<Value = (Joints, Vector3<f64>, Joints, Vec<f64>)> {
@@ -304,6 +322,8 @@ fn what_is_wrong_with_a_number_is_said_by_name() {
         ),
         ("kind = 'workpiece_compliance'\nmm_per_n = [1, 2]", "expected a number, or six"),
         ("kind = 'empirical'\ndegree = 1\nx_mm = []\ny_mm = []\nz_mm = []", "domain_mm"),
+        ("kind = 'empirical'\nreach_mm = 50\nwithin_mm = 20\nat_mm = [[0, 0, 0]]\nshift_mm = []", "as many of both"),
+        ("kind = 'empirical'\nreach_mm = 50\nwithin_mm = 0\nat_mm = []\nshift_mm = []", "`within_mm` is 0"),
         ("kind = 'tool_frame'\nd_mm = [0, 0, 0, 0]", "d_mm"),
     ];
     for (text, expected) in cases {

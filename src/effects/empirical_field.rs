@@ -1,0 +1,129 @@
+//! No named effect explains it: a field over the place of what was left there, used only near where it was seen.
+//!
+//! The second form of `empirical`: a sum of bells about the places where something was left. It acts in full as near to one
+//! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps.
+
+use super::{Distortion, Effect, Load, Parameter, Situation, State, table_of};
+use crate::robot::Joints;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// A shift of the TCP in base axes: a sum of bells about places.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EmpiricalField {
+    /// Length scale of a bell exp(−½ d²/reach²).
+    reach_mm: f64,
+    /// Distance from the nearest place up to which the field acts in full.
+    within_mm: f64,
+    /// Places in the base.
+    at_mm: Vec<[f64; 3]>,
+    /// What each place's bell shifts by.
+    shift_mm: Vec<[f64; 3]>,
+}
+
+/// A field of bells about places in the base, each with a shift of its own (base axes, mm), that holds within a distance of
+/// them: an `empirical` effect.
+#[must_use]
+pub fn empirical_field(reach_mm: f64, within_mm: f64, bells: &[(Vector3<f64>, Vector3<f64>)]) -> Box<dyn Effect> {
+    let three = |v: Vector3<f64>| [v.x, v.y, v.z];
+    let (at_mm, shift_mm) = bells.iter().map(|(at, shift)| (three(*at), three(*shift))).unzip();
+    Box::new(EmpiricalField { reach_mm, within_mm, at_mm, shift_mm })
+}
+
+impl EmpiricalField {
+    pub(super) fn check(self) -> Result<Self, String> {
+        let finite = |all: &[[f64; 3]]| all.iter().flatten().all(|value| value.is_finite());
+        for (key, value) in [("reach_mm", self.reach_mm), ("within_mm", self.within_mm)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(format!("`{key}` is {value}, expected more than 0"));
+            }
+        }
+        let (places, shifts) = (self.at_mm.len(), self.shift_mm.len());
+        if places != shifts || !finite(&self.at_mm) || !finite(&self.shift_mm) {
+            return Err(format!("{places} `at_mm` and {shifts} `shift_mm`, expected as many of both, all finite"));
+        }
+        Ok(self)
+    }
+
+    /// Squared distances, mm², from where the TCP is sent to the places.
+    fn apart(&self, situation: &Situation) -> impl Iterator<Item = f64> {
+        let place = 1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector;
+        self.at_mm.iter().map(move |at| (place - Vector3::from(*at)).norm_squared())
+    }
+
+    /// Distance to the nearest place, in those up to which the field holds.
+    fn off(&self, situation: &Situation) -> f64 {
+        self.apart(situation).fold(f64::INFINITY, f64::min).sqrt() / self.within_mm
+    }
+}
+
+/// How much of a field acts so far from the nearest place, in distances up to which it holds: 1 up to one, 0 from two on.
+#[must_use]
+pub(crate) fn fade(off: f64) -> f64 {
+    let left = (2.0 - off).clamp(0.0, 1.0);
+    left * left * (3.0 - 2.0 * left)
+}
+
+impl Effect for EmpiricalField {
+    fn kind(&self) -> &'static str {
+        super::empirical::KIND.name
+    }
+
+    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
+        let fade = fade(self.off(state.situation));
+        if fade > 0.0 {
+            let scale = -0.5 / (self.reach_mm * self.reach_mm);
+            let bells = self.apart(state.situation).zip(&self.shift_mm);
+            let shift_mm: Vector3<f64> =
+                bells.map(|(apart, shift)| (scale * apart).exp() * Vector3::from(*shift)).sum();
+            out.lag += 1e-3 * fade * shift_mm;
+        }
+    }
+
+    fn covers(&self, _: &Joints, situation: &Situation) -> bool {
+        self.off(situation) <= 1.0
+    }
+
+    /// None: bells about neighbouring places are nothing one by one.
+    fn parameters(&self) -> Vec<Parameter> {
+        Vec::new()
+    }
+
+    fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
+        Box::new(self.clone())
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(self.kind(), self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    const FIELD: &str = r#"kind = "empirical"
+        reach_mm = 20
+        within_mm = 20
+        at_mm = [[100, 0, 0], [130, 0, 0]]
+        shift_mm = [[0.1, 0, 0], [0, -0.04, 0]]"#;
+
+    #[test]
+    fn bells_add_up_and_end() {
+        let at = |x: f64| {
+            let mut bench = Bench::default();
+            bench.situation.base_from_wobj.translation.vector = Vector3::new(0.05, 0.0, 0.0);
+            bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x - 0.05, 0.0, 0.0);
+            bench.run(FIELD).1.lag
+        };
+        // Half a reach from the first place, one from the second.
+        let (first, second) = (1e-4 * (-0.125f64).exp(), -4e-5 * (-0.5f64).exp());
+        assert_abs_diff_eq!(at(0.110), Vector3::new(first, second, 0.0), epsilon = 1e-15);
+        assert_abs_diff_eq!(at(0.170), Vector3::zeros());
+        // A reach and a half beyond the last place: halfway through the fade.
+        assert_abs_diff_eq!(at(0.160).y, -4e-5 * (-1.125f64).exp() * 0.5, epsilon = 1e-15);
+    }
+}
