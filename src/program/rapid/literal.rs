@@ -111,8 +111,7 @@ impl Literal {
         (like.start, like.len) = (u32::try_from(start).ok()?, u16::try_from(len).ok()?);
         for (i, (at, number)) in pose.iter().enumerate() {
             like.at[i] = u16::try_from(*at).ok()?;
-            like.size[i] = u8::try_from(number.len).ok()?;
-            like.decimals[i] = number.bare_decimals();
+            (like.size[i], like.decimals[i]) = (number.len, number.bare_decimals());
         }
         // What stands behind the pose has kept its distance to the end.
         let behind = |at: u16| (like.len + at).checked_sub(self.len);
@@ -206,16 +205,16 @@ fn signed<const VALUES: bool>(bytes: &[u8], at: usize) -> Option<(f64, usize, u8
         }
     }
     if let Some(short) = read_leading(&bytes[at.min(bytes.len())..])
-        && matches!(bytes.get(at + short.len), Some(b',' | b']'))
+        && matches!(bytes.get(at + short.len()), Some(b',' | b']'))
     {
-        return Some((short.value, at + short.len, short.bare_decimals()));
+        return Some((short.value, at + short.len(), short.bare_decimals()));
     }
     let negative = bytes.get(at) == Some(&b'-');
     let from = if negative || bytes.get(at) == Some(&b'+') { blank(bytes, at + 1) } else { at };
     let token = unsigned(bytes, from)?;
     let value = if VALUES { numbers::read(token)? } else { 0.0 };
     let end = from + token.len();
-    let plain = read_leading(&bytes[at..end]).filter(|plain| plain.len == end - at);
+    let plain = read_leading(&bytes[at..end]).filter(|plain| plain.len() == end - at);
     Some((if negative { -value } else { value }, end, plain.map_or(Leading::ODD, Leading::bare_decimals)))
 }
 

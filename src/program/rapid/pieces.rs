@@ -14,7 +14,7 @@ use super::symbols::harmless;
 use crate::program::piece::Elsewhere;
 use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
 use crate::text::{Source, Span};
-use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -474,11 +474,8 @@ pub(super) fn layout(program: &Program) -> Option<&super::Layout> {
 }
 
 /// The line at the start of `bytes`, with its end.
-pub(super) fn line_of(mut bytes: &[u8]) -> &[u8] {
-    let all = bytes;
-    // Reading from a slice cannot fail.
-    let len = bytes.skip_until(b'\n').unwrap_or(0);
-    &all[..len]
+pub(super) fn line_of(bytes: &[u8]) -> &[u8] {
+    &bytes[..memchr::memchr(b'\n', bytes).map_or(bytes.len(), |end| end + 1)]
 }
 
 /// How the last line ends.

@@ -376,8 +376,8 @@ impl New {
     fn of(old: &[u8], value: f64, least: usize) -> Self {
         let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
         // As most numbers are: no looks to keep but the count of decimals.
-        if let Some(was) = number::read_leading(old).filter(|was| was.len == old.len() && was.bare)
-            && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals))
+        if let Some(was) = number::read_leading(old).filter(|was| was.len() == old.len() && was.bare)
+            && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals()))
             && let Some(printed) = fixed.value()
         {
             #[allow(clippy::float_cmp)] // the very number means no change

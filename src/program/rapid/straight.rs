@@ -33,61 +33,75 @@ struct Kind<'a> {
     behind: &'a [u8],
     /// The motion, if it is one, with the tool and the work object of its own.
     motion: Option<Target>,
-    /// Its last line, as far as that tells what others mean.
+    /// Its last line.
     sample: Option<Sample<'a>>,
 }
 
-/// A line whose robtarget is inline: most lines around it differ from it in nothing but the seven numbers of the pose.
+/// The line before, whose robtarget is inline: most lines differ from it in nothing but numbers of the pose.
 struct Sample<'a> {
-    /// What stands before each of them, from the line's start on, and behind the last, with the line's end.
-    between: [&'a [u8]; POSE + 1],
+    /// What stands before the pose, from the line's start on.
+    before: &'a [u8],
+    pose: [Number<'a>; POSE],
     literal: Literal,
     written: Written,
     /// Bytes of the line before the literal, and behind it.
-    before: usize,
+    literal_at: usize,
     behind: usize,
     /// Blanks at the line's start and its end.
     indent: usize,
     trailing: usize,
 }
 
+/// A number of a line.
+#[derive(Clone, Copy)]
+struct Number<'a> {
+    /// With what is between it and the next one, or the next line.
+    text: &'a [u8],
+    is: Leading,
+}
+
 impl<'a> Sample<'a> {
     fn new(line: &'a [u8], start: usize, literal: Literal, written: Written) -> Option<Self> {
-        let mut between = [&line[..0]; POSE + 1];
-        let mut done = 0;
-        for (i, between) in between.iter_mut().enumerate().take(POSE) {
-            let token = literal.token(i).range();
-            *between = &line[done..token.start - start];
-            done = token.end - start;
+        let at = |i: usize| literal.token(i).range().start - start;
+        let mut pose = [Number { text: line, is: Leading::default() }; POSE];
+        for (i, number) in pose.iter_mut().enumerate() {
+            number.text = &line[at(i)..if i + 1 < POSE { at(i + 1) } else { line.len() }];
+            number.is = read_leading(number.text).filter(|is| is.len() == literal.token(i).len())?;
         }
-        between[POSE] = &line[done..];
-        // What ends there is not all of the line.
+        // What has no end is not all of the line.
         line.ends_with(b"\n").then(|| Self {
-            between,
+            before: &line[..at(0)],
+            pose,
             literal,
             written,
-            before: literal.span().range().start - start,
+            literal_at: literal.span().range().start - start,
             behind: start + line.len() - literal.span().range().end,
             indent: line.len() - line.trim_ascii_start().len(),
             trailing: line.len() - line.trim_ascii_end().len(),
         })
     }
 
-    /// Reads the line at `start`, if it is like this one: its robtarget, and its length with its end.
-    fn read(&self, bytes: &[u8], start: usize) -> Option<(Literal, Written, usize)> {
-        let [before, between @ ..] = &self.between;
+    /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
+    fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Written, usize)> {
         let line = bytes.get(start..)?;
-        let mut rest = line.strip_prefix(*before)?;
-        let literal_at = self.before;
-        let mut numbers = [(0, Leading::default()); POSE];
-        for (number, between) in numbers.iter_mut().zip(between) {
-            let leading = read_leading(rest)?;
-            *number = (line.len() - rest.len() - literal_at, leading);
-            rest = rest[leading.len..].strip_prefix(*between)?;
+        let mut rest = line.strip_prefix(self.before)?;
+        let mut places = [(0, Leading::default()); POSE];
+        for (place, number) in places.iter_mut().zip(&mut self.pose) {
+            let at = line.len() - rest.len() - self.literal_at;
+            rest = match rest.strip_prefix(number.text) {
+                Some(behind) => behind,
+                None => {
+                    let is = read_leading(rest)?;
+                    let behind = rest[is.len()..].strip_prefix(&number.text[number.is.len()..])?;
+                    *number = Number { text: &rest[..rest.len() - behind.len()], is };
+                    behind
+                }
+            };
+            *place = (at, number.is);
         }
-        let [x, y, z, quat @ ..] = numbers.map(|(_, number)| number.value);
+        let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
         let len = line.len() - rest.len();
-        let literal = self.literal.like(start + literal_at, len - self.behind - literal_at, &numbers)?;
+        let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
         Some((literal, Written { position_mm: [x, y, z], quat, ..self.written }, len))
     }
 }
@@ -112,7 +126,7 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
     let (mut start, mut line_number) = (piece.stretch.start, piece.lines_before);
     while start < bytes.len() {
         line_number += 1;
-        if let Some(Kind { motion: Some(like), sample: Some(sample), .. }) = kinds.get(last)
+        if let Some(Kind { motion: Some(like), sample: Some(sample), .. }) = kinds.get_mut(last)
             && let Some((literal, written, len)) = sample.read(bytes, start)
         {
             let text = start + sample.indent..start + len - sample.trailing;

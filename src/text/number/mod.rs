@@ -79,7 +79,7 @@ mod tests {
         for byte in 0..=u8::MAX {
             let text = [b'1', b'.', b'2', byte, b'3', b'4', b'5', b'6', b'7', b'8', b','];
             let len = if byte.is_ascii_digit() { 10 } else { 3 };
-            let leading = read_leading(&text).map(|leading| (leading.value, leading.len));
+            let leading = read_leading(&text).map(|leading| (leading.value, leading.len()));
             assert_eq!(leading, read_plain(&text[..len]).map(|value| (value, len)), "{byte:#x}");
         }
     }
@@ -136,11 +136,12 @@ mod tests {
         #[test]
         fn a_leading_number_is_the_token(token in "[-+]?[0-9]{0,17}\\.?[0-9]{0,9}", rest in "[,e\\] ]?") {
             let text = format!("{token}{rest}");
-            if let Some(Leading { value, len, decimals: behind, bare }) = read_leading(text.as_bytes()) {
-                prop_assert_eq!((len, behind), (token.len(), decimals(token.as_bytes())));
+            if let Some(leading) = read_leading(text.as_bytes()) {
+                let (value, behind) = (leading.value, leading.decimals());
+                prop_assert_eq!((leading.len(), behind), (token.len(), decimals(token.as_bytes())));
                 let mut printed = Vec::new();
                 write_fixed_plain(&mut printed, value, behind);
-                prop_assert_eq!(bare, printed == token.as_bytes());
+                prop_assert_eq!(leading.bare, printed == token.as_bytes());
                 prop_assert_eq!(Some(value.to_bits()), read_plain(token.as_bytes()).map(f64::to_bits));
             }
         }

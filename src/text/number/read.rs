@@ -67,21 +67,33 @@ pub(crate) struct Leading {
     /// Its value.
     pub(crate) value: f64,
     /// Its bytes.
-    pub(crate) len: usize,
+    pub(crate) len: u8,
     /// Digits behind the point.
-    pub(crate) decimals: usize,
+    decimals: u8,
     /// Whether it has neither a plus nor zeros that say nothing before its digits, nor is it a negative zero.
     pub(crate) bare: bool,
 }
 
 impl Leading {
+    /// Its bytes.
+    #[inline]
+    pub(crate) fn len(self) -> usize {
+        self.len.into()
+    }
+
+    /// Digits behind the point.
+    #[inline]
+    pub(crate) fn decimals(self) -> usize {
+        self.decimals.into()
+    }
+
     /// Stands for decimals of a number that is not bare.
     pub(crate) const ODD: u8 = u8::MAX;
 
     /// Its decimals if it is bare: then these and its value are all its looks. Else [`Leading::ODD`].
     #[inline]
     pub(crate) fn bare_decimals(self) -> u8 {
-        if self.bare { self.decimals.to_le_bytes()[0] } else { Self::ODD }
+        if self.bare { self.decimals } else { Self::ODD }
     }
 }
 
@@ -110,6 +122,8 @@ pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
     #[allow(clippy::cast_precision_loss)] // below 2^53
     let value = mantissa as f64 / TENS[decimals];
     let bare = first != b'+' && (whole == 1 || bytes[sign] != b'0') && !(negative && mantissa == 0);
+    #[allow(clippy::cast_possible_truncation)] // at most a sign, a point and MOST_DIGITS
+    let (len, decimals) = (len as u8, decimals as u8);
     Some(Leading { value: if negative { -value } else { value }, len, decimals, bare })
 }
 
