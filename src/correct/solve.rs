@@ -199,13 +199,8 @@ pub(super) fn controller_joints(
 
 /// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.
 pub(super) fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
-    let round = |value: f64, decimals: usize| {
-        let mut text = Vec::with_capacity(16);
-        number::write_fixed(&mut text, value, decimals);
-        #[allow(clippy::cast_possible_truncation)]
-        let single = number::read(&text).unwrap_or(value) as f32;
-        f64::from(single)
-    };
+    #[allow(clippy::cast_possible_truncation)]
+    let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
     let (position, quat) = frames::millimetres(pose);
     (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
 }

@@ -4,6 +4,7 @@ use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
 use crate::program::{Conf, Mark, ToolData, WobjData};
+use crate::text::number::write_whole;
 
 /// What is known before the first point.
 #[derive(Clone, Debug)]
@@ -222,7 +223,8 @@ impl RapidPost {
 
     fn speed(&self, line: &mut Vec<u8>, mm_s: f64) {
         if let Some(v) = predefined_speed(mm_s) {
-            line.extend_from_slice(format!("v{v}").as_bytes());
+            line.push(b'v');
+            write_whole(line, v);
             return;
         }
         let from = self.speeds.partition_point(|(v, _)| *v <= mm_s - SAME_SPEED);

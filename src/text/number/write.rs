@@ -22,6 +22,16 @@ pub(crate) fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) 
     }
 }
 
+/// What a reader gets of a value that is printed with so many decimals.
+#[must_use]
+pub(crate) fn printed(value: f64, decimals: usize) -> f64 {
+    Fixed::of(value, decimals).and_then(Fixed::value).unwrap_or_else(|| {
+        let mut text = Vec::new();
+        write_fixed_plain(&mut text, value, decimals);
+        super::read(&text).unwrap_or(value)
+    })
+}
+
 /// Appends a whole number.
 pub(crate) fn write_whole(out: &mut Vec<u8>, value: u32) {
     let place = room(out);
@@ -84,6 +94,11 @@ impl Fixed {
         let Self { negative, digits, decimals } = self;
         // As programs and reports have them.
         match decimals {
+            0 if digits < EIGHT_DIGITS => {
+                place[0] = b'-';
+                let sign = usize::from(negative);
+                sign + put_whole(digits, &mut place[sign..])
+            }
             3 if fits::<3>(digits) => put::<3>(negative, digits, place),
             4 if fits::<4>(digits) => put::<4>(negative, digits, place),
             6 if fits::<6>(digits) => put::<6>(negative, digits, place),
