@@ -1,8 +1,9 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
+use super::advice::advice;
 use super::candidates::{Candidate, Home, fitted, with};
 use super::controller;
-use super::data::{Observation, Problem};
+use super::data::Observation;
 use super::engine::{Engine, Input, Linearised, Posterior};
 use super::map::MAP;
 use super::noise;
@@ -371,39 +372,4 @@ fn errors_of(norms: &[f64]) -> Errors {
         mean_mm: norms.iter().sum::<f64>() / n,
         max_mm: norms.iter().copied().fold(0.0, f64::max),
     }
-}
-
-/// A rival with its d′ on these rows, where it is small.
-fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
-    match pairs.iter().find(|pair| pair.of == effect.kind && pair.from == *rival) {
-        Some(pair) => format!("`{rival}` (d′ {:.1}; 5 would do)", pair.d_prime),
-        None => format!("`{rival}`"),
-    }
-}
-
-/// What to measure next.
-fn advice(added: &[Added], unexplained: &Unexplained, pairs: &[Separation], problem: &Problem) -> Vec<String> {
-    let mut all = Vec::new();
-    for effect in added.iter().filter(|effect| !effect.not_told_apart_from.is_empty()) {
-        all.push(format!(
-            "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \
-             about its axis) and at load levels that reverse; more points of the same do not help",
-            effect.kind,
-            effect.not_told_apart_from.iter().map(|kind| name_with_distance(effect, kind, pairs)).collect::<Vec<_>>().join(", "),
-        ));
-    }
-    if unexplained.significant {
-        let follows = unexplained.correlates.first().map_or(String::new(), |c| format!(" (it follows {})", c.with));
-        all.push(format!("something that no listed effect explains is left{follows}: repeat the run at another time and place to see what it is tied to"));
-    }
-    if problem.orientations > 0 {
-        all.push(format!(
-            "{} measured orientations were read and not used: beside a program, or a length, positions alone are fitted and scored",
-            problem.orientations
-        ));
-    }
-    if problem.rows.iter().all(|row| !problem.runs[row.run].points[row.point].cuts()) && !problem.free_device {
-        all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());
-    }
-    all
 }

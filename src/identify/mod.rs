@@ -5,6 +5,7 @@
 //!      → gate: does anything unlisted remain → errors before and after, on rows that no fit has seen
 //! ```
 
+mod advice;
 mod candidates;
 mod controller;
 mod data;
@@ -21,6 +22,7 @@ mod noise;
 mod outcome;
 mod pattern;
 mod poses;
+mod runs;
 mod score;
 mod search;
 mod separability;

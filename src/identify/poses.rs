@@ -1,7 +1,8 @@
 //! Rows that carry their own motor angles: whether they can be true, and where the instrument stood.
 
-use super::data::{Blocks, ELSEWHERE_MM, Problem, Seen};
+use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
+use super::runs::ELSEWHERE_MM;
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, named_tool, travel_into};
 use crate::effects::ToolFrame;

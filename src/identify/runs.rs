@@ -1,0 +1,131 @@
+//! Rows measured on a program: which target each belongs to, and whether the table is the program's at all.
+
+use super::data::{Blocks, Problem, Seen};
+use super::device::Device;
+use crate::cell::Cell;
+use crate::correct::{Options, Prepared};
+use crate::measured::{MeasuredRow, Table, TargetRef};
+use crate::program::{Program, Role};
+use crate::text::Diagnostic;
+use nalgebra::Vector3;
+
+/// A measured point this far from its target does not belong to it, mm.
+pub(super) const ELSEWHERE_MM: f64 = 50.0;
+
+impl Problem {
+    /// Aligns runs to their programs.
+    pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
+        let mut problem = Self::empty(false);
+        for (program, table) in runs {
+            let has_force = table.rows.iter().any(|row| row.force_n.is_some());
+            let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
+            let mut forces = table.forces();
+            forces.forces_given = has_force;
+            let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
+            let prepared = Prepared::new(program, cell, &options)?;
+            let run = problem.runs.len();
+            let mut errors = Vec::new();
+            let mut taken: Vec<(usize, &MeasuredRow, Seen)> = Vec::new();
+            for row in &table.rows {
+                match place(program, row) {
+                    Ok(point) => {
+                        let seen = Seen::of(row);
+                        taken.extend(seen.map(|seen| (point, row, seen)));
+                    }
+                    Err(message) => errors.push(at_line(table, row.line, message)),
+                }
+            }
+            belongs(&prepared, table, &taken, &mut errors);
+            if taken.is_empty() && errors.is_empty() {
+                errors.push(at_line(table, 1, "no row has a measured position, normal error or distance".to_owned()));
+            }
+            if !errors.is_empty() {
+                errors.truncate(20);
+                return Err(errors);
+            }
+            let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
+            for (order, (point, row, seen)) in taken.into_iter().enumerate() {
+                let at = &prepared.points[point];
+                let (motor, travel) = (at.motor, at.travel);
+                problem.orientations += usize::from(row.quat.is_some());
+                problem.push(run, point, order, row, motor, travel, seen, &blocks);
+            }
+            problem.runs.push(prepared);
+            problem.devices.push(Device::Known);
+            problem.find_fixed_point(run, table)?;
+        }
+        problem.scale_weights();
+        Ok(problem)
+    }
+}
+
+pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error("measured.row", &table.file, message)
+        .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
+    (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
+    diagnostic
+}
+
+/// Index of the target that a row belongs to.
+fn place(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
+    let ends = || program.targets.iter().enumerate().filter(|(_, t)| t.role == Role::End);
+    match &row.target {
+        None => Err("the row names no target".to_owned()),
+        Some(TargetRef::Ordinal(ordinal)) => {
+            // Programs without arcs have the ordinal's target at its own index.
+            let guess = *ordinal as usize - 1;
+            if program.targets.get(guess).is_some_and(|t| t.ordinal == *ordinal && t.role == Role::End) {
+                return Ok(guess);
+            }
+            ends().find(|(_, t)| t.ordinal == *ordinal).map(|(i, _)| i).ok_or_else(|| {
+                let count = ends().count();
+                format!("target {ordinal}: the program has {count} targets; this table belongs to another program")
+            })
+        }
+        Some(TargetRef::Name(name)) => {
+            let mut found = ends().filter(|(_, t)| t.name.as_deref().is_some_and(|n| n.eq_ignore_ascii_case(name)));
+            match (found.next(), found.next()) {
+                (Some((i, _)), None) => Ok(i),
+                (None, _) => Err(format!("target `{name}` is not visited by the program")),
+                (Some(_), Some(_)) => Err(format!("target `{name}` is visited more than once: give ordinals")),
+            }
+        }
+    }
+}
+
+/// Refuses tables whose points lie elsewhere, and says what would bring them here.
+fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Seen)], errors: &mut Vec<Diagnostic>) {
+    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = taken
+        .iter()
+        .filter_map(|(point, _, seen)| match seen {
+            Seen::Position(seen) => Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen)),
+            Seen::Normal(_) | Seen::Distance(_) => None,
+        })
+        .collect();
+    let median = |change: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
+        let mut gaps: Vec<f64> = pairs.iter().map(|(target, seen)| (change(seen) - target).norm()).collect();
+        gaps.sort_by(f64::total_cmp);
+        gaps.get(gaps.len() / 2).copied().unwrap_or(0.0)
+    };
+    let off = median(&|v| *v);
+    if off < ELSEWHERE_MM {
+        return;
+    }
+    type Change = fn(&Vector3<f64>) -> Vector3<f64>;
+    let hypotheses: [(&str, Change); 7] = [
+        ("they are inches: multiply by 25.4", |v| v * 25.4),
+        ("they are metres: multiply by 1000", |v| v * 1e3),
+        ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
+        ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
+        ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
+        ("x has the wrong sign", |v| Vector3::new(-v.x, v.y, v.z)),
+        ("y has the wrong sign", |v| Vector3::new(v.x, -v.y, v.z)),
+    ];
+    let reason = hypotheses
+        .iter()
+        .filter(|(_, change)| median(change) < ELSEWHERE_MM.min(0.1 * off))
+        .map(|(reason, _)| *reason)
+        .next()
+        .unwrap_or("they are not in the work object's frame, or belong to another program");
+    errors.push(at_line(table, 0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")));
+}
