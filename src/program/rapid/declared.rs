@@ -5,7 +5,8 @@
 //! runs, as in `pieces`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
 
 use super::index::{Index, lines_of};
-use super::pieces::{PIECE, Piece, Pieces};
+use super::piece::Piece;
+use super::pieces::{PIECE, Pieces};
 use super::routines::{Parts, Running, running};
 use crate::program::Next;
 use crate::text::Source;

@@ -21,6 +21,7 @@ mod literal;
 mod motion;
 mod moves;
 mod own;
+mod piece;
 mod pieces;
 mod rewrite;
 mod routines;
@@ -35,7 +36,7 @@ mod value;
 // What passes between `Pieces` and the line that corrects them; not for callers.
 pub use declared::{Declared, Names};
 #[doc(hidden)]
-pub use pieces::Piece;
+pub use piece::Piece;
 pub use pieces::{PIECE, Pieces};
 pub(super) use rewrite::rewrite;
 

@@ -125,7 +125,7 @@ impl Writer<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{pieces, rewrite};
+    use super::super::{piece, rewrite};
     use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Rewritten, rapid};
     use crate::text::{Source, apply};
     use proptest::prelude::*;
@@ -182,7 +182,7 @@ mod tests {
                     conf: if *kind == 7 { Some(Conf { cf1: 1, cf4: 0, cf6: 0, cfx: 0 }) } else { conf },
                 }).filter(|_| *kind > 0)
             }).collect();
-            let (layout, options) = (pieces::layout(&program).unwrap(), RewriteOptions::default());
+            let (layout, options) = (piece::layout(&program).unwrap(), RewriteOptions::default());
             prop_assert!(super::is_own(&layout.sites));
             let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
             let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));

@@ -6,16 +6,12 @@
 //! assignment, a call, a declared target, a moving external axis, …) is looked for in the piece as read; a program with any
 //! of that is not straight and is read whole.
 
-use super::index::Entry;
 use super::lex::{self, Cursor, Kind};
-use super::routines::Part;
-use super::straight;
+use super::piece::{Piece, layout};
 use super::symbols::harmless;
-use crate::program::piece::Elsewhere;
-use crate::program::{Language, Mark, Next, Program, StraightPiece, detect};
+use crate::program::{Language, Mark, Next, detect};
 use crate::text::{Source, Span};
 use std::io::{self, Read, Seek, SeekFrom};
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Bytes of the body in a piece: a thousand targets, of which each kind of line is read once. Not a matter of threads: any number of them sees the same pieces.
@@ -34,39 +30,7 @@ const LONGEST: usize = 4096;
 const FIRST: &[u8] = b"MoveL";
 
 /// Ends a piece that is not the last.
-const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
-
-/// A stretch of a program, with what makes it a program.
-#[derive(Debug)]
-pub struct Piece {
-    dialect: &'static str,
-    context: Arc<[Source]>,
-    /// Head, stretch and end.
-    pub(super) source: Source,
-    /// Bytes of the head.
-    head: usize,
-    /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
-    own: Range<usize>,
-    /// The statements.
-    pub(super) stretch: Range<usize>,
-    /// Lines of the file before the stretch.
-    pub(super) lines_before: usize,
-    /// Whether the head has no robtarget of its own, and no module of context declares any.
-    pub(super) plain_head: bool,
-    pub(super) mark_before: Option<Mark>,
-    /// What of it stands elsewhere in the file: declarations of targets.
-    elsewhere: Vec<Elsewhere>,
-    /// Offset of `own` in the file, where that is of interest.
-    at: u64,
-    /// Lines from which on the stretch stands somewhere else in the file, and which lines of the file these are.
-    lines: Vec<(usize, usize)>,
-    /// Motions before it.
-    pub(super) motions_before: u32,
-    pub(super) motions: u32,
-    last_line: usize,
-    mark_behind: Option<Mark>,
-    last: bool,
-}
+pub(super) const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 
 /// Cuts a program into pieces, reading no further than needed.
 #[derive(Debug)]
@@ -330,147 +294,6 @@ struct Cut {
     lines: usize,
     /// ENDPROC follows.
     last: bool,
-}
-
-impl Piece {
-    /// Bytes of the file in this piece.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.own.len()
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.own.is_empty()
-    }
-
-    /// Reads the piece; `None` where it is not straight after all.
-    #[must_use]
-    pub fn read(mut self) -> Option<StraightPiece> {
-        let lines = std::mem::take(&mut self.lines);
-        let mut piece = match straight::read(&self) {
-            Some(read) => StraightPiece {
-                program: read.into_program(self.dialect, self.source),
-                own: self.own,
-                elsewhere: self.elsewhere,
-                at: self.at,
-                last: self.last,
-            },
-            None => self.read_plain()?,
-        };
-        for target in piece.program.targets.iter_mut().filter(|_| !lines.is_empty()) {
-            let line = target.line as usize;
-            let (running, file) = lines[lines.partition_point(|(running, _)| *running <= line).checked_sub(1)?];
-            target.line = u32::try_from(line - running + file).ok()?;
-        }
-        Some(piece)
-    }
-
-    /// Who wrote the program.
-    #[cfg(test)]
-    pub(super) fn dialect(&self) -> &'static str {
-        self.dialect
-    }
-
-    /// Everything before the stretch that is the program's own.
-    pub(super) fn head(&self) -> &[u8] {
-        &self.source.bytes[..self.head]
-    }
-
-    /// The program of one statement alone.
-    pub(super) fn with(&self, statement: &[u8]) -> Option<Program> {
-        let source = Source::new(self.source.name.clone(), [self.head(), statement, END].concat());
-        super::read_as(self.dialect, vec![source], Vec::new()).ok()
-    }
-
-    /// The reference for [`Piece::read`]: every statement is read for itself.
-    pub(super) fn read_plain(self) -> Option<StraightPiece> {
-        let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
-        let straight = layout(&program).is_some_and(|layout| {
-            // A mark behind the last motion is in force nowhere.
-            let marks = self.last || layout.mark_behind == self.mark_behind;
-            let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
-            let kind = if self.elsewhere.is_empty() { layout.straight } else { held() };
-            kind && layout.motions == self.motions as usize && marks
-        });
-        // Line ends that only one of the two counts.
-        let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
-        for target in &mut program.targets {
-            target.ordinal = target.ordinal.checked_add(self.motions_before)?;
-        }
-        (straight && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StraightPiece {
-            program,
-            own: self.own,
-            elsewhere: self.elsewhere,
-            at: self.at,
-            last: self.last,
-        })
-    }
-
-    /// The stretch.
-    pub(super) fn body(&self) -> &[u8] {
-        &self.source.bytes[self.stretch.clone()]
-    }
-
-    /// Puts declarations into the head, at an offset of it, that stand elsewhere in the file.
-    pub(super) fn declare(&mut self, data: usize, text: &[u8], entries: &[Entry]) {
-        let mut start = data;
-        for entry in entries {
-            let own = start..start + entry.len as usize;
-            start = own.end;
-            match self.elsewhere.last_mut() {
-                // Neighbours that are only this piece's are one stretch of the file.
-                Some(last) if !last.shared && !entry.shared() && last.at + last.own.len() as u64 == entry.start => {
-                    last.own.end = own.end;
-                }
-                _ => self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() }),
-            }
-        }
-        self.source.bytes.splice(data..data, text.iter().copied());
-        let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
-        (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
-        self.head += text.len();
-        self.plain_head &= text.is_empty();
-        // More than there are: see `Declared`.
-        self.source.lines_before -= entries.len();
-    }
-
-    /// Says where in the file the parts of the stretch stand, of which it is put together.
-    pub(super) fn place(&mut self, parts: &[Part]) {
-        let mut end = self.stretch.start;
-        // What ends the last piece stands nowhere.
-        self.own = end..end;
-        for part in parts {
-            let own = std::mem::replace(&mut self.own, end..end + part.len);
-            let at = std::mem::replace(&mut self.at, part.start);
-            end = self.own.end;
-            if !self.lines.is_empty() {
-                self.elsewhere.push(Elsewhere { own, at, shared: false });
-            }
-            self.lines.push((part.running_line, part.line));
-        }
-    }
-}
-
-/// Whether all targets stand in the stretch or in the declarations that were put in for it.
-fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) -> bool {
-    layout.sites.iter().all(|site| match site {
-        super::Site::Literal { literal, .. } => {
-            let span = layout.literals[*literal as usize].span().range();
-            let behind = elsewhere.partition_point(|declared| declared.own.end < span.end);
-            let declared = elsewhere.get(behind).is_some_and(|declared| declared.own.start <= span.start);
-            declared || own.start <= span.start && span.end <= own.end
-        }
-        _ => true,
-    })
-}
-
-pub(super) fn layout(program: &Program) -> Option<&super::Layout> {
-    match &program.layout {
-        crate::program::Layout::Rapid(layout) => Some(layout),
-        crate::program::Layout::Cl(_) => None,
-    }
 }
 
 /// The line at the start of `bytes`, with its end.

@@ -4,7 +4,8 @@
 use super::lex;
 use super::literal::{Literal, POSE, Written};
 use super::moves::index;
-use super::pieces::{Piece, line_of};
+use super::piece::Piece;
+use super::pieces::line_of;
 use super::run::MAX_NORM_ERROR;
 use super::value::{axes_in_use, unit};
 use super::{Layout, Site};
