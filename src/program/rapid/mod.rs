@@ -30,6 +30,7 @@ mod statement;
 mod straight;
 mod symbols;
 mod syntax;
+mod token;
 mod tree;
 mod value;
 

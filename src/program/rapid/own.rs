@@ -3,7 +3,8 @@
 
 use super::Site;
 use super::literal::{Literal, POSE};
-use super::rewrite::{MAX_DECIMALS, Pose, Writer, single, toward, turned};
+use super::rewrite::{Pose, Writer, single, toward, turned};
+use super::token::MAX_DECIMALS;
 use super::value::unit;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
 use crate::text::number::{Fixed, read_leading};

@@ -1,14 +1,13 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
 use super::literal::Literal;
+use super::token::{New, signed};
 use super::value::{Place, rotate, unit};
 use super::{Layout, Offset, Site, clone, insert, own};
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
-use crate::text::{Content, Edit, Token, number};
+use crate::text::{Content, Edit, Token};
 use std::collections::HashMap;
 
-/// Most decimals printed: single precision holds no more of any quaternion.
-pub(super) const MAX_DECIMALS: usize = 15;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 const SHARED: &str = "declared target used by motions whose corrections differ";
@@ -351,84 +350,4 @@ pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
 #[allow(clippy::cast_possible_truncation)]
 pub(super) fn single(value: f64) -> f64 {
     f64::from(value as f32)
-}
-
-/// A token with its sign, blanks between them allowed.
-fn signed(token: &[u8]) -> Option<f64> {
-    let (negative, rest) = match token {
-        [b'-', rest @ ..] => (true, rest),
-        [b'+', rest @ ..] => (false, rest),
-        rest => (false, rest),
-    };
-    let value = number::read(rest.trim_ascii_start())?;
-    Some(if negative { -value } else { value })
-}
-
-/// What becomes of a token.
-struct New {
-    /// Its new text, in its own style; `None` where the printed value stays what it is.
-    token: Option<Token>,
-    /// The number that stands there then, where it is known.
-    value: Option<f64>,
-}
-
-impl New {
-    fn of(old: &[u8], value: f64, least: usize) -> Self {
-        let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
-        // As most numbers are: no looks to keep but the count of decimals.
-        if let Some(was) = number::read_leading(old).filter(|was| was.len() == old.len() && was.bare)
-            && let Some(fixed) = number::Fixed::of(value, decimals(was.decimals()))
-            && let Some(printed) = fixed.value()
-        {
-            #[allow(clippy::float_cmp)] // the very number means no change
-            let same = printed == was.value;
-            let mut place = [0; number::Fixed::SIZE];
-            let token = (!same).then(|| fixed.put(&mut place)).map(|len| Token::from_slice(&place[..len]));
-            return Self { token, value: Some(if same { was.value } else { printed }) };
-        }
-        let mut out = Vec::new();
-        number::write_fixed(&mut out, value, decimals(places(old)));
-        let printed = number::read(&out);
-        let was = signed(old);
-        if printed.is_some() && printed == was {
-            return Self { token: None, value: was };
-        }
-        // `+1.5` and `0012.5` keep their looks.
-        let digits = old.trim_start_with_sign();
-        let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
-        if whole > 1 && digits[0] == b'0' {
-            let sign = usize::from(out[0] == b'-');
-            let now = out[sign..].iter().take_while(|b| b.is_ascii_digit()).count();
-            out.splice(sign..sign, std::iter::repeat_n(b'0', whole.saturating_sub(now)));
-        }
-        if old.first() == Some(&b'+') && out[0] != b'-' {
-            out.insert(0, b'+');
-        }
-        Self { token: Some(out.into()), value: printed }
-    }
-}
-
-/// Decimal places that a token's value has: digits behind the point, less its exponent.
-fn places(token: &[u8]) -> usize {
-    let digits = number::decimals(token);
-    if token.iter().all(|b| !b.is_ascii_alphabetic()) {
-        return digits;
-    }
-    let exponent = token
-        .iter()
-        .position(|b| matches!(b, b'e' | b'E'))
-        .and_then(|p| std::str::from_utf8(&token[p + 1..]).ok()?.parse::<i32>().ok());
-    let shift = exponent.unwrap_or(0).clamp(-400, 400);
-    usize::try_from(i64::try_from(digits).unwrap_or(0) - i64::from(shift)).unwrap_or(0)
-}
-
-trait Sign {
-    fn trim_start_with_sign(&self) -> &[u8];
-}
-
-impl Sign for [u8] {
-    /// Without a sign and the blanks behind it.
-    fn trim_start_with_sign(&self) -> &[u8] {
-        self.strip_prefix(b"-").or_else(|| self.strip_prefix(b"+")).unwrap_or(self).trim_ascii_start()
-    }
 }
