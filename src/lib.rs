@@ -91,6 +91,7 @@ pub mod cutting;
 pub mod effects;
 pub mod equilibrium;
 pub mod identify;
+mod lanes;
 pub mod measured;
 pub mod program;
 pub mod report;

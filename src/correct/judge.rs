@@ -3,7 +3,7 @@
 use super::line::{self, Carried};
 use super::messages::Messages;
 use super::path::{self, Point};
-use super::solve::Spread;
+use super::spread::Spread;
 use super::stream::{self, Sinks, StreamError, Streamed, Unsolved, Way};
 use super::turns::Turns;
 use super::{Corrected, Options, Prepared, Row};

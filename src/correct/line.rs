@@ -3,11 +3,12 @@
 use super::collected::{Collected, check_limits};
 use super::path::{self, Point};
 use super::row::{Row, Status, difference};
-use super::solve::{self, Last, Solved, Spread, Wish};
+use super::solve::{self, Last, Solved, Solver, Wish};
+use super::spread::Spread;
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, Near};
+use crate::equilibrium::{Aim, EquilibriumError};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -83,8 +84,8 @@ pub(super) fn foreseen(
 ) -> Corrected {
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
     let there = {
-        let near = |i: usize| cell.arm.near(&commands[i].0, Joints::zeros());
-        solve::forward(&cell.arm, prepared, &commands, near, spread)
+        let near = |_| (Joints::zeros(), 0.0);
+        Solver::new(&cell.arm, prepared, spread).forward(&commands, near)
     };
     let mut out = Collected::new(program, prepared);
     for (i, there) in there.into_iter().enumerate() {
@@ -181,13 +182,11 @@ pub(super) fn piece(
     let arm = &cell.arm;
     let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
     let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let first = solve::first(arm, &prepared, &wishes, spread);
-    let near = |i: usize| match &first[i] {
-        Ok((_, near)) => *near,
-        Err(_) => arm.near(&prepared.points[i].motor, Joints::zeros()),
-    };
+    let solver = Solver::new(arm, &prepared, spread);
+    let first = solver.first(&wishes);
+    let near = |i: usize| (first[i].as_ref().map_or_else(|_| Joints::zeros(), Aim::deflection), 0.0);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
-    let solved = solve::commands(arm, &prepared, &wishes, &first, &travels, spread);
+    let solved = solver.commands(&wishes, &first, &travels);
 
     let mut out = Collected::new(program, &prepared);
     let mut changes: Vec<Option<Change>> = Vec::with_capacity(program.targets.len());
@@ -231,11 +230,8 @@ pub(super) fn piece(
     };
 
     // What the controller will really hold, run forward.
-    let reached = spread.map(motors.len(), |i| {
-        let point = &prepared.points[i];
-        let unchanged = changes[i].is_none() && program.language == Language::Rapid;
-        if unchanged { Ok(point.motor) } else { solve::controller_joints(arm, point, &written[i], &motors[i]) }
-    });
+    let changed = |i: usize| changes[i].is_some() || program.language == Language::Cl;
+    let reached = solver.reached(&written, (&wishes, &first), &motors, changed);
     let reached: Vec<Joints> = reached
         .into_iter()
         .enumerate()
@@ -247,13 +243,12 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
-    let after = solve::forward(arm, &prepared, &travels, near, spread);
+    let after = solver.forward(&travels, near);
     let nearer = |i: usize| {
         // What feeds back is much the same with and without the correction.
-        let share = after[i].as_ref().map_or(0.0, |there| there.known.share);
-        Near { share, ..near(i) }
+        (near(i).0, after[i].as_ref().map_or(0.0, |there| there.share))
     };
-    let uncorrected = solve::forward(arm, &prepared, &as_programmed, nearer, spread);
+    let uncorrected = solver.forward(&as_programmed, nearer);
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -268,8 +263,7 @@ pub(super) fn piece(
         let point = &prepared.points[i];
         let corrected = frames::pose(written[i].0, written[i].1);
         if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| path::is_end(&program.targets[i])), &after[i]) {
-            let changed = changes[i].is_some() || program.language == Language::Cl;
-            if changed {
+            if changed(i) {
                 (row.correction_mm, row.correction_deg) = difference(&point.wobj_from_tcp, &corrected);
             }
             let left = after.wobj_from_tcp.translation.vector - point.reference.translation.vector;

@@ -20,6 +20,7 @@ mod post;
 mod row;
 mod sigma;
 mod solve;
+mod spread;
 mod stiffness;
 mod stream;
 mod subdivide;
@@ -38,6 +39,7 @@ pub use stream::{Sinks, StreamError, Streamed, compensate_declared, compensate_p
 
 use crate::cell::Cell;
 use crate::effects::Situation;
+use crate::equilibrium::Site;
 use crate::program::Program;
 use crate::robot::{Joints, StartedFrom};
 use crate::text::Diagnostic;
@@ -110,5 +112,10 @@ impl Prepared {
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
         self.points[i].situation(&self.laws)
+    }
+
+    /// As much of it as simple effects ask.
+    pub(crate) fn site(&self, i: usize) -> Site<'_> {
+        self.points[i].site(&self.laws)
     }
 }

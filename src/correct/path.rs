@@ -5,10 +5,13 @@ use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
 use crate::cutting::{ContactPoint, FeedTable, ForceTable, Milling, feed_frame};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
+use crate::equilibrium::Site;
+use crate::lanes::WIDTH;
 use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
-use crate::robot::{Joints, Pose, StartedFrom};
+use crate::robot::{Eight, Found, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use smallvec::SmallVec;
 use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
@@ -63,6 +66,10 @@ impl ForceLaw for Law {
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
         self.table.mean_force(shift, &Unit::new_unchecked(*axis))
     }
+
+    fn forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
+        self.table.mean_forces(places, forces);
+    }
 }
 
 impl Law {
@@ -76,17 +83,30 @@ impl Law {
 }
 
 impl Point {
-    pub(super) fn situation<'a>(&self, laws: &'a [Law]) -> Situation<'a> {
-        let cutting = match self.load {
+    fn cutting<'a>(&self, laws: &'a [Law]) -> Cutting<'a> {
+        match self.load {
             PointLoad::Air => Cutting::Air,
             PointLoad::Constant(force) => Cutting::Constant(force),
             PointLoad::Law(law, wobj_from_feed) => Cutting::Law { law: &laws[law], wobj_from_feed },
-        };
+        }
+    }
+
+    pub(super) fn site<'a>(&'a self, laws: &'a [Law]) -> Site<'a> {
+        Site {
+            base_from_wobj: &self.base_from_wobj,
+            wobj_from_tcp: &self.reference,
+            tool: &self.tool,
+            payload: self.payload,
+            cutting: self.cutting(laws),
+        }
+    }
+
+    pub(super) fn situation<'a>(&self, laws: &'a [Law]) -> Situation<'a> {
         Situation {
             base_from_wobj: self.base_from_wobj,
             wobj_from_tcp: self.reference,
             tool: self.tool,
-            cutting,
+            cutting: self.cutting(laws),
             normal: self.normal,
             velocity: self.velocity,
             cut_length: self.cut_length,
@@ -211,12 +231,24 @@ pub(super) fn prepare(
             return Err(faults.into_iter().chain([tools.err(), wobjs.err()].into_iter().flatten().flatten()).collect());
         }
     };
-    let mut walk =
-        Walk { program, cell, options, carried, errors: Vec::new(), points: Vec::with_capacity(program.targets.len()) };
-    for (i, target) in program.targets.iter().enumerate() {
-        let tool = tools[usize::from(target.tool)].unwrap_or(NO_TOOL);
-        let base_from_wobj = wobjs[usize::from(target.wobj)].unwrap_or_else(Pose::identity);
-        walk.step(i, target, &tool, &base_from_wobj);
+    let tools: Vec<ToolFrame> = tools.into_iter().map(|tool| tool.unwrap_or(NO_TOOL)).collect();
+    let wobjs: Vec<Pose> = wobjs.into_iter().map(|wobj| wobj.unwrap_or(IDENTITY)).collect();
+    let mut walk = Walk {
+        program,
+        cell,
+        options,
+        carried,
+        many: Eight::of(&cell.arm.robot),
+        errors: Vec::new(),
+        points: Vec::with_capacity(program.targets.len()),
+    };
+    for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
+        let frames = |t: &Target| (&tools[usize::from(t.tool)], &wobjs[usize::from(t.wobj)]);
+        let found = walk.look_ahead(targets, frames);
+        for (lane, target) in targets.iter().enumerate() {
+            let (tool, base_from_wobj) = frames(target);
+            walk.step(block * WIDTH + lane, target, tool, base_from_wobj, found[lane].as_ref());
+        }
     }
     let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
     if let Some(at) = walk.points.iter().position(Point::cuts).filter(|_| unsprung) {
@@ -253,15 +285,40 @@ struct Walk<'a, 'c> {
     cell: &'a Cell,
     options: &'a Options,
     carried: &'a mut Carried<'c>,
+    many: Option<Eight<'a>>,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
 }
 
 impl Walk<'_, '_> {
-    fn step(&mut self, i: usize, target: &Target, tool: &ToolFrame, base_from_wobj: &Pose) {
+    /// Poses and, most likely, motor angles of up to eight targets.
+    fn look_ahead<'t>(
+        &self,
+        targets: &'t [Target],
+        frames: impl Fn(&Target) -> (&'t ToolFrame, &'t Pose),
+    ) -> [Option<Found>; WIDTH] {
+        let near = self.carried.near.unwrap_or_else(Joints::zeros);
+        let place = |target: &'t Target| {
+            let (tool, base_from_wobj) = frames(target);
+            let (position_mm, quat) = match &target.goal {
+                Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
+                Goal::Axis { .. } | Goal::Joints { .. } => (&[0.0; 3], &[1.0, 0.0, 0.0, 0.0]),
+            };
+            Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near: &near }
+        };
+        let mut found = [None; WIDTH];
+        if let Some(robot) = &self.many {
+            robot.find(&targets.iter().map(place).collect::<SmallVec<[_; WIDTH]>>(), &mut found);
+        }
+        found
+    }
+
+    fn step(&mut self, i: usize, target: &Target, tool: &ToolFrame, base_from_wobj: &Pose, found: Option<&Found>) {
         let chord = self.chord(i, target, base_from_wobj);
         let wobj_from_tcp = match target.goal {
-            Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
+            Goal::Pose { position_mm, quat, .. } => {
+                found.map_or_else(|| pose(position_mm, quat), |found| found.wobj_from_tcp)
+            }
             Goal::Axis { position_mm, axis } => match self.spin(position_mm, axis, chord) {
                 Some(pose) => pose,
                 None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
@@ -271,7 +328,9 @@ impl Walk<'_, '_> {
                 base_from_wobj.inv_mul(&(self.cell.arm.robot.forward(&motor) * tool.flange_from_tcp))
             }
         };
-        let motor = match self.joints(target, &(base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse())) {
+        let pose = || base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse();
+        let soon = self.joints_soon(target, tool, base_from_wobj, found);
+        let motor = match soon.map_or_else(|| self.joints(target, &pose()), Ok) {
             Ok(motor) => motor,
             Err(error) => {
                 let message = format!("target {} is not reached: {error}", target.ordinal);
@@ -356,6 +415,28 @@ impl Walk<'_, '_> {
         let same = |t: &&Target| t.wobj == target.wobj;
         let out = targets[i + 1..].iter().take_while(same).filter_map(at).map(|next| next - here);
         out.into_iter().find(|chord| chord.norm() > CHORD).unwrap_or_else(Vector3::zeros)
+    }
+
+    /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
+    fn joints_soon(
+        &self,
+        target: &Target,
+        tool: &ToolFrame,
+        base_from_wobj: &Pose,
+        found: Option<&Found>,
+    ) -> Option<Joints> {
+        let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref()?);
+        let Goal::Pose { position_mm, quat, conf } = &target.goal else { return None };
+        if target.motion == Motion::Joint && conf.is_some() {
+            return None;
+        }
+        let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
+        // The path may have turned into another branch since.
+        found?.nearest(near).or_else(|| {
+            let mut found = [None; WIDTH];
+            robot.find(&[place], &mut found);
+            found[0]?.nearest(near)
+        })
     }
 
     /// Motor angles at a flange pose: joint moves go to their configuration, linear moves take the nearest.

@@ -1,6 +1,6 @@
 //! Uncertainty of the predicted error from the covariance of the effects' parameters.
 
-use super::solve::Spread;
+use super::spread::Spread;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;

@@ -1,12 +1,14 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
+use super::spread::Spread;
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Arm, Command, EquilibriumError, Landing, Near, Rounds, Start};
+use crate::equilibrium::{Aim, Arm, Command, EightArm, EquilibriumError, Given, Landing, Near, Room, Start};
+use crate::lanes::WIDTH;
 use crate::program::Editable;
-use crate::robot::{Joints, Pose, Unreachable};
+use crate::robot::{Eight, Joints, Place, Pose, Unreachable};
 use crate::text::number;
-use rayon::prelude::*;
+use smallvec::SmallVec;
 
 /// A solved command.
 #[derive(Clone, Debug)]
@@ -38,58 +40,6 @@ impl Wish {
     }
 }
 
-/// How the points of a pass are spread.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Spread {
-    /// Over all threads: a program as a whole.
-    Threads,
-    /// On this one: a piece of a program whose other pieces are on the others.
-    Here,
-}
-
-impl Spread {
-    /// Every index's value, in order.
-    pub(super) fn map<T: Send>(self, count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-        match self {
-            Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map(value).collect(),
-            Self::Here => (0..count).map(value).collect(),
-        }
-    }
-
-    /// The same with room to work in, which is used again.
-    pub(super) fn map_with<T: Send, R>(
-        self,
-        room: impl Fn() -> R + Sync + Send,
-        count: usize,
-        value: impl Fn(&mut R, usize) -> T + Sync + Send,
-    ) -> Vec<T> {
-        match self {
-            Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map_init(room, value).collect(),
-            Self::Here => {
-                let mut room = room();
-                (0..count).map(|i| value(&mut room, i)).collect()
-            }
-        }
-    }
-}
-
-/// Points that a thread takes at a time: a millisecond's work.
-const AT_LEAST: usize = 256;
-
-/// Forward equilibria of given commands, in order, from starts that are about right.
-pub(super) fn forward(
-    arm: &Arm,
-    prepared: &Prepared,
-    commands: &[(Joints, Joints)],
-    near: impl Fn(usize) -> Near + Sync + Send,
-    spread: Spread,
-) -> Vec<Result<Landing, EquilibriumError>> {
-    spread.map_with(Rounds::default, commands.len(), |rounds, i| {
-        let (motor, travel) = &commands[i];
-        arm.land(&prepared.situation(i), (motor, travel), &near(i), rounds)
-    })
-}
-
 /// Motor angles last commanded and the direction of travel into them.
 pub(super) type Last = Option<(Joints, Joints)>;
 
@@ -104,57 +54,152 @@ pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -
         .collect()
 }
 
-/// A command, and a start for equilibria close by.
-type Found = Result<(Command, Near), EquilibriumError>;
+/// A command.
+type Found = Result<Aim, EquilibriumError>;
 
-/// Commands of every point with the travel as programmed, which decides first.
-pub(super) fn first(arm: &Arm, prepared: &Prepared, wishes: &[Wish], spread: Spread) -> Vec<Found> {
-    spread.map(wishes.len(), |i| {
-        let point = &prepared.points[i];
-        one(arm, prepared, i, point, wishes[i], &point.travel)
-    })
+/// Answers for all points of a program or a piece, many at once where the cell allows it.
+pub(super) struct Solver<'a> {
+    pub(super) arm: &'a Arm,
+    many: Option<EightArm<'a>>,
+    pub(super) prepared: &'a Prepared,
+    pub(super) spread: Spread,
 }
 
-/// Corrected commands of every point in their settled directions of travel.
-pub(super) fn commands(
-    arm: &Arm,
-    prepared: &Prepared,
-    wishes: &[Wish],
-    first: &[Found],
-    travels: &[Joints],
-    spread: Spread,
-) -> Vec<Result<Solved, EquilibriumError>> {
-    let follows = arm.follows_command();
-    spread.map(wishes.len(), |i| {
-        let (point, travel) = (&prepared.points[i], &travels[i]);
-        let (command, near) = first[i].as_ref().map_err(Clone::clone)?;
-        let again = wishes[i] == Wish::Position && command.lost != Joints::zeros();
-        let motor = if (follows || again) && *travel != point.travel {
-            one(arm, prepared, i, point, wishes[i], travel)?.0.commanded(travel)
-        } else {
-            command.commanded(travel)
+impl<'a> Solver<'a> {
+    pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, spread: Spread) -> Self {
+        Self { arm, many: EightArm::of(arm), prepared, spread }
+    }
+
+    /// Commands of every point with the travel as programmed, which decides first.
+    pub(super) fn first(&self, wishes: &[Wish]) -> Vec<Found> {
+        let prepared = self.prepared;
+        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+            let wanted = |i: &usize| (prepared.site(*i), &prepared.points[*i].motor);
+            let wanted: SmallVec<[_; WIDTH]> = asked.iter().map(wanted).collect();
+            if let Some(arm) = &self.many {
+                arm.commands(room, &wanted, out);
+            }
         };
-        let base_from_tcp = arm.nominal_near(near, &motor) * point.tool.flange_from_tcp;
-        let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
-        match wishes[i] {
-            Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
-            Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
-            Wish::Pose => {}
-        }
-        Ok(Solved { motor, wobj_from_tcp })
-    })
-}
+        let one = |_: &mut Room, i: usize| self.one(i, wishes[i], &prepared.points[i].travel);
+        self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, Room::default, many, one)
+    }
 
-fn one(arm: &Arm, prepared: &Prepared, i: usize, point: &Point, wish: Wish, travel: &Joints) -> Found {
-    let situation = prepared.situation(i);
-    match wish {
-        Wish::Keep => Ok((Command::held(&point.motor), arm.near(&point.motor, Joints::zeros()))),
-        Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel),
-        Wish::Position => {
-            let command = arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?;
-            let near = arm.near(&command.motor, command.deflection());
-            Ok((command, near))
-        }
+    /// Corrected commands of every point in their settled directions of travel.
+    pub(super) fn commands(
+        &self,
+        wishes: &[Wish],
+        first: &[Found],
+        travels: &[Joints],
+    ) -> Vec<Result<Solved, EquilibriumError>> {
+        let (arm, prepared) = (self.arm, self.prepared);
+        let follows = arm.follows_command();
+        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+            let given = |i: &usize| Some((prepared.site(*i), first[*i].as_ref().ok()?.commanded(&travels[*i])));
+            let given: SmallVec<[_; WIDTH]> = asked.iter().filter_map(given).collect();
+            let mut poses = [const { None }; WIDTH];
+            if let Some(arm) = &self.many {
+                arm.nominal(room, &given, &mut poses);
+            }
+            for ((pose, (_, motor)), out) in poses.into_iter().zip(given).zip(out) {
+                *out = pose.map(|wobj_from_tcp| Solved { motor, wobj_from_tcp });
+            }
+        };
+        let one = |_: &mut Room, i: usize| {
+            let (point, travel) = (&prepared.points[i], &travels[i]);
+            let aim = first[i].as_ref().map_err(Clone::clone)?;
+            let again = wishes[i] == Wish::Position && aim.lost != Joints::zeros();
+            let motor = if (follows || again) && *travel != point.travel {
+                self.one(i, wishes[i], travel)?.commanded(travel)
+            } else {
+                aim.commanded(travel)
+            };
+            let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
+            let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
+            match wishes[i] {
+                Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
+                Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
+                Wish::Pose => {}
+            }
+            Ok(Solved { motor, wobj_from_tcp })
+        };
+        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].is_ok();
+        self.spread.eights(wishes.len(), simple, Room::default, many, one)
+    }
+
+    fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Found {
+        let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
+        let Command { motor, free, lost, .. } = match wish {
+            Wish::Keep => Command::held(&point.motor),
+            Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
+            Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
+        };
+        Ok(Aim { motor, free, lost })
+    }
+
+    /// Forward equilibria of given commands, in order, from deflections (rad) and shares of [`Near`] that are about right.
+    pub(super) fn forward(
+        &self,
+        commands: &[(Joints, Joints)],
+        near: impl Fn(usize) -> (Joints, f64) + Sync,
+    ) -> Vec<Result<Landing, EquilibriumError>> {
+        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+            let given = |&i: &usize| {
+                let ((motor, travel), (deflection, share)) = (&commands[i], near(i));
+                Given { site: self.prepared.site(i), motor, travel, deflection, share }
+            };
+            let given: SmallVec<[_; WIDTH]> = asked.iter().map(given).collect();
+            if let Some(arm) = &self.many {
+                arm.land(room, &given, out);
+            }
+        };
+        let one = |room: &mut Room, i: usize| {
+            let ((motor, travel), (deflection, share)) = (&commands[i], near(i));
+            let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
+            self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
+        };
+        self.spread.eights(commands.len(), |_| self.many.is_some(), Room::default, many, one)
+    }
+
+    /// Motor angles that the controller reaches for what is written, near known ones; `None` for a point whose command
+    /// stays as it is.
+    pub(super) fn reached(
+        &self,
+        written: &[([f64; 3], [f64; 4])],
+        (wishes, first): (&[Wish], &[Found]),
+        motors: &[Joints],
+        changed: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<Result<Joints, Unreachable>> {
+        let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
+        let many = |_: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+            // The branch is that of the actual angles, a deflection away.
+            let place = |&i: &usize| {
+                let point = &points[i];
+                Some(Place {
+                    base_from_wobj: &point.base_from_wobj,
+                    position_mm: &written[i].0,
+                    quat: &written[i].1,
+                    flange_from_tcp: &point.tool.flange_from_tcp,
+                    near: &first[i].as_ref().ok()?.motor,
+                })
+            };
+            let places: SmallVec<[_; WIDTH]> = asked.iter().filter_map(place).collect();
+            let mut found = [None; WIDTH];
+            if let Some(robot) = &robot {
+                robot.find(&places, &mut found);
+            }
+            for ((found, place), out) in found.iter().zip(&places).zip(out) {
+                *out = found.as_ref().and_then(|found| found.nearest(place.near));
+            }
+        };
+        let one = |_: &mut Room, i: usize| {
+            if changed(i) {
+                controller_joints(self.arm, &points[i], &written[i], &motors[i])
+            } else {
+                Ok(points[i].motor)
+            }
+        };
+        let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].is_ok();
+        self.spread.eights(motors.len(), simple, Room::default, many, one)
     }
 }
 
@@ -166,7 +211,7 @@ pub(super) fn settle_travel(prepared: &Prepared, commands: &[Found], last: &mut 
         .iter()
         .zip(&prepared.points)
         .map(|(command, point)| {
-            let Ok((command, _)) = command else { return point.travel };
+            let Ok(command) = command else { return point.travel };
             let Some((previous, held)) = *last else {
                 *last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
                 return Joints::zeros();

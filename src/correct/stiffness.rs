@@ -1,7 +1,7 @@
 //! How stiffly the cell holds the TCP at each target.
 
 use super::path::is_end;
-use super::solve::Spread;
+use super::spread::Spread;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::effects::Cutting;

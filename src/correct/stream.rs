@@ -6,7 +6,7 @@
 use super::line::{self, Carried};
 use super::messages::Messages;
 use super::row::Tally;
-use super::solve::Spread;
+use super::spread::Spread;
 use super::turns::Turns;
 use super::{Corrected, Options, Outline, Poster, Row, Summary};
 use crate::cell::Cell;

@@ -4,7 +4,8 @@
 //! curvature. A stretch is halved while the correction at its middle is off the mean of its ends.
 
 use super::line::Inserts;
-use super::solve::{Spread, Wish};
+use super::solve::Wish;
+use super::spread::Spread;
 use super::{Point, Prepared, frames};
 use crate::cell::Cell;
 use crate::program::{Insert, Motion, Program, Role};

@@ -6,6 +6,7 @@
 //! on it settle.
 
 use super::{ForceParts, Milling, Mode};
+use crate::lanes::widest;
 use nalgebra::{DMatrix, Unit, Vector3};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -125,8 +126,11 @@ impl ForceTable {
     /// [`Milling::mean_force`] at a feed per tooth (m), within [`TABLE_BOUND`] of it.
     #[inline]
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Vector3<f64> {
-        let table = |grid: &Grid, place: &Place| parts(&grid.values(place)).at(feed_per_tooth);
-        self.look_up(shift, axis, feed_per_tooth, table)
+        let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);
+        match self.find(shift, axis, feed_per_tooth) {
+            Some((grid, place)) => self.faded(parts(&grid.values(&place)).at(feed_per_tooth), &place, integral),
+            None => integral(),
+        }
     }
 
     /// The table of one feed per tooth (m).
@@ -140,25 +144,20 @@ impl ForceTable {
         FeedTable { table: Arc::clone(self), feed_per_tooth, nodes }
     }
 
-    /// The table's value where it holds, the integral elsewhere, and a mixture in between.
-    #[inline]
-    fn look_up(
-        &self,
-        shift: &Vector3<f64>,
-        axis: &Unit<Vector3<f64>>,
-        feed_per_tooth: f64,
-        table: impl Fn(&Grid, &Place) -> Vector3<f64>,
-    ) -> Vector3<f64> {
-        let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);
-        let Some(grid) = &self.grid else { return integral() };
+    /// The place in the table, where it holds there.
+    #[inline(always)]
+    fn find(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Option<(&Grid, Place)> {
+        let grid = self.grid.as_ref()?;
         let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
         let place = grid.place(shift, axis);
-        let reach = place.reach();
         // NaN goes to the integral too.
-        if !(FEEDS[0]..=FEEDS[4]).contains(&feed) || reach.is_nan() || reach >= 1.0 {
-            return integral();
-        }
-        let force = table(grid, &place);
+        ((FEEDS[0]..=FEEDS[4]).contains(&feed) && place.reach() < 1.0).then_some((grid, place))
+    }
+
+    /// The table's value at a place fades into the integral's towards the end of its range.
+    #[inline(always)]
+    fn faded(&self, force: Vector3<f64>, place: &Place, integral: impl FnOnce() -> Vector3<f64>) -> Vector3<f64> {
+        let reach = place.reach();
         if reach <= FADE {
             return force;
         }
@@ -182,18 +181,35 @@ impl FeedTable {
         self.feed_per_tooth
     }
 
+    /// The same at several places, shift and unit axis each, with the widest registers that the processor has.
+    pub(crate) fn mean_forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
+        widest!(<'a> (
+            table: &'a FeedTable = self,
+            places: &'a [(Vector3<f64>, Vector3<f64>)] = places,
+            forces: &'a mut [Vector3<f64>] = forces,
+        ) {
+            for ((shift, axis), force) in places.iter().zip(forces) {
+                *force = table.mean_force(shift, &Unit::new_unchecked(*axis));
+            }
+        });
+    }
+
     /// [`ForceTable::mean_force`].
-    #[inline]
+    #[inline(always)]
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
-        let table = |grid: &Grid, place: &Place| {
-            let [x, y, z, _] = grid.between(&self.nodes, place);
-            Vector3::new(x, y, z)
-        };
-        self.table.look_up(shift, axis, self.feed_per_tooth, table)
+        let integral = || self.table.milling.force_parts(shift, axis).at(self.feed_per_tooth);
+        match self.table.find(shift, axis, self.feed_per_tooth) {
+            Some((grid, place)) => {
+                let [x, y, z, _] = grid.between(&self.nodes, &place);
+                self.table.faded(Vector3::new(x, y, z), &place, integral)
+            }
+            None => integral(),
+        }
     }
 }
 
 impl Place {
+    #[inline(always)]
     fn reach(&self) -> f64 {
         let [u, v] = self.turn;
         [self.depth, u, v, self.side].iter().fold(0.0, |reach, x| if x.abs() <= reach { reach } else { x.abs() })
@@ -263,6 +279,7 @@ impl Grid {
         Unit::new_normalize(along + self.across[0] * u + self.across[1] * v)
     }
 
+    #[inline(always)]
     fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
         Place {
             depth: (shift.z - self.depth_middle) / self.depth_range,
@@ -285,7 +302,7 @@ impl Grid {
     }
 
     /// Values of polynomials at the nodes, between them.
-    #[inline]
+    #[inline(always)]
     fn between<const N: usize>(&self, nodes: &[[[f64; N]; TERMS]], place: &Place) -> [f64; N] {
         let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
         let cell = (at as usize).min(self.cells - 1);
@@ -315,7 +332,7 @@ impl Grid {
     ///
     /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
     /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
-    #[inline]
+    #[inline(always)]
     fn terms(&self, place: &Place) -> [f64; TERMS] {
         let ([u, v], w, l) = (place.turn, place.side, place.lead);
         let (kink, log) = if self.level && l != 0.0 { (l.abs(), l * l.abs().ln()) } else { (0.0, 0.0) };

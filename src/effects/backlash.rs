@@ -1,6 +1,7 @@
 //! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
 
-use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, checked, indexed, table_of, take};
+use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, checked, indexed, table_of, take};
+use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -27,6 +28,10 @@ impl Effect for Backlash {
         for i in 0..6 {
             out.lost[i] += self.half_gap_rad[i];
         }
+    }
+
+    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
+        Some(Simple::LostMotion { half_gap: Joints::from(self.half_gap_rad) })
     }
 
     fn parameters(&self) -> Vec<Parameter> {

@@ -1,9 +1,10 @@
 //! Weight of links, tool and payload.
 
 use super::{
-    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, Survey, checked, indexed, table_of,
-    take,
+    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, Survey, checked, indexed,
+    table_of, take,
 };
+use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,15 @@ impl Effect for Gravity {
                 out.joints[i] += compliance[i] * load.torque[i];
             }
         }
+    }
+
+    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
+        let rigid = stiffness.is_some() || self.compliance_rad_per_nm.is_none();
+        rigid.then(|| Simple::Weights {
+            mass: self.mass_kg,
+            first_moment: self.first_moment_kg_m.map(Vector3::from),
+            tool: self.tool,
+        })
     }
 
     fn covered_by(&self) -> Option<Covered> {

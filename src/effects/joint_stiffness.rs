@@ -1,6 +1,7 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
-use super::{Distortion, Effect, FACTOR, Kind, Load, Need, Parameter, State, checked, indexed, table_of, take};
+use super::{Distortion, Effect, FACTOR, Kind, Load, Need, Parameter, Simple, State, checked, indexed, table_of, take};
+use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -38,6 +39,11 @@ impl Effect for JointStiffness {
                 out.joints[i] += load.torque[i] / (stiffness[i] * self.scale[i]);
             }
         }
+    }
+
+    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
+        let compliance = |k: &Joints| Joints::from_fn(|i, _| 1.0 / (k[i] * self.scale[i]));
+        Some(Simple::Springs { compliance: stiffness.map_or_else(Joints::zeros, compliance) })
     }
 
     fn needs(&self) -> &'static [Need] {

@@ -19,6 +19,7 @@ mod hysteresis;
 mod joint_error_curve;
 mod joint_stiffness;
 mod link_geometry;
+mod simple;
 mod spline;
 mod state;
 mod stiffness_curve;
@@ -39,6 +40,7 @@ pub use empirical_field::empirical_field;
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
+pub use simple::Simple;
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
 pub use survey::Survey;
 
@@ -87,6 +89,12 @@ pub trait Effect: Debug + Send + Sync {
 
     /// The curve of one joint's angle that the effect is, where it is nothing else.
     fn joint_curve(&self) -> Option<JointCurve> {
+        None
+    }
+
+    /// What the effect comes to where it is one of the simplest (declared stiffness at the motors, N·m/rad, given).
+    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
+        let _ = stiffness;
         None
     }
 

@@ -18,6 +18,13 @@ pub trait ForceLaw: Sync {
     /// Force on the tool, N, feed frame. `shift` is the tip's, m, feed frame, actual minus wanted; `axis` the
     /// actual tool axis (tip to spindle), unit, feed frame.
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64>;
+
+    /// The same at several places, (shift, axis) each.
+    fn forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
+        for ((shift, axis), force) in places.iter().zip(forces) {
+            *force = self.force(shift, axis);
+        }
+    }
 }
 
 /// The cut at one target.

@@ -54,6 +54,11 @@ impl Arm {
         self.effects.iter().any(|effect| effect.follows_command())
     }
 
+    /// Gravity, base axes, m/s².
+    pub(super) fn gravity(&self) -> Vector3<f64> {
+        self.robot.world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY))
+    }
+
     /// Frames of the links under a distortion, at actual motor angles near those of `near`.
     fn frames(&self, near: &Turns, motor: &Joints, distortion: &Distortion, frames: &mut Frames) {
         let serial = self.robot.serial_from_motor(motor);
@@ -88,13 +93,6 @@ impl Arm {
     /// `deflection` but for lost motion.
     pub(crate) fn near(&self, motor: &Joints, deflection: Joints) -> Near {
         Near { deflection, turns: self.turns(motor), share: 0.0 }
-    }
-
-    /// The flange (tool0) of the nominal arm at motor angles (rad) near those of a start.
-    pub(crate) fn nominal_near(&self, near: &Near, motor: &Joints) -> Pose {
-        let mut frames = Frames::default();
-        self.robot.links.chain_near(&near.turns, &self.robot.serial_from_motor(motor), None, &mut frames);
-        *frames.base_from_flange()
     }
 
     /// The TCP in the work object where only joints yield, at actual motor angles (rad).
@@ -148,7 +146,7 @@ impl Arm {
             motor,
             frames,
             base_from_tcp: &base_from_tcp,
-            gravity: self.robot.world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY)),
+            gravity: self.gravity(),
             situation,
         };
         *load = Load { cut: cutting_force(situation, seen), ..Load::default() };

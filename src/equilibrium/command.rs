@@ -1,4 +1,4 @@
-use super::arm::{Look, Near};
+use super::arm::Look;
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose, polish};
@@ -15,6 +15,29 @@ pub struct Command {
     pub lost: Joints,
     /// What the arm carries at the wanted pose.
     pub load: Load,
+}
+
+/// As much of a [`Command`] as a path needs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim {
+    /// Actual motor angles at the wanted pose, rad.
+    pub(crate) motor: Joints,
+    /// Commanded motor angles but for lost motion, rad.
+    pub(crate) free: Joints,
+    /// Lost motion to add in the direction of travel, rad, not negative.
+    pub(crate) lost: Joints,
+}
+
+impl Aim {
+    /// [`Command::deflection`].
+    pub(crate) fn deflection(&self) -> Joints {
+        self.motor - self.free
+    }
+
+    /// [`Command::commanded`].
+    pub(crate) fn commanded(&self, travel: &Joints) -> Joints {
+        self.free + travel.component_mul(&self.lost)
+    }
 }
 
 /// Where the search for a command begins.
@@ -69,17 +92,17 @@ impl Arm {
         near: &Joints,
         travel: &Joints,
     ) -> Result<Command, EquilibriumError> {
-        self.command_from(situation, wobj_from_tcp, Start::Near(near), travel).map(|(command, _)| command)
+        self.command_from(situation, wobj_from_tcp, Start::Near(near), travel)
     }
 
-    /// The same, and a start for forward equilibria close by.
+    /// The same from where the nominal arm is known.
     pub(crate) fn command_from(
         &self,
         situation: &Situation,
         wobj_from_tcp: &Pose,
         start: Start<'_>,
         travel: &Joints,
-    ) -> Result<(Command, Near), EquilibriumError> {
+    ) -> Result<Command, EquilibriumError> {
         let mut distortion = Distortion::default();
         let mut parts = distortion.parts();
         let (mut motor, known) = match start {
@@ -120,9 +143,7 @@ impl Arm {
             settled = if commanded.is_some() && change < FOUND { settled + 1 } else { 0 };
             // Twice: the pose solved for follows the command one round late.
             if explicit || settled == 2 {
-                let command = Command { motor, free, lost: look.distortion.lost, load: look.load };
-                let near = Near { deflection: command.deflection(), turns, share: 0.0 };
-                return Ok((command, near));
+                return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
             }
             commanded = Some(next);
             // Once in there, always in there: the pose is solved for again where a part went back to zero.

@@ -3,12 +3,14 @@
 
 mod arm;
 mod command;
+mod eight;
 mod predict;
 
 pub use arm::Arm;
 pub(crate) use arm::Near;
 pub use command::Command;
-pub(crate) use command::Start;
+pub(crate) use command::{Aim, Start};
+pub(crate) use eight::{EightArm, Given, Room, Site};
 pub use predict::Equilibrium;
 pub(crate) use predict::{Landing, Rounds};
 

@@ -31,11 +31,15 @@ struct Enough {
 /// 1e-9 mm at 3 m, seen by a look.
 const EXACT: Enough = Enough { left: 3e-13, foreseen: false };
 
-/// 6e-9 mm at 3 m, less than a hundredth of the last printed digit: a step may leave ten times what is foreseen.
-const PRINTED: Enough = Enough { left: 2e-12, foreseen: true };
+/// 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
+const PRINTED: Enough = Enough { left: PRINTED_LEFT, foreseen: true };
+pub(in crate::equilibrium) const PRINTED_LEFT: f64 = 2e-12;
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
+
+/// Secants that are used: loop gains of ±0.9.
+pub(in crate::equilibrium) const TAME: std::ops::Range<f64> = -9.0..0.475;
 
 /// Relaxation of the attempts: a smaller share tames strong negative feedback, which is stable at the machine
 /// but overshoots as a plain iteration.
@@ -74,7 +78,11 @@ impl Arm {
         rounds: &mut Rounds,
     ) -> Result<Landing, EquilibriumError> {
         let there = self.settle(situation, command, near, PRINTED, rounds)?;
-        Ok(Landing { wobj_from_tcp: there.seen, cut: rounds.rounds[there.last].look.load.cut, known: there.known })
+        Ok(Landing {
+            wobj_from_tcp: there.seen,
+            cut: rounds.rounds[there.last].look.load.cut,
+            share: there.known.share,
+        })
     }
 
     /// Attempts with a smaller and smaller share, until one settles.
@@ -138,7 +146,7 @@ impl Arm {
         let mut axis = 0;
         for round in 0..ROUNDS {
             self.look(situation, motor_commanded, &near.turns, &motor, distortion, before.parts, &mut now.look);
-            let Round { look, left, size, parts } = &mut *now;
+            let Round { look, left, size, gain, parts } = &mut *now;
             // Once in there, always in there: a part that was looked at may go back to zero.
             *parts = look.distortion.parts().or(before.parts);
             left.set_difference(&look.distortion, distortion, *parts);
@@ -164,6 +172,7 @@ impl Arm {
                 }
             }
             let mut sure = false;
+            *gain = 1.0;
             if share < 1.0 {
                 distortion.go_towards(&look.distortion, share, *parts);
             } else if round == 0 {
@@ -176,8 +185,9 @@ impl Arm {
                 }
                 distortion.set(&look.distortion, *parts);
                 distortion.go_towards(&before.look.distortion, back, *parts);
-                // The next round would leave too little to be looked at, if it gains as much as this one.
-                let foreseen = *size * (*size / before.size);
+                // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
+                *gain = *size / before.size;
+                let foreseen = *size * gain.max(before.gain);
                 sure = enough.foreseen && foreseen < enough.left && same_lost && *parts == Parts::Joints;
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);
@@ -201,8 +211,8 @@ pub(crate) struct Landing {
     pub(crate) wobj_from_tcp: Pose,
     /// Cutting force on the tool, base axes, N.
     pub(crate) cut: Vector3<f64>,
-    /// A start for equilibria close by.
-    pub(crate) known: Near,
+    /// For starts close by, see [`Near`].
+    pub(crate) share: f64,
 }
 
 /// Where an attempt came to.
@@ -241,6 +251,8 @@ struct Round {
     left: Distortion,
     /// Its size, rad and m alike.
     size: f64,
+    /// What of the size of the round before it is.
+    gain: f64,
     /// What of both is not zero.
     parts: Parts,
 }
@@ -258,8 +270,6 @@ impl Round {
     /// (Anderson 1965, with one round of memory): the depth of cut is nearly all that feeds back, so that a secant along it
     /// is nearly Newton's step. Zero where the rounds do not shrink by themselves: what runs away shall do so.
     fn secant(&self, left: &Distortion, parts: Parts) -> f64 {
-        /// Loop gains of ±0.9.
-        const TAME: std::ops::Range<f64> = -9.0..0.475;
         // |left − before|² and left · (left − before).
         let product = |a: &Distortion, b: &Distortion| a.dot(b, parts);
         let (now, both, before) = (product(left, left), product(left, &self.left), product(&self.left, &self.left));

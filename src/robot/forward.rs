@@ -106,6 +106,9 @@ impl Links {
     }
 }
 
+/// Up to here the series of a sum of angles are exact to rounding, rad.
+pub(crate) const NUDGE: f64 = 0.01;
+
 /// DH angles with their sines and cosines.
 #[derive(Clone, Copy, Debug)]
 pub struct Turns {
@@ -120,12 +123,10 @@ impl Turns {
 
     /// Those at angles close by, by the sum of angles; a deflection is some 1e-4 rad.
     fn nudged(&self, angles: &Joints) -> Self {
-        /// The series below are exact to rounding up to here.
-        const SMALL: f64 = 0.01;
         let step = angles - self.angles;
         let sine = |i: usize| {
             let (d, (s, c)) = (step[i], self.sines[i]);
-            if d.is_nan() || d.abs() > SMALL {
+            if d.is_nan() || d.abs() > NUDGE {
                 return angles[i].sin_cos();
             }
             let dd = d * d;

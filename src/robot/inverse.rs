@@ -66,16 +66,16 @@ const SAME: f64 = 1e-9;
 /// Explicit inverse of an arm with parallel axes 2 and 3 and a spherical wrist.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClosedForm {
-    a1: f64,
-    a2: f64,
-    d1: f64,
+    pub(super) a1: f64,
+    pub(super) a2: f64,
+    pub(super) d1: f64,
     /// Lateral offset of the arm plane from axis 1.
-    b: f64,
+    pub(super) b: f64,
     /// Forearm: elbow to wrist centre.
-    l3: f64,
+    pub(super) l3: f64,
     /// Angle of the forearm line to x of link 3.
-    gamma: f64,
-    d6: f64,
+    pub(super) gamma: f64,
+    pub(super) d6: f64,
     theta: [f64; 6],
 }
 

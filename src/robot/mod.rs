@@ -7,6 +7,7 @@
 
 mod builtin;
 mod confdata;
+pub(crate) mod eight;
 mod forward;
 mod inverse;
 mod limits;
@@ -15,6 +16,8 @@ mod start;
 
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_is, conf_of};
+pub(crate) use eight::{Eight, EightJoints, EightTurns, Found, Place};
+pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links, Turns};
 pub(crate) use inverse::rotation_vector;
 pub use inverse::{Branch, Solutions, Unreachable, polish};

@@ -1,0 +1,66 @@
+//! How the points of a pass are spread over threads and lanes; what comes out does not depend on it.
+
+use crate::lanes::WIDTH;
+use rayon::prelude::*;
+use smallvec::SmallVec;
+use std::ops::Range;
+
+/// How the points of a pass are spread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Spread {
+    /// Over all threads: a program as a whole.
+    Threads,
+    /// On this one: a piece of a program whose other pieces are on the others.
+    Here,
+}
+
+impl Spread {
+    /// Every index's value, in order.
+    pub(super) fn map<T: Send>(self, count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+        match self {
+            Self::Threads => (0..count).into_par_iter().with_min_len(AT_LEAST).map(value).collect(),
+            Self::Here => (0..count).map(value).collect(),
+        }
+    }
+
+    /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
+    /// others; both have room to work in, which is used again.
+    pub(super) fn eights<T: Send, E: Send, R>(
+        self,
+        count: usize,
+        simple: impl Fn(usize) -> bool + Sync,
+        room: impl Fn() -> R + Sync,
+        many: impl Fn(&mut R, &[usize], &mut [Option<T>; WIDTH]) + Sync,
+        one: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
+    ) -> Vec<Result<T, E>> {
+        let stretch = |indices: Range<usize>| {
+            let mut out = Vec::with_capacity(indices.len());
+            let mut room = room();
+            for first in indices.clone().step_by(WIDTH) {
+                let block = first..indices.end.min(first + WIDTH);
+                let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
+                let mut answers = [const { None }; WIDTH];
+                if !asked.is_empty() {
+                    many(&mut room, &asked, &mut answers);
+                }
+                let mut next = 0;
+                for i in block {
+                    let answer = (asked.get(next) == Some(&i)).then(|| answers[next].take());
+                    next += usize::from(answer.is_some());
+                    out.push(answer.flatten().map_or_else(|| one(&mut room, i), Ok));
+                }
+            }
+            out
+        };
+        match self {
+            Self::Threads => {
+                let stretches = (0..count.div_ceil(AT_LEAST)).into_par_iter();
+                stretches.flat_map_iter(|n| stretch(n * AT_LEAST..count.min((n + 1) * AT_LEAST))).collect()
+            }
+            Self::Here => stretch(0..count),
+        }
+    }
+}
+
+/// Points that a thread takes at a time: a millisecond's work.
+const AT_LEAST: usize = 256;

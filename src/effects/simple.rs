@@ -1,0 +1,28 @@
+use crate::robot::Joints;
+use nalgebra::Vector3;
+
+/// An effect that is one of these at every target, whatever the command: equilibria under nothing else are solved many
+/// at once.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Simple {
+    /// Joints yield to their motor torques.
+    Springs {
+        /// Compliance at the motors, rad/(N·m).
+        compliance: Joints,
+    },
+    /// Weights on the links.
+    Weights {
+        /// Mass of each link, kg.
+        mass: [f64; 6],
+        /// Mass times centre of gravity of each link, in the link's frame, kg·m.
+        first_moment: [Vector3<f64>; 6],
+        /// Whether the tool's mass counts; payloads always do.
+        tool: bool,
+    },
+    /// Joints trail their motors.
+    LostMotion {
+        /// Half of what a joint loses when its motor turns back, rad.
+        half_gap: Joints,
+    },
+}

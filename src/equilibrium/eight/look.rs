@@ -1,0 +1,101 @@
+use super::EightArm;
+use super::block::Block;
+use crate::lanes::{Frame, Lanes, Vector, widest};
+use crate::robot::{EightJoints, EightTurns};
+
+/// Eight arms looked at: where they are, what acts on them, by how much their joints yield to it.
+#[derive(Default)]
+pub(super) struct Look {
+    pub(super) turns: EightTurns,
+    frames: [Frame; 6],
+    /// Base frame, m.
+    tip: Vector,
+    /// From where it should be, feed frame, m.
+    shift: Vector,
+    /// Tip to spindle, feed frame.
+    axis: Vector,
+    /// Feed frame, N.
+    force: Vector,
+    /// Base axes, N.
+    pub(super) cut: Vector,
+    /// rad
+    pub(super) give: EightJoints,
+}
+
+impl Look {
+    /// Frames of the links and the place of the cutter, at `turns`.
+    #[inline(always)]
+    pub(super) fn place(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
+        let frames = arm.robot.chain(&self.turns);
+        let flange = &frames[5];
+        self.tip = flange.point(block.flange_from_tcp.origin);
+        let seen = block.base_from_wobj.turn_back(self.tip - block.base_from_wobj.origin);
+        self.shift = block.wobj_from_feed.turn_back(seen - block.wanted);
+        // The tool axis, tip to spindle, is −z of the TCP frame.
+        let axis = block.base_from_wobj.turn_back(flange.turn(block.flange_from_tcp.z));
+        self.axis = block.wobj_from_feed.turn_back(axis) * -1.0;
+        self.frames = frames;
+    }
+
+    /// The cutting force there.
+    pub(super) fn cut(&mut self, block: &Block<'_>) {
+        block.forces(&self.shift, &self.axis, &mut self.force);
+    }
+
+    /// By how much the joints yield to it and to the weights.
+    #[inline(always)]
+    pub(super) fn bear(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
+        let frames = &self.frames;
+        let cut = block.base_from_wobj.turn(block.wobj_from_feed.turn(self.force));
+        let (mut force, mut moment) = (cut, self.tip.cross(cut));
+        let gravity = Vector::of(&arm.gravity);
+        let mut torque = [Lanes::ZERO; 6];
+        for i in (0..6).rev() {
+            for weights in &arm.weights {
+                let frame = &frames[i];
+                let lever = frame.origin * weights.mass[i] + frame.turn(Vector::of(&weights.first_moment[i]));
+                force = force + gravity * weights.mass[i];
+                moment = moment + lever.cross(gravity);
+                if i == 5 {
+                    let held = if weights.tool { block.payload + block.tool_mass } else { block.payload };
+                    let weight = gravity * held;
+                    force = force + weight;
+                    moment = moment + frame.point(block.tool_cog).cross(weight);
+                }
+            }
+            torque[i] = frames[i].z.dot(moment - frames[i].origin.cross(force));
+        }
+        let torque = arm.robot.motor_torque_from_serial(&torque);
+        for i in 0..6 {
+            self.give[i] = torque[i] * arm.compliance[i];
+        }
+        self.cut = cut;
+    }
+
+    /// All of it at motor angles (rad).
+    pub(super) fn at(&mut self, arm: &EightArm<'_>, block: &Block<'_>, motor: &EightJoints) {
+        widest!(<'a, 'b> (
+            arm: &'a EightArm<'b> = arm,
+            block: &'a Block<'b> = block,
+            motor: &'a EightJoints = motor,
+            look: &'a mut Look = self,
+        ) {
+            look.turns = arm.robot.turns(motor);
+            look.place(arm, block);
+        });
+        self.cut(block);
+        widest!(<'a, 'b> (
+            arm: &'a EightArm<'b> = arm,
+            block: &'a Block<'b> = block,
+            look: &'a mut Look = self,
+        ) {
+            look.bear(arm, block);
+        });
+    }
+
+    /// The TCP in the work object at `turns`.
+    #[inline(always)]
+    pub(super) fn seen(&self, arm: &EightArm<'_>, block: &Block<'_>) -> Frame {
+        block.base_from_wobj.back_to(&arm.robot.chain(&self.turns)[5].then(&block.flange_from_tcp))
+    }
+}

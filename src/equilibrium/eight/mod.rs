@@ -1,0 +1,295 @@
+//! Both questions for eight targets at once, where effects are [`Simple`] and the inverse explicit: the same rounds as those
+//! of [`predict`](super::predict) and [`command`](super::command), which stay the reference and answer what is left open here.
+
+mod block;
+mod look;
+mod rounds;
+
+pub(crate) use block::Site;
+
+use super::arm::Arm;
+use super::command::Aim;
+use super::predict::Landing;
+use crate::effects::Simple;
+use crate::lanes::{Frame, Mask, WIDTH, six, widest};
+use crate::robot::eight::{one, set};
+use crate::robot::{Eight, EightJoints, Joints, Pose};
+use block::Block;
+use look::Look;
+use nalgebra::Vector3;
+use rounds::Rounds;
+
+/// Rounds before the plain way is asked: with the secant real arms take four.
+const ROUNDS: usize = 8;
+
+/// An arm under simple effects.
+#[derive(Debug)]
+pub(crate) struct EightArm<'a> {
+    robot: Eight<'a>,
+    /// rad/(N·m) at the motors.
+    compliance: [f64; 6],
+    half_gap: Joints,
+    weights: Vec<Weights>,
+    /// Base axes, m/s².
+    gravity: Vector3<f64>,
+}
+
+/// Weights on the links.
+#[derive(Debug)]
+struct Weights {
+    mass: [f64; 6],
+    first_moment: [Vector3<f64>; 6],
+    tool: bool,
+}
+
+/// A command whose pose is sought.
+pub(crate) struct Given<'a> {
+    pub(crate) site: Site<'a>,
+    /// Commanded motor angles, rad.
+    pub(crate) motor: &'a Joints,
+    /// Direction of travel into them.
+    pub(crate) travel: &'a Joints,
+    /// Actual minus commanded motor angles but for lost motion, about, rad.
+    pub(crate) deflection: Joints,
+    /// See [`Near`](super::Near).
+    pub(crate) share: f64,
+}
+
+/// Room to work in, some kilobytes that are used again.
+#[derive(Default)]
+pub(crate) struct Room {
+    look: Look,
+    rounds: Rounds,
+    seen: Frame,
+    /// For those that have to be solved one by one.
+    pub(crate) plain: super::Rounds,
+}
+
+impl<'a> EightArm<'a> {
+    /// The arm in lanes, where all that acts on it is simple.
+    pub(crate) fn of(arm: &'a Arm) -> Option<Self> {
+        let mut eight = Self {
+            robot: Eight::of(&arm.robot)?,
+            compliance: [0.0; 6],
+            half_gap: Joints::zeros(),
+            weights: Vec::new(),
+            gravity: arm.gravity(),
+        };
+        for effect in &arm.effects {
+            match effect.simple(arm.stiffness.as_ref())? {
+                Simple::Springs { compliance } => {
+                    eight.compliance = six!(i => eight.compliance[i] + compliance[i]);
+                }
+                Simple::Weights { mass, first_moment, tool } => {
+                    eight.weights.push(Weights { mass, first_moment, tool })
+                }
+                Simple::LostMotion { half_gap } => eight.half_gap += half_gap,
+            }
+        }
+        Some(eight)
+    }
+
+    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there.
+    pub(crate) fn commands(&self, room: &mut Room, wanted: &[(Site<'_>, &Joints)], out: &mut [Option<Aim>; WIDTH]) {
+        let block = Block::of(wanted.iter().map(|(site, _)| site));
+        let mut motor = EightJoints::default();
+        for (lane, (_, at)) in wanted.iter().enumerate() {
+            set(&mut motor, lane, at);
+        }
+        let look = &mut room.look;
+        look.at(self, &block, &motor);
+        for (lane, ((_, motor), out)) in wanted.iter().zip(out).enumerate() {
+            let free = *motor - one(&look.give, lane);
+            *out = free.iter().all(|v| v.is_finite()).then_some(Aim { motor: **motor, free, lost: self.half_gap });
+        }
+    }
+
+    /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad).
+    pub(crate) fn nominal(&self, room: &mut Room, given: &[(Site<'_>, Joints)], out: &mut [Option<Pose>; WIDTH]) {
+        let block = Block::of(given.iter().map(|(site, _)| site));
+        let mut motor = EightJoints::default();
+        for (lane, (_, at)) in given.iter().enumerate() {
+            set(&mut motor, lane, at);
+        }
+        let Room { look, seen, .. } = room;
+        widest!(<'a, 'b> (
+            arm: &'a EightArm<'b> = self,
+            block: &'a Block<'b> = &block,
+            motor: &'a EightJoints = &motor,
+            look: &'a mut Look = look,
+            seen: &'a mut Frame = seen,
+        ) {
+            look.turns = arm.robot.turns(motor);
+            *seen = look.seen(arm, block);
+        });
+        for (lane, (_, out)) in given.iter().zip(out).enumerate() {
+            *out = Some(seen.lane(lane));
+        }
+    }
+
+    /// [`Arm::land`] of up to eight commands.
+    pub(crate) fn land(&self, room: &mut Room, given: &[Given<'_>], out: &mut [Option<Landing>; WIDTH]) {
+        let block = Block::of(given.iter().map(|given| &given.site));
+        let Room { look, rounds, seen, .. } = room;
+        for (lane, given) in given.iter().enumerate() {
+            set(&mut rounds.motor, lane, &(given.motor - given.travel.component_mul(&self.half_gap)));
+            set(&mut rounds.bend, lane, &given.deflection);
+            rounds.share.0[lane] = given.share;
+        }
+        rounds.begin(self, Mask::first(given.len()));
+        for number in 0..ROUNDS {
+            rounds.round(number, self, &block, look);
+            if !rounds.done.not().any() {
+                break;
+            }
+        }
+        rounds.seen(self, &block, look, seen);
+        let found = rounds.done & rounds.close;
+        for (lane, (_, out)) in given.iter().zip(out).enumerate() {
+            *out = found.lane(lane).then(|| Landing {
+                wobj_from_tcp: seen.lane(lane),
+                cut: rounds.cut.lane(lane),
+                share: rounds.share.0[lane],
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame, declared_springs, kind};
+    use crate::equilibrium::{EquilibriumError, Start};
+    use crate::robot::BUILTIN;
+    use nalgebra::{Rotation3, Translation3};
+    use proptest::prelude::*;
+
+    /// A tenth of a printed digit, m.
+    const SAME_PLACE: f64 = 1e-10;
+    /// The force is that of the last look, a step before the last: less than a printed digit, N.
+    const SAME_FORCE: f64 = 5e-4;
+    /// Commands are explicit in both ways, rad.
+    const SAME_COMMAND: f64 = 1e-13;
+
+    /// A cut that grows with depth, so that it feeds back.
+    struct Deeper(f64);
+
+    impl ForceLaw for Deeper {
+        fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
+            let depth = self.0 - shift.z;
+            Vector3::new(-1.0, 0.7, 0.4 + axis.x) * (2e4 * depth)
+        }
+    }
+
+    fn effect(text: &str) -> Box<dyn crate::effects::Effect> {
+        let mut table: toml::Table = text.parse().unwrap();
+        let name = table.remove("kind").unwrap();
+        (kind(name.as_str().unwrap()).unwrap().read)(table).unwrap()
+    }
+
+    /// Springs, and weights or lost motion.
+    fn arm(robot: usize, weights: bool, gap: bool) -> Arm {
+        let mut effects = vec![declared_springs()];
+        if weights {
+            effects.push(effect(
+                "kind = \"gravity\"\nmass_kg = [120, 60, 70, 15, 8, 12]\ntool = true\nfirst_moment_kg_m = \
+                 [[6, 0, -24], [20, 0, 1.2], [3.5, 2.1, 0], [0.1, 0, -5.9], [0, 0.16, 0], [0, 0, 0.42]]",
+            ));
+        }
+        if gap {
+            effects.push(effect("kind = \"backlash\"\nhalf_gap_rad = [1e-4, 5e-5, 0, 2e-4, 0, 3e-5]"));
+        }
+        let stiffness = Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]));
+        Arm { robot: BUILTIN[robot].robot(), stiffness, effects }
+    }
+
+    proptest! {
+        #[test]
+        fn eight_at_once_are_each_by_itself(
+            robot in 0..BUILTIN.len(),
+            weights: bool,
+            gap: bool,
+            joints in prop::array::uniform8(prop::array::uniform6(-0.9_f64..0.9)),
+            cuts in prop::array::uniform8(0..3_usize),
+            travel in prop::array::uniform6(prop::sample::select(vec![-1.0, 0.0, 1.0])),
+            count in 1..=WIDTH,
+            payload in 0.0..40.0_f64,
+        ) {
+            let arm = arm(robot, weights, gap);
+            let Some(eight) = EightArm::of(&arm) else { return Ok(()) };
+            let tool = ToolFrame {
+                flange_from_tcp: Pose::from_parts(Translation3::new(0.06, -0.02, 0.31), Rotation3::from_euler_angles(0.1, 0.4, -0.2)),
+                mass: 18.0,
+                cog: Vector3::new(0.0, 0.0, 0.12),
+            };
+            let wobj = Pose::from_parts(Translation3::new(1.0, -0.4, 0.7), Rotation3::from_euler_angles(0.0, 0.02, 0.3));
+            let (shallow, deep) = (Deeper(1e-3), Deeper(3e-3));
+            let motors: Vec<Joints> = joints[..count].iter().map(|joints| Joints::from(*joints)).collect();
+            let situations: Vec<Situation<'_>> = motors.iter().zip(cuts).map(|(motor, cut)| Situation {
+                base_from_wobj: wobj,
+                wobj_from_tcp: wobj.inv_mul(&(arm.robot.forward(motor) * tool.flange_from_tcp)),
+                tool,
+                cutting: match cut {
+                    0 => Cutting::Air,
+                    1 => Cutting::Constant(Vector3::new(300.0, -200.0, 90.0)),
+                    _ => Cutting::Law { law: if motor[0] > 0.0 { &shallow } else { &deep }, wobj_from_feed: Rotation3::from_euler_angles(0.1, 0.2, 0.3) },
+                },
+                normal: Vector3::z(),
+                velocity: Vector3::zeros(),
+                cut_length: 0.0,
+                time: 0.0,
+                temperature: None,
+                payload,
+            }).collect();
+            let sites: Vec<Site<'_>> = situations.iter().map(|s| Site {
+                base_from_wobj: &s.base_from_wobj, wobj_from_tcp: &s.wobj_from_tcp, tool: &s.tool, payload, cutting: s.cutting,
+            }).collect();
+            let (mut room, travel) = (Room::default(), Joints::from(travel));
+
+            let mut aims = [const { None }; WIDTH];
+            eight.commands(&mut room, &sites.iter().copied().zip(&motors).collect::<Vec<_>>(), &mut aims);
+            prop_assert_eq!(aims.iter().flatten().count(), count);
+            let commands: Vec<Joints> = aims.iter().flatten().map(|aim| aim.commanded(&travel)).collect();
+            for i in 0..count {
+                let plain = arm.command_from(&situations[i], &situations[i].wobj_from_tcp, Start::At(&motors[i]), &travel).unwrap();
+                prop_assert!((commands[i] - plain.commanded(&travel)).amax() < SAME_COMMAND);
+            }
+
+            let mut poses = [const { None }; WIDTH];
+            eight.nominal(&mut room, &sites.iter().copied().zip(commands.iter().copied()).collect::<Vec<_>>(), &mut poses);
+            for i in 0..count {
+                let plain = wobj.inv_mul(&(arm.robot.forward(&commands[i]) * tool.flange_from_tcp));
+                prop_assert!((poses[i].unwrap().to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);
+            }
+
+            // From nothing, and from the right deflection.
+            for known in [0.0, 1.0] {
+                let given: Vec<Given<'_>> = (0..count).map(|i| Given {
+                    site: sites[i],
+                    motor: &commands[i],
+                    travel: &travel,
+                    deflection: known * aims[i].map_or_else(Joints::zeros, |aim| aim.deflection()),
+                    share: 0.0,
+                }).collect();
+                let mut landed = [const { None }; WIDTH];
+                eight.land(&mut room, &given, &mut landed);
+                for i in 0..count {
+                    match (&landed[i], arm.predict(&situations[i], &commands[i], &travel)) {
+                        (Some(landed), Ok(plain)) => {
+                            let gap = landed.wobj_from_tcp.to_homogeneous() - plain.wobj_from_tcp.to_homogeneous();
+                            prop_assert!(gap.norm() < SAME_PLACE, "{gap}");
+                            prop_assert!((landed.cut - plain.load.cut).norm() < SAME_FORCE);
+                        }
+                        (Some(_), Err(error)) => prop_assert!(false, "{error}"),
+                        // What runs away, or is far from where it began, is left to the plain way.
+                        (None, Err(EquilibriumError::NoEquilibrium { .. })) => {}
+                        (None, plain) => {
+                            let far = plain.unwrap().distortion.joints.amax() > 0.5 * crate::robot::NUDGE;
+                            prop_assert!(far, "no answer");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+use super::EightArm;
+use super::block::Block;
+use super::look::Look;
+use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
+use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
+use crate::robot::{EightJoints, EightTurns, NUDGE};
+
+/// The rounds of eight forward equilibria: those of [`predict`](crate::equilibrium::predict), in lanes.
+#[derive(Default)]
+pub(super) struct Rounds {
+    /// Commanded motor angles less what is lost, rad.
+    pub(super) motor: EightJoints,
+    /// Actual minus commanded motor angles but for lost motion, rad.
+    pub(super) bend: EightJoints,
+    /// The secant's way back, zero where none was found.
+    pub(super) share: Lanes,
+    /// Cutting force, base axes, N.
+    pub(super) cut: Vector,
+    /// Where `bend` is found.
+    pub(super) done: Mask,
+    /// Where the arm is near enough to `start` for sums of angles.
+    pub(super) close: Mask,
+    /// `share` before the first round.
+    first_share: Lanes,
+    /// Motor angles that the rounds begin at, rad.
+    start: EightJoints,
+    start_turns: EightTurns,
+    before: Round,
+}
+
+/// What a round found.
+#[derive(Clone, Copy, Default)]
+struct Round {
+    give: EightJoints,
+    left: EightJoints,
+    /// Square of `left`.
+    size: Lanes,
+    /// What of the size of the round before it is.
+    gain: Lanes,
+}
+
+impl Rounds {
+    /// Begins where `motor`, `bend` and `share` are, for those that are wanted.
+    pub(super) fn begin(&mut self, arm: &EightArm<'_>, wanted: Mask) {
+        (self.done, self.close, self.first_share) = (wanted.not(), wanted, self.share);
+        widest!(<'a, 'b> (arm: &'a EightArm<'b> = arm, rounds: &'a mut Rounds = self) {
+            rounds.start = six!(i => rounds.motor[i] + rounds.bend[i]);
+            rounds.start_turns = arm.robot.turns(&rounds.start);
+        });
+    }
+
+    pub(super) fn round(&mut self, number: usize, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look) {
+        widest!(<'a, 'b> (
+            rounds: &'a mut Rounds = self,
+            arm: &'a EightArm<'b> = arm,
+            block: &'a Block<'b> = block,
+            look: &'a mut Look = look,
+        ) {
+            rounds.nudge(arm, look);
+            look.place(arm, block);
+        });
+        look.cut(block);
+        widest!(<'a, 'b> (
+            rounds: &'a mut Rounds = self,
+            arm: &'a EightArm<'b> = arm,
+            block: &'a Block<'b> = block,
+            look: &'a mut Look = look,
+            first: bool = number == 0,
+            second: bool = number == 1,
+        ) {
+            look.bear(arm, block);
+            if first {
+                rounds.step_by_share(look);
+            } else {
+                rounds.step_by_secant(look, second);
+            }
+        });
+    }
+
+    /// Where the TCP is seen in the end.
+    pub(super) fn seen(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, seen: &mut Frame) {
+        widest!(<'a, 'b> (
+            rounds: &'a mut Rounds = self,
+            arm: &'a EightArm<'b> = arm,
+            block: &'a Block<'b> = block,
+            look: &'a mut Look = look,
+            seen: &'a mut Frame = seen,
+        ) {
+            rounds.nudge(arm, look);
+            *seen = look.seen(arm, block);
+        });
+    }
+
+    #[inline(always)]
+    fn nudge(&mut self, arm: &EightArm<'_>, look: &mut Look) {
+        let moved = six!(i => self.motor[i] + self.bend[i] - self.start[i]);
+        let steps = arm.robot.serial_from_motor(&moved);
+        for i in 0..6 {
+            self.close = self.close & steps[i].abs().lt(NUDGE);
+            look.turns[i] = self.start_turns[i].nudged(steps[i]);
+        }
+    }
+
+    /// As if a round before had come here.
+    #[inline(always)]
+    fn step_by_share(&mut self, look: &Look) {
+        let left = six!(i => look.give[i] - self.bend[i]);
+        let onwards = Lanes::of(1.0) - self.first_share;
+        let next = six!(i => self.bend[i] + left[i] * onwards);
+        self.go(look, left, next, Lanes::of(1.0), Mask::NONE);
+    }
+
+    /// Along the secant through this round and the one before, see [`TAME`].
+    #[inline(always)]
+    fn step_by_secant(&mut self, look: &Look, second: bool) {
+        let left = six!(i => look.give[i] - self.bend[i]);
+        let before = &self.before;
+        let (now, both) = (dot(&left, &left), dot(&left, &before.left));
+        let size = now - both * 2.0 + before.size;
+        let share = (now - both) / size;
+        let tame = Lanes::ZERO.lt(size) & share.ge(TAME.start) & share.lt(TAME.end);
+        let back = tame.select(share, Lanes::ZERO);
+        if second {
+            self.share = self.first_share.abs().lt(f64::MIN_POSITIVE).select(back, self.first_share);
+        }
+        let next = six!(i => look.give[i] + back * (before.give[i] - look.give[i]));
+        // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
+        let gain = now / before.size;
+        let worse = gain.lt(before.gain).select(before.gain, gain);
+        let sure = (now * worse).lt(PRINTED_LEFT * PRINTED_LEFT);
+        self.go(look, left, next, gain, sure);
+    }
+
+    #[inline(always)]
+    fn go(&mut self, look: &Look, left: EightJoints, next: EightJoints, gain: Lanes, sure: Mask) {
+        let size = dot(&left, &left);
+        self.cut = Vector::new(
+            self.done.select(self.cut.x, look.cut.x),
+            self.done.select(self.cut.y, look.cut.y),
+            self.done.select(self.cut.z, look.cut.z),
+        );
+        let settled = self.done.or(size.lt(PRINTED_LEFT * PRINTED_LEFT));
+        self.bend = six!(i => settled.select(self.bend[i], next[i]));
+        self.done = settled.or(sure);
+        self.before = Round { give: look.give, left, size, gain };
+    }
+}
+
+#[inline(always)]
+fn dot(a: &EightJoints, b: &EightJoints) -> Lanes {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+}

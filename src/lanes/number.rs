@@ -1,0 +1,205 @@
+use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
+
+/// Numbers side by side: two registers of AVX2, one of AVX-512.
+pub(crate) const WIDTH: usize = 8;
+
+/// A number of each of eight targets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(crate) struct Lanes(pub(crate) [f64; WIDTH]);
+
+/// A yes or no for each lane, all bits or none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(align(64))]
+pub(crate) struct Mask([u64; WIDTH]);
+
+impl Default for Lanes {
+    #[inline(always)]
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+impl Lanes {
+    pub(crate) const ZERO: Self = Self([0.0; WIDTH]);
+
+    /// The same in every lane.
+    #[inline(always)]
+    pub(crate) fn of(value: f64) -> Self {
+        Self([value; WIDTH])
+    }
+
+    #[inline(always)]
+    pub(super) fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = self;
+        for lane in &mut out.0 {
+            *lane = f(*lane);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        let mut out = self;
+        for (lane, other) in out.0.iter_mut().zip(other.0) {
+            *lane = f(*lane, other);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn test(self, other: Self, f: impl Fn(f64, f64) -> bool) -> Mask {
+        let mut out = [0; WIDTH];
+        for i in 0..WIDTH {
+            out[i] = if f(self.0[i], other.0[i]) { u64::MAX } else { 0 };
+        }
+        Mask(out)
+    }
+
+    #[inline(always)]
+    pub(crate) fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+
+    #[inline(always)]
+    pub(crate) fn abs(self) -> Self {
+        self.map(f64::abs)
+    }
+
+    /// False where either is not a number.
+    #[inline(always)]
+    pub(crate) fn lt(self, other: impl Into<Self>) -> Mask {
+        self.test(other.into(), |a, b| a < b)
+    }
+
+    /// False where either is not a number.
+    #[inline(always)]
+    pub(crate) fn ge(self, other: impl Into<Self>) -> Mask {
+        self.test(other.into(), |a, b| a >= b)
+    }
+}
+
+impl From<f64> for Lanes {
+    #[inline(always)]
+    fn from(value: f64) -> Self {
+        Self::of(value)
+    }
+}
+
+impl Mask {
+    pub(crate) const NONE: Self = Self([0; WIDTH]);
+
+    /// The first so many lanes.
+    pub(crate) fn first(count: usize) -> Self {
+        Self(std::array::from_fn(|lane| if lane < count { u64::MAX } else { 0 }))
+    }
+
+    /// One number where it is set, another elsewhere.
+    #[inline(always)]
+    pub(crate) fn select(self, yes: Lanes, no: Lanes) -> Lanes {
+        let mut out = no;
+        for i in 0..WIDTH {
+            out.0[i] = f64::from_bits(yes.0[i].to_bits() & self.0[i] | no.0[i].to_bits() & !self.0[i]);
+        }
+        out
+    }
+
+    #[inline(always)]
+    pub(crate) fn or(self, other: Self) -> Self {
+        let mut out = self;
+        for i in 0..WIDTH {
+            out.0[i] |= other.0[i];
+        }
+        out
+    }
+
+    #[inline(always)]
+    pub(crate) fn not(self) -> Self {
+        let mut out = self;
+        for lane in &mut out.0 {
+            *lane = !*lane;
+        }
+        out
+    }
+
+    #[inline(always)]
+    pub(crate) fn any(self) -> bool {
+        let mut any = 0;
+        for lane in self.0 {
+            any |= lane;
+        }
+        any != 0
+    }
+
+    #[inline(always)]
+    pub(crate) fn lane(self, i: usize) -> bool {
+        self.0[i] != 0
+    }
+
+    /// Where a bit of the numbers is set.
+    #[inline(always)]
+    pub(super) fn of_bits(numbers: Lanes, bit: u32) -> Self {
+        let mut out = [0; WIDTH];
+        for (out, number) in out.iter_mut().zip(numbers.0) {
+            *out = (number.to_bits() >> bit & 1).wrapping_neg();
+        }
+        Self(out)
+    }
+
+    /// Changes the sign where it is set.
+    #[inline(always)]
+    pub(crate) fn negate(self, value: Lanes) -> Lanes {
+        const SIGN: u64 = 1 << 63;
+        let mut out = value;
+        for i in 0..WIDTH {
+            out.0[i] = f64::from_bits(value.0[i].to_bits() ^ self.0[i] & SIGN);
+        }
+        out
+    }
+}
+
+impl BitAnd for Mask {
+    type Output = Self;
+
+    #[inline(always)]
+    fn bitand(self, other: Self) -> Self {
+        let mut out = self;
+        for i in 0..WIDTH {
+            out.0[i] &= other.0[i];
+        }
+        out
+    }
+}
+
+macro_rules! arithmetic {
+    ($($operation:ident $name:ident $sign:tt),*) => {$(
+        impl $operation for Lanes {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $sign b)
+            }
+        }
+
+        impl $operation<f64> for Lanes {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $name(self, other: f64) -> Self {
+                self.map(|a| a $sign other)
+            }
+        }
+    )*};
+}
+
+arithmetic!(Add add +, Sub sub -, Mul mul *, Div div /);
+
+impl Neg for Lanes {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|a| -a)
+    }
+}
