@@ -14,8 +14,8 @@ use crate::text::{Source, Span};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// Bytes of the body in a piece: a thousand targets, of which each kind of line is read once. Not a matter of threads: any number of them sees the same pieces.
-pub const PIECE: usize = 128 * 1024;
+/// Bytes of the body in a piece: some five hundred targets, of which each kind of line is read once. Not a matter of threads: any number of them sees the same pieces.
+pub const PIECE: usize = 64 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
