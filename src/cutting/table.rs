@@ -137,11 +137,14 @@ impl ForceTable {
     pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
         let force = |v: &Values| {
             let force = parts(v).at(feed_per_tooth);
-            // A fourth number that is nothing: pairs are summed.
+            // A fourth number that is nothing: four are one register.
             [force.x, force.y, force.z, 0.0]
         };
-        let nodes = self.grid.iter().flat_map(|grid| &grid.nodes).map(|node| node.each_ref().map(force)).collect();
-        FeedTable { table: Arc::clone(self), feed_per_tooth, nodes }
+        let nodes: Vec<[[f64; 4]; TERMS]> =
+            self.grid.iter().flat_map(|grid| &grid.nodes).map(|node| node.each_ref().map(force)).collect();
+        let cell =
+            |nodes: &[[[f64; 4]; TERMS]]| std::array::from_fn(|m| std::array::from_fn(|i| nodes[i / 4][m][i % 4]));
+        FeedTable { table: Arc::clone(self), feed_per_tooth, cells: nodes.windows(4).map(cell).collect() }
     }
 
     /// The place in the table, where it holds there.
@@ -171,8 +174,8 @@ impl ForceTable {
 pub struct FeedTable {
     table: Arc<ForceTable>,
     feed_per_tooth: f64,
-    /// As in the grid, N.
-    nodes: Vec<[[f64; 4]; TERMS]>,
+    /// The grid's polynomials at the four nodes of each cell, N.
+    cells: Vec<[[f64; 16]; TERMS]>,
 }
 
 impl FeedTable {
@@ -199,12 +202,28 @@ impl FeedTable {
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
         let integral = || self.table.milling.force_parts(shift, axis).at(self.feed_per_tooth);
         match self.table.find(shift, axis, self.feed_per_tooth) {
-            Some((grid, place)) => {
-                let [x, y, z, _] = grid.between(&self.nodes, &place);
-                self.table.faded(Vector3::new(x, y, z), &place, integral)
-            }
+            Some((grid, place)) => self.table.faded(self.between(grid, &place), &place, integral),
             None => integral(),
         }
+    }
+
+    /// [`Grid::between`], with the four nodes of a cell beside each other.
+    #[inline(always)]
+    fn between(&self, grid: &Grid, place: &Place) -> Vector3<f64> {
+        let (cell, weights) = grid.cell(place);
+        let mut sums = [0.0; 16];
+        for (term, nodes) in grid.terms(place).iter().zip(&self.cells[cell]) {
+            for (sum, node) in sums.iter_mut().zip(nodes) {
+                *sum += term * node;
+            }
+        }
+        let mut force = [0.0; 4];
+        for (weight, sums) in weights.iter().zip(sums.chunks_exact(4)) {
+            for (force, sum) in force.iter_mut().zip(sums) {
+                *force += weight * sum;
+            }
+        }
+        Vector3::new(force[0], force[1], force[2])
     }
 }
 
@@ -298,34 +317,37 @@ impl Grid {
 
     #[inline]
     fn values(&self, place: &Place) -> Values {
-        self.between(&self.nodes, place)
+        self.between(place)
     }
 
-    /// Values of polynomials at the nodes, between them.
+    /// The cell of a place, and the weights of the nodes at its −1, 0, 1, 2: a cubic through them.
     #[inline(always)]
-    fn between<const N: usize>(&self, nodes: &[[[f64; N]; TERMS]], place: &Place) -> [f64; N] {
+    fn cell(&self, place: &Place) -> (usize, [f64; 4]) {
         let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
         let cell = (at as usize).min(self.cells - 1);
         let t = at - cell as f64;
-        // Cubic through the nodes at −1, 0, 1, 2.
         let weights = [
             -t * (t - 1.0) * (t - 2.0) / 6.0,
             (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
             -(t + 1.0) * t * (t - 2.0) / 2.0,
             (t + 1.0) * t * (t - 1.0) / 6.0,
         ];
+        (cell, weights)
+    }
+
+    /// Values of the polynomials at the nodes, between them.
+    fn between(&self, place: &Place) -> Values {
+        let (cell, weights) = self.cell(place);
         let terms = self.terms(place);
-        // The four nodes side by side: their sums do not wait for each other.
-        let nodes = &nodes[cell..cell + 4];
-        let mut sums = [[0.0; N]; 4];
-        for (m, term) in terms.iter().enumerate() {
-            for (sum, node) in sums.iter_mut().zip(nodes) {
-                for k in 0..N {
-                    sum[k] += term * node[m][k];
+        let mut values = [0.0; 6];
+        for (weight, node) in weights.iter().zip(&self.nodes[cell..cell + 4]) {
+            for (term, at) in terms.iter().zip(node) {
+                for (value, at) in values.iter_mut().zip(at) {
+                    *value += weight * term * at;
                 }
             }
         }
-        std::array::from_fn(|k| (0..4).map(|i| weights[i] * sums[i][k]).sum())
+        values
     }
 
     /// Up to third degree in the turns, or to second degree in turns and side.
