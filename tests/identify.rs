@@ -181,27 +181,7 @@ fn poses_of_a_wrong_arm(count: usize) -> Table {
     Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap()
 }
 
-const POSES_CELL: &str = r#"
-[robot]
-model = "six axes, three of them parallel"
-[robot.kinematics]
-parallelogram = false
-links = [
-  { alpha_deg = 0.0, a_mm = 0, d_mm = 89.159, theta_deg = 0.0 },
-  { alpha_deg = 90.0, a_mm = 0, d_mm = 0, theta_deg = 0.0 },
-  { alpha_deg = 0.0, a_mm = -425, d_mm = 0, theta_deg = 0.0 },
-  { alpha_deg = 0.0, a_mm = -392.25, d_mm = 109.15, theta_deg = 0.0 },
-  { alpha_deg = 90.0, a_mm = 0, d_mm = 94.65, theta_deg = 0.0 },
-  { alpha_deg = -90.0, a_mm = 0, d_mm = 82.3, theta_deg = 0.0 },
-]
-axis_min_deg = [-360, -360, -360, -360, -360, -360]
-axis_max_deg = [360, 360, 360, 360, 360, 360]
-[tools.reflector]
-tcp_mm = [0, 0, 30]
-tcp_quat = [1, 0, 0, 0]
-[cut]
-force = "none"
-"#;
+const POSES_CELL: &str = include_str!("fixtures/parallel_axes.toml");
 
 #[test]
 fn a_tool_far_off_geometry_and_curves_come_apart() {

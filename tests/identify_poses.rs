@@ -9,27 +9,7 @@ use deflex::robot::{Joints, Pose};
 use deflex::text::{Diagnostic, Source};
 use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
-const CELL: &str = r#"
-[robot]
-model = "six axes, three of them parallel"
-[robot.kinematics]
-parallelogram = false
-links = [
-  { alpha_deg = 0.0, a_mm = 0, d_mm = 89.159, theta_deg = 0.0 },
-  { alpha_deg = 90.0, a_mm = 0, d_mm = 0, theta_deg = 0.0 },
-  { alpha_deg = 0.0, a_mm = -425, d_mm = 0, theta_deg = 0.0 },
-  { alpha_deg = 0.0, a_mm = -392.25, d_mm = 109.15, theta_deg = 0.0 },
-  { alpha_deg = 90.0, a_mm = 0, d_mm = 94.65, theta_deg = 0.0 },
-  { alpha_deg = -90.0, a_mm = 0, d_mm = 82.3, theta_deg = 0.0 },
-]
-axis_min_deg = [-360, -360, -360, -360, -360, -360]
-axis_max_deg = [360, 360, 360, 360, 360, 360]
-[tools.reflector]
-tcp_mm = [0, 0, 30]
-tcp_quat = [1, 0, 0, 0]
-[cut]
-force = "none"
-"#;
+const CELL: &str = include_str!("fixtures/parallel_axes.toml");
 
 /// A stand-in for noise: uniform, of unit variance, the same on every run.
 fn rough(i: usize) -> f64 {

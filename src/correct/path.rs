@@ -307,7 +307,9 @@ impl Walk<'_, '_> {
             Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near: &near }
         };
         let mut found = [None; WIDTH];
-        if let Some(robot) = &self.many {
+        // Of tool axes (CL data) the pose is not known yet.
+        let posed = targets.iter().any(|target| matches!(target.goal, Goal::Pose { .. }));
+        if let Some(robot) = self.many.as_ref().filter(|_| posed) {
             robot.find(&targets.iter().map(place).collect::<SmallVec<[_; WIDTH]>>(), &mut found);
         }
         found

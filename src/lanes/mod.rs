@@ -9,7 +9,7 @@ mod trigonometry;
 
 pub(crate) use frame::{Frame, Vector};
 pub(crate) use number::{Lanes, Mask, WIDTH};
-pub(crate) use trigonometry::Turn;
+pub(crate) use trigonometry::{ROUND, Turn};
 
 /// An array of six, one for each joint: `std::array::from_fn` would be a call, which leaves the widest lanes.
 macro_rules! six {

@@ -3,6 +3,9 @@
 use super::number::{Lanes, Mask};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
+/// Adding it leaves the nearest whole number in the last bits: 1.5 · 2^52.
+pub(crate) const ROUND: f64 = 6_755_399_441_055_744.0;
+
 /// Sine and cosine of an angle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Turn {
@@ -16,8 +19,6 @@ impl Turn {
     pub(crate) fn of(angle: Lanes) -> Self {
         // A quarter turn in two parts, the first so short that whole multiples are exact (fdlibm, e_rem_pio2.c).
         const QUARTER: (f64, f64) = (1.570_796_326_734_125_6, 6.077_100_506_506_192e-11);
-        // Adding it leaves the nearest whole number in the last bits.
-        const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 · 2^52
         let shifted = angle * FRAC_2_PI + ROUND;
         let quarters = shifted - ROUND;
         let r = (angle - quarters * QUARTER.0) - quarters * QUARTER.1;

@@ -3,7 +3,7 @@
 
 use super::inverse::ClosedForm;
 use super::{Joints, Limits, Pose, Robot};
-use crate::lanes::{Frame, Lanes, Mask, Turn, Vector, WIDTH, six, widest};
+use crate::lanes::{Frame, Lanes, Mask, ROUND, Turn, Vector, WIDTH, six, widest};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
@@ -197,7 +197,6 @@ impl<'a> Eight<'a> {
     /// from how close they are surely the nearest of all, square of rad; 0 where limits are passed or digits lost.
     #[inline(always)]
     fn inverse(&self, base_from_flange: &Frame, near: &EightJoints) -> (EightJoints, Lanes) {
-        const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 · 2^52, see `Turn::of`
         let motor_near = near;
         let near = self.turns(near);
         let form = self.form;
