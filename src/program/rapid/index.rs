@@ -1,19 +1,22 @@
 //! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
 
 use super::lex;
-use super::pieces::{PIECE, first_word, is_motion};
+use super::pieces::{PIECE, first_word, is_motion, line_of};
 use super::routines::Routine;
 use super::symbols::harmless;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::ops::Range;
 
 /// Most bytes of a line.
 const LONGEST: u64 = 4096;
 
-/// Declarations of targets, each on a line of its own, by name.
+/// Declarations of targets, each on a line of its own.
 #[derive(Debug)]
 pub(super) struct Index {
-    /// By [`Entry::name`].
+    /// In the order of the file.
     entries: Vec<Entry>,
+    /// The same by [`Entry::name`].
+    by_name: Vec<u32>,
 }
 
 /// A declaration's line.
@@ -69,6 +72,8 @@ struct Scan {
     index: Index,
     routines: Vec<Routine>,
     within: Within,
+    /// The declaration behind the one that was asked for last.
+    next: usize,
 }
 
 impl Scan {
@@ -89,7 +94,8 @@ impl Scan {
             }
             (Within::Nothing | Within::Data, None) => {
                 if let Some(name) = declared(text).filter(|_| self.within == Within::Data) {
-                    let entry = Entry { name: hash(name), start, len: u32::try_from(len).ok()?, uses: Uses::None };
+                    let name = hash(&text[name]);
+                    let entry = Entry { name, start, len: u32::try_from(len).ok()?, uses: Uses::None };
                     self.index.entries.push(entry);
                     return Some(());
                 }
@@ -121,12 +127,12 @@ impl Scan {
             routine.moves |= moves;
             routine.line(start, len, lines_before);
             if moves && let Some(name) = target(text) {
-                self.index.count(name);
+                self.next = self.index.count(&text[name], self.next).unwrap_or(self.next);
             }
             return Some(());
         }
-        let (name, rest) = self::word(text)?;
-        (rest == b";").then(|| routine.call(name))
+        let name = self::word(text, 0)?;
+        (text[name.end..].trim_ascii_start() == b";").then(|| routine.call(&text[name]))
     }
 }
 
@@ -137,13 +143,18 @@ fn is_comment(text: &[u8]) -> bool {
 
 /// The name of a procedure without parameters that a line begins.
 fn procedure(text: &[u8]) -> Option<&[u8]> {
-    let (mut word, mut rest) = word(text)?;
-    if word.eq_ignore_ascii_case(b"LOCAL") {
-        (word, rest) = self::word(rest)?;
+    let mut keyword = word(text, 0)?;
+    if text[keyword.clone()].eq_ignore_ascii_case(b"LOCAL") {
+        keyword = word(text, keyword.end)?;
     }
-    let (name, rest) = self::word(rest).filter(|_| word.eq_ignore_ascii_case(b"PROC"))?;
-    let alone = rest.strip_prefix(b"(")?.trim_ascii_start() == b")";
+    if !text[keyword.clone()].eq_ignore_ascii_case(b"PROC") {
+        return None;
+    }
+    let name = word(text, keyword.end)?;
+    let behind = text[name.end..].trim_ascii_start();
+    let alone = behind.strip_prefix(b"(")?.trim_ascii_start() == b")";
     // One that is called like an instruction is called wherever that is meant.
+    let name = &text[name];
     (alone && !is_motion(name) && !harmless(name)).then_some(name)
 }
 
@@ -152,9 +163,10 @@ impl Index {
     pub(super) fn read(input: &mut impl BufRead) -> io::Result<Option<(Self, Head, Vec<Routine>)>> {
         let mut scan = Scan {
             head: Head { text: Vec::new(), data: 0 },
-            index: Self { entries: Vec::new() },
+            index: Self { entries: Vec::new(), by_name: Vec::new() },
             routines: Vec::new(),
             within: Within::Nothing,
+            next: 0,
         };
         let (mut line, mut start, mut lines) = (Vec::new(), 0, 0);
         loop {
@@ -176,36 +188,52 @@ impl Index {
     /// Sorts the declarations by name; `None` where one stands there twice.
     fn sort(&mut self) -> Option<()> {
         self.entries.shrink_to_fit();
-        self.entries.sort_unstable_by_key(|entry| entry.name);
-        let twice = self.entries.windows(2).any(|pair| pair[0].name == pair[1].name);
+        let number = |(i, entry): (usize, &Entry)| Some((entry.name, u32::try_from(i).ok()?));
+        let mut names = self.entries.iter().enumerate().map(number).collect::<Option<Vec<_>>>()?;
+        names.sort_unstable();
+        let twice = names.windows(2).any(|pair| pair[0].0 == pair[1].0);
+        self.by_name = names.into_iter().map(|(_, i)| i).collect();
         (!twice).then_some(())
     }
 
-    /// Notes that a motion goes to a target.
-    fn count(&mut self, name: &[u8]) {
-        if let Some(entry) = self.position(name) {
-            let uses = &mut self.entries[entry].uses;
-            *uses = if *uses == Uses::None { Uses::Once } else { Uses::More };
-        }
+    /// Notes that a motion goes to a target; what is behind its declaration.
+    fn count(&mut self, name: &[u8], next: usize) -> Option<usize> {
+        let entry = self.position(name, next)?;
+        let uses = &mut self.entries[entry].uses;
+        *uses = if *uses == Uses::None { Uses::Once } else { Uses::More };
+        Some(entry + 1)
     }
 
-    fn position(&self, name: &[u8]) -> Option<usize> {
+    /// Which declaration has this name: most often the `next` one.
+    fn position(&self, name: &[u8], next: usize) -> Option<usize> {
         let name = hash(name);
-        self.entries.binary_search_by_key(&name, |entry| entry.name).ok()
+        if self.entries.get(next).is_some_and(|entry| entry.name == name) {
+            return Some(next);
+        }
+        let at = self.by_name.binary_search_by_key(&name, |entry| self.entries[*entry as usize].name).ok()?;
+        Some(self.by_name[at] as usize)
     }
 
     /// Whether the program moves to a target of this name.
     pub(super) fn uses(&self, name: &[u8]) -> bool {
-        self.position(name).is_some_and(|at| self.entries[at].uses != Uses::None)
+        self.position(name, 0).is_some_and(|at| self.entries[at].uses != Uses::None)
     }
 
     /// The declarations of the targets that motions go to, in the order of the file.
     pub(super) fn of(&self, body: &[u8]) -> Vec<Entry> {
-        let names = body.split(|b| *b == b'\n').filter_map(|line| target(line.trim_ascii()));
-        let mut found: Vec<Entry> = names.filter_map(|name| self.position(name)).map(|at| self.entries[at]).collect();
-        found.sort_unstable_by_key(|entry| entry.start);
-        found.dedup_by_key(|entry| entry.start);
-        found
+        let (mut found, mut at, mut next) = (Vec::new(), 0, 0);
+        while at < body.len() {
+            let line = line_of(&body[at..]);
+            at += line.len();
+            let text = line.trim_ascii();
+            if let Some(entry) = target(text).and_then(|name| self.position(&text[name], next)) {
+                found.push(entry);
+                next = entry + 1;
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found.into_iter().map(|entry| self.entries[entry]).collect()
     }
 
     /// Whether it declares no target.
@@ -237,56 +265,64 @@ pub(super) fn lines_of(entries: &[Entry], file: &mut (impl Read + Seek)) -> io::
 }
 
 /// FNV-1a of a name in upper case.
-fn hash(name: &[u8]) -> u64 {
+pub(super) fn hash(name: &[u8]) -> u64 {
     name.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte.to_ascii_uppercase())).wrapping_mul(0x100_0000_01b3)
     })
 }
 
-/// The name of a target that a line, and nothing else on it, declares.
-fn declared(text: &[u8]) -> Option<&[u8]> {
-    let (mut word, mut rest) = word(text)?;
-    while [&b"LOCAL"[..], b"TASK"].iter().any(|scope| scope.eq_ignore_ascii_case(word)) {
-        (word, rest) = self::word(rest)?;
+/// Where the name of a target stands that a line, and nothing else on it, declares.
+pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
+    let mut storage = word(text, 0)?;
+    while [&b"LOCAL"[..], b"TASK"].iter().any(|scope| scope.eq_ignore_ascii_case(&text[storage.clone()])) {
+        storage = word(text, storage.end)?;
     }
-    let stored = [&b"CONST"[..], b"PERS", b"VAR"].iter().any(|storage| storage.eq_ignore_ascii_case(word));
-    let (kind, rest) = self::word(rest)?;
-    let (name, rest) = self::word(rest)?;
-    let value = rest.strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
-    let alone = value.starts_with(b"[") && !value.iter().any(|b| matches!(b, b';' | b'!' | b'"'));
-    (stored && kind.eq_ignore_ascii_case(b"robtarget") && alone).then_some(name)
+    if ![&b"CONST"[..], b"PERS", b"VAR"].iter().any(|known| known.eq_ignore_ascii_case(&text[storage.clone()])) {
+        return None;
+    }
+    let kind = word(text, storage.end)?;
+    let name = word(text, kind.end)?;
+    let value = text[name.end..].trim_ascii_start().strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
+    let alone = value.starts_with(b"[") && memchr::memchr3(b';', b'!', b'"', value).is_none();
+    (text[kind].eq_ignore_ascii_case(b"robtarget") && alone).then_some(name)
 }
 
-/// The first argument of a motion, where it is a name.
-fn target(text: &[u8]) -> Option<&[u8]> {
-    let (name, rest) = word(&text[first_word(text).len()..])?;
-    (is_motion(first_word(text)) && rest.starts_with(b",")).then_some(name)
+/// Where the first argument of a motion stands, if it is a name.
+pub(super) fn target(text: &[u8]) -> Option<Range<usize>> {
+    let motion = first_word(text);
+    let name = word(text, motion.len())?;
+    (is_motion(motion) && text[name.end..].trim_ascii_start().starts_with(b",")).then_some(name)
 }
 
-/// A word and what follows, without the blanks around it.
-fn word(text: &[u8]) -> Option<(&[u8], &[u8])> {
-    let text = text.trim_ascii_start();
-    let len = text.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).unwrap_or(text.len());
-    let (word, rest) = text.split_at(len);
-    (!word.is_empty()).then(|| (word, rest.trim_ascii_start()))
+/// The word that stands next, behind blanks.
+fn word(text: &[u8], from: usize) -> Option<Range<usize>> {
+    let rest = text[from..].trim_ascii_start();
+    let start = text.len() - rest.len();
+    let len = rest.iter().position(|b| !is_word(*b)).unwrap_or(rest.len());
+    (len > 0).then_some(start..start + len)
+}
+
+/// Whether a byte is one of a name's.
+pub(super) fn is_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || byte == b'_'
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn declarations_of_one_line_are_known() {
+        let declared = |text: &'static [u8]| super::declared(text).map(|name| &text[name]);
         assert_eq!(declared(b"CONST robtarget p10:=[[1,2,3],[1,0,0,0]];"), Some(&b"p10"[..]));
         assert_eq!(declared(b"LOCAL PERS RobTarget p_1 := [[1,2,3]] ;"), Some(&b"p_1"[..]));
         for other in ["CONST jointtarget j:=[[1]];", "CONST robtarget p{2}:=[[1]];", "VAR robtarget p;"] {
-            assert_eq!(declared(other.as_bytes()), None);
+            assert_eq!(super::declared(other.as_bytes()), None);
         }
         assert_eq!(declared(b"CONST robtarget p:=[[1]]; CONST num n:=1;"), None);
     }
 
     #[test]
     fn names_of_motions_are_known() {
+        let target = |text: &'static [u8]| super::target(text).map(|name| &text[name]);
         assert_eq!(target(b"MoveL p10,v50,z1,t;"), Some(&b"p10"[..]));
         assert_eq!(target(b"movej  P_1 , v50,z1,t;"), Some(&b"P_1"[..]));
         assert_eq!(

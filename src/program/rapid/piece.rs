@@ -1,6 +1,7 @@
 //! A piece of a long program: a stretch of its text with what makes it a program.
 
 use super::index::Entry;
+use super::kinds::Kinds;
 use super::pieces::END;
 use super::routines::Part;
 use super::straight;
@@ -27,6 +28,10 @@ pub struct Piece {
     pub(super) lines_before: usize,
     /// Whether the head has no robtarget of its own, and no module of context declares any.
     pub(super) plain_head: bool,
+    /// What of the head are declarations that were put into it.
+    pub(super) declared: Range<usize>,
+    /// What lines mean behind this head.
+    pub(super) kinds: Arc<Kinds>,
     pub(super) mark_before: Option<Mark>,
     /// What of it stands elsewhere in the file: declarations of targets.
     pub(super) elsewhere: Vec<Elsewhere>,
@@ -83,14 +88,15 @@ impl Piece {
         self.dialect
     }
 
-    /// Everything before the stretch that is the program's own.
-    pub(super) fn head(&self) -> &[u8] {
-        &self.source.bytes[..self.head]
+    /// Everything before the stretch that is the program's own, with a declaration where there are those of the piece.
+    pub(super) fn head_with(&self, declaration: &[u8]) -> Vec<u8> {
+        let head = &self.source.bytes[..self.head];
+        [&head[..self.declared.start], declaration, &head[self.declared.end..]].concat()
     }
 
-    /// The program of one statement alone.
-    pub(super) fn with(&self, statement: &[u8]) -> Option<Program> {
-        let source = Source::new(self.source.name.clone(), [self.head(), statement, END].concat());
+    /// The program of one statement behind a head.
+    pub(super) fn program_of(&self, head: Vec<u8>, statement: &[u8]) -> Option<Program> {
+        let source = Source::new(self.source.name.clone(), [&head, statement, END].concat());
         super::read_as(self.dialect, vec![source], Vec::new()).ok()
     }
 
@@ -141,7 +147,7 @@ impl Piece {
         let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
         (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
         self.head += text.len();
-        self.plain_head &= text.is_empty();
+        self.declared = data..data + text.len();
         // More than there are: see `Declared`.
         self.source.lines_before -= entries.len();
     }

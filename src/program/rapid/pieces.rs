@@ -6,6 +6,7 @@
 //! assignment, a call, a declared target, a moving external axis, …) is looked for in the piece as read; a program with any
 //! of that is not straight and is read whole.
 
+use super::kinds::Kinds;
 use super::lex::{self, Cursor, Kind};
 use super::piece::{Piece, layout};
 use super::symbols::harmless;
@@ -41,6 +42,7 @@ pub struct Pieces<R> {
     piece: usize,
     dialect: &'static str,
     context: Arc<[Source]>,
+    kinds: Arc<Kinds>,
     /// Up to the line of the first motion.
     head: Vec<u8>,
     head_lines: usize,
@@ -108,6 +110,7 @@ impl<R: Read> Pieces<R> {
             piece,
             dialect: "rapid",
             context: context.into(),
+            kinds: Arc::default(),
             head: Vec::new(),
             head_lines: 0,
             plain_head: false,
@@ -148,13 +151,14 @@ impl<R: Read> Pieces<R> {
         // The head comes from memory, and is no piece's own.
         let begun = [&head, FIRST].concat();
         let Some(pieces) = Pieces::new(name, &begun[..], context)? else { return Ok(None) };
-        let Pieces { name, dialect, context, head, head_lines, plain_head, mark, .. } = pieces;
+        let Pieces { name, dialect, context, kinds, head, head_lines, plain_head, mark, .. } = pieces;
         Ok(Some(Self {
             input,
             name,
             piece,
             dialect,
             context,
+            kinds,
             head,
             head_lines,
             plain_head,
@@ -232,6 +236,8 @@ impl<R: Read> Pieces<R> {
             stretch,
             lines_before: before_stretch,
             plain_head: self.plain_head,
+            declared: 0..0,
+            kinds: Arc::clone(&self.kinds),
             mark_before,
             elsewhere: Vec::new(),
             at: 0,

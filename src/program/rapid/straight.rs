@@ -1,16 +1,19 @@
-//! Pieces of straight programs, read line by line: lines that differ in nothing but the numbers of their robtarget mean the
-//! same, so that one of each kind is read by [`read_as`](super::read_as) and the others by their numbers.
+//! Pieces of straight programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
+//! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
 
+use super::index::target;
+use super::kinds::{Meaning, Motion, words};
 use super::lex;
-use super::literal::{Literal, POSE, Written};
+use super::literal::{Literal, Written};
 use super::moves::index;
+use super::named::Declarations;
 use super::piece::Piece;
 use super::pieces::line_of;
 use super::run::MAX_NORM_ERROR;
-use super::value::{axes_in_use, unit};
+use super::sample::{Named, Sample};
+use super::value::{Place, axes_in_use, unit};
 use super::{Layout, Site};
 use crate::program::{Goal, Language, Mark, Program, Target, Tool, Wobj};
-use crate::text::number::{Leading, read_leading};
 use crate::text::{Source, Span};
 use std::ops::Range;
 
@@ -25,86 +28,37 @@ pub(super) struct Read {
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     mark: Option<Mark>,
+    /// Whether no target is declared.
+    straight: bool,
 }
 
 /// Lines that are alike.
 struct Kind<'a> {
-    /// Before the robtarget; the whole line where there is none.
+    /// Before the robtarget or its name; the whole line where there is none.
     before: &'a [u8],
     behind: &'a [u8],
+    /// How the robtarget is declared, where it has a name.
+    way: Option<usize>,
     /// The motion, if it is one, with the tool and the work object of its own.
     motion: Option<Target>,
     /// Its last line.
-    sample: Option<Sample<'a>>,
+    last: Last<'a>,
 }
 
-/// The line before, whose robtarget is inline: most lines differ from it in nothing but numbers of the pose.
-struct Sample<'a> {
-    /// What stands before the pose, from the line's start on.
-    before: &'a [u8],
-    pose: [Number<'a>; POSE],
-    literal: Literal,
-    written: Written,
-    /// Bytes of the line before the literal, and behind it.
-    literal_at: usize,
-    behind: usize,
-    /// Blanks at the line's start and its end.
-    indent: usize,
-    trailing: usize,
+/// The last line of a kind.
+enum Last<'a> {
+    None,
+    Inline(Box<Sample<'a>>),
+    Named(Named<'a>),
 }
 
-/// A number of a line.
-#[derive(Clone, Copy)]
-struct Number<'a> {
-    /// With what is between it and the next one, or the next line.
-    text: &'a [u8],
-    is: Leading,
-}
-
-impl<'a> Sample<'a> {
-    fn new(line: &'a [u8], start: usize, literal: Literal, written: Written) -> Option<Self> {
-        let at = |i: usize| literal.token(i).range().start - start;
-        let mut pose = [Number { text: line, is: Leading::default() }; POSE];
-        for (i, number) in pose.iter_mut().enumerate() {
-            number.text = &line[at(i)..if i + 1 < POSE { at(i + 1) } else { line.len() }];
-            number.is = read_leading(number.text).filter(|is| is.len() == literal.token(i).len())?;
-        }
-        // What has no end is not all of the line.
-        line.ends_with(b"\n").then(|| Self {
-            before: &line[..at(0)],
-            pose,
-            literal,
-            written,
-            literal_at: literal.span().range().start - start,
-            behind: start + line.len() - literal.span().range().end,
-            indent: line.len() - line.trim_ascii_start().len(),
-            trailing: line.len() - line.trim_ascii_end().len(),
-        })
-    }
-
-    /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
-    fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Written, usize)> {
-        let line = bytes.get(start..)?;
-        let mut rest = line.strip_prefix(self.before)?;
-        let mut places = [(0, Leading::default()); POSE];
-        for (place, number) in places.iter_mut().zip(&mut self.pose) {
-            let at = line.len() - rest.len() - self.literal_at;
-            rest = match rest.strip_prefix(number.text) {
-                Some(behind) => behind,
-                None => {
-                    let is = read_leading(rest)?;
-                    let behind = rest[is.len()..].strip_prefix(&number.text[number.is.len()..])?;
-                    *number = Number { text: &rest[..rest.len() - behind.len()], is };
-                    behind
-                }
-            };
-            *place = (at, number.is);
-        }
-        let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
-        let len = line.len() - rest.len();
-        let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
-        Some((literal, Written { position_mm: [x, y, z], quat, ..self.written }, len))
-    }
+/// A line's target.
+enum To {
+    /// None, or one without a place.
+    Nowhere,
+    Inline(Literal, Written),
+    /// A declared one, and where its name stands.
+    Named(usize, Range<usize>),
 }
 
 /// Reads a piece; `None` where only the plain way tells what it means.
@@ -113,26 +67,31 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
         return None;
     }
     let bytes = &piece.source.bytes[..piece.stretch.end];
+    let (mut declarations, literals) = Declarations::read(bytes, piece.declared.clone())?;
     let motions = piece.motions as usize;
     let mut read = Read {
         targets: Vec::with_capacity(motions),
-        literals: Vec::with_capacity(motions),
+        literals,
         sites: Vec::with_capacity(motions),
         tools: Vec::new(),
         wobjs: Vec::new(),
         mark: piece.mark_before,
+        straight: declarations.is_empty(),
     };
+    if read.straight {
+        read.literals.reserve(motions);
+    }
     let mut kinds: Vec<Kind> = Vec::new();
     let mut last = 0;
     let (mut start, mut line_number) = (piece.stretch.start, piece.lines_before);
     while start < bytes.len() {
         line_number += 1;
-        if let Some(Kind { motion: Some(like), sample: Some(sample), .. }) = kinds.get_mut(last)
-            && let Some((literal, written, len)) = sample.read(bytes, start)
+        if let Some(kind) = kinds.get_mut(last)
+            && let Some((to, text, end)) = kind.like_the_last(&mut declarations, bytes, start)
+            && let Some(like) = &kind.motion
         {
-            let text = start + sample.indent..start + len - sample.trailing;
-            start += len;
-            read.push(piece, like, line_number, text, Some((literal, written)))?;
+            start = end;
+            read.push(piece, &mut declarations, like, line_number, text, to)?;
             continue;
         }
         let line = line_of(&bytes[start..]);
@@ -154,56 +113,118 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
         }
         let open = text.iter().position(|b| *b == b'[').unwrap_or(text.len());
         let robtarget = Literal::read(bytes, 0, first + open);
-        let (before, behind) = match &robtarget {
+        let named = target(text).filter(|_| !read.straight && robtarget.is_none());
+        let named = named.and_then(|name| Some((declarations.find(&text[name.clone()])?, name)));
+        let (before, behind) = match (&robtarget, &named) {
             // One over several lines is not worth a closer look.
-            Some((literal, _)) => (&text[..open], text.get(literal.span().range().end - first..)?),
-            None => (text, &[][..]),
+            (Some((literal, _)), _) => (&text[..open], text.get(literal.span().range().end - first..)?),
+            (None, Some((_, name))) => (&text[..name.start], &text[name.end..]),
+            (None, None) => (text, &[][..]),
         };
-        let alike = |kind: &Kind| kind.behind == behind && kind.before == before;
+        let way = named.as_ref().map(|(target, _)| declarations.way(*target));
+        let alike = |kind: &Kind| kind.way == way && kind.behind == behind && kind.before == before;
         if !kinds.get(last).is_some_and(alike) {
             last = kinds.iter().position(alike).unwrap_or(kinds.len());
             if last == kinds.len() {
                 if last == MOST_KINDS {
                     return None;
                 }
-                kinds.push(read.learn(piece, before, behind, text)?);
+                kinds.push(read.kind(piece, &declarations, before, behind, way, text)?);
             }
         }
         let kind = &mut kinds[last];
         let Some(like) = &kind.motion else { continue };
-        if let Some((literal, written)) = &robtarget {
-            if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
-                return None;
+        let to = match (robtarget, named) {
+            (Some((literal, written)), _) => {
+                if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
+                    return None;
+                }
+                let sample = Sample::new(line, line_start, literal, written);
+                kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new(sample)));
+                To::Inline(literal, written)
             }
-            kind.sample = Sample::new(line, line_start, *literal, *written);
+            (None, Some((target, name))) => {
+                let name = first + name.start..first + name.end;
+                let sample = Named::new(line, name.start - line_start..name.end - line_start);
+                kind.last = sample.map_or(Last::None, Last::Named);
+                To::Named(target, name)
+            }
+            (None, None) => To::Nowhere,
+        };
+        read.push(piece, &mut declarations, like, line_number, first..first + text.len(), to)?;
+    }
+    // Names that the program has for something else.
+    if !read.straight {
+        let texts = kinds.iter().flat_map(|kind| [kind.before, kind.behind]);
+        let mut taken: Vec<u64> = texts.flat_map(words).collect();
+        taken.extend(piece.kinds.words_of_head(|| piece.head_with(b"")));
+        taken.sort_unstable();
+        if declarations.any_of(&taken) {
+            return None;
         }
-        read.push(piece, like, line_number, first..first + text.len(), robtarget)?;
     }
     (read.targets.len() == motions).then_some(read)
 }
 
+impl<'a> Kind<'a> {
+    /// The line at `start`, if it is like the last one: its target, its text's place and its end.
+    fn like_the_last(
+        &mut self,
+        declarations: &mut Declarations,
+        bytes: &'a [u8],
+        start: usize,
+    ) -> Option<(To, Range<usize>, usize)> {
+        match &mut self.last {
+            Last::None => None,
+            Last::Inline(sample) => {
+                let (literal, written, len) = sample.read(bytes, start)?;
+                let text = start + sample.indent..start + len - sample.trailing;
+                Some((To::Inline(literal, written), text, start + len))
+            }
+            Last::Named(named) => {
+                let (name, len) = named.read(bytes, start)?;
+                let target = declarations.find(&bytes[name.clone()])?;
+                let text = start + named.indent..start + len - named.trailing;
+                (Some(declarations.way(target)) == self.way).then_some((To::Named(target, name), text, start + len))
+            }
+        }
+    }
+}
+
+/// Where a robtarget is; `None` where its orientation is none.
+pub(super) fn pose(written: &Written) -> Option<Goal> {
+    let Written { position_mm, quat, conf, .. } = *written;
+    let norm = quat.iter().map(|c| c * c).sum::<f64>();
+    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| Goal::Pose { position_mm, quat: unit(quat), conf })
+}
+
 impl Read {
-    /// Takes a line's motion, which is like others, given its text's place and its robtarget as written, if it has one.
+    /// Takes a line's motion, which is like others, given its text's place and its target.
     fn push(
         &mut self,
         piece: &Piece,
+        declarations: &mut Declarations,
         like: &Target,
         line: usize,
         text: Range<usize>,
-        robtarget: Option<(Literal, Written)>,
+        to: To,
     ) -> Option<()> {
         let mut target = like.clone();
-        if let Some((literal, Written { position_mm, quat, conf, .. })) = robtarget {
-            let norm = quat.iter().map(|c| c * c).sum::<f64>();
-            if (norm - 1.0).abs() > MAX_NORM_ERROR {
-                return None;
+        let site = match to {
+            To::Nowhere => Site::None,
+            To::Inline(literal, written) => {
+                target.goal = pose(&written)?;
+                self.literals.push(literal);
+                Site::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
             }
-            target.goal = Goal::Pose { position_mm, quat: unit(quat), conf };
-            self.sites.push(Site::Literal { literal: u32::try_from(self.literals.len()).ok()?, argument: None });
-            self.literals.push(literal);
-        } else {
-            self.sites.push(Site::None);
-        }
+            To::Named(declared, name) => {
+                target.goal = declarations.goal(declared);
+                target.name = declarations.name(declared, &piece.source.bytes[name.clone()]);
+                let argument = Some(Place { source: 0, span: Span::new(name.start, name.end) });
+                Site::Literal { literal: u32::try_from(declared).ok()?, argument }
+            }
+        };
+        self.sites.push(site);
         target.ordinal = piece.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
         target.mark = self.mark;
         target.span = Span::new(text.start, text.end);
@@ -212,27 +233,31 @@ impl Read {
         Some(())
     }
 
-    /// Reads a line of a new kind, behind the program's own head.
-    fn learn<'a>(&mut self, piece: &Piece, before: &'a [u8], behind: &'a [u8], text: &[u8]) -> Option<Kind<'a>> {
-        let program = piece.with(text)?;
-        let crate::program::Layout::Rapid(layout) = &program.layout else { return None };
-        let robtargets = usize::from(before.len() < text.len());
-        let whole = Span::new(piece.head().len(), piece.head().len() + text.len());
-        let plain = layout.straight && program.diagnostics.is_empty() && program.kept.is_empty();
-        let mut targets = program.targets;
-        if !plain || layout.literals.len() != robtargets || targets.len() < robtargets || text.contains(&b'\r') {
-            return None;
-        }
-        let motion = targets.pop();
-        if !targets.is_empty() || motion.as_ref().is_some_and(|target| target.span != whole) {
-            return None;
-        }
-        let motion = motion.map(|mut target| {
-            target.tool = index(&mut self.tools, program.tools[usize::from(target.tool)].clone(), Tool::is);
-            target.wobj = index(&mut self.wobjs, program.wobjs[usize::from(target.wobj)].clone(), Wobj::is);
-            target
+    /// Takes in a kind of line that the piece had none of.
+    fn kind<'a>(
+        &mut self,
+        piece: &Piece,
+        declarations: &Declarations,
+        before: &'a [u8],
+        behind: &'a [u8],
+        way: Option<usize>,
+        text: &[u8],
+    ) -> Option<Kind<'a>> {
+        let way_of = way.map(|way| &declarations.ways()[way]);
+        let inline = way.is_none() && before.len() < text.len();
+        // No line has a line end in it, so that different kinds have different texts.
+        let mut alike = vec![before];
+        alike.extend((inline || way.is_some()).then_some(behind));
+        alike.extend(way_of.into_iter().flat_map(|way| way.text()));
+        let declaration = way_of.map(|way| way.line);
+        let meaning =
+            piece.kinds.meaning(alike.join(&b'\n'), || learn(piece, text, declaration, usize::from(before != text)))?;
+        let motion = meaning.map(|Motion { like, tool, wobj }| Target {
+            tool: index(&mut self.tools, tool, Tool::is),
+            wobj: index(&mut self.wobjs, wobj, Wobj::is),
+            ..like
         });
-        Some(Kind { before, behind, motion, sample: None })
+        Some(Kind { before, behind, way, motion, last: Last::None })
     }
 
     /// The piece as a program.
@@ -255,7 +280,7 @@ impl Read {
                 offsets: Vec::new(),
                 motions: self.targets.len(),
                 unknown: Vec::new(),
-                straight: true,
+                straight: self.straight,
                 plain: true,
                 mark_behind: self.mark,
             }),
@@ -264,109 +289,27 @@ impl Read {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::pieces::Pieces;
-    use crate::program::Next;
-    use proptest::prelude::*;
-
-    const HEAD: &str = "MODULE M\n  PERS tooldata tA:=[TRUE,[[0,0,300],[1,0,0,0]],[8,[0,0,100],[1,0,0,0],0,0,0]];\n  \
-                        PERS tooldata tB:=[TRUE,[[0,0,200],[1,0,0,0]],[8,[0,0,100],[1,0,0,0],0,0,0]];\n  PROC main()\n";
-
-    /// A statement, a comment or an empty line.
-    fn line() -> impl Strategy<Value = String> {
-        let word = prop::sample::select(vec!["MoveL", "moveJ", "MoveL ", "  MoveL"]);
-        let end = prop::sample::select(vec![
-            ",v50,z1,tA;",
-            ",v50,z1,tB;",
-            ",v200,fine,tA\\WObj:=wobj0;",
-            ",[30,500,5000,1000],z1,TA;",
-            ", v50 , z1 , tA ;",
-            ",v50,z1,tA;MoveL p,v50,z1,tA;",
-            ",v50,z1,tC;",
-            "\\ID:=3,v50,z1,tA;",
-        ]);
-        let number = prop_oneof![Just("0".to_owned()), Just("+1.".to_owned()), "-?[0-9]{1,4}\\.[0-9]{0,8}"];
-        let quat = prop::sample::select(vec!["1,0,0,0", "0.7071,0,0.7071,0", "0,0.6,-0.8,0", "1,1,0,0", "1,0,0"]);
-        let external = prop::sample::select(vec![
-            "9E9,9E9,9E9,9E9,9E9,9E9",
-            "9E9, 9E+09,9E9,9E9,9E9,9E9",
-            "0,9E9,9E9,9E9,9E9,9E9",
-        ]);
-        // What stops a program from being straight is rare, else none would be.
-        let motion =
-            (word, number.clone(), number, quat, external, end).prop_map(|(word, x, y, quat, external, end)| {
-                format!("{word} [[{x},{y},1],[{quat}],[0,0,0,0],[{external}]]{end}")
-            });
-        prop_oneof![
-            12 => motion,
-            1 => Just("  ! deflex air".to_owned()),
-            1 => Just("! deflex cut".to_owned()),
-            1 => Just("! a comment; MoveL".to_owned()),
-            1 => Just(String::new()),
-            1 => Just("  ConfL\\Off;".to_owned()),
-            1 => Just("SetDO do1,1;".to_owned()),
-            1 => Just("MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tA;".to_owned()),
-        ]
+/// Reads a line behind the program's own head, with the declaration of its target, if it has one.
+fn learn(piece: &Piece, text: &[u8], declaration: Option<&[u8]>, robtargets: usize) -> Option<Meaning> {
+    let head = piece.head_with(declaration.unwrap_or_default());
+    let whole = Span::new(head.len(), head.len() + text.len());
+    let mut program = piece.program_of(head, text)?;
+    let crate::program::Layout::Rapid(layout) = &program.layout else { return None };
+    let plain = if declaration.is_some() { layout.plain } else { layout.straight };
+    let plain = plain && program.diagnostics.is_empty() && program.kept.is_empty();
+    if !plain || layout.literals.len() != robtargets || program.targets.len() < robtargets || text.contains(&b'\r') {
+        return None;
     }
-
-    /// Lines that differ in their pose, mostly, or in anything that a sample has to notice.
-    fn common() -> impl Strategy<Value = String> {
-        let often = |common: &'static str, others: &[&'static str]| prop_oneof![12 => Just(common), 1 => prop::sample::select(others.to_vec())];
-        let number = prop_oneof![
-            8 => "-?[0-9]{1,4}\\.[0-9]{1,8}",
-            1 => prop::sample::select(vec!["0", "+1.5", "-0.0", "12.", ".5", "1.5E2", "- 3", "9E9", "1.123456789012345"])
-                .prop_map(str::to_owned),
-        ];
-        let quat =
-            prop::sample::select(vec!["0,1,0,0", "0.7071,0,0.7071,0", "0,0.60,-0.80,0", "0 , 1, 0,0", "0,0,-1.0,0"]);
-        (
-            often("  ", &["", "\t", "   "]),
-            (number, often(",", &[", ", " ,"]), quat, often("],[", &["] ,[", "], ["])),
-            often("0,-1,0,1", &["0,-1,0,0", "0,-1,0,1 ", "0,-1.0,0,1"]),
-            often("9E9,9E9,9E9,9E9,9E9,9E9", &["9E+09,9E9,9E9,9E9,9E9,9E9", "0,9E9,9E9,9E9,9E9,9E9"]),
-            often(
-                ",v50,z1,tA;",
-                &[",v200,z1,tB;", ",v50,fine,tA\\WObj:=wobj0;", ",v50,z1,tA; ", ",v50,z1,tA;\t", ",v50,z10,tA;"],
-            ),
-        )
-            .prop_map(|(indent, (x, comma, quat, joint), conf, external, end)| {
-                format!("{indent}MoveL [[{x}{comma}0,1{joint}{quat}{joint}{conf}],[{external}]]{end}")
-            })
+    let motion = program.targets.pop();
+    if !program.targets.is_empty() || motion.as_ref().is_some_and(|target| target.span != whole) {
+        return None;
     }
-
-    proptest! {
-        #[test]
-        fn a_piece_reads_like_each_of_its_statements(
-            lines in prop::collection::vec(prop_oneof![20 => common(), 1 => line()], 1..400),
-            end in prop::sample::select(vec!["\n", "\r\n", "\n", "\r\r\n"]),
-        ) {
-            let body: String = lines.iter().map(|line| format!("{line}{end}")).collect();
-            let text = format!("{HEAD}{body}ENDPROC\nENDMODULE\n");
-            let mut pieces = match Pieces::new("x.mod", text.as_bytes(), &[]) {
-                Ok(Some(pieces)) => pieces,
-                _ => return Ok(()),
-            };
-            while let Ok(Next::Piece(piece)) = pieces.take() {
-                let fast = super::read(&piece).map(|read| read.into_program(piece.dialect(), piece.source.clone()));
-                let plain = piece.read_plain();
-                // Whoever is not sure leaves it to the plain way; whoever is says the same.
-                if let Some(fast) = fast {
-                    prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_usual_program_is_read_by_its_kinds_of_lines() {
-        let line = "    MoveL [[1.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tA;\n";
-        let text = format!("{HEAD}  ConfL\\Off;\n  ! deflex cut\n{}ENDPROC\nENDMODULE\n", line.repeat(2000));
-        let mut pieces = Pieces::new("x.mod", text.as_bytes(), &[]).unwrap().unwrap();
-        let mut count = 0;
-        while let Ok(Next::Piece(piece)) = pieces.take() {
-            count += super::read(&piece).unwrap().targets.len();
-        }
-        assert_eq!(count, 2000);
-    }
+    Some(motion.map(|like| Motion {
+        tool: program.tools[usize::from(like.tool)].clone(),
+        wobj: program.wobjs[usize::from(like.wobj)].clone(),
+        like,
+    }))
 }
+
+#[cfg(test)]
+mod tests;

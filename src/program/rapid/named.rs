@@ -1,0 +1,187 @@
+//! Declarations of the targets that a piece moves to by name, read line by line: lines that differ in nothing but name and
+//! numbers declare alike.
+
+use super::index::{declared, hash, is_word};
+use super::literal::{Literal, Written};
+use super::pieces::line_of;
+use super::sample::Sample;
+use super::straight::pose;
+use super::value::axes_in_use;
+use crate::program::Goal;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Longest name; RAPID itself has the same.
+const LONGEST: usize = 32;
+
+/// A piece of more ways to declare has nothing to gain.
+const MOST_WAYS: usize = 4;
+
+/// Declared targets of a piece, in the order of the file.
+pub(super) struct Declarations<'a> {
+    ways: Vec<Way<'a>>,
+    targets: Vec<Declaration<'a>>,
+    /// Targets by the hash of their names, once one is not the next.
+    by_name: Vec<(u64, u32)>,
+    /// The target behind the one that was asked for last.
+    next: usize,
+}
+
+/// How a target is declared: a line but for its name and its numbers.
+pub(super) struct Way<'a> {
+    before: &'a [u8],
+    between: &'a [u8],
+    behind: &'a [u8],
+    /// The last line of this kind, with its end.
+    pub(super) line: &'a [u8],
+    /// Of it, up to the name.
+    lead: &'a [u8],
+    /// What stands behind the name.
+    sample: Option<Sample<'a>>,
+}
+
+/// A declared target.
+pub(super) struct Declaration<'a> {
+    name: &'a [u8],
+    hash: u64,
+    pub(super) way: usize,
+    pub(super) goal: Goal,
+    /// Its name where it was used first.
+    used: Option<Arc<str>>,
+}
+
+impl<'a> Declarations<'a> {
+    /// Reads the lines there, and where their numbers stand; `None` where only the plain way tells what one means.
+    pub(super) fn read(bytes: &'a [u8], lines: Range<usize>) -> Option<(Self, Vec<Literal>)> {
+        let bytes = &bytes[..lines.end];
+        let mut read = Self { ways: Vec::new(), targets: Vec::new(), by_name: Vec::new(), next: 0 };
+        let mut literals = Vec::new();
+        let (mut start, mut last) = (lines.start, 0);
+        while start < bytes.len() {
+            if let Some(way) = read.ways.get_mut(last)
+                && let Some((name, literal, written, len)) = way.read(bytes, start)
+            {
+                read.push(name, last, &written)?;
+                literals.push(literal);
+                start += len;
+                continue;
+            }
+            let line = line_of(&bytes[start..]);
+            let (way, name, literal, written) = Way::of(bytes, start, line)?;
+            read.push(name, 0, &written)?;
+            literals.push(literal);
+            last = read.ways.iter().position(|known| known.is(&way)).unwrap_or(read.ways.len());
+            match read.ways.get_mut(last) {
+                Some(known) => *known = way,
+                None if last < MOST_WAYS => read.ways.push(way),
+                None => return None,
+            }
+            read.targets.last_mut()?.way = last;
+            start += line.len();
+        }
+        Some((read, literals))
+    }
+
+    fn push(&mut self, name: &'a [u8], way: usize, written: &Written) -> Option<()> {
+        // Words of the language have no digits; those that programs begin with are looked for in their text.
+        let own = name.first().is_some_and(u8::is_ascii_alphabetic)
+            && name.iter().any(|b| !b.is_ascii_alphabetic())
+            && name.len() <= LONGEST;
+        let goal = pose(written).filter(|_| own)?;
+        self.targets.push(Declaration { name, hash: hash(name), way, goal, used: None });
+        Some(())
+    }
+
+    /// Which target has a name: most often the next one.
+    pub(super) fn find(&mut self, name: &[u8]) -> Option<usize> {
+        let is = |target: &Declaration| target.name.eq_ignore_ascii_case(name);
+        if !self.targets.get(self.next).is_some_and(is) {
+            if self.by_name.is_empty() {
+                let number = |(i, target): (usize, &Declaration)| Some((target.hash, u32::try_from(i).ok()?));
+                self.by_name = self.targets.iter().enumerate().map(number).collect::<Option<_>>()?;
+                self.by_name.sort_unstable();
+            }
+            let hash = hash(name);
+            let at = self.by_name.partition_point(|(other, _)| *other < hash);
+            let target = self.by_name.get(at)?.1 as usize;
+            self.next = Some(target).filter(|target| is(&self.targets[*target]))?;
+        }
+        self.next += 1;
+        Some(self.next - 1)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.targets.is_empty()
+    }
+
+    pub(super) fn way(&self, target: usize) -> usize {
+        self.targets[target].way
+    }
+
+    pub(super) fn ways(&self) -> &[Way<'a>] {
+        &self.ways
+    }
+
+    pub(super) fn goal(&self, target: usize) -> Goal {
+        self.targets[target].goal
+    }
+
+    /// A target's name, as it is spelled where it is used first.
+    pub(super) fn name(&mut self, target: usize, spelled: &[u8]) -> Option<Arc<str>> {
+        let used = &mut self.targets[target].used;
+        if used.is_none() {
+            *used = Some(std::str::from_utf8(spelled).ok()?.into());
+        }
+        used.clone()
+    }
+
+    /// Whether one has a name of these, by their hashes.
+    pub(super) fn any_of(&self, words: &[u64]) -> bool {
+        debug_assert!(words.is_sorted());
+        self.targets.iter().any(|target| words.binary_search(&target.hash).is_ok())
+    }
+}
+
+impl<'a> Way<'a> {
+    /// How the line at `start` declares, and what.
+    fn of(bytes: &'a [u8], start: usize, line: &'a [u8]) -> Option<(Self, &'a [u8], Literal, Written)> {
+        let text = line.trim_ascii();
+        let indent = line.len() - line.trim_ascii_start().len();
+        let name = declared(text)?;
+        let open = name.end + text[name.end..].iter().position(|b| *b == b'[')?;
+        let (literal, written) = Literal::read(bytes, 0, start + indent + open)?;
+        let behind = literal.span().range().end.checked_sub(start + indent)?;
+        // Line ends that only one of two ways counts.
+        if axes_in_use(&written.external) || line.trim_ascii_end().contains(&b'\r') {
+            return None;
+        }
+        let lead = indent + name.end;
+        let way = Self {
+            before: &text[..name.start],
+            between: &text[name.end..open],
+            behind: text.get(behind..)?,
+            line,
+            lead: &line[..indent + name.start],
+            sample: Sample::new(&line[lead..], start + lead, literal, written),
+        };
+        Some((way, &text[name], literal, written))
+    }
+
+    /// Reads the line at `start`, if it is like the last one: name and robtarget, and its length with its end.
+    fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(&'a [u8], Literal, Written, usize)> {
+        let rest = bytes.get(start..)?.strip_prefix(self.lead)?;
+        let name = &rest[..rest.iter().position(|b| !is_word(*b))?];
+        let lead = self.lead.len() + name.len();
+        let (literal, written, len) = self.sample.as_mut()?.read(bytes, start + lead)?;
+        Some((name, literal, written, lead + len))
+    }
+
+    fn is(&self, other: &Self) -> bool {
+        (self.before, self.between, self.behind) == (other.before, other.between, other.behind)
+    }
+
+    /// All that two lines of this kind have alike.
+    pub(super) fn text(&self) -> [&'a [u8]; 3] {
+        [self.before, self.between, self.behind]
+    }
+}

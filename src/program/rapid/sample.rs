@@ -1,0 +1,107 @@
+//! Lines like the line before.
+
+use super::index::is_word;
+use super::literal::{Literal, POSE, Written};
+use crate::text::number::{Leading, read_leading};
+use std::ops::Range;
+
+/// The line before, which has a robtarget: most lines differ from it in nothing but numbers of the pose.
+pub(super) struct Sample<'a> {
+    /// What stands before the pose, from where the line is compared on.
+    before: &'a [u8],
+    pose: [Number<'a>; POSE],
+    literal: Literal,
+    written: Written,
+    /// Bytes of the line before the literal, and behind it.
+    literal_at: usize,
+    behind: usize,
+    /// Blanks at the line's start and its end.
+    pub(super) indent: usize,
+    pub(super) trailing: usize,
+}
+
+/// A number of a line.
+#[derive(Clone, Copy)]
+struct Number<'a> {
+    /// With what is between it and the next one, or the next line.
+    text: &'a [u8],
+    is: Leading,
+}
+
+impl<'a> Sample<'a> {
+    /// The line, or what of it stands from `start` on.
+    pub(super) fn new(line: &'a [u8], start: usize, literal: Literal, written: Written) -> Option<Self> {
+        let at = |i: usize| literal.token(i).range().start - start;
+        let mut pose = [Number { text: line, is: Leading::default() }; POSE];
+        for (i, number) in pose.iter_mut().enumerate() {
+            number.text = &line[at(i)..if i + 1 < POSE { at(i + 1) } else { line.len() }];
+            number.is = read_leading(number.text).filter(|is| is.len() == literal.token(i).len())?;
+        }
+        // What has no end is not all of the line.
+        line.ends_with(b"\n").then(|| Self {
+            before: &line[..at(0)],
+            pose,
+            literal,
+            written,
+            literal_at: literal.span().range().start - start,
+            behind: start + line.len() - literal.span().range().end,
+            indent: line.len() - line.trim_ascii_start().len(),
+            trailing: line.len() - line.trim_ascii_end().len(),
+        })
+    }
+
+    /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
+    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Written, usize)> {
+        let line = bytes.get(start..)?;
+        let mut rest = line.strip_prefix(self.before)?;
+        let mut places = [(0, Leading::default()); POSE];
+        for (place, number) in places.iter_mut().zip(&mut self.pose) {
+            let at = line.len() - rest.len() - self.literal_at;
+            rest = match rest.strip_prefix(number.text) {
+                Some(behind) => behind,
+                None => {
+                    let is = read_leading(rest)?;
+                    let behind = rest[is.len()..].strip_prefix(&number.text[number.is.len()..])?;
+                    *number = Number { text: &rest[..rest.len() - behind.len()], is };
+                    behind
+                }
+            };
+            *place = (at, number.is);
+        }
+        let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
+        let len = line.len() - rest.len();
+        let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
+        Some((literal, Written { position_mm: [x, y, z], quat, ..self.written }, len))
+    }
+}
+
+/// The line before, which names its target.
+pub(super) struct Named<'a> {
+    /// Up to the name, and from behind it to the line's end.
+    before: &'a [u8],
+    behind: &'a [u8],
+    pub(super) indent: usize,
+    pub(super) trailing: usize,
+}
+
+impl<'a> Named<'a> {
+    /// The line, with its end, whose name stands there.
+    pub(super) fn new(line: &'a [u8], name: Range<usize>) -> Option<Self> {
+        line.ends_with(b"\n").then(|| Self {
+            before: &line[..name.start],
+            behind: &line[name.end..],
+            indent: line.len() - line.trim_ascii_start().len(),
+            trailing: line.len() - line.trim_ascii_end().len(),
+        })
+    }
+
+    /// Where a line at `start` has its name that has nothing else of its own, and its length with its end.
+    pub(super) fn read(&self, bytes: &[u8], start: usize) -> Option<(Range<usize>, usize)> {
+        let rest = bytes.get(start..)?.strip_prefix(self.before)?;
+        let len = rest.iter().position(|b| !is_word(*b))?;
+        rest[len..].starts_with(self.behind).then(|| {
+            let name = start + self.before.len();
+            (name..name + len, self.before.len() + len + self.behind.len())
+        })
+    }
+}
