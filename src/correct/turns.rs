@@ -15,12 +15,14 @@ struct State<T> {
     next: usize,
     /// A piece died before its turn: nobody waits for it.
     broken: bool,
+    /// Pieces that wait: telling nobody would take a call of the system all the same.
+    waiting: usize,
     value: T,
 }
 
 impl<T> Turns<T> {
     pub(super) fn new(value: T) -> Self {
-        Self { state: Mutex::new(State { next: 0, broken: false, value }), passed: Condvar::new() }
+        Self { state: Mutex::new(State { next: 0, broken: false, waiting: 0, value }), passed: Condvar::new() }
     }
 
     fn lock(&self) -> MutexGuard<'_, State<T>> {
@@ -31,15 +33,21 @@ impl<T> Turns<T> {
     /// Waits for the turn of piece `n`, works on what the pieces before it left, and passes it on; `None` where a piece
     /// before it died.
     pub(super) fn take<R>(&self, n: usize, work: impl FnOnce(&mut T) -> R) -> Option<R> {
+        let mut state = self.lock();
+        state.waiting += 1;
         let wait = |state: &mut State<T>| state.next != n && !state.broken;
-        let mut state = self.passed.wait_while(self.lock(), wait).unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.passed.wait_while(state, wait).unwrap_or_else(PoisonError::into_inner);
+        state.waiting -= 1;
         if state.broken {
             return None;
         }
         let done = work(&mut state.value);
         state.next = n + 1;
+        let others = state.waiting > 0;
         drop(state);
-        self.passed.notify_all();
+        if others {
+            self.passed.notify_all();
+        }
         Some(done)
     }
 

@@ -33,3 +33,10 @@ impl LineIndex {
         u32::try_from(line).unwrap_or(u32::MAX)
     }
 }
+
+/// The lines of a text, without the line feeds between them.
+pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut start = 0;
+    let ends = memchr::memchr_iter(b'\n', bytes).chain([bytes.len()]);
+    ends.map(move |end| &bytes[std::mem::replace(&mut start, end + 1)..end])
+}

@@ -11,7 +11,7 @@ mod span;
 pub use diagnostic::{Diagnostic, Severity};
 pub(crate) use edit::{Content, Token, apply_within};
 pub use edit::{Edit, apply};
-pub(crate) use lines::LineIndex;
+pub(crate) use lines::{LineIndex, lines};
 pub use patch::Patch;
 pub(crate) use source::decode;
 pub use source::{LineColumn, Source};

@@ -39,7 +39,7 @@ const HEAD: usize = 16 * 1024;
 impl Dialect {
     pub(super) fn detect(bytes: &[u8]) -> Self {
         let head = bytes[..bytes.len().min(HEAD)].to_ascii_uppercase();
-        let found = |trace: &[u8]| head.windows(trace.len()).any(|w| w == trace);
+        let found = |trace: &[u8]| memchr::memmem::find(&head, trace).is_some();
         TRACES.iter().find(|(trace, _)| found(trace)).map_or(Self::Unknown, |&(_, dialect)| dialect)
     }
 

@@ -4,6 +4,7 @@
 
 use super::cards::Cards;
 use crate::text::Span;
+use crate::text::number::read_leading;
 use nom::{
     IResult, Parser,
     branch::alt,
@@ -115,6 +116,11 @@ impl<'a> Lexer<'a> {
         Place { at: self.at, line: self.line }
     }
 
+    /// Goes on from a place behind a record that is no longer to be read.
+    pub(super) fn go_on(&mut self, place: Place) {
+        (self.at, self.line) = (place.at, place.line);
+    }
+
     /// Whether more bytes could still change what the last record is.
     pub(super) fn is_at_end(&self) -> bool {
         self.at == self.bytes.len()
@@ -165,7 +171,7 @@ impl<'a> Lexer<'a> {
 
     fn physical_line_end(&self) -> usize {
         let rest = &self.bytes[self.at..];
-        self.at + rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(rest.len())
+        self.at + memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len())
     }
 
     /// Where the significant columns of this line end.
@@ -207,6 +213,13 @@ impl<'a> Lexer<'a> {
         loop {
             let line = &self.bytes[self.at..end];
             let Some(&first) = line.first() else { return };
+            if matches!(first, b'0'..=b'9' | b'-' | b'+')
+                && let Some(token) = plain_token(line, self.at)
+            {
+                self.at += token.span.len();
+                tokens.push(token);
+                continue;
+            }
             let (kind, len) = match first {
                 b'$' if line.get(1) == Some(&b'$') => return,
                 b'$' => {
@@ -280,6 +293,14 @@ fn classify(kind: Kind, span: Span, text: &[u8]) -> Token {
     }
 }
 
+/// The number that a line goes on with, where it is like most of them; [`classify`] gives the same.
+#[inline]
+fn plain_token(line: &[u8], at: usize) -> Option<Token> {
+    let number = read_leading(line)?;
+    let alone = line.get(number.len()).is_none_or(|b| ends_chunk(*b));
+    alone.then(|| Token { kind: Kind::Number, span: Span::new(at, at + number.len()), value: number.value })
+}
+
 /// Reads a CL number: `5`, `5.`, `.5`, `1.E-3`, FORTRAN `1.D+03`; never infinite.
 pub(super) fn number(text: &[u8]) -> Option<f64> {
     // Most chunks are words: look before parsing.
@@ -340,8 +361,11 @@ fn decimal(input: &[u8]) -> IResult<&[u8], ()> {
 
 /// A word or a number: bytes up to a separator.
 fn chunk(input: &[u8]) -> IResult<&[u8], &[u8]> {
-    take_while1(|b: u8| !is_blank(b) && !matches!(b, b',' | b'/' | b'(' | b')' | b'=' | b'$' | b'\'' | b'"'))
-        .parse(input)
+    take_while1(|b: u8| !ends_chunk(b)).parse(input)
+}
+
+fn ends_chunk(byte: u8) -> bool {
+    matches!(byte, b',' | b'/' | b'(' | b')' | b'=' | b'$' | b'\'' | b'"') || is_blank(byte)
 }
 
 fn blanks(input: &[u8]) -> IResult<&[u8], &[u8]> {
@@ -411,6 +435,16 @@ mod tests {
         fn the_fast_reading_of_numbers_is_the_reference(text in "[-+]?[0-9]{0,9}\\.?[0-9]{0,12}") {
             let reference = any_number(text.as_bytes());
             prop_assert_eq!(number(text.as_bytes()).map(f64::to_bits), reference.map(f64::to_bits));
+        }
+
+        #[test]
+        fn plain_tokens_are_those_of_the_reference(text in "[-+]?[0-9]{0,9}\\.?[0-9]{0,12}[-+.eE,/=$ \tx]?[0-9,]{0,3}") {
+            if let Some(token) = plain_token(text.as_bytes(), 7) {
+                let (_, all) = chunk(text.as_bytes()).unwrap();
+                let reference = classify(Kind::Word, Span::new(0, all.len()), all);
+                prop_assert_eq!((reference.kind, reference.value.to_bits()), (token.kind, token.value.to_bits()));
+                prop_assert_eq!(token.span, Span::new(7, 7 + all.len()));
+            }
         }
 
         #[test]

@@ -18,6 +18,7 @@ mod lex;
 mod modal;
 mod motion;
 mod pieces;
+mod plain;
 mod read;
 mod rewrite;
 mod setup;

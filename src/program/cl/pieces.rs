@@ -124,11 +124,14 @@ impl<R: Read> Pieces<R> {
         let bytes = &self.rest[..wanted.min(self.rest.len())];
         let all = self.read_up && bytes.len() == self.rest.len();
         let mut lexer = Lexer::resume(bytes, self.place);
-        while let Some(record) = lexer.next(&mut self.tokens) {
-            if lexer.is_at_end() && !all {
-                return;
+        loop {
+            if !self.reader.take_plain(&mut lexer) {
+                let Some(record) = lexer.next(&mut self.tokens) else { break };
+                if lexer.is_at_end() && !all {
+                    return;
+                }
+                self.reader.take(bytes, record, &self.tokens);
             }
-            self.reader.take(bytes, record, &self.tokens);
             self.place = lexer.place();
             if self.reader.targets.len() >= TARGETS && self.may_cut() || self.reader.no_unit.is_some() {
                 return;

@@ -107,7 +107,11 @@ impl Reader {
     /// Reads all records that `lexer` has.
     pub(super) fn run(&mut self, mut lexer: Lexer) {
         let mut tokens = Vec::new();
-        while let Some(record) = lexer.next(&mut tokens) {
+        loop {
+            if self.take_plain(&mut lexer) {
+                continue;
+            }
+            let Some(record) = lexer.next(&mut tokens) else { break };
             self.take(lexer.bytes(), record, &tokens);
             if self.no_unit.is_some() {
                 return;

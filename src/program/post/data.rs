@@ -2,7 +2,7 @@
 
 use super::names::predefined_speed;
 use crate::program::{Conf, ToolData, WobjData};
-use crate::text::number::write_fixed;
+use crate::text::number::{self, write_fixed, write_whole};
 
 /// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).
 const MM: usize = 4;
@@ -34,13 +34,49 @@ fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
 
 /// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
 pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Conf) {
+    const TENS: [f64; 7] = number::tens([MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
+    let ([x, y, z], [q1, q2, q3, q4]) = (*mm, *quat);
+    let values = [x, y, z, q1, q2, q3, q4];
     out.push(b'[');
-    list(out, mm, MM);
-    out.push(b',');
-    list(out, quat, QUAT);
-    out.push(b',');
-    list(out, &[conf.cf1, conf.cf4, conf.cf6, conf.cfx].map(f64::from), 0);
+    match number::scaled_row(&values, &TENS) {
+        Some(digits) => {
+            let mut fields = number::Fields::<{ number::Fields::<0>::size(7) }>::new();
+            (0..3).for_each(|i| fields.push::<MM>(values[i], digits[i]));
+            closed(out, fields.take());
+            (3..7).for_each(|i| fields.push::<QUAT>(values[i], digits[i]));
+            closed(out, fields.take());
+        }
+        None => {
+            list(out, mm, MM);
+            out.push(b',');
+            list(out, quat, QUAT);
+            out.push(b',');
+        }
+    }
+    quarters(out, conf);
     out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");
+}
+
+/// `[a,b,c],` of numbers with a comma behind each.
+fn closed(out: &mut Vec<u8>, numbers: &[u8]) {
+    out.push(b'[');
+    out.extend_from_slice(&numbers[..numbers.len() - 1]);
+    out.extend_from_slice(b"],");
+}
+
+/// `[cf1,cf4,cf6,cfx]`
+fn quarters(out: &mut Vec<u8>, conf: Conf) {
+    out.push(b'[');
+    for (i, quarter) in [conf.cf1, conf.cf4, conf.cf6, conf.cfx].into_iter().enumerate() {
+        if i > 0 {
+            out.push(b',');
+        }
+        if quarter < 0 {
+            out.push(b'-');
+        }
+        write_whole(out, quarter.unsigned_abs());
+    }
+    out.push(b']');
 }
 
 pub(super) fn tooldata(out: &mut Vec<u8>, name: &str, data: &ToolData) {

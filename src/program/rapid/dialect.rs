@@ -52,5 +52,5 @@ pub(super) fn of(sources: &[Source]) -> &'static str {
 }
 
 fn contains(text: &[u8], sign: &[u8]) -> bool {
-    text.windows(sign.len()).any(|w| w == sign)
+    memchr::memmem::find(text, sign).is_some()
 }

@@ -1,9 +1,10 @@
 //! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
 
 use super::lex;
-use super::pieces::{PIECE, first_word, is_motion, line_of};
+use super::pieces::{PIECE, first_word, is_motion};
 use super::routines::Routine;
 use super::symbols::harmless;
+use crate::text::lines;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;
 
@@ -74,12 +75,22 @@ struct Scan {
     within: Within,
     /// The declaration behind the one that was asked for last.
     next: usize,
+    /// What stands before the name in the last declaration.
+    lead: Vec<u8>,
 }
 
 impl Scan {
     /// Takes in a line of the file; `None` where it is more than motion, calls and data.
     fn take(&mut self, line: &[u8], start: u64, lines_before: usize) -> Option<()> {
         let text = line.trim_ascii();
+        // Most lines are like the one before.
+        if self.within == Within::Data
+            && !self.lead.is_empty()
+            && text.starts_with(&self.lead)
+            && let Some(name) = declared_behind(text, self.lead.len())
+        {
+            return self.declare(text, name, start, line.len());
+        }
         let word = first_word(text);
         let len = line.len() as u64;
         let routine = procedure(text);
@@ -94,10 +105,7 @@ impl Scan {
             }
             (Within::Nothing | Within::Data, None) => {
                 if let Some(name) = declared(text).filter(|_| self.within == Within::Data) {
-                    let name = hash(&text[name]);
-                    let entry = Entry { name, start, len: u32::try_from(len).ok()?, uses: Uses::None };
-                    self.index.entries.push(entry);
-                    return Some(());
+                    return self.declare(text, name, start, line.len());
                 }
                 if self.head.text.len() > PIECE || is_motion(word) {
                     return None;
@@ -115,6 +123,16 @@ impl Scan {
             }
             _ => return None,
         }
+        Some(())
+    }
+
+    /// A target's declaration.
+    fn declare(&mut self, text: &[u8], name: Range<usize>, start: u64, len: usize) -> Option<()> {
+        if self.lead != text[..name.start] {
+            self.lead = text[..name.start].to_vec();
+        }
+        let entry = Entry { name: hash(&text[name]), start, len: u32::try_from(len).ok()?, uses: Uses::None };
+        self.index.entries.push(entry);
         Some(())
     }
 
@@ -167,6 +185,7 @@ impl Index {
             routines: Vec::new(),
             within: Within::Nothing,
             next: 0,
+            lead: Vec::new(),
         };
         let (mut line, mut start, mut lines) = (Vec::new(), 0, 0);
         loop {
@@ -221,11 +240,8 @@ impl Index {
 
     /// The declarations of the targets that motions go to, in the order of the file.
     pub(super) fn of(&self, body: &[u8]) -> Vec<Entry> {
-        let (mut found, mut at, mut next) = (Vec::new(), 0, 0);
-        while at < body.len() {
-            let line = line_of(&body[at..]);
-            at += line.len();
-            let text = line.trim_ascii();
+        let (mut found, mut next) = (Vec::new(), 0);
+        for text in lines(body).map(<[u8]>::trim_ascii) {
             if let Some(entry) = target(text).and_then(|name| self.position(&text[name], next)) {
                 found.push(entry);
                 next = entry + 1;
@@ -281,10 +297,15 @@ pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
         return None;
     }
     let kind = word(text, storage.end)?;
-    let name = word(text, kind.end)?;
+    declared_behind(text, kind.end).filter(|_| text[kind].eq_ignore_ascii_case(b"robtarget"))
+}
+
+/// The same behind storage and type.
+fn declared_behind(text: &[u8], from: usize) -> Option<Range<usize>> {
+    let name = word(text, from)?;
     let value = text[name.end..].trim_ascii_start().strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
     let alone = value.starts_with(b"[") && memchr::memchr3(b';', b'!', b'"', value).is_none();
-    (text[kind].eq_ignore_ascii_case(b"robtarget") && alone).then_some(name)
+    alone.then_some(name)
 }
 
 /// Where the first argument of a motion stands, if it is a name.

@@ -143,7 +143,8 @@ impl Piece {
                 _ => self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() }),
             }
         }
-        self.source.bytes.splice(data..data, text.iter().copied());
+        let (before, behind) = self.source.bytes.split_at(data);
+        self.source.bytes = [before, text, behind].concat();
         let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
         (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
         self.head += text.len();

@@ -11,7 +11,7 @@ use super::lex::{self, Cursor, Kind};
 use super::piece::{Piece, layout};
 use super::symbols::harmless;
 use crate::program::{Language, Mark, Next, detect};
-use crate::text::{Source, Span};
+use crate::text::{Source, Span, lines};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
@@ -26,6 +26,9 @@ const MOTIONS: u32 = 1024;
 
 /// What a piece may have to read on to the end of a line: shorter ones only matter to small pieces.
 const LONGEST: usize = 4096;
+
+/// Pieces that are read at once.
+const AHEAD: usize = 4;
 
 /// What begins a body.
 const FIRST: &[u8] = b"MoveL";
@@ -47,8 +50,9 @@ pub struct Pieces<R> {
     head: Vec<u8>,
     head_lines: usize,
     plain_head: bool,
-    /// Read and not yet cut.
+    /// Read and, from an offset on, not yet cut.
     rest: Vec<u8>,
+    cut: usize,
     lines: usize,
     motions: u32,
     /// Line of the last motion.
@@ -90,7 +94,7 @@ impl<R: Read> Pieces<R> {
         file.by_ref().take(TAIL).read_to_end(&mut tail)?;
         file.rewind()?;
         let ends = |line: &&[u8]| first_word(line.trim_ascii()).eq_ignore_ascii_case(b"ENDPROC");
-        match tail.split(|b| *b == b'\n').filter(ends).nth(1) {
+        match lines(&tail).filter(ends).nth(1) {
             Some(_) => Ok(None),
             None => Self::new(name, file, context),
         }
@@ -115,6 +119,7 @@ impl<R: Read> Pieces<R> {
             head_lines: 0,
             plain_head: false,
             rest: Vec::new(),
+            cut: 0,
             lines: 0,
             motions: 0,
             last_line: 0,
@@ -122,7 +127,8 @@ impl<R: Read> Pieces<R> {
             state: State::First,
         };
         pieces.fill(PIECE)?;
-        let Some(first) = first_motion(&pieces.rest) else { return Ok(None) };
+        let begin = &pieces.rest[..pieces.rest.len().min(PIECE)];
+        let Some(first) = first_motion(begin) else { return Ok(None) };
         pieces.head = pieces.rest.drain(..first).collect();
         pieces.head_lines = pieces.head.iter().filter(|b| **b == b'\n').count();
         let comments = pieces.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
@@ -163,6 +169,7 @@ impl<R: Read> Pieces<R> {
             head_lines,
             plain_head,
             rest: Vec::new(),
+            cut: 0,
             lines,
             motions: 0,
             last_line: 0,
@@ -173,8 +180,11 @@ impl<R: Read> Pieces<R> {
 
     /// Reads until so many bytes wait, or to the end.
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
-        let missing = wanted.saturating_sub(self.rest.len());
-        self.input.by_ref().take(missing as u64).read_to_end(&mut self.rest)?;
+        if self.rest.len() - self.cut < wanted {
+            self.rest.drain(..std::mem::take(&mut self.cut));
+            let missing = wanted + AHEAD * self.piece - self.rest.len();
+            self.input.by_ref().take(missing as u64).read_to_end(&mut self.rest)?;
+        }
         Ok(())
     }
 
@@ -203,18 +213,19 @@ impl<R: Read> Pieces<R> {
         let before = if first { &[][..] } else { &mark };
         bytes.extend_from_slice(before);
         let from = bytes.len();
-        bytes.extend_from_slice(&self.rest[..cut.stretch]);
+        bytes.extend_from_slice(&self.rest[self.cut..self.cut + cut.stretch]);
         let stretch = from..bytes.len();
         let mut own = if first { 0 } else { from }..bytes.len();
-        self.rest.drain(..cut.stretch);
+        self.cut += cut.stretch;
         self.lines += cut.lines;
         self.state = State::Further;
         if cut.last {
             self.fill(HEAD + 1)?;
-            if !is_end(&self.rest) {
+            let end = &self.rest[self.cut..];
+            if !is_end(end) {
                 return Ok(Next::NotStraight);
             }
-            bytes.append(&mut self.rest);
+            bytes.extend_from_slice(end);
             own.end = bytes.len();
             self.state = State::Ended;
         } else {
@@ -253,10 +264,11 @@ impl<R: Read> Pieces<R> {
     /// Where the stretch ends that begins at `rest`; its motions and marks are counted.
     fn cut(&mut self) -> Option<Cut> {
         let (mut at, mut lines, mut behind_motion) = (0, 0, false);
-        let whole = self.rest.len() < 2 * self.piece + LONGEST;
+        let rest = &self.rest[self.cut..];
+        let whole = rest.len() < 2 * self.piece + LONGEST;
         let most = self.motions + MOTIONS;
         while at < self.piece && self.motions < most || !behind_motion {
-            let line = line_of(&self.rest[at..]);
+            let line = line_of(&rest[at..]);
             let ended = line.last() == Some(&b'\n');
             if line.is_empty() || !ended && !whole {
                 // The program ends without ENDPROC, or a line never ends.

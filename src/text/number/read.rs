@@ -106,8 +106,7 @@ pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
     let first = *bytes.first()?;
     let negative = first == b'-';
     let sign = usize::from(negative | (first == b'+'));
-    // Few digits before the point, as of most numbers.
-    let (mut mantissa, whole) = append_digits_plain(0, &bytes[sign..]);
+    let (mut mantissa, whole) = append_digits(0, &bytes[sign..]);
     let (mut len, mut decimals) = (sign + whole, 0);
     if let Some((b'.', behind)) = bytes[len..].split_first() {
         (mantissa, decimals) = append_digits(mantissa, behind);
