@@ -20,7 +20,9 @@ const DECIMALS: [usize; NUMBERS] = [
     POSITION, POSITION, POSITION, ERROR, ERROR, ERROR, ERROR, ANGLE, ANGLE, ANGLE, ERROR, ERROR, ERROR, ERROR, ANGLE,
     ANGLE, ANGLE, ERROR, FORCE, FORCE, FORCE,
 ];
-const TENS: [f64; NUMBERS] = number::tens(DECIMALS);
+/// In rows of eight.
+const BLOCKS: usize = NUMBERS.div_ceil(8);
+const ROW: number::Row<BLOCKS> = number::Row::new(&DECIMALS);
 
 /// Writes report rows, one a target.
 ///
@@ -35,7 +37,7 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     let mut line = Vec::with_capacity(256 * rows.len());
-    let mut fields = Fields::new();
+    let mut fields = number::Fields::new();
     for row in rows {
         let status = match row.status {
             Status::Ok => "ok",
@@ -51,12 +53,11 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
             line.push(b',');
         }
         let values = numbers(row);
-        match number::scaled_row(&values, &TENS) {
-            Some(digits) => {
-                take(&mut fields, &values, &digits);
-                line.extend_from_slice(fields.take());
-            }
-            None => append_plain(&mut line, &values),
+        if ROW.read(&values, &mut fields) {
+            take(&mut fields);
+            line.extend_from_slice(fields.take());
+        } else {
+            append_plain(&mut line, &values);
         }
         if let Some(sigma) = row.sigma_mm {
             number::write_fixed(&mut line, sigma, ERROR);
@@ -66,8 +67,10 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     line
 }
 
-/// The numbers between status and sigma.
-fn numbers(row: &Row) -> [f64; NUMBERS] {
+/// Numbers between status and sigma.
+type Numbers = [[f64; 8]; BLOCKS];
+
+fn numbers(row: &Row) -> Numbers {
     let [x, y, z] = row.position_mm;
     let [ex, ey, ez] = row.error_mm;
     let [erx, ery, erz] = row.error_deg;
@@ -75,30 +78,26 @@ fn numbers(row: &Row) -> [f64; NUMBERS] {
     let [crx, cry, crz] = row.correction_deg;
     let [fx, fy, fz] = row.force_n;
     let (error, normal, remaining) = (row.error_norm_mm(), row.error_normal_mm, row.remaining_norm_mm());
-    [x, y, z, ex, ey, ez, error, erx, ery, erz, normal, cx, cy, cz, crx, cry, crz, remaining, fx, fy, fz]
+    [
+        [x, y, z, ex, ey, ez, error, erx],
+        [ery, erz, normal, cx, cy, cz, crx, cry],
+        [crz, remaining, fx, fy, fz, 0.0, 0.0, 0.0],
+    ]
 }
 
-/// Room for the numbers.
-type Fields = number::Fields<{ number::Fields::<0>::size(NUMBERS) }>;
-
-/// Takes the numbers, given their digits: what [`append_plain`] writes.
-fn take(fields: &mut Fields, values: &[f64; NUMBERS], digits: &[u64; NUMBERS]) {
-    fn group<const DECIMALS: usize>(fields: &mut Fields, values: &[f64], digits: &[u64]) {
-        for (value, digits) in values.iter().zip(digits) {
-            fields.push::<DECIMALS>(*value, *digits);
-        }
-    }
-    group::<POSITION>(fields, &values[..3], &digits[..3]);
-    group::<ERROR>(fields, &values[3..7], &digits[3..7]);
-    group::<ANGLE>(fields, &values[7..10], &digits[7..10]);
-    group::<ERROR>(fields, &values[10..14], &digits[10..14]);
-    group::<ANGLE>(fields, &values[14..17], &digits[14..17]);
-    group::<ERROR>(fields, &values[17..18], &digits[17..18]);
-    group::<FORCE>(fields, &values[18..], &digits[18..]);
+/// Takes the numbers: what [`append_plain`] writes.
+fn take(fields: &mut number::Fields<BLOCKS>) {
+    (0..3).for_each(|i| fields.push::<POSITION>(i));
+    (3..7).for_each(|i| fields.push::<ERROR>(i));
+    (7..10).for_each(|i| fields.push::<ANGLE>(i));
+    (10..14).for_each(|i| fields.push::<ERROR>(i));
+    (14..17).for_each(|i| fields.push::<ANGLE>(i));
+    fields.push::<ERROR>(17);
+    (18..21).for_each(|i| fields.push::<FORCE>(i));
 }
 
-fn append_plain(line: &mut Vec<u8>, values: &[f64; NUMBERS]) {
-    for (&value, decimals) in values.iter().zip(DECIMALS) {
+fn append_plain(line: &mut Vec<u8>, values: &Numbers) {
+    for (&value, decimals) in values.as_flattened().iter().zip(DECIMALS) {
         number::write_fixed(line, value, decimals);
         line.push(b',');
     }
@@ -115,14 +114,31 @@ mod tests {
             values in any::<[i32; NUMBERS]>(),
             bits in prop::collection::vec(0..32, NUMBERS),
         ) {
-            // Digits below 10^9, next to none of them close to a tie.
-            let values = std::array::from_fn(|i| 0.4 * f64::from(values[i] >> bits[i]) / TENS[i]);
-            let digits = number::scaled_row(&values, &TENS);
-            prop_assume!(digits.is_some());
-            let (mut fast, mut plain) = (Fields::new(), Vec::new());
-            take(&mut fast, &values, &digits.unwrap());
-            append_plain(&mut plain, &values);
-            prop_assert_eq!(String::from_utf8_lossy(fast.take()), String::from_utf8_lossy(&plain));
+            // Digits below 10^9, next to none of them close to a tie; half of them small.
+            let mut rows = [[0.0; 8]; BLOCKS];
+            for (i, (value, bits)) in values.iter().zip(&bits).enumerate() {
+                let ten = 10_f64.powi(i32::try_from(DECIMALS[i]).unwrap());
+                rows.as_flattened_mut()[i] = 0.4 * f64::from(value >> bits) / ten;
+            }
+            let (mut fields, mut plain) = (number::Fields::new(), Vec::new());
+            prop_assume!(ROW.read(&rows, &mut fields));
+            take(&mut fields);
+            append_plain(&mut plain, &rows);
+            prop_assert_eq!(String::from_utf8_lossy(fields.take()), String::from_utf8_lossy(&plain));
+        }
+
+        #[test]
+        fn numbers_that_need_a_closer_look_get_it(value in any::<f64>(), halves in -3000..3000_i32, at in 0..NUMBERS) {
+            for value in [value, f64::from(halves) / 2.0 / 10_f64.powi(i32::try_from(DECIMALS[at]).unwrap()), f64::NAN, 1e9, -0.0] {
+                let mut rows = [[0.0; 8]; BLOCKS];
+                rows.as_flattened_mut()[at] = value;
+                let (mut fields, mut plain) = (number::Fields::new(), Vec::new());
+                if ROW.read(&rows, &mut fields) {
+                    take(&mut fields);
+                    append_plain(&mut plain, &rows);
+                    prop_assert_eq!(String::from_utf8_lossy(fields.take()), String::from_utf8_lossy(&plain));
+                }
+            }
         }
     }
 }

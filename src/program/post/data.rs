@@ -34,24 +34,21 @@ fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
 
 /// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
 pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Conf) {
-    const TENS: [f64; 7] = number::tens([MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
+    const ROW: number::Row<1> = number::Row::new(&[MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
     let ([x, y, z], [q1, q2, q3, q4]) = (*mm, *quat);
-    let values = [x, y, z, q1, q2, q3, q4];
+    let values = [[x, y, z, q1, q2, q3, q4, 0.0]];
+    let mut fields = number::Fields::new();
     out.push(b'[');
-    match number::scaled_row(&values, &TENS) {
-        Some(digits) => {
-            let mut fields = number::Fields::<{ number::Fields::<0>::size(7) }>::new();
-            (0..3).for_each(|i| fields.push::<MM>(values[i], digits[i]));
-            closed(out, fields.take());
-            (3..7).for_each(|i| fields.push::<QUAT>(values[i], digits[i]));
-            closed(out, fields.take());
-        }
-        None => {
-            list(out, mm, MM);
-            out.push(b',');
-            list(out, quat, QUAT);
-            out.push(b',');
-        }
+    if ROW.read(&values, &mut fields) {
+        (0..3).for_each(|i| fields.push::<MM>(i));
+        closed(out, fields.take());
+        (3..7).for_each(|i| fields.push::<QUAT>(i));
+        closed(out, fields.take());
+    } else {
+        list(out, mm, MM);
+        out.push(b',');
+        list(out, quat, QUAT);
+        out.push(b',');
     }
     quarters(out, conf);
     out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");

@@ -4,14 +4,16 @@
 //! library: [`read_plain`] and [`write_fixed_plain`] are the reference that the fast paths agree with.
 
 mod read;
+mod row;
 mod write;
 
 #[cfg(test)]
 pub(crate) use read::read_plain;
 pub(crate) use read::{Leading, decimals, is_none, read, read_leading};
+pub(crate) use row::{Fields, Row};
 #[cfg(test)]
 pub(crate) use write::write_fixed_plain;
-pub(crate) use write::{Fields, Fixed, printed, scaled_row, tens, write_fixed, write_whole};
+pub(crate) use write::{Fixed, printed, write_fixed, write_whole};
 
 /// Powers of ten that are exact in binary.
 const TENS: [f64; 23] = [
@@ -97,11 +99,12 @@ mod tests {
         fn rows_print_as_the_reference_does(values in any::<[i32; 3]>(), bits in 0..32, close in -2_i64..3) {
             // Numbers around ties, too.
             let values = values.map(|v| f64::from_bits((f64::from(v >> bits) / 2048.0).to_bits().wrapping_add_signed(close)));
-            if let Some([a, b, c]) = scaled_row(&values, &tens([3, 6, 7])) {
-                let (mut fast, mut plain) = (Fields::<{ Fields::<0>::size(3) }>::new(), Vec::new());
-                fast.push::<3>(values[0], a);
-                fast.push::<6>(values[1], b);
-                fast.push::<7>(values[2], c);
+            let (mut fast, mut plain) = (Fields::<1>::new(), Vec::new());
+            let [a, b, c] = values;
+            if Row::new(&[3, 6, 7]).read(&[[a, b, c, 0.0, 0.0, 0.0, 0.0, 0.0]], &mut fast) {
+                fast.push::<3>(0);
+                fast.push::<6>(1);
+                fast.push::<7>(2);
                 for (value, decimals) in values.into_iter().zip([3, 6, 7]) {
                     write_fixed_plain(&mut plain, value, decimals);
                     plain.push(b',');

@@ -46,7 +46,7 @@ pub(crate) fn write_whole(out: &mut Vec<u8>, value: u32) {
             place[at] = digit;
             at += 1;
         }
-        place[at..at + 8].copy_from_slice(&eight(low));
+        place[at..at + 8].copy_from_slice(&eight(low).to_le_bytes());
         at + 8
     };
     give_back(out, len);
@@ -170,37 +170,6 @@ fn fits<const DECIMALS: usize>(digits: u64) -> bool {
     digits < EIGHT_DIGITS * WHOLE_TENS[DECIMALS]
 }
 
-/// Numbers on their way into a line, a comma behind each.
-pub(crate) struct Fields<const SIZE: usize> {
-    text: [u8; SIZE],
-    len: usize,
-}
-
-impl<const SIZE: usize> Fields<SIZE> {
-    /// Room for so many numbers is `SIZE`.
-    pub(crate) const fn size(numbers: usize) -> usize {
-        numbers * Fixed::SIZE
-    }
-
-    pub(crate) fn new() -> Self {
-        Self { text: [0; SIZE], len: 0 }
-    }
-
-    /// Takes one value of a [`scaled_row`], of so many decimals.
-    #[inline]
-    pub(crate) fn push<const DECIMALS: usize>(&mut self, value: f64, digits: u64) {
-        let Some(place) = self.text[self.len..].first_chunk_mut() else { unreachable!("there is room for all") };
-        let len = put::<DECIMALS>(value < 0.0 && digits != 0, digits, place);
-        place[len] = b',';
-        self.len += len + 1;
-    }
-
-    /// What has been taken since the last time.
-    pub(crate) fn take(&mut self) -> &[u8] {
-        &self.text[..std::mem::take(&mut self.len)]
-    }
-}
-
 /// Writes digits to the beginning of `place`; their count.
 #[inline]
 fn put<const DECIMALS: usize>(negative: bool, digits: u64, place: &mut [u8; Fixed::SIZE]) -> usize {
@@ -210,7 +179,7 @@ fn put<const DECIMALS: usize>(negative: bool, digits: u64, place: &mut [u8; Fixe
     place[0] = b'-';
     let sign = usize::from(negative);
     let at = sign + put_whole(whole, &mut place[sign..]);
-    let part = eight(part * WHOLE_TENS[8 - DECIMALS]);
+    let part = eight(part * WHOLE_TENS[8 - DECIMALS]).to_le_bytes();
     place[at] = b'.';
     place[at + 1..at + 9].copy_from_slice(&part);
     at + 1 + DECIMALS
@@ -223,15 +192,21 @@ fn put_whole(number: u64, place: &mut [u8]) -> usize {
         place[0] = pair(number)[1];
         return 1;
     }
-    let text = u64::from_le_bytes(eight(number));
-    let zeros = (text & 0x0F0F_0F0F_0F0F_0F0F).trailing_zeros() as usize / 8;
-    place[..8].copy_from_slice(&(text >> (8 * zeros)).to_le_bytes());
-    8 - zeros
+    let (text, len) = without_zeros(eight(number));
+    place[..8].copy_from_slice(&text.to_le_bytes());
+    len
 }
 
-/// The last eight digits of a number below [`EIGHT_DIGITS`], zeros before it.
+/// Eight digits, but for the zeros before the others or the last one, and how many these are.
 #[inline]
-fn eight(number: u64) -> [u8; 8] {
+pub(super) fn without_zeros(text: u64) -> (u64, usize) {
+    let zeros = ((text & 0x0F0F_0F0F_0F0F_0F0F).trailing_zeros() as usize / 8).min(7);
+    (text >> (8 * zeros), 8 - zeros)
+}
+
+/// The eight digits of a number below [`EIGHT_DIGITS`], zeros before it: a text whose first byte is the lowest.
+#[inline]
+fn eight(number: u64) -> u64 {
     // Parts side by side in one register: two of four digits, four of two, eight of one; the first the lowest.
     let high = (number * 109_951_163) >> 40;
     let fours = high | ((number - 10_000 * high) << 32);
@@ -239,8 +214,11 @@ fn eight(number: u64) -> [u8; 8] {
     let pairs = hundreds | ((fours - 100 * hundreds) << 16);
     let tens = (pairs * 103) >> 10 & 0xF_000F_000F_000F;
     let digits = tens | ((pairs - 10 * tens) << 8);
-    (digits | 0x3030_3030_3030_3030).to_le_bytes()
+    digits | ZEROS
 }
+
+/// Eight zeros.
+pub(super) const ZEROS: u64 = 0x3030_3030_3030_3030;
 
 /// Two digits of a number below 100.
 fn pair(number: u64) -> [u8; 2] {
@@ -259,42 +237,20 @@ const PAIRS: [[u8; 2]; 256] = {
 };
 
 /// Products below are off by less than 1e9 · 2^-53, a tenth of what a tie is kept away.
-const SMALL: f64 = 1e9;
-const FROM_TIE: f64 = 1e-6;
+pub(super) const SMALL: f64 = 1e9;
+pub(super) const FROM_TIE: f64 = 1e-6;
+
+/// From here on doubles are integers: what is added to it is rounded to one, which stands in the lowest bits.
+pub(super) const INTEGERS: f64 = 4_503_599_627_370_496.0;
 
 /// A number that is not negative times a power of ten, as the nearest integer; false where it is not small or close to a tie,
 /// so that the product's own rounding could matter.
 #[inline]
 fn nearest(size: f64, ten: f64) -> (u64, bool) {
-    /// From here on doubles are integers: what is added to it is rounded to one, which stands in the lowest bits.
-    const INTEGERS: f64 = 4_503_599_627_370_496.0;
     let product = size * ten;
     let rounded = product + INTEGERS;
     let sure = (product < SMALL) & ((product - (rounded - INTEGERS)).abs() < 0.5 - FROM_TIE);
     (rounded.to_bits() & ((1 << 52) - 1), sure)
-}
-
-/// 10^decimals, of each.
-pub(crate) const fn tens<const N: usize>(decimals: [usize; N]) -> [f64; N] {
-    let mut tens = [0.0; N];
-    let mut i = 0;
-    while i < N {
-        tens[i] = TENS[decimals[i]];
-        i += 1;
-    }
-    tens
-}
-
-/// The digits of numbers with as many decimals as [`tens`] was made of; `None` where [`write_fixed`] has to look closer at one.
-#[inline]
-pub(crate) fn scaled_row<const N: usize>(values: &[f64; N], tens: &[f64; N]) -> Option<[u64; N]> {
-    let (mut digits, mut all) = ([0; N], true);
-    for i in 0..N {
-        let (whole, sure) = nearest(values[i].abs(), tens[i]);
-        digits[i] = whole;
-        all &= sure;
-    }
-    all.then_some(digits)
 }
 
 /// [`scaled`] where the product's own rounding cannot matter: small numbers that are not close to a tie.
@@ -339,7 +295,7 @@ mod tests {
     fn eight_digits_are_two_times_four() {
         for four in 0..10_000 {
             for number in [four, 10_000 * four, 10_001 * four] {
-                assert_eq!(std::str::from_utf8(&eight(number)), Ok(&*format!("{number:08}")));
+                assert_eq!(std::str::from_utf8(&eight(number).to_le_bytes()), Ok(&*format!("{number:08}")));
             }
         }
     }
