@@ -8,12 +8,13 @@ use super::spread::Spread;
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{Aim, EquilibriumError};
+use crate::equilibrium::{Aim, EquilibriumError, Foreseen};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
+use std::f64::consts::SQRT_2;
 
 /// A corrected program.
 #[derive(Debug)]
@@ -50,8 +51,9 @@ pub struct Posted {
 /// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
 pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
 
-/// Corrections up to this size do not count as a change, mm and degrees: rounding of f64.
-const NO_CHANGE: f64 = 1e-9;
+/// Corrections up to this size do not count as a change: rounding of f64.
+const NO_CHANGE_MM: f64 = 1e-9;
+const NO_CHANGE_RAD: f64 = 1e-11;
 
 /// Predicts what the cell would make of a program, without correcting it.
 ///
@@ -83,10 +85,7 @@ pub(super) fn foreseen(
     spread: Spread,
 ) -> Corrected {
     let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let there = {
-        let near = |_| (Joints::zeros(), 0.0);
-        Solver::new(&cell.arm, prepared, spread).forward(&commands, near)
-    };
+    let there = { Solver::new(&cell.arm, prepared, spread).forward(&commands, |_| Foreseen::default()) };
     let mut out = Collected::new(program, prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
@@ -184,7 +183,6 @@ pub(super) fn piece(
     let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
     let solver = Solver::new(arm, &prepared, spread);
     let first = solver.first(&wishes);
-    let near = |i: usize| (first[i].as_ref().map_or_else(|_| Joints::zeros(), Aim::deflection), 0.0);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
     let solved = solver.commands(&wishes, &first, &travels);
 
@@ -243,12 +241,18 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
-    let after = solver.forward(&travels, near);
-    let nearer = |i: usize| {
+    let uncorrected =
+        solver.forward(&as_programmed, |i| first[i].as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected));
+    let after = solver.forward(&travels, |i| {
+        let (Ok(aim), Ok(solved), Ok(uncorrected)) = (&first[i], &solved[i], &uncorrected[i]) else {
+            return Foreseen::default();
+        };
+        // What printing leaves of the command.
+        let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
+        let near = aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected.gain);
         // What feeds back is much the same with and without the correction.
-        (near(i).0, after[i].as_ref().map_or(0.0, |there| there.share))
-    };
-    let uncorrected = solver.forward(&as_programmed, nearer);
+        Foreseen { share: uncorrected.share, ..near }
+    });
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -331,9 +335,11 @@ fn posted(
 
 /// The change of a target, or `None` where nothing is to be changed.
 fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Cell) -> Option<Change> {
-    let (shift, turn) = difference(&point.wobj_from_tcp, &solved.wobj_from_tcp);
-    let still = |v: [f64; 3]| Vector3::from(v).norm() < NO_CHANGE;
-    if wish == Wish::Keep || (still(shift) && still(turn)) {
+    let (from, to) = (&point.wobj_from_tcp, &solved.wobj_from_tcp);
+    let shifted = 1e3 * (to.translation.vector - from.translation.vector).norm() >= NO_CHANGE_MM;
+    // √2 times the angle.
+    let turned = (to.rotation.matrix() - from.rotation.matrix()).norm() >= NO_CHANGE_RAD * SQRT_2;
+    if wish == Wish::Keep || !(shifted || turned) {
         return None;
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
@@ -341,7 +347,7 @@ fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Ce
     // confdata follow only where they were true: posts write dummies.
     let was = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|_| conf_of(robot, &solved.motor));
-    Some(Change { position_mm, quat: (wish == Wish::Pose && !still(turn)).then_some(quat), conf })
+    Some(Change { position_mm, quat: (wish == Wish::Pose && turned).then_some(quat), conf })
 }
 
 /// What is said of a run, once.

@@ -3,7 +3,7 @@
 use super::frames::{self, pose};
 use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
-use crate::cutting::{ContactPoint, FeedTable, ForceTable, Milling, feed_frame};
+use crate::cutting::{ContactPoint, FeedTable, ForceTable, Lean, Milling};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
 use crate::equilibrium::Site;
 use crate::lanes::WIDTH;
@@ -60,6 +60,8 @@ pub(super) enum PointLoad {
 pub(super) struct Law {
     milling: Arc<Milling>,
     table: Arc<FeedTable>,
+    /// N/m, feed frame.
+    slope: Vector3<f64>,
 }
 
 impl ForceLaw for Law {
@@ -70,12 +72,16 @@ impl ForceLaw for Law {
     fn forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
         self.table.mean_forces(places, forces);
     }
+
+    fn slope(&self) -> Vector3<f64> {
+        self.slope
+    }
 }
 
 impl Law {
     /// Contact point from the tip, feed frame, m, for a tool axis in the feed frame.
     fn contact(&self, axis: &Vector3<f64>) -> Option<Vector3<f64>> {
-        match self.milling.contact_point(&Unit::new_normalize(*axis)) {
+        match self.milling.contact_point(&Unit::new_unchecked(*axis)) {
             ContactPoint::Point(point) => Some(point),
             ContactPoint::FlatDisk | ContactPoint::Heel(_) => None,
         }
@@ -358,7 +364,7 @@ impl Walk<'_, '_> {
             _ => 0.0,
         };
         let axis = tool_axis(&wobj_from_tcp);
-        let frame = direction.and_then(|d| self.carried.laws.feed_frame(&axis, &d));
+        let frame = direction.and_then(|d| self.carried.laws.lean.feed_frame(&Unit::new_normalize(axis), &d));
         let frame = frame.or_else(|| {
             previous.and_then(|p| match p.load {
                 PointLoad::Law(_, frame) => Some(frame),
@@ -492,6 +498,7 @@ impl Walk<'_, '_> {
 struct Laws<'a> {
     cut: Option<&'a Cut>,
     milling: Option<(Arc<Milling>, Arc<ForceTable>)>,
+    lean: Lean,
     laws: Vec<Law>,
 }
 
@@ -509,19 +516,13 @@ impl<'a> Laws<'a> {
             }
             _ => None,
         };
+        let lean = milling.as_ref().map(Milling::engagement).map_or((0.0, 0.0), |e| (e.lead, e.tilt));
         let milling = milling.map(|milling| (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling))));
-        Ok(Self { cut, milling, laws: Vec::new() })
+        Ok(Self { cut, milling, lean: Lean::new(lean.0, lean.1), laws: Vec::new() })
     }
 
     fn has_engagement(&self) -> bool {
         self.milling.is_some()
-    }
-
-    /// Feed frame in the work object.
-    fn feed_frame(&self, axis: &Vector3<f64>, feed: &Vector3<f64>) -> Option<Rotation3<f64>> {
-        let (lead, tilt) =
-            self.milling.as_ref().map_or((0.0, 0.0), |(m, _)| (m.engagement().lead, m.engagement().tilt));
-        feed_frame(&Unit::new_normalize(*axis), feed, lead, tilt)
     }
 
     fn load(
@@ -598,8 +599,12 @@ impl<'a> Laws<'a> {
             return index;
         }
         if let Some((milling, table)) = &self.milling {
+            /// Small against a depth of cut, large against rounding, m.
+            const LIFT: f64 = 1e-6;
             let table = Arc::new(table.at_feed(feed_per_tooth));
-            self.laws.push(Law { milling: milling.clone(), table });
+            let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &milling.axis_in_feed());
+            let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
+            self.laws.push(Law { milling: milling.clone(), table, slope });
         }
         self.laws.len() - 1
     }

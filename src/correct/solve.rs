@@ -3,7 +3,9 @@
 use super::path::{Point, TRAVEL_THRESHOLD, travel};
 use super::spread::Spread;
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Aim, Arm, Command, EightArm, EquilibriumError, Given, Landing, Near, Room, Start};
+use crate::equilibrium::{
+    Aim, Arm, Command, EightArm, EquilibriumError, Feedback, Foreseen, Given, Landing, Near, Room, Start,
+};
 use crate::lanes::WIDTH;
 use crate::program::Editable;
 use crate::robot::{Eight, Joints, Place, Pose, Unreachable};
@@ -133,19 +135,19 @@ impl<'a> Solver<'a> {
             Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
             Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
         };
-        Ok(Aim { motor, free, lost })
+        Ok(Aim { motor, free, lost, feedback: Feedback::default() })
     }
 
-    /// Forward equilibria of given commands, in order, from deflections (rad) and shares of [`Near`] that are about right.
+    /// Forward equilibria of given commands, in order, from what is known of them.
     pub(super) fn forward(
         &self,
         commands: &[(Joints, Joints)],
-        near: impl Fn(usize) -> (Joints, f64) + Sync,
+        near: impl Fn(usize) -> Foreseen + Sync,
     ) -> Vec<Result<Landing, EquilibriumError>> {
         let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
             let given = |&i: &usize| {
-                let ((motor, travel), (deflection, share)) = (&commands[i], near(i));
-                Given { site: self.prepared.site(i), motor, travel, deflection, share }
+                let (motor, travel) = &commands[i];
+                Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
             let given: SmallVec<[_; WIDTH]> = asked.iter().map(given).collect();
             if let Some(arm) = &self.many {
@@ -153,7 +155,7 @@ impl<'a> Solver<'a> {
             }
         };
         let one = |room: &mut Room, i: usize| {
-            let ((motor, travel), (deflection, share)) = (&commands[i], near(i));
+            let ((motor, travel), Foreseen { deflection, share, .. }) = (&commands[i], near(i));
             let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
             self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
         };

@@ -40,7 +40,7 @@ fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
     if flat <= 0.0 {
         return Some(corner);
     }
-    let sine = axis.x.hypot(axis.y);
+    let sine = (axis.x * axis.x + axis.y * axis.y).sqrt();
     let up_the_disk = (Vector3::z() - axis.into_inner() * axis.z) / sine;
     (sine > SQUARE_SINE).then(|| corner - up_the_disk * flat)
 }

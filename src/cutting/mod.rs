@@ -22,6 +22,7 @@ mod silhouette;
 mod table;
 
 pub use contact::ContactPoint;
+pub(crate) use frame::Lean;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling};
 pub use table::{FeedTable, ForceTable, TABLE_BOUND};

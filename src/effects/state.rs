@@ -25,6 +25,12 @@ pub trait ForceLaw: Sync {
             *force = self.force(shift, axis);
         }
     }
+
+    /// What a lift of the tip along the surface normal adds to the force at the wanted pose, N/m, feed frame, about: a guess
+    /// at how the force feeds back. Zero where nothing is known.
+    fn slope(&self) -> Vector3<f64> {
+        Vector3::zeros()
+    }
 }
 
 /// The cut at one target.

@@ -1,4 +1,5 @@
 use super::arm::Look;
+use super::predict::Foreseen;
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose, polish};
@@ -26,9 +27,39 @@ pub(crate) struct Aim {
     pub(crate) free: Joints,
     /// Lost motion to add in the direction of travel, rad, not negative.
     pub(crate) lost: Joints,
+    /// How its equilibria and those close by feed back.
+    pub(crate) feedback: Feedback,
+}
+
+/// How the depth of cut feeds back: a lift of the tip changes the force, to which the joints yield, which lifts the tip.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Feedback {
+    /// What the joints yield by to a lift of the tip along the surface normal, rad/m.
+    pub(crate) yielding: Joints,
+    /// See [`Near`](super::Near).
+    pub(crate) share: f64,
+    /// Of the tip from the wanted pose at the equilibrium of the nominal arm's motor angles there, about, m.
+    pub(crate) lift: f64,
 }
 
 impl Aim {
+    /// Where to begin with the equilibrium of the nominal arm's motor angles.
+    pub(crate) fn uncorrected(&self) -> Foreseen {
+        self.foreseen(self.feedback.lift, 1.0)
+    }
+
+    /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it, given
+    /// what a round gains there.
+    pub(crate) fn corrected(&self, lift: f64, gain: f64) -> Foreseen {
+        self.foreseen(lift * (1.0 - self.feedback.share), gain)
+    }
+
+    fn foreseen(&self, lift: f64, gain: f64) -> Foreseen {
+        let deflection = self.deflection();
+        let Feedback { yielding, share, .. } = self.feedback;
+        Foreseen { deflection: deflection + yielding * lift, share, left: deflection.norm_squared(), gain }
+    }
+
     /// [`Command::deflection`].
     pub(crate) fn deflection(&self) -> Joints {
         self.motor - self.free

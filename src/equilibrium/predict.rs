@@ -82,6 +82,7 @@ impl Arm {
             wobj_from_tcp: there.seen,
             cut: rounds.rounds[there.last].look.load.cut,
             share: there.known.share,
+            gain: 1.0,
         })
     }
 
@@ -213,6 +214,27 @@ pub(crate) struct Landing {
     pub(crate) cut: Vector3<f64>,
     /// For starts close by, see [`Near`].
     pub(crate) share: f64,
+    /// The most that a round left of what it found, squared; 1 where that is not known.
+    pub(crate) gain: f64,
+}
+
+/// What is known of an equilibrium beforehand.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Foreseen {
+    /// Actual minus commanded motor angles but for lost motion, about, rad.
+    pub(crate) deflection: Joints,
+    /// See [`Near`].
+    pub(crate) share: f64,
+    /// What the look that this comes from had left, rad², or 0.
+    pub(crate) left: f64,
+    /// See [`Landing`].
+    pub(crate) gain: f64,
+}
+
+impl Default for Foreseen {
+    fn default() -> Self {
+        Self { deflection: Joints::zeros(), share: 0.0, left: 0.0, gain: 1.0 }
+    }
 }
 
 /// Where an attempt came to.

@@ -87,8 +87,6 @@ impl From<f64> for Lanes {
 }
 
 impl Mask {
-    pub(crate) const NONE: Self = Self([0; WIDTH]);
-
     /// The first so many lanes.
     pub(crate) fn first(count: usize) -> Self {
         Self(std::array::from_fn(|lane| if lane < count { u64::MAX } else { 0 }))

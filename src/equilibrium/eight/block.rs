@@ -30,6 +30,8 @@ pub(super) struct Block<'a> {
     pub(super) payload: Lanes,
     /// Axes only.
     pub(super) wobj_from_feed: Frame,
+    /// See [`ForceLaw::slope`].
+    pub(super) slope: Vector,
     laws: [Option<&'a dyn ForceLaw>; WIDTH],
 }
 
@@ -52,6 +54,7 @@ impl<'a> Block<'a> {
                 Cutting::Constant(force) => block.wobj_from_feed.x.set(lane, force),
                 Cutting::Law { law, wobj_from_feed } => {
                     block.wobj_from_feed.set_axes(lane, wobj_from_feed);
+                    block.slope.set(lane, &law.slope());
                     block.laws[lane] = Some(*law);
                 }
             }

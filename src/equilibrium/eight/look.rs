@@ -1,7 +1,17 @@
 use super::EightArm;
 use super::block::Block;
-use crate::lanes::{Frame, Lanes, Vector, widest};
+use super::rounds::dot;
+use crate::equilibrium::predict::TAME;
+use crate::lanes::{Frame, Lanes, Vector, six, widest};
 use crate::robot::{EightJoints, EightTurns};
+
+/// Eight of [`Feedback`](crate::equilibrium::Feedback).
+#[derive(Default)]
+pub(super) struct EightFeedback {
+    pub(super) yielding: EightJoints,
+    pub(super) share: Lanes,
+    pub(super) lift: Lanes,
+}
 
 /// Eight arms looked at: where they are, what acts on them, by how much their joints yield to it.
 #[derive(Default)]
@@ -70,6 +80,24 @@ impl Look {
             self.give[i] = torque[i] * arm.compliance[i];
         }
         self.cut = cut;
+    }
+
+    /// How the depth of cut feeds back here, where the tip should be.
+    #[inline(always)]
+    pub(super) fn feedback(&self, arm: &EightArm<'_>, block: &Block<'_>) -> EightFeedback {
+        let in_base = |v: Vector| block.base_from_wobj.turn(v);
+        let (normal, slope) = (in_base(block.wobj_from_feed.z), in_base(block.wobj_from_feed.turn(block.slope)));
+        // What the tip does as a joint turns, along the normal, and its torque as the tip is lifted.
+        let levers = six!(i => self.frames[i].z.cross(self.tip - self.frames[i].origin));
+        let lifts = arm.robot.motor_torque_from_serial(&six!(i => levers[i].dot(normal)));
+        let torques = arm.robot.motor_torque_from_serial(&six!(i => levers[i].dot(slope)));
+        let yielding = six!(i => torques[i] * arm.compliance[i]);
+        let around = dot(&lifts, &yielding);
+        let share = around / (around - 1.0);
+        let tame = share.ge(TAME.start) & share.lt(TAME.end);
+        let share = tame.select(share, Lanes::ZERO);
+        let lift = dot(&lifts, &self.give) * (Lanes::of(1.0) - share);
+        EightFeedback { yielding: six!(i => tame.select(yielding[i], Lanes::ZERO)), share, lift }
     }
 
     /// All of it at motor angles (rad).

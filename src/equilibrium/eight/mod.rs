@@ -8,14 +8,14 @@ mod rounds;
 pub(crate) use block::Site;
 
 use super::arm::Arm;
-use super::command::Aim;
-use super::predict::Landing;
+use super::command::{Aim, Feedback};
+use super::predict::{Foreseen, Landing};
 use crate::effects::Simple;
 use crate::lanes::{Frame, Mask, WIDTH, six, widest};
 use crate::robot::eight::{one, set};
 use crate::robot::{Eight, EightJoints, Joints, Pose};
 use block::Block;
-use look::Look;
+use look::{EightFeedback, Look};
 use nalgebra::Vector3;
 use rounds::Rounds;
 
@@ -49,16 +49,14 @@ pub(crate) struct Given<'a> {
     pub(crate) motor: &'a Joints,
     /// Direction of travel into them.
     pub(crate) travel: &'a Joints,
-    /// Actual minus commanded motor angles but for lost motion, about, rad.
-    pub(crate) deflection: Joints,
-    /// See [`Near`](super::Near).
-    pub(crate) share: f64,
+    pub(crate) near: Foreseen,
 }
 
 /// Room to work in, some kilobytes that are used again.
 #[derive(Default)]
 pub(crate) struct Room {
     look: Look,
+    feedback: EightFeedback,
     rounds: Rounds,
     seen: Frame,
     /// For those that have to be solved one by one.
@@ -96,11 +94,25 @@ impl<'a> EightArm<'a> {
         for (lane, (_, at)) in wanted.iter().enumerate() {
             set(&mut motor, lane, at);
         }
-        let look = &mut room.look;
+        let Room { look, feedback, .. } = room;
         look.at(self, &block, &motor);
+        widest!(<'a, 'b> (
+            arm: &'a EightArm<'b> = self,
+            block: &'a Block<'b> = &block,
+            look: &'a Look = look,
+            feedback: &'a mut EightFeedback = feedback,
+        ) {
+            *feedback = look.feedback(arm, block);
+        });
         for (lane, ((_, motor), out)) in wanted.iter().zip(out).enumerate() {
             let free = *motor - one(&look.give, lane);
-            *out = free.iter().all(|v| v.is_finite()).then_some(Aim { motor: **motor, free, lost: self.half_gap });
+            let feedback = Feedback {
+                yielding: one(&feedback.yielding, lane),
+                share: feedback.share.0[lane],
+                lift: feedback.lift.0[lane],
+            };
+            let aim = Aim { motor: **motor, free, lost: self.half_gap, feedback };
+            *out = free.iter().all(|v| v.is_finite()).then_some(aim);
         }
     }
 
@@ -133,8 +145,9 @@ impl<'a> EightArm<'a> {
         let Room { look, rounds, seen, .. } = room;
         for (lane, given) in given.iter().enumerate() {
             set(&mut rounds.motor, lane, &(given.motor - given.travel.component_mul(&self.half_gap)));
-            set(&mut rounds.bend, lane, &given.deflection);
-            rounds.share.0[lane] = given.share;
+            let Foreseen { deflection, share, left, gain } = &given.near;
+            set(&mut rounds.bend, lane, deflection);
+            (rounds.share.0[lane], rounds.left.0[lane], rounds.gain.0[lane]) = (*share, *left, *gain);
         }
         rounds.begin(self, Mask::first(given.len()));
         for number in 0..ROUNDS {
@@ -150,6 +163,7 @@ impl<'a> EightArm<'a> {
                 wobj_from_tcp: seen.lane(lane),
                 cut: rounds.cut.lane(lane),
                 share: rounds.share.0[lane],
+                gain: if rounds.most.0[lane] > 0.0 { rounds.most.0[lane] } else { 1.0 },
             });
         }
     }
@@ -178,6 +192,10 @@ mod tests {
         fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
             let depth = self.0 - shift.z;
             Vector3::new(-1.0, 0.7, 0.4 + axis.x) * (2e4 * depth)
+        }
+
+        fn slope(&self) -> Vector3<f64> {
+            Vector3::new(-1.0, 0.7, 0.4) * -2e4
         }
     }
 
@@ -262,19 +280,29 @@ mod tests {
                 prop_assert!((poses[i].unwrap().to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);
             }
 
-            // From nothing, and from the right deflection.
-            for known in [0.0, 1.0] {
+            // From nothing; without correction; with the command as it was rounded.
+            let rounded: Vec<Joints> = commands.iter().map(|motor| motor.map(|angle| (angle * 3e7).round() / 3e7)).collect();
+            let mut gains = [1.0; WIDTH];
+            for (motors, known) in [(&commands, 0), (&motors, 1), (&rounded, 2)] {
                 let given: Vec<Given<'_>> = (0..count).map(|i| Given {
                     site: sites[i],
-                    motor: &commands[i],
+                    motor: &motors[i],
                     travel: &travel,
-                    deflection: known * aims[i].map_or_else(Joints::zeros, |aim| aim.deflection()),
-                    share: 0.0,
+                    near: match (known, &aims[i]) {
+                        (1, Some(aim)) => aim.uncorrected(),
+                        (2, Some(aim)) => {
+                            let tip = wobj.inv_mul(&(arm.robot.forward(&rounded[i]) * tool.flange_from_tcp)).translation.vector;
+                            let normal = Rotation3::from_euler_angles(0.1, 0.2, 0.3) * Vector3::z();
+                            aim.corrected(normal.dot(&(tip - poses[i].unwrap().translation.vector)), gains[i])
+                        }
+                        _ => Foreseen::default(),
+                    },
                 }).collect();
                 let mut landed = [const { None }; WIDTH];
                 eight.land(&mut room, &given, &mut landed);
                 for i in 0..count {
-                    match (&landed[i], arm.predict(&situations[i], &commands[i], &travel)) {
+                    gains[i] = landed[i].as_ref().map_or(1.0, |landed| landed.gain);
+                    match (&landed[i], arm.predict(&situations[i], &motors[i], &travel)) {
                         (Some(landed), Ok(plain)) => {
                             let gap = landed.wobj_from_tcp.to_homogeneous() - plain.wobj_from_tcp.to_homogeneous();
                             prop_assert!(gap.norm() < SAME_PLACE, "{gap}");

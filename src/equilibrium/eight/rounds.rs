@@ -1,6 +1,8 @@
 use super::EightArm;
 use super::block::Block;
 use super::look::Look;
+#[cfg(doc)]
+use crate::equilibrium::Foreseen;
 use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
 use crate::robot::{EightJoints, EightTurns, NUDGE};
@@ -14,6 +16,9 @@ pub(super) struct Rounds {
     pub(super) bend: EightJoints,
     /// The secant's way back, zero where none was found.
     pub(super) share: Lanes,
+    /// What was left by the look that `bend` comes from, and what rounds left of it; see [`Foreseen`].
+    pub(super) left: Lanes,
+    pub(super) gain: Lanes,
     /// Cutting force, base axes, N.
     pub(super) cut: Vector,
     /// Where `bend` is found.
@@ -22,6 +27,8 @@ pub(super) struct Rounds {
     pub(super) close: Mask,
     /// `share` before the first round.
     first_share: Lanes,
+    /// The most that a round has left of what it found, squared; 0 where none was seen yet.
+    pub(super) most: Lanes,
     /// Motor angles that the rounds begin at, rad.
     start: EightJoints,
     start_turns: EightTurns,
@@ -42,7 +49,7 @@ struct Round {
 impl Rounds {
     /// Begins where `motor`, `bend` and `share` are, for those that are wanted.
     pub(super) fn begin(&mut self, arm: &EightArm<'_>, wanted: Mask) {
-        (self.done, self.close, self.first_share) = (wanted.not(), wanted, self.share);
+        (self.done, self.close, self.first_share, self.most) = (wanted.not(), wanted, self.share, Lanes::ZERO);
         widest!(<'a, 'b> (arm: &'a EightArm<'b> = arm, rounds: &'a mut Rounds = self) {
             rounds.start = six!(i => rounds.motor[i] + rounds.bend[i]);
             rounds.start_turns = arm.robot.turns(&rounds.start);
@@ -107,7 +114,9 @@ impl Rounds {
         let left = six!(i => look.give[i] - self.bend[i]);
         let onwards = Lanes::of(1.0) - self.first_share;
         let next = six!(i => self.bend[i] + left[i] * onwards);
-        self.go(look, left, next, Lanes::of(1.0), Mask::NONE);
+        let size = dot(&left, &left);
+        let gain = size / self.left;
+        self.go(look, left, size, next, gain, self.gain);
     }
 
     /// Along the secant through this round and the one before, see [`TAME`].
@@ -124,16 +133,17 @@ impl Rounds {
             self.share = self.first_share.abs().lt(f64::MIN_POSITIVE).select(back, self.first_share);
         }
         let next = six!(i => look.give[i] + back * (before.give[i] - look.give[i]));
-        // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
         let gain = now / before.size;
-        let worse = gain.lt(before.gain).select(before.gain, gain);
-        let sure = (now * worse).lt(PRINTED_LEFT * PRINTED_LEFT);
-        self.go(look, left, next, gain, sure);
+        let more = self.most.lt(gain) & self.done.not();
+        self.most = more.select(gain, self.most);
+        self.go(look, left, now, next, gain, before.gain);
     }
 
     #[inline(always)]
-    fn go(&mut self, look: &Look, left: EightJoints, next: EightJoints, gain: Lanes, sure: Mask) {
-        let size = dot(&left, &left);
+    fn go(&mut self, look: &Look, left: EightJoints, size: Lanes, next: EightJoints, gain: Lanes, before: Lanes) {
+        // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
+        let worse = gain.lt(before).select(before, gain);
+        let sure = (size * worse).lt(PRINTED_LEFT * PRINTED_LEFT);
         self.cut = Vector::new(
             self.done.select(self.cut.x, look.cut.x),
             self.done.select(self.cut.y, look.cut.y),
@@ -147,6 +157,6 @@ impl Rounds {
 }
 
 #[inline(always)]
-fn dot(a: &EightJoints, b: &EightJoints) -> Lanes {
+pub(super) fn dot(a: &EightJoints, b: &EightJoints) -> Lanes {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 }
