@@ -92,16 +92,17 @@ fn the_stiffness_of_a_joint_model_is_that_of_its_jacobian() {
     let cell = cell("slot/cell.toml");
     let options = Options { stiffness: true, ..Options::default() };
     let rows = predict(&program, &cell, &options, None).unwrap().rows;
-    let points = Prepared::new(&program, &cell, &options).unwrap().points;
+    let prepared = Prepared::new(&program, &cell, &options).unwrap();
     let (robot, stiffness) = (&cell.arm.robot, cell.arm.stiffness.unwrap());
-    for (row, point) in rows.iter().zip(&points).filter(|(row, _)| row.status == Status::Ok) {
+    for (i, row) in rows.iter().enumerate().filter(|(_, row)| row.status == Status::Ok) {
+        let (point, base_from_wobj) = (&prepared.points[i], prepared.base_from_wobj(i));
         let found = row.stiffness.unwrap();
-        let tcp = (point.base_from_wobj * point.wobj_from_tcp).translation.vector;
+        let tcp = (base_from_wobj * point.wobj_from_tcp).translation.vector;
         let jacobian = robot.jacobian(&robot.frames(&point.motor), &tcp);
         let forces = jacobian.fixed_rows::<3>(0);
         // C = J K⁻¹ Jᵀ, in base axes.
         let compliance = forces * Matrix6::from_diagonal(&stiffness.map(f64::recip)) * forces.transpose();
-        let normal = point.base_from_wobj.rotation * point.normal;
+        let normal = base_from_wobj.rotation * point.normal;
         let eigenvalues = compliance.symmetric_eigenvalues();
         // The load turns the arm a little from where the program says.
         for (found, compliance) in [

@@ -61,8 +61,9 @@ fn miss(
         let mut situation = prepared.situation(to);
         situation.wobj_from_tcp = pose;
         let command = cell.arm.command(&situation, &pose, &motors[to], &point.travel).ok()?;
-        let base_from_tcp = cell.arm.robot.forward(&command.commanded(&point.travel)) * point.tool.flange_from_tcp;
-        let needed = point.base_from_wobj.inv_mul(&base_from_tcp);
+        let base_from_tcp =
+            cell.arm.robot.forward(&command.commanded(&point.travel)) * prepared.tool(to).flange_from_tcp;
+        let needed = prepared.base_from_wobj(to).inv_mul(&base_from_tcp);
         Some(commanded.distance(&needed.translation.vector))
     };
     Some(half(via)?.max(half(via + 1)?))

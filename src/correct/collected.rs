@@ -33,7 +33,7 @@ impl<'a> Collected<'a> {
             return;
         }
         let normal = point.normal_error(&self.prepared.laws, &there.wobj_from_tcp);
-        let force = point.base_from_wobj.rotation.inverse() * there.cut;
+        let force = self.prepared.base_from_wobj(i).rotation.inverse() * there.cut;
         let mut row = Row::new(target, point, &there.wobj_from_tcp, normal, force);
         if let Editable::No(reason) = target.editable {
             row.status = Status::Kept(reason);
@@ -90,7 +90,7 @@ pub(super) fn check_limits(
         let corrected = changes[i].is_some() || out.program.language == Language::Cl;
         let shift = if corrected {
             let to = frames::pose(written[i].0, written[i].1).translation.vector;
-            point.base_from_wobj.rotation * (to - point.wobj_from_tcp.translation.vector)
+            prepared.base_from_wobj(i).rotation * (to - point.wobj_from_tcp.translation.vector)
         } else {
             Vector3::zeros()
         };

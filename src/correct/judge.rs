@@ -183,7 +183,13 @@ impl<'a, R: Read + Seek> Original<'a, R> {
             return Ok(None);
         };
         let (targets, points) = self.targets.drain(..count).unzip();
-        Ok(Some((Prepared { points, started: prepared.started, laws: prepared.laws.clone() }, targets)))
+        let prepared = Prepared {
+            points,
+            started: prepared.started,
+            settings: prepared.settings.clone(),
+            laws: prepared.laws.clone(),
+        };
+        Ok(Some((prepared, targets)))
     }
 
     /// Reads its next piece.

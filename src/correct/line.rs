@@ -319,12 +319,12 @@ fn posted(
     };
     let mut out = Vec::with_capacity(written.len() + inserts.len());
     let mut inserts = inserts.iter().peekable();
-    for (i, point) in prepared.points.iter().enumerate() {
+    for i in 0..prepared.points.len() {
         while let Some(insert) = inserts.next_if(|insert| insert.before == i) {
             let pose = frames::pose(insert.position_mm, insert.quat);
             let printed = solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1);
             // Its correction was solved: a point that the arm does not reach would not stand here.
-            if let Ok(motor) = solve::controller_joints(&cell.arm, point, &printed, &reached[i]) {
+            if let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), &printed, &reached[i]) {
                 out.push(post(i, printed, &motor));
             }
         }
@@ -392,6 +392,7 @@ impl Prepared {
             *point = original.clone();
             (point.wobj_from_tcp, point.motor, point.travel) = commanded;
         }
+        self.settings.clone_from(&original.settings);
         self.laws.clone_from(&original.laws);
         Ok(())
     }

@@ -38,10 +38,10 @@ pub use stiffness::Stiffness;
 pub use stream::{Sinks, StreamError, Streamed, compensate_declared, compensate_pieces, count_pieces, post_pieces};
 
 use crate::cell::Cell;
-use crate::effects::Situation;
-use crate::equilibrium::Site;
+use crate::effects::{Situation, ToolFrame};
+use crate::equilibrium::{Setting, Site};
 use crate::program::Program;
-use crate::robot::{Joints, StartedFrom};
+use crate::robot::{Joints, Pose, StartedFrom};
 use crate::text::Diagnostic;
 
 /// Direction of travel into motor angles from the ones before and the direction there.
@@ -85,6 +85,8 @@ pub struct Prepared {
     pub points: Vec<Point>,
     /// How the first target's branch was chosen.
     pub started: StartedFrom,
+    /// What the points are run with.
+    settings: Vec<Setting>,
     /// Laws that the points' cuts refer to.
     laws: Vec<path::Law>,
 }
@@ -98,9 +100,40 @@ impl Prepared {
         path::prepare(program, cell, options, &mut path::Carried::new(cell)?)
     }
 
-    /// Points that were measured without a program.
-    pub(crate) fn of_points(points: Vec<Point>) -> Self {
-        Self { points, started: StartedFrom::JointTarget, laws: Vec::new() }
+    /// Points that were measured without a program: their work object is the base.
+    pub(crate) fn of_points(points: Vec<Point>, tool: ToolFrame) -> Self {
+        let base = Setting { base_from_wobj: Pose::identity(), tool };
+        Self { points, started: StartedFrom::JointTarget, settings: vec![base], laws: Vec::new() }
+    }
+
+    /// Moves the work objects under points that stay where they are in the base.
+    pub(crate) fn place_in(&mut self, base_from_wobj: impl Fn(&Pose) -> Pose) {
+        let before = self.settings.clone();
+        for setting in &mut self.settings {
+            setting.base_from_wobj = base_from_wobj(&setting.base_from_wobj);
+        }
+        for point in &mut self.points {
+            let at = point.setting as usize;
+            let base_from_tcp = before[at].base_from_wobj * point.wobj_from_tcp;
+            point.wobj_from_tcp = self.settings[at].base_from_wobj.inv_mul(&base_from_tcp);
+            point.reference = point.wobj_from_tcp;
+        }
+    }
+
+    /// Declared work object of point `i` in the base.
+    #[must_use]
+    pub fn base_from_wobj(&self, i: usize) -> &Pose {
+        &self.setting(i).base_from_wobj
+    }
+
+    /// Declared tool of point `i`.
+    #[must_use]
+    pub fn tool(&self, i: usize) -> &ToolFrame {
+        &self.setting(i).tool
+    }
+
+    fn setting(&self, i: usize) -> &Setting {
+        &self.settings[self.points[i].setting as usize]
     }
 
     /// Error at the contact point of point `i` along its surface normal, m.
@@ -111,11 +144,11 @@ impl Prepared {
     /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
-        self.points[i].situation(&self.laws)
+        self.points[i].situation(self.setting(i), &self.laws)
     }
 
     /// As much of it as simple effects ask.
     pub(crate) fn site(&self, i: usize) -> Site<'_> {
-        self.points[i].site(&self.laws)
+        self.points[i].site(self.setting(i), &self.laws)
     }
 }

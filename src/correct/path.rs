@@ -5,7 +5,7 @@ use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
 use crate::cutting::{ContactPoint, FeedTable, ForceTable, Lean, Milling};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
-use crate::equilibrium::Site;
+use crate::equilibrium::{Setting, Site};
 use crate::lanes::WIDTH;
 use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
 use crate::robot::{Eight, Found, Joints, Place, Pose, StartedFrom};
@@ -17,14 +17,12 @@ use std::sync::Arc;
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Declared work object in the base.
-    pub base_from_wobj: Pose,
+    /// Index into the settings.
+    pub(super) setting: u32,
     /// Where the program sends the TCP.
     pub wobj_from_tcp: Pose,
     /// Where errors are counted from, and what defines depth and force: the same, but for `--against`.
     pub reference: Pose,
-    /// Declared tool.
-    pub tool: ToolFrame,
     /// Nominal motor angles at `wobj_from_tcp`, rad.
     pub motor: Joints,
     /// Direction of travel into the target with the joints as programmed, −1, 0, 1.
@@ -97,21 +95,15 @@ impl Point {
         }
     }
 
-    pub(super) fn site<'a>(&'a self, laws: &'a [Law]) -> Site<'a> {
-        Site {
-            base_from_wobj: &self.base_from_wobj,
-            wobj_from_tcp: &self.reference,
-            tool: &self.tool,
-            payload: self.payload,
-            cutting: self.cutting(laws),
-        }
+    pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
+        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cutting: self.cutting(laws) }
     }
 
-    pub(super) fn situation<'a>(&self, laws: &'a [Law]) -> Situation<'a> {
+    pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
         Situation {
-            base_from_wobj: self.base_from_wobj,
+            base_from_wobj: setting.base_from_wobj,
             wobj_from_tcp: self.reference,
-            tool: self.tool,
+            tool: setting.tool,
             cutting: self.cutting(laws),
             normal: self.normal,
             velocity: self.velocity,
@@ -122,13 +114,12 @@ impl Point {
         }
     }
 
-    /// A point that was measured with its motor angles, without a program; its work object is the measuring device.
-    pub(crate) fn measured(base_from_tcp: Pose, tool: ToolFrame, motor: Joints, travel: Joints) -> Self {
+    /// A point that was measured with its motor angles, without a program, in the base; see [`Prepared::of_points`].
+    pub(crate) fn measured(base_from_tcp: Pose, motor: Joints, travel: Joints) -> Self {
         Self {
-            base_from_wobj: IDENTITY,
+            setting: 0,
             wobj_from_tcp: base_from_tcp,
             reference: base_from_tcp,
-            tool,
             motor,
             travel,
             normal: tool_axis(&base_from_tcp),
@@ -139,14 +130,6 @@ impl Point {
             payload: 0.0,
             load: PointLoad::Air,
         }
-    }
-
-    /// Moves the work object's frame under a point that stays where it is in the base.
-    pub(crate) fn place_in(&mut self, base_from_wobj: &Pose) {
-        let base_from_tcp = self.base_from_wobj * self.wobj_from_tcp;
-        self.base_from_wobj = *base_from_wobj;
-        self.wobj_from_tcp = base_from_wobj.inv_mul(&base_from_tcp);
-        self.reference = self.wobj_from_tcp;
     }
 
     /// A measured force, base axes while the point is still placed there, N.
@@ -196,6 +179,7 @@ const CHORD: f64 = 1e-6;
 /// What the ordered pass takes along from target to target, and from piece to piece of a long program.
 pub(super) struct Carried<'a> {
     laws: Laws<'a>,
+    settings: Vec<Setting>,
     started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     near: Option<Joints>,
@@ -212,12 +196,24 @@ impl<'a> Carried<'a> {
     pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self {
             laws: Laws::new(cell)?,
+            settings: Vec::new(),
             started: StartedFrom::NearestHome,
             near: None,
             before: None,
             spun: None,
             unsprung: false,
         })
+    }
+
+    /// Index of a setting. Programs have few: a linear search.
+    fn setting(&mut self, wanted: Setting) -> u32 {
+        let known = self.settings.iter().position(|known| *known == wanted);
+        let index = known.unwrap_or_else(|| {
+            self.settings.push(wanted);
+            self.settings.len() - 1
+        });
+        // Targets number their tools and work objects by u16.
+        index as u32
     }
 }
 
@@ -248,12 +244,24 @@ pub(super) fn prepare(
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
     };
+    // Program's indices of tool and work object, and the setting of both.
+    let mut last = None;
+    let mut setting = |carried: &mut Carried<'_>, target: &Target| match last {
+        Some((tool, wobj, setting)) if (tool, wobj) == (target.tool, target.wobj) => setting,
+        _ => {
+            let (tool, base_from_wobj) = (tools[usize::from(target.tool)], wobjs[usize::from(target.wobj)]);
+            let setting = carried.setting(Setting { base_from_wobj, tool });
+            last = Some((target.tool, target.wobj, setting));
+            setting
+        }
+    };
     for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
-        let frames = |t: &Target| (&tools[usize::from(t.tool)], &wobjs[usize::from(t.wobj)]);
-        let found = walk.look_ahead(targets, frames);
+        let settings: SmallVec<[u32; WIDTH]> = targets.iter().map(|target| setting(walk.carried, target)).collect();
+        let found = walk.look_ahead(targets, &settings);
         for (lane, target) in targets.iter().enumerate() {
-            let (tool, base_from_wobj) = frames(target);
-            walk.step(block * WIDTH + lane, target, tool, base_from_wobj, found[lane].as_ref());
+            let setting = settings[lane];
+            let at = walk.carried.settings[setting as usize];
+            walk.step(block * WIDTH + lane, target, (setting, &at), found[lane].as_ref());
         }
     }
     let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
@@ -273,7 +281,12 @@ pub(super) fn prepare(
     let Walk { points, errors, carried, .. } = walk;
     carried.before = points.last().cloned().or_else(|| carried.before.take());
     if errors.is_empty() {
-        Ok(Prepared { points, started: carried.started, laws: carried.laws.laws.clone() })
+        Ok(Prepared {
+            points,
+            started: carried.started,
+            settings: carried.settings.clone(),
+            laws: carried.laws.laws.clone(),
+        })
     } else {
         Err(errors)
     }
@@ -298,30 +311,29 @@ struct Walk<'a, 'c> {
 
 impl Walk<'_, '_> {
     /// Poses and, most likely, motor angles of up to eight targets.
-    fn look_ahead<'t>(
-        &self,
-        targets: &'t [Target],
-        frames: impl Fn(&Target) -> (&'t ToolFrame, &'t Pose),
-    ) -> [Option<Found>; WIDTH] {
+    fn look_ahead(&self, targets: &[Target], settings: &[u32]) -> [Option<Found>; WIDTH] {
         let near = self.carried.near.unwrap_or_else(Joints::zeros);
-        let place = |target: &'t Target| {
-            let (tool, base_from_wobj) = frames(target);
+        let known = &self.carried.settings;
+        fn place<'t>(target: &'t Target, Setting { base_from_wobj, tool }: &'t Setting, near: &'t Joints) -> Place<'t> {
             let (position_mm, quat) = match &target.goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
                 Goal::Axis { .. } | Goal::Joints { .. } => (&[0.0; 3], &[1.0, 0.0, 0.0, 0.0]),
             };
-            Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near: &near }
-        };
+            Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near }
+        }
         let mut found = [None; WIDTH];
         // Of tool axes (CL data) the pose is not known yet.
         let posed = targets.iter().any(|target| matches!(target.goal, Goal::Pose { .. }));
         if let Some(robot) = self.many.as_ref().filter(|_| posed) {
-            robot.find(&targets.iter().map(place).collect::<SmallVec<[_; WIDTH]>>(), &mut found);
+            let places =
+                targets.iter().zip(settings).map(|(target, setting)| place(target, &known[*setting as usize], &near));
+            robot.find(&places.collect::<SmallVec<[_; WIDTH]>>(), &mut found);
         }
         found
     }
 
-    fn step(&mut self, i: usize, target: &Target, tool: &ToolFrame, base_from_wobj: &Pose, found: Option<&Found>) {
+    fn step(&mut self, i: usize, target: &Target, (setting, at): (u32, &Setting), found: Option<&Found>) {
+        let Setting { base_from_wobj, tool } = at;
         let chord = self.chord(i, target, base_from_wobj);
         let wobj_from_tcp = match target.goal {
             Goal::Pose { position_mm, quat, .. } => {
@@ -383,10 +395,9 @@ impl Walk<'_, '_> {
         };
         let cuts = !matches!(load, PointLoad::Air);
         let point = Point {
-            base_from_wobj: *base_from_wobj,
+            setting,
             wobj_from_tcp,
             reference: wobj_from_tcp,
-            tool: *tool,
             motor,
             travel,
             normal: match (self.carried.laws.has_engagement(), frame) {
@@ -417,8 +428,11 @@ impl Walk<'_, '_> {
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
         if let Some(previous) = self.points.last().or(self.carried.before.as_ref()) {
-            let into = base_from_wobj.inv_mul(&(previous.base_from_wobj * previous.wobj_from_tcp));
-            return here - into.translation.vector;
+            let before = &self.carried.settings[previous.setting as usize].base_from_wobj;
+            let there = previous.wobj_from_tcp.translation;
+            let into =
+                if before == base_from_wobj { there } else { base_from_wobj.inv_mul(&(before * there)).translation };
+            return here - into.vector;
         }
         let same = |t: &&Target| t.wobj == target.wobj;
         let out = targets[i + 1..].iter().take_while(same).filter_map(at).map(|next| next - here);

@@ -1,10 +1,10 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
-use super::path::{Point, TRAVEL_THRESHOLD, travel};
-use super::spread::Spread;
+use super::path::{TRAVEL_THRESHOLD, travel};
+use super::spread::{Rooms, Spread};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
-    Aim, Arm, Command, EightArm, EquilibriumError, Feedback, Foreseen, Given, Landing, Near, Room, Start,
+    Aim, Arm, Command, EightArm, EquilibriumError, Feedback, Foreseen, Given, Landing, Near, Room, Setting, Start,
 };
 use crate::lanes::WIDTH;
 use crate::program::Editable;
@@ -65,25 +65,26 @@ pub(super) struct Solver<'a> {
     many: Option<EightArm<'a>>,
     pub(super) prepared: &'a Prepared,
     pub(super) spread: Spread,
+    rooms: Rooms<Room<'a>>,
 }
 
 impl<'a> Solver<'a> {
     pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, spread: Spread) -> Self {
-        Self { arm, many: EightArm::of(arm), prepared, spread }
+        Self { arm, many: EightArm::of(arm), prepared, spread, rooms: Rooms::default() }
     }
 
     /// Commands of every point with the travel as programmed, which decides first.
     pub(super) fn first(&self, wishes: &[Wish]) -> Vec<Found> {
         let prepared = self.prepared;
-        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
             let wanted = |i: &usize| (prepared.site(*i), &prepared.points[*i].motor);
             let wanted: SmallVec<[_; WIDTH]> = asked.iter().map(wanted).collect();
             if let Some(arm) = &self.many {
                 arm.commands(room, &wanted, out);
             }
         };
-        let one = |_: &mut Room, i: usize| self.one(i, wishes[i], &prepared.points[i].travel);
-        self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, Room::default, many, one)
+        let one = |_: &mut Room<'a>, i: usize| self.one(i, wishes[i], &prepared.points[i].travel);
+        self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, &self.rooms, many, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
@@ -95,7 +96,7 @@ impl<'a> Solver<'a> {
     ) -> Vec<Result<Solved, EquilibriumError>> {
         let (arm, prepared) = (self.arm, self.prepared);
         let follows = arm.follows_command();
-        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
             let given = |i: &usize| Some((prepared.site(*i), first[*i].as_ref().ok()?.commanded(&travels[*i])));
             let given: SmallVec<[_; WIDTH]> = asked.iter().filter_map(given).collect();
             let mut poses = [const { None }; WIDTH];
@@ -106,7 +107,7 @@ impl<'a> Solver<'a> {
                 *out = pose.map(|wobj_from_tcp| Solved { motor, wobj_from_tcp });
             }
         };
-        let one = |_: &mut Room, i: usize| {
+        let one = |_: &mut Room<'a>, i: usize| {
             let (point, travel) = (&prepared.points[i], &travels[i]);
             let aim = first[i].as_ref().map_err(Clone::clone)?;
             let again = wishes[i] == Wish::Position && aim.lost != Joints::zeros();
@@ -115,8 +116,8 @@ impl<'a> Solver<'a> {
             } else {
                 aim.commanded(travel)
             };
-            let base_from_tcp = arm.robot.forward(&motor) * point.tool.flange_from_tcp;
-            let mut wobj_from_tcp = point.base_from_wobj.inv_mul(&base_from_tcp);
+            let base_from_tcp = arm.robot.forward(&motor) * prepared.tool(i).flange_from_tcp;
+            let mut wobj_from_tcp = prepared.base_from_wobj(i).inv_mul(&base_from_tcp);
             match wishes[i] {
                 Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
                 Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
@@ -125,7 +126,7 @@ impl<'a> Solver<'a> {
             Ok(Solved { motor, wobj_from_tcp })
         };
         let simple = |i: usize| wishes[i] == Wish::Pose && first[i].is_ok();
-        self.spread.eights(wishes.len(), simple, Room::default, many, one)
+        self.spread.eights(wishes.len(), simple, &self.rooms, many, one)
     }
 
     fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Found {
@@ -144,7 +145,7 @@ impl<'a> Solver<'a> {
         commands: &[(Joints, Joints)],
         near: impl Fn(usize) -> Foreseen + Sync,
     ) -> Vec<Result<Landing, EquilibriumError>> {
-        let many = |room: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
             let given = |&i: &usize| {
                 let (motor, travel) = &commands[i];
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
@@ -154,12 +155,12 @@ impl<'a> Solver<'a> {
                 arm.land(room, &given, out);
             }
         };
-        let one = |room: &mut Room, i: usize| {
+        let one = |room: &mut Room<'a>, i: usize| {
             let ((motor, travel), Foreseen { deflection, share, .. }) = (&commands[i], near(i));
             let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
             self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
         };
-        self.spread.eights(commands.len(), |_| self.many.is_some(), Room::default, many, one)
+        self.spread.eights(commands.len(), |_| self.many.is_some(), &self.rooms, many, one)
     }
 
     /// Motor angles that the controller reaches for what is written, near known ones; `None` for a point whose command
@@ -172,15 +173,15 @@ impl<'a> Solver<'a> {
         changed: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Result<Joints, Unreachable>> {
         let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
-        let many = |_: &mut Room, asked: &[usize], out: &mut [_; WIDTH]| {
+        let many = |_: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
             // The branch is that of the actual angles, a deflection away.
             let place = |&i: &usize| {
-                let point = &points[i];
+                let setting = self.prepared.setting(i);
                 Some(Place {
-                    base_from_wobj: &point.base_from_wobj,
+                    base_from_wobj: &setting.base_from_wobj,
                     position_mm: &written[i].0,
                     quat: &written[i].1,
-                    flange_from_tcp: &point.tool.flange_from_tcp,
+                    flange_from_tcp: &setting.tool.flange_from_tcp,
                     near: &first[i].as_ref().ok()?.motor,
                 })
             };
@@ -193,15 +194,15 @@ impl<'a> Solver<'a> {
                 *out = found.as_ref().and_then(|found| found.nearest(place.near));
             }
         };
-        let one = |_: &mut Room, i: usize| {
+        let one = |_: &mut Room<'a>, i: usize| {
             if changed(i) {
-                controller_joints(self.arm, &points[i], &written[i], &motors[i])
+                controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])
             } else {
                 Ok(points[i].motor)
             }
         };
         let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].is_ok();
-        self.spread.eights(motors.len(), simple, Room::default, many, one)
+        self.spread.eights(motors.len(), simple, &self.rooms, many, one)
     }
 }
 
@@ -236,12 +237,12 @@ pub(super) fn settle_travel(prepared: &Prepared, commands: &[Found], last: &mut 
 /// Motor angles that the controller reaches for numbers as it holds them, near known ones.
 pub(super) fn controller_joints(
     arm: &Arm,
-    point: &Point,
+    setting: &Setting,
     written: &([f64; 3], [f64; 4]),
     near: &Joints,
 ) -> Result<Joints, Unreachable> {
     let pose = frames::pose(written.0, written.1);
-    arm.robot.inverse_near(&(point.base_from_wobj * pose * point.tool.flange_from_tcp.inverse()), near)
+    arm.robot.inverse_near(&(setting.base_from_wobj * pose * setting.tool.flange_from_tcp.inverse()), near)
 }
 
 /// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.

@@ -4,6 +4,7 @@ use crate::lanes::WIDTH;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// How the points of a pass are spread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,18 +25,18 @@ impl Spread {
     }
 
     /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
-    /// others; both have room to work in, which is used again.
-    pub(super) fn eights<T: Send, E: Send, R>(
+    /// others; both have room to work in.
+    pub(super) fn eights<T: Send, E: Send, R: Default + Send>(
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,
-        room: impl Fn() -> R + Sync,
+        rooms: &Rooms<R>,
         many: impl Fn(&mut R, &[usize], &mut [Option<T>; WIDTH]) + Sync,
         one: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
     ) -> Vec<Result<T, E>> {
         let stretch = |indices: Range<usize>| {
             let mut out = Vec::with_capacity(indices.len());
-            let mut room = room();
+            let mut room = rooms.take();
             for first in indices.clone().step_by(WIDTH) {
                 let block = first..indices.end.min(first + WIDTH);
                 let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
@@ -43,13 +44,15 @@ impl Spread {
                 if !asked.is_empty() {
                     many(&mut room, &asked, &mut answers);
                 }
-                let mut next = 0;
+                let mut answers = asked.iter().zip(answers).peekable();
                 for i in block {
-                    let answer = (asked.get(next) == Some(&i)).then(|| answers[next].take());
-                    next += usize::from(answer.is_some());
-                    out.push(answer.flatten().map_or_else(|| one(&mut room, i), Ok));
+                    match answers.next_if(|(asked, _)| **asked == i) {
+                        Some((_, Some(answer))) => out.push(Ok(answer)),
+                        _ => out.push(one(&mut room, i)),
+                    }
                 }
             }
+            rooms.give(room);
             out
         };
         match self {
@@ -59,6 +62,26 @@ impl Spread {
             }
             Self::Here => stretch(0..count),
         }
+    }
+}
+
+/// Rooms to work in, which are used again.
+#[derive(Debug)]
+pub(super) struct Rooms<R>(Mutex<Vec<R>>);
+
+impl<R> Default for Rooms<R> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<R: Default> Rooms<R> {
+    fn take(&self) -> R {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn give(&self, room: R) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(room);
     }
 }
 

@@ -119,8 +119,8 @@ impl Stretch<'_> {
         situation.wobj_from_tcp = programmed;
         let command = self.cell.arm.command(&situation, &programmed, near, &to.travel).ok()?;
         let motor = command.commanded(&to.travel);
-        let base_from_tcp = self.cell.arm.robot.forward(&motor) * to.tool.flange_from_tcp;
-        Some(Corrected { motor, programmed, commanded: to.base_from_wobj.inv_mul(&base_from_tcp) })
+        let base_from_tcp = self.cell.arm.robot.forward(&motor) * self.prepared.tool(self.i).flange_from_tcp;
+        Some(Corrected { motor, programmed, commanded: self.prepared.base_from_wobj(self.i).inv_mul(&base_from_tcp) })
     }
 
     fn halve(&self, from: (f64, &Corrected), to: (f64, &Corrected), depth: usize, found: &mut Inserts) {

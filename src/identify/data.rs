@@ -239,8 +239,8 @@ impl Problem {
 
     /// Where a row was to be measured, base axes, mm.
     pub(super) fn place_mm(&self, row: &Observation) -> Vector3<f64> {
-        let point = &self.runs[row.run].points[row.point];
-        1e3 * (point.base_from_wobj * point.reference).translation.vector
+        let run = &self.runs[row.run];
+        1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
     }
 
     /// Diagonal of the box around all places, mm.

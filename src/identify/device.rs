@@ -58,7 +58,7 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: us
 
 /// Where every run's instrument is taken to be.
 pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
-    let frame = |run: &crate::correct::Prepared| run.points.first().map(|point| point.base_from_wobj);
+    let frame = |run: &crate::correct::Prepared| (!run.points.is_empty()).then(|| *run.base_from_wobj(0));
     let place = |(&device, run)| (device, frame(run).filter(|_| matches!(device, Device::Frame { .. })));
     problem.devices.iter().zip(&problem.runs).map(place).collect()
 }
@@ -68,7 +68,7 @@ pub(super) fn restore(problem: &mut Problem, places: &[(Device, Option<Pose>)]) 
     for (run, (device, frame)) in places.iter().enumerate() {
         problem.devices[run] = *device;
         if let Some(base_from_device) = frame {
-            problem.runs[run].points.iter_mut().for_each(|point| point.place_in(base_from_device));
+            problem.runs[run].place_in(|_| *base_from_device);
         }
     }
 }
@@ -83,10 +83,7 @@ pub(super) fn shift(problem: &mut Problem, run: usize, unknowns: &[f64]) {
                 Translation3::from(three(0, FREE.0) * 1e-3),
                 Rotation3::from_scaled_axis(three(3, FREE.1)),
             );
-            for point in &mut problem.runs[run].points {
-                let base_from_device = point.base_from_wobj * step;
-                point.place_in(&base_from_device);
-            }
+            problem.runs[run].place_in(|base_from_device| base_from_device * step);
             if unknowns.len() > 6 {
                 let turned = UnitQuaternion::from_scaled_axis(three(6, FREE.1));
                 problem.devices[run] = Device::Frame { tcp_from_probe: tcp_from_probe * turned };

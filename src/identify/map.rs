@@ -118,7 +118,7 @@ impl Engine {
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
         let of = |row: &&Observation| {
             let error = Vector3::from_iterator(residual.rows(row.offset, row.seen.len()).iter().copied());
-            let base_from_wobj = self.problem.runs[row.run].points[row.point].base_from_wobj;
+            let base_from_wobj = self.problem.runs[row.run].base_from_wobj(row.point);
             Left {
                 run: row.run,
                 order: row.order,

@@ -63,14 +63,11 @@ impl Problem {
                 let travel = travel_into(previous, motor);
                 previous = Some((*motor, travel));
                 let base_from_tcp = cell.arm.robot.forward(motor) * tool.flange_from_tcp;
-                let mut point = Point::measured(base_from_tcp, tool, *motor, travel);
+                let mut point = Point::measured(base_from_tcp, *motor, travel);
                 (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);
                 point.payload = row.payload_kg.unwrap_or(0.0);
                 if let Some(force) = row.force_n {
                     point.set_force(force.into());
-                }
-                if let Some((_, base_from_device)) = &device {
-                    point.place_in(base_from_device);
                 }
                 points.push(point);
                 problem.push(run, order, order, row, *motor, travel, *seen, &blocks);
@@ -79,7 +76,11 @@ impl Problem {
             problem.take_turns(run, &turned);
             problem.orientations +=
                 if device.is_none() { rows.iter().filter(|r| r.row.quat.is_some()).count() } else { 0 };
-            problem.runs.push(Prepared::of_points(points));
+            let mut prepared = Prepared::of_points(points, tool);
+            if let Some((_, base_from_device)) = device {
+                prepared.place_in(|_| base_from_device);
+            }
+            problem.runs.push(prepared);
             // Lengths alone have no frame: the base's will do.
             problem.devices.push(device.map_or(Device::Known, |(device, _)| device));
             problem.find_fixed_point(run, table)?;

@@ -1,15 +1,23 @@
 use crate::effects::{Cutting, ForceLaw, ToolFrame};
 use crate::lanes::{Frame, Lanes, Vector, WIDTH};
 use crate::robot::Pose;
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
+
+/// A tool and a work object that targets are run with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Setting {
+    /// Declared work object in the base.
+    pub(crate) base_from_wobj: Pose,
+    /// Declared tool.
+    pub(crate) tool: ToolFrame,
+}
 
 /// Where a target is, and what acts on it there: as much of a [`Situation`](crate::effects::Situation) as simple effects ask.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Site<'a> {
-    pub(crate) base_from_wobj: &'a Pose,
+    pub(crate) setting: &'a Setting,
     /// Where the TCP should be, m.
     pub(crate) wobj_from_tcp: &'a Pose,
-    pub(crate) tool: &'a ToolFrame,
     /// kg
     pub(crate) payload: f64,
     pub(crate) cutting: Cutting<'a>,
@@ -32,34 +40,51 @@ pub(super) struct Block<'a> {
     pub(super) wobj_from_feed: Frame,
     /// See [`ForceLaw::slope`].
     pub(super) slope: Vector,
+    /// What is in the lanes already: it seldom changes.
+    settings: [Option<&'a Setting>; WIDTH],
     laws: [Option<&'a dyn ForceLaw>; WIDTH],
 }
 
 impl<'a> Block<'a> {
-    pub(super) fn of<'b>(sites: impl Iterator<Item = &'b Site<'a>>) -> Self
+    /// Takes other sites.
+    pub(super) fn take<'b>(&mut self, sites: impl ExactSizeIterator<Item = &'b Site<'a>>)
     where
         'a: 'b,
     {
-        let mut block = Self::default();
+        self.laws[sites.len()..].fill(None);
         for (lane, site) in sites.enumerate() {
-            block.base_from_wobj.set(lane, site.base_from_wobj);
-            block.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
-            block.flange_from_tcp.set(lane, &site.tool.flange_from_tcp);
-            block.tool_mass.0[lane] = site.tool.mass;
-            block.tool_cog.set(lane, &site.tool.cog);
-            block.payload.0[lane] = site.payload;
+            self.set(lane, site.setting);
+            self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
+            self.payload.0[lane] = site.payload;
             match &site.cutting {
-                Cutting::Air => {}
+                Cutting::Air => self.cut(lane, &NOWHERE, None),
                 // As a law whose frame is the force's own: along its first axis.
-                Cutting::Constant(force) => block.wobj_from_feed.x.set(lane, force),
-                Cutting::Law { law, wobj_from_feed } => {
-                    block.wobj_from_feed.set_axes(lane, wobj_from_feed);
-                    block.slope.set(lane, &law.slope());
-                    block.laws[lane] = Some(*law);
+                Cutting::Constant(force) => {
+                    self.cut(lane, &NOWHERE, None);
+                    self.wobj_from_feed.x.set(lane, force);
                 }
+                Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
             }
         }
-        block
+    }
+
+    fn set(&mut self, lane: usize, setting: &'a Setting) {
+        if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
+            return;
+        }
+        self.settings[lane] = Some(setting);
+        self.base_from_wobj.set(lane, &setting.base_from_wobj);
+        self.flange_from_tcp.set(lane, &setting.tool.flange_from_tcp);
+        self.tool_mass.0[lane] = setting.tool.mass;
+        self.tool_cog.set(lane, &setting.tool.cog);
+    }
+
+    fn cut(&mut self, lane: usize, wobj_from_feed: &Rotation3<f64>, law: Option<&'a dyn ForceLaw>) {
+        self.wobj_from_feed.set_axes(lane, wobj_from_feed);
+        if !same(self.laws[lane], law) || law.is_none() {
+            self.slope.set(lane, &law.map_or_else(Vector3::zeros, ForceLaw::slope));
+            self.laws[lane] = law;
+        }
     }
 
     /// Cutting forces, N, feed frame, for shifts of the tip, m, and tool axes there.
@@ -72,12 +97,7 @@ impl<'a> Block<'a> {
         let mut from = 0;
         while from < WIDTH {
             let law = self.laws[from];
-            let same = |other: &Option<&dyn ForceLaw>| match (law, other) {
-                (Some(law), Some(other)) => std::ptr::addr_eq(law, *other),
-                (None, None) => true,
-                _ => false,
-            };
-            let to = from + self.laws[from..].iter().take_while(|other| same(other)).count();
+            let to = from + self.laws[from..].iter().take_while(|other| same(law, **other)).count();
             if let Some(law) = law {
                 law.forces(&places[from..to], &mut forces[from..to]);
             }
@@ -86,5 +106,17 @@ impl<'a> Block<'a> {
         for (lane, in_feed) in forces.iter().enumerate() {
             force.set(lane, in_feed);
         }
+    }
+}
+
+/// The axes of no frame: nothing that is turned into it is left.
+const NOWHERE: Rotation3<f64> =
+    Rotation3::from_matrix_unchecked(nalgebra::Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0));
+
+fn same(law: Option<&dyn ForceLaw>, other: Option<&dyn ForceLaw>) -> bool {
+    match (law, other) {
+        (Some(law), Some(other)) => std::ptr::addr_eq(law, other),
+        (None, None) => true,
+        _ => false,
     }
 }

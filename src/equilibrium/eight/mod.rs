@@ -5,7 +5,7 @@ mod block;
 mod look;
 mod rounds;
 
-pub(crate) use block::Site;
+pub(crate) use block::{Setting, Site};
 
 use super::arm::Arm;
 use super::command::{Aim, Feedback};
@@ -43,18 +43,19 @@ struct Weights {
 }
 
 /// A command whose pose is sought.
-pub(crate) struct Given<'a> {
+pub(crate) struct Given<'a, 'b> {
     pub(crate) site: Site<'a>,
     /// Commanded motor angles, rad.
-    pub(crate) motor: &'a Joints,
+    pub(crate) motor: &'b Joints,
     /// Direction of travel into them.
-    pub(crate) travel: &'a Joints,
+    pub(crate) travel: &'b Joints,
     pub(crate) near: Foreseen,
 }
 
 /// Room to work in, some kilobytes that are used again.
 #[derive(Default)]
-pub(crate) struct Room {
+pub(crate) struct Room<'a> {
+    block: Block<'a>,
     look: Look,
     feedback: EightFeedback,
     rounds: Rounds,
@@ -88,17 +89,22 @@ impl<'a> EightArm<'a> {
     }
 
     /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there.
-    pub(crate) fn commands(&self, room: &mut Room, wanted: &[(Site<'_>, &Joints)], out: &mut [Option<Aim>; WIDTH]) {
-        let block = Block::of(wanted.iter().map(|(site, _)| site));
+    pub(crate) fn commands<'s>(
+        &self,
+        room: &mut Room<'s>,
+        wanted: &[(Site<'s>, &Joints)],
+        out: &mut [Option<Aim>; WIDTH],
+    ) {
+        let Room { block, look, feedback, .. } = room;
+        block.take(wanted.iter().map(|(site, _)| site));
         let mut motor = EightJoints::default();
         for (lane, (_, at)) in wanted.iter().enumerate() {
             set(&mut motor, lane, at);
         }
-        let Room { look, feedback, .. } = room;
-        look.at(self, &block, &motor);
+        look.at(self, block, &motor);
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = self,
-            block: &'a Block<'b> = &block,
+            block: &'a Block<'b> = block,
             look: &'a Look = look,
             feedback: &'a mut EightFeedback = feedback,
         ) {
@@ -117,16 +123,21 @@ impl<'a> EightArm<'a> {
     }
 
     /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad).
-    pub(crate) fn nominal(&self, room: &mut Room, given: &[(Site<'_>, Joints)], out: &mut [Option<Pose>; WIDTH]) {
-        let block = Block::of(given.iter().map(|(site, _)| site));
+    pub(crate) fn nominal<'s>(
+        &self,
+        room: &mut Room<'s>,
+        given: &[(Site<'s>, Joints)],
+        out: &mut [Option<Pose>; WIDTH],
+    ) {
+        let Room { block, look, seen, .. } = room;
+        block.take(given.iter().map(|(site, _)| site));
         let mut motor = EightJoints::default();
         for (lane, (_, at)) in given.iter().enumerate() {
             set(&mut motor, lane, at);
         }
-        let Room { look, seen, .. } = room;
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = self,
-            block: &'a Block<'b> = &block,
+            block: &'a Block<'b> = block,
             motor: &'a EightJoints = &motor,
             look: &'a mut Look = look,
             seen: &'a mut Frame = seen,
@@ -140,9 +151,9 @@ impl<'a> EightArm<'a> {
     }
 
     /// [`Arm::land`] of up to eight commands.
-    pub(crate) fn land(&self, room: &mut Room, given: &[Given<'_>], out: &mut [Option<Landing>; WIDTH]) {
-        let block = Block::of(given.iter().map(|given| &given.site));
-        let Room { look, rounds, seen, .. } = room;
+    pub(crate) fn land<'s>(&self, room: &mut Room<'s>, given: &[Given<'s, '_>], out: &mut [Option<Landing>; WIDTH]) {
+        let Room { block, look, rounds, seen, .. } = room;
+        block.take(given.iter().map(|given| &given.site));
         for (lane, given) in given.iter().enumerate() {
             set(&mut rounds.motor, lane, &(given.motor - given.travel.component_mul(&self.half_gap)));
             let Foreseen { deflection, share, left, gain } = &given.near;
@@ -151,12 +162,12 @@ impl<'a> EightArm<'a> {
         }
         rounds.begin(self, Mask::first(given.len()));
         for number in 0..ROUNDS {
-            rounds.round(number, self, &block, look);
+            rounds.round(number, self, block, look);
             if !rounds.done.not().any() {
                 break;
             }
         }
-        rounds.seen(self, &block, look, seen);
+        rounds.seen(self, block, look, seen);
         let found = rounds.done & rounds.close;
         for (lane, (_, out)) in given.iter().zip(out).enumerate() {
             *out = found.lane(lane).then(|| Landing {
@@ -259,8 +270,9 @@ mod tests {
                 temperature: None,
                 payload,
             }).collect();
+            let setting = Setting { base_from_wobj: wobj, tool };
             let sites: Vec<Site<'_>> = situations.iter().map(|s| Site {
-                base_from_wobj: &s.base_from_wobj, wobj_from_tcp: &s.wobj_from_tcp, tool: &s.tool, payload, cutting: s.cutting,
+                setting: &setting, wobj_from_tcp: &s.wobj_from_tcp, payload, cutting: s.cutting,
             }).collect();
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 
@@ -284,7 +296,7 @@ mod tests {
             let rounded: Vec<Joints> = commands.iter().map(|motor| motor.map(|angle| (angle * 3e7).round() / 3e7)).collect();
             let mut gains = [1.0; WIDTH];
             for (motors, known) in [(&commands, 0), (&motors, 1), (&rounded, 2)] {
-                let given: Vec<Given<'_>> = (0..count).map(|i| Given {
+                let given: Vec<Given<'_, '_>> = (0..count).map(|i| Given {
                     site: sites[i],
                     motor: &motors[i],
                     travel: &travel,
