@@ -6,7 +6,7 @@ use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
 use crate::cutting::{ContactPoint, FeedTable, ForceTable, Lean, Milling};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
-use crate::lanes::WIDTH;
+use crate::lanes::{Mask, Vector, WIDTH};
 use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
 use crate::robot::{Eight, Found, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
@@ -67,8 +67,8 @@ impl ForceLaw for Law {
         self.table.mean_force(shift, &Unit::new_unchecked(*axis))
     }
 
-    fn forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
-        self.table.mean_forces(places, forces);
+    fn forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
+        self.table.mean_forces(wanted, shift, axis, force);
     }
 
     fn slope(&self) -> Vector3<f64> {

@@ -67,7 +67,7 @@ impl Spread {
 
 /// Rooms to work in, which are used again.
 #[derive(Debug)]
-pub(super) struct Rooms<R>(Mutex<Vec<R>>);
+pub(super) struct Rooms<R>(Mutex<Vec<Box<R>>>);
 
 impl<R> Default for Rooms<R> {
     fn default() -> Self {
@@ -76,11 +76,11 @@ impl<R> Default for Rooms<R> {
 }
 
 impl<R: Default> Rooms<R> {
-    fn take(&self) -> R {
+    fn take(&self) -> Box<R> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    fn give(&self, room: R) {
+    fn give(&self, room: Box<R>) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(room);
     }
 }

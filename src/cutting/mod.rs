@@ -13,6 +13,7 @@
 //! runout trades chip between teeth, so both drop out as long as every tooth keeps cutting.
 
 mod contact;
+mod feed_table;
 mod frame;
 pub mod materials;
 mod milling;
@@ -22,10 +23,11 @@ mod silhouette;
 mod table;
 
 pub use contact::ContactPoint;
+pub use feed_table::FeedTable;
 pub(crate) use frame::Lean;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling};
-pub use table::{FeedTable, ForceTable, TABLE_BOUND};
+pub use table::{ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.
 #[derive(Clone, Copy, Debug, PartialEq)]

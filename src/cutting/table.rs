@@ -5,8 +5,8 @@
 //! points. The result is continuous, also where it hands over to the integral, so that iterations
 //! on it settle.
 
+use super::feed_table::FeedTable;
 use super::{ForceParts, Milling, Mode};
-use crate::lanes::widest;
 use nalgebra::{DMatrix, Unit, Vector3};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -40,14 +40,14 @@ const CELLS: [usize; 3] = [16, 48, 96];
 const FEEDS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 
 /// From this share of a range on, the table fades into the integral.
-const FADE: f64 = 0.9;
+pub(super) const FADE: f64 = 0.9;
 
 /// Smooth terms, and two that are used about a lead of zero.
-const SMOOTH: usize = 10;
-const TERMS: usize = SMOOTH + 2;
+pub(super) const SMOOTH: usize = 10;
+pub(super) const TERMS: usize = SMOOTH + 2;
 
 /// Edge force (x, y, z), cutting force over feed (x, y, z).
-type Values = [f64; 6];
+pub(super) type Values = [f64; 6];
 
 /// Mean force by look-up; the integral itself outside the table's range.
 #[derive(Clone, Debug)]
@@ -58,32 +58,32 @@ pub struct ForceTable {
 
 /// The table and its coordinates.
 #[derive(Clone, Debug)]
-struct Grid {
+pub(super) struct Grid {
     /// Two directions square to the programmed axis, feed frame.
-    across: [Vector3<f64>; 2],
+    pub(super) across: [Vector3<f64>; 2],
     /// Shift at the middle of the depth range, and half its width, m.
-    depth_middle: f64,
-    depth_range: f64,
-    turn_range: f64,
-    side_range: f64,
+    pub(super) depth_middle: f64,
+    pub(super) depth_range: f64,
+    pub(super) turn_range: f64,
+    pub(super) side_range: f64,
     /// Whether the y shift is a coordinate.
-    side: bool,
+    pub(super) side: bool,
     /// Whether the lead passes zero within the range.
-    level: bool,
-    cells: usize,
+    pub(super) level: bool,
+    pub(super) cells: usize,
     /// Polynomials at the depths −1, 0 … cells, cells + 1 in units of a cell.
-    nodes: Vec<[Values; TERMS]>,
+    pub(super) nodes: Vec<[Values; TERMS]>,
     error: f64,
 }
 
 /// Place in the table: depth, turns and side in [−1, 1].
 #[derive(Clone, Copy, Debug)]
-struct Place {
-    depth: f64,
-    turn: [f64; 2],
-    side: f64,
+pub(super) struct Place {
+    pub(super) depth: f64,
+    pub(super) turn: [f64; 2],
+    pub(super) side: f64,
     /// Sine of the lead there, in units of the turn range.
-    lead: f64,
+    pub(super) lead: f64,
 }
 
 impl ForceTable {
@@ -104,6 +104,11 @@ impl ForceTable {
             }
         }
         ForceTable { milling, grid: None }
+    }
+
+    /// Polynomials at the depths; none where there is no table.
+    pub(super) fn nodes(&self) -> &[[Values; TERMS]] {
+        self.grid.as_ref().map_or(&[], |grid| &grid.nodes)
     }
 
     /// The cut behind the table.
@@ -135,31 +140,38 @@ impl ForceTable {
 
     /// The table of one feed per tooth (m).
     pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
-        let force = |v: &Values| {
-            let force = parts(v).at(feed_per_tooth);
-            // A fourth number that is nothing: four are one register.
-            [force.x, force.y, force.z, 0.0]
-        };
-        let nodes: Vec<[[f64; 4]; TERMS]> =
-            self.grid.iter().flat_map(|grid| &grid.nodes).map(|node| node.each_ref().map(force)).collect();
-        let cell =
-            |nodes: &[[[f64; 4]; TERMS]]| std::array::from_fn(|m| std::array::from_fn(|i| nodes[i / 4][m][i % 4]));
-        FeedTable { table: Arc::clone(self), feed_per_tooth, cells: nodes.windows(4).map(cell).collect() }
+        FeedTable::new(self, feed_per_tooth)
+    }
+
+    /// The grid, where it holds at a feed per tooth (m).
+    #[inline(always)]
+    pub(super) fn grid_at(&self, feed_per_tooth: f64) -> Option<&Grid> {
+        let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
+        self.grid.as_ref().filter(|_| (FEEDS[0]..=FEEDS[4]).contains(&feed))
     }
 
     /// The place in the table, where it holds there.
     #[inline(always)]
-    fn find(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Option<(&Grid, Place)> {
-        let grid = self.grid.as_ref()?;
-        let feed = feed_per_tooth / self.milling.engagement().feed_per_tooth;
+    pub(super) fn find(
+        &self,
+        shift: &Vector3<f64>,
+        axis: &Unit<Vector3<f64>>,
+        feed_per_tooth: f64,
+    ) -> Option<(&Grid, Place)> {
+        let grid = self.grid_at(feed_per_tooth)?;
         let place = grid.place(shift, axis);
         // NaN goes to the integral too.
-        ((FEEDS[0]..=FEEDS[4]).contains(&feed) && place.reach() < 1.0).then_some((grid, place))
+        (place.reach() < 1.0).then_some((grid, place))
     }
 
     /// The table's value at a place fades into the integral's towards the end of its range.
     #[inline(always)]
-    fn faded(&self, force: Vector3<f64>, place: &Place, integral: impl FnOnce() -> Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn faded(
+        &self,
+        force: Vector3<f64>,
+        place: &Place,
+        integral: impl FnOnce() -> Vector3<f64>,
+    ) -> Vector3<f64> {
         let reach = place.reach();
         if reach <= FADE {
             return force;
@@ -169,67 +181,9 @@ impl ForceTable {
     }
 }
 
-/// A [`ForceTable`] at one feed per tooth: edge and cutting force are one sum, half the work.
-#[derive(Clone, Debug)]
-pub struct FeedTable {
-    table: Arc<ForceTable>,
-    feed_per_tooth: f64,
-    /// The grid's polynomials at the four nodes of each cell, N.
-    cells: Vec<[[f64; 16]; TERMS]>,
-}
-
-impl FeedTable {
-    /// Feed per tooth, m.
-    pub fn feed_per_tooth(&self) -> f64 {
-        self.feed_per_tooth
-    }
-
-    /// The same at several places, shift and unit axis each, with the widest registers that the processor has.
-    pub(crate) fn mean_forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
-        widest!(<'a> (
-            table: &'a FeedTable = self,
-            places: &'a [(Vector3<f64>, Vector3<f64>)] = places,
-            forces: &'a mut [Vector3<f64>] = forces,
-        ) {
-            for ((shift, axis), force) in places.iter().zip(forces) {
-                *force = table.mean_force(shift, &Unit::new_unchecked(*axis));
-            }
-        });
-    }
-
-    /// [`ForceTable::mean_force`].
-    #[inline(always)]
-    pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
-        let integral = || self.table.milling.force_parts(shift, axis).at(self.feed_per_tooth);
-        match self.table.find(shift, axis, self.feed_per_tooth) {
-            Some((grid, place)) => self.table.faded(self.between(grid, &place), &place, integral),
-            None => integral(),
-        }
-    }
-
-    /// [`Grid::between`], with the four nodes of a cell beside each other.
-    #[inline(always)]
-    fn between(&self, grid: &Grid, place: &Place) -> Vector3<f64> {
-        let (cell, weights) = grid.cell(place);
-        let mut sums = [0.0; 16];
-        for (term, nodes) in grid.terms(place).iter().zip(&self.cells[cell]) {
-            for (sum, node) in sums.iter_mut().zip(nodes) {
-                *sum += term * node;
-            }
-        }
-        let mut force = [0.0; 4];
-        for (weight, sums) in weights.iter().zip(sums.chunks_exact(4)) {
-            for (force, sum) in force.iter_mut().zip(sums) {
-                *force += weight * sum;
-            }
-        }
-        Vector3::new(force[0], force[1], force[2])
-    }
-}
-
 impl Place {
     #[inline(always)]
-    fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         let [u, v] = self.turn;
         [self.depth, u, v, self.side].iter().fold(0.0, |reach, x| if x.abs() <= reach { reach } else { x.abs() })
     }
@@ -299,7 +253,7 @@ impl Grid {
     }
 
     #[inline(always)]
-    fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
+    pub(super) fn place(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Place {
         Place {
             depth: (shift.z - self.depth_middle) / self.depth_range,
             turn: self.across.map(|across| across.dot(axis) / self.turn_range),
@@ -322,9 +276,9 @@ impl Grid {
 
     /// The cell of a place, and the weights of the nodes at its −1, 0, 1, 2: a cubic through them.
     #[inline(always)]
-    fn cell(&self, place: &Place) -> (usize, [f64; 4]) {
+    pub(super) fn cell(&self, place: &Place) -> (usize, [f64; 4]) {
         let at = (0.5 * (place.depth + 1.0) * self.cells as f64).clamp(0.0, self.cells as f64);
-        let cell = (at as usize).min(self.cells - 1);
+        let cell = self.cell_at(at);
         let t = at - cell as f64;
         let weights = [
             -t * (t - 1.0) * (t - 2.0) / 6.0,
@@ -333,6 +287,11 @@ impl Grid {
             (t + 1.0) * t * (t - 1.0) / 6.0,
         ];
         (cell, weights)
+    }
+
+    /// The cell of a place along the depth, in units of cells.
+    pub(super) fn cell_at(&self, at: f64) -> usize {
+        (at as usize).min(self.cells - 1)
     }
 
     /// Values of the polynomials at the nodes, between them.
@@ -355,9 +314,9 @@ impl Grid {
     /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
     /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
     #[inline(always)]
-    fn terms(&self, place: &Place) -> [f64; TERMS] {
+    pub(super) fn terms(&self, place: &Place) -> [f64; TERMS] {
         let ([u, v], w, l) = (place.turn, place.side, place.lead);
-        let (kink, log) = if self.level && l != 0.0 { (l.abs(), l * l.abs().ln()) } else { (0.0, 0.0) };
+        let [kink, log] = if self.level { kinks(l) } else { [0.0; 2] };
         if self.side {
             [1.0, u, v, u * u, u * v, v * v, w, u * w, v * w, w * w, kink, log]
         } else {
@@ -415,6 +374,12 @@ impl Grid {
     }
 }
 
-fn parts(v: &Values) -> ForceParts {
+/// The two terms about a lead of zero.
+#[inline(always)]
+pub(super) fn kinks(lead: f64) -> [f64; 2] {
+    if lead != 0.0 { [lead.abs(), lead * lead.abs().ln()] } else { [0.0; 2] }
+}
+
+pub(super) fn parts(v: &Values) -> ForceParts {
     ForceParts { edge: Vector3::new(v[0], v[1], v[2]), cutting: Vector3::new(v[3], v[4], v[5]) }
 }

@@ -1,3 +1,4 @@
+use crate::lanes::{Mask, Vector, WIDTH};
 use crate::robot::{Frames, Joints, Pose, Robot};
 use nalgebra::{Rotation3, Vector3};
 use std::fmt;
@@ -19,10 +20,11 @@ pub trait ForceLaw: Sync {
     /// actual tool axis (tip to spindle), unit, feed frame.
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64>;
 
-    /// The same at several places, (shift, axis) each.
-    fn forces(&self, places: &[(Vector3<f64>, Vector3<f64>)], forces: &mut [Vector3<f64>]) {
-        for ((shift, axis), force) in places.iter().zip(forces) {
-            *force = self.force(shift, axis);
+    /// The same at those of eight places that are wanted.
+    #[doc(hidden)]
+    fn forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
+        for lane in (0..WIDTH).filter(|lane| wanted.lane(*lane)) {
+            force.set(lane, &self.force(&shift.lane(lane), &axis.lane(lane)));
         }
     }
 

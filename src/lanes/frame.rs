@@ -5,7 +5,7 @@ use std::ops::{Add, Mul, Sub};
 
 /// A vector of each of eight targets.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Vector {
+pub struct Vector {
     pub(crate) x: Lanes,
     pub(crate) y: Lanes,
     pub(crate) z: Lanes,

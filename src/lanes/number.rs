@@ -6,12 +6,12 @@ pub(crate) const WIDTH: usize = 8;
 /// A number of each of eight targets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-pub(crate) struct Lanes(pub(crate) [f64; WIDTH]);
+pub struct Lanes(pub(crate) [f64; WIDTH]);
 
 /// A yes or no for each lane, all bits or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(align(64))]
-pub(crate) struct Mask([u64; WIDTH]);
+pub struct Mask([u64; WIDTH]);
 
 impl Default for Lanes {
     #[inline(always)]
@@ -87,9 +87,24 @@ impl From<f64> for Lanes {
 }
 
 impl Mask {
+    /// Lane by lane.
+    #[inline(always)]
+    pub(crate) fn of(mut wanted: impl FnMut(usize) -> bool) -> Self {
+        let mut out = [0; WIDTH];
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = if wanted(lane) { u64::MAX } else { 0 };
+        }
+        Self(out)
+    }
+
+    /// The first lane that is set.
+    pub(crate) fn next(self) -> Option<usize> {
+        self.0.iter().position(|lane| *lane != 0)
+    }
+
     /// The first so many lanes.
     pub(crate) fn first(count: usize) -> Self {
-        Self(std::array::from_fn(|lane| if lane < count { u64::MAX } else { 0 }))
+        Self::of(|lane| lane < count)
     }
 
     /// One number where it is set, another elsewhere.

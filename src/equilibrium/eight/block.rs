@@ -1,5 +1,5 @@
 use crate::effects::{Cutting, ForceLaw, ToolFrame};
-use crate::lanes::{Frame, Lanes, Vector, WIDTH};
+use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Rotation3, Vector3};
 
@@ -89,22 +89,13 @@ impl<'a> Block<'a> {
 
     /// Cutting forces, N, feed frame, for shifts of the tip, m, and tool axes there.
     pub(super) fn forces(&self, shift: &Vector, axis: &Vector, force: &mut Vector) {
-        let mut places = [(Vector3::zeros(), Vector3::zeros()); WIDTH];
-        let mut forces = [Vector3::x(); WIDTH];
-        for (lane, place) in places.iter_mut().enumerate() {
-            *place = (shift.lane(lane), axis.lane(lane));
-        }
-        let mut from = 0;
-        while from < WIDTH {
-            let law = self.laws[from];
-            let to = from + self.laws[from..].iter().take_while(|other| same(law, **other)).count();
-            if let Some(law) = law {
-                law.forces(&places[from..to], &mut forces[from..to]);
-            }
-            from = to;
-        }
-        for (lane, in_feed) in forces.iter().enumerate() {
-            force.set(lane, in_feed);
+        // Without a law the frame is the force's own.
+        *force = Vector::of(&Vector3::x());
+        let mut left = Mask::of(|lane| self.laws[lane].is_some());
+        while let Some(law) = left.next().and_then(|lane| self.laws[lane]) {
+            let here = left & Mask::of(|lane| same(Some(law), self.laws[lane]));
+            law.forces(here, shift, axis, force);
+            left = left & here.not();
         }
     }
 }
