@@ -235,7 +235,7 @@ pub(super) fn piece(
         .enumerate()
         .map(|(i, motor)| {
             motor.unwrap_or_else(|error| {
-                out.fail(i, &error.into());
+                out.fail(i, &error);
                 motors[i]
             })
         })

@@ -325,9 +325,8 @@ impl Walk<'_, '_> {
         // Of tool axes (CL data) the pose is not known yet.
         let posed = targets.iter().any(|target| matches!(target.goal, Goal::Pose { .. }));
         if let Some(robot) = self.many.as_ref().filter(|_| posed) {
-            let places =
-                targets.iter().zip(settings).map(|(target, setting)| place(target, &known[*setting as usize], &near));
-            robot.find(&places.collect::<SmallVec<[_; WIDTH]>>(), &mut found);
+            let place = |lane: usize| place(&targets[lane], &known[settings[lane] as usize], &near);
+            robot.find(targets.len(), place, |lane, this| found[lane] = Some(this));
         }
         found
     }
@@ -455,9 +454,9 @@ impl Walk<'_, '_> {
         let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
         // The path may have turned into another branch since.
         found?.nearest(near).or_else(|| {
-            let mut found = [None; WIDTH];
-            robot.find(&[place], &mut found);
-            found[0]?.nearest(near)
+            let mut motor = None;
+            robot.find(1, |_| place, |_, found| motor = found.nearest(near));
+            motor
         })
     }
 

@@ -1,16 +1,14 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
 use super::path::{TRAVEL_THRESHOLD, travel};
-use super::spread::{Rooms, Spread};
+use super::spread::{Answers, Rooms, Spread};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
     Aim, Arm, Command, EightArm, EquilibriumError, Feedback, Foreseen, Given, Landing, Near, Room, Setting, Start,
 };
-use crate::lanes::WIDTH;
 use crate::program::Editable;
 use crate::robot::{Eight, Joints, Place, Pose, Unreachable};
 use crate::text::number;
-use smallvec::SmallVec;
 
 /// A solved command.
 #[derive(Clone, Debug)]
@@ -76,11 +74,10 @@ impl<'a> Solver<'a> {
     /// Commands of every point with the travel as programmed, which decides first.
     pub(super) fn first(&self, wishes: &[Wish]) -> Vec<Found> {
         let prepared = self.prepared;
-        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
-            let wanted = |i: &usize| (prepared.site(*i), &prepared.points[*i].motor);
-            let wanted: SmallVec<[_; WIDTH]> = asked.iter().map(wanted).collect();
+        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+            let wanted = |lane: usize| (prepared.site(asked[lane]), &prepared.points[asked[lane]].motor);
             if let Some(arm) = &self.many {
-                arm.commands(room, &wanted, out);
+                arm.commands(room, asked.len(), wanted, |lane, aim| out.put(lane, aim));
             }
         };
         let one = |_: &mut Room<'a>, i: usize| self.one(i, wishes[i], &prepared.points[i].travel);
@@ -96,15 +93,13 @@ impl<'a> Solver<'a> {
     ) -> Vec<Result<Solved, EquilibriumError>> {
         let (arm, prepared) = (self.arm, self.prepared);
         let follows = arm.follows_command();
-        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
-            let given = |i: &usize| Some((prepared.site(*i), first[*i].as_ref().ok()?.commanded(&travels[*i])));
-            let given: SmallVec<[_; WIDTH]> = asked.iter().filter_map(given).collect();
-            let mut poses = [const { None }; WIDTH];
+        let commanded = |i: usize| Some(first[i].as_ref().ok()?.commanded(&travels[i]));
+        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+            let given = |lane: usize| Some((prepared.site(asked[lane]), commanded(asked[lane])?));
             if let Some(arm) = &self.many {
-                arm.nominal(room, &given, &mut poses);
-            }
-            for ((pose, (_, motor)), out) in poses.into_iter().zip(given).zip(out) {
-                *out = pose.map(|wobj_from_tcp| Solved { motor, wobj_from_tcp });
+                arm.nominal(room, asked.len(), given, |lane, motor, wobj_from_tcp| {
+                    out.put(lane, Solved { motor, wobj_from_tcp });
+                });
             }
         };
         let one = |_: &mut Room<'a>, i: usize| {
@@ -145,14 +140,14 @@ impl<'a> Solver<'a> {
         commands: &[(Joints, Joints)],
         near: impl Fn(usize) -> Foreseen + Sync,
     ) -> Vec<Result<Landing, EquilibriumError>> {
-        let many = |room: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
-            let given = |&i: &usize| {
+        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+            let given = |lane: usize| {
+                let i = asked[lane];
                 let (motor, travel) = &commands[i];
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
-            let given: SmallVec<[_; WIDTH]> = asked.iter().map(given).collect();
             if let Some(arm) = &self.many {
-                arm.land(room, &given, out);
+                arm.land(room, asked.len(), given, |lane, landing| out.put(lane, landing));
             }
         };
         let one = |room: &mut Room<'a>, i: usize| {
@@ -171,32 +166,33 @@ impl<'a> Solver<'a> {
         (wishes, first): (&[Wish], &[Found]),
         motors: &[Joints],
         changed: impl Fn(usize) -> bool + Sync,
-    ) -> Vec<Result<Joints, Unreachable>> {
+    ) -> Vec<Result<Joints, EquilibriumError>> {
         let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
-        let many = |_: &mut Room<'a>, asked: &[usize], out: &mut [_; WIDTH]| {
+        let many = |_: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             // The branch is that of the actual angles, a deflection away.
-            let place = |&i: &usize| {
+            let near = |i: usize| first[i].as_ref().map_or(&points[i].motor, |aim| &aim.motor);
+            let place = |lane: usize| {
+                let i = asked[lane];
                 let setting = self.prepared.setting(i);
-                Some(Place {
+                Place {
                     base_from_wobj: &setting.base_from_wobj,
                     position_mm: &written[i].0,
                     quat: &written[i].1,
                     flange_from_tcp: &setting.tool.flange_from_tcp,
-                    near: &first[i].as_ref().ok()?.motor,
-                })
+                    near: near(i),
+                }
             };
-            let places: SmallVec<[_; WIDTH]> = asked.iter().filter_map(place).collect();
-            let mut found = [None; WIDTH];
             if let Some(robot) = &robot {
-                robot.find(&places, &mut found);
-            }
-            for ((found, place), out) in found.iter().zip(&places).zip(out) {
-                *out = found.as_ref().and_then(|found| found.nearest(place.near));
+                robot.find(asked.len(), place, |lane, found| {
+                    if let Some(motor) = found.nearest(near(asked[lane])) {
+                        out.put(lane, motor);
+                    }
+                });
             }
         };
         let one = |_: &mut Room<'a>, i: usize| {
             if changed(i) {
-                controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])
+                Ok(controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])?)
             } else {
                 Ok(points[i].motor)
             }

@@ -1,5 +1,6 @@
 //! How the points of a pass are spread over threads and lanes; what comes out does not depend on it.
 
+use crate::equilibrium::EquilibriumError;
 use crate::lanes::WIDTH;
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -26,30 +27,28 @@ impl Spread {
 
     /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
     /// others; both have room to work in.
-    pub(super) fn eights<T: Send, E: Send, R: Default + Send>(
+    pub(super) fn eights<T: Send, R: Default + Send>(
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,
         rooms: &Rooms<R>,
-        many: impl Fn(&mut R, &[usize], &mut [Option<T>; WIDTH]) + Sync,
-        one: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
-    ) -> Vec<Result<T, E>> {
+        many: impl Fn(&mut R, &[usize], Answers<'_, T>) + Sync,
+        one: impl Fn(&mut R, usize) -> Answer<T> + Sync,
+    ) -> Vec<Answer<T>> {
         let stretch = |indices: Range<usize>| {
             let mut out = Vec::with_capacity(indices.len());
             let mut room = rooms.take();
             for first in indices.clone().step_by(WIDTH) {
                 let block = first..indices.end.min(first + WIDTH);
                 let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
-                let mut answers = [const { None }; WIDTH];
+                let start = out.len();
+                // As long as nobody has answered.
+                out.extend(block.clone().map(|_| Err(EquilibriumError::NotFinite)));
                 if !asked.is_empty() {
-                    many(&mut room, &asked, &mut answers);
+                    many(&mut room, &asked, Answers { out: &mut out[start..], asked: &asked, first });
                 }
-                let mut answers = asked.iter().zip(answers).peekable();
-                for i in block {
-                    match answers.next_if(|(asked, _)| **asked == i) {
-                        Some((_, Some(answer))) => out.push(Ok(answer)),
-                        _ => out.push(one(&mut room, i)),
-                    }
+                for (i, answer) in block.zip(&mut out[start..]).filter(|(_, answer)| answer.is_err()) {
+                    *answer = one(&mut room, i);
                 }
             }
             rooms.give(room);
@@ -62,6 +61,23 @@ impl Spread {
             }
             Self::Here => stretch(0..count),
         }
+    }
+}
+
+/// What becomes of a point.
+type Answer<T> = Result<T, EquilibriumError>;
+
+/// Where the answers of eight points go.
+pub(super) struct Answers<'a, T> {
+    out: &'a mut [Answer<T>],
+    asked: &'a [usize],
+    first: usize,
+}
+
+impl<T> Answers<'_, T> {
+    /// The answer for the point that was asked for in a lane.
+    pub(super) fn put(&mut self, lane: usize, answer: T) {
+        self.out[self.asked[lane] - self.first] = Ok(answer);
     }
 }
 

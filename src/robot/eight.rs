@@ -90,11 +90,12 @@ impl<'a> Eight<'a> {
     }
 
     /// What up to eight targets come to.
-    pub(crate) fn find(&self, places: &[Place<'_>], found: &mut [Option<Found>; WIDTH]) {
+    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, mut put: impl FnMut(usize, Found)) {
         let (mut wobj, mut tool) = (Frame::default(), Frame::default());
         let (mut position, mut quat) = (Vector::default(), [Lanes::ZERO; 4]);
         let mut near = EightJoints::default();
-        for (lane, place) in places.iter().take(WIDTH).enumerate() {
+        for lane in 0..count.min(WIDTH) {
+            let place = place(lane);
             wobj.set(lane, place.base_from_wobj);
             tool.set(lane, place.flange_from_tcp);
             position.set(lane, &Vector3::from(*place.position_mm));
@@ -118,8 +119,8 @@ impl<'a> Eight<'a> {
             *pose = Frame::of_quaternion(*position * 1e-3, *quat);
             (*motor, *reach) = robot.inverse(&wobj.then(pose).without(tool), near);
         });
-        for (lane, found) in found.iter_mut().enumerate().take(places.len()) {
-            *found = Some(Found { wobj_from_tcp: pose.lane(lane), motor: one(&motor, lane), reach: reach.0[lane] });
+        for lane in 0..count.min(WIDTH) {
+            put(lane, Found { wobj_from_tcp: pose.lane(lane), motor: one(&motor, lane), reach: reach.0[lane] });
         }
     }
 
@@ -316,7 +317,7 @@ mod tests {
                 })
                 .collect();
             let mut found = [None; WIDTH];
-            eight.find(&places, &mut found);
+            eight.find(places.len(), |lane| places[lane], |lane, this| found[lane] = Some(this));
             for (i, found) in found.iter().flatten().enumerate() {
                 let off = found.wobj_from_tcp.inverse() * poses[i];
                 prop_assert!(off.translation.vector.norm() < SAME && (off.rotation.matrix() - nalgebra::Matrix3::identity()).norm() < SAME);
@@ -332,9 +333,9 @@ mod tests {
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);
                 let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + eight.theta[2] + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
-                let mut again = [None; WIDTH];
-                eight.find(&[Place { near: &motors[i], ..places[i] }], &mut again);
-                prop_assert!(!easy || again[0].and_then(|found| found.nearest(&motors[i])).is_some(), "{}", motors[i]);
+                let mut again = None;
+                eight.find(1, |_| Place { near: &motors[i], ..places[i] }, |_, found| again = found.nearest(&motors[i]));
+                prop_assert!(!easy || again.is_some(), "{}", motors[i]);
             }
         }
     }

@@ -46,29 +46,28 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Takes other sites.
-    pub(super) fn take<'b>(&mut self, sites: impl ExactSizeIterator<Item = &'b Site<'a>>)
-    where
-        'a: 'b,
-    {
-        self.laws[sites.len()..].fill(None);
-        for (lane, site) in sites.enumerate() {
-            self.set(lane, site.setting);
-            self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
-            self.payload.0[lane] = site.payload;
-            match &site.cutting {
-                Cutting::Air => self.cut(lane, &NOWHERE, None),
-                // As a law whose frame is the force's own: along its first axis.
-                Cutting::Constant(force) => {
-                    self.cut(lane, &NOWHERE, None);
-                    self.wobj_from_feed.x.set(lane, force);
-                }
-                Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
+    /// Puts another site into a lane.
+    pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
+        self.run_with(lane, site.setting);
+        self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
+        self.payload.0[lane] = site.payload;
+        match &site.cutting {
+            Cutting::Air => self.cut(lane, &NOWHERE, None),
+            // As a law whose frame is the force's own: along its first axis.
+            Cutting::Constant(force) => {
+                self.cut(lane, &NOWHERE, None);
+                self.wobj_from_feed.x.set(lane, force);
             }
+            Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
         }
     }
 
-    fn set(&mut self, lane: usize, setting: &'a Setting) {
+    /// Only the first lanes are of interest.
+    pub(super) fn first(&mut self, count: usize) {
+        self.laws[count..].fill(None);
+    }
+
+    fn run_with(&mut self, lane: usize, setting: &'a Setting) {
         if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
             return;
         }

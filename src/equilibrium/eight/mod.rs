@@ -56,6 +56,8 @@ pub(crate) struct Given<'a, 'b> {
 #[derive(Default)]
 pub(crate) struct Room<'a> {
     block: Block<'a>,
+    /// rad
+    motor: EightJoints,
     look: Look,
     feedback: EightFeedback,
     rounds: Rounds,
@@ -89,19 +91,21 @@ impl<'a> EightArm<'a> {
     }
 
     /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there.
-    pub(crate) fn commands<'s>(
+    pub(crate) fn commands<'s, 'm>(
         &self,
         room: &mut Room<'s>,
-        wanted: &[(Site<'s>, &Joints)],
-        out: &mut [Option<Aim>; WIDTH],
+        count: usize,
+        wanted: impl Fn(usize) -> (Site<'s>, &'m Joints),
+        mut put: impl FnMut(usize, Aim),
     ) {
-        let Room { block, look, feedback, .. } = room;
-        block.take(wanted.iter().map(|(site, _)| site));
-        let mut motor = EightJoints::default();
-        for (lane, (_, at)) in wanted.iter().enumerate() {
-            set(&mut motor, lane, at);
+        let Room { block, look, feedback, motor, .. } = room;
+        for lane in 0..count {
+            let (site, at) = wanted(lane);
+            block.set(lane, &site);
+            set(motor, lane, at);
         }
-        look.at(self, block, &motor);
+        block.first(count);
+        look.at(self, block, motor);
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = self,
             block: &'a Block<'b> = block,
@@ -110,57 +114,71 @@ impl<'a> EightArm<'a> {
         ) {
             *feedback = look.feedback(arm, block);
         });
-        for (lane, ((_, motor), out)) in wanted.iter().zip(out).enumerate() {
-            let free = *motor - one(&look.give, lane);
+        for lane in 0..count {
+            let motor = one(motor, lane);
+            let free = motor - one(&look.give, lane);
             let feedback = Feedback {
                 yielding: one(&feedback.yielding, lane),
                 share: feedback.share.0[lane],
                 lift: feedback.lift.0[lane],
             };
-            let aim = Aim { motor: **motor, free, lost: self.half_gap, feedback };
-            *out = free.iter().all(|v| v.is_finite()).then_some(aim);
+            if free.iter().all(|v| v.is_finite()) {
+                put(lane, Aim { motor, free, lost: self.half_gap, feedback });
+            }
         }
     }
 
-    /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad).
+    /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad), where they are known.
     pub(crate) fn nominal<'s>(
         &self,
         room: &mut Room<'s>,
-        given: &[(Site<'s>, Joints)],
-        out: &mut [Option<Pose>; WIDTH],
+        count: usize,
+        given: impl Fn(usize) -> Option<(Site<'s>, Joints)>,
+        mut put: impl FnMut(usize, Joints, Pose),
     ) {
-        let Room { block, look, seen, .. } = room;
-        block.take(given.iter().map(|(site, _)| site));
-        let mut motor = EightJoints::default();
-        for (lane, (_, at)) in given.iter().enumerate() {
-            set(&mut motor, lane, at);
+        let Room { block, look, seen, motor, .. } = room;
+        let mut known = [false; WIDTH];
+        for lane in 0..count {
+            if let Some((site, at)) = given(lane) {
+                block.set(lane, &site);
+                set(motor, lane, &at);
+                known[lane] = true;
+            }
         }
+        block.first(count);
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = self,
             block: &'a Block<'b> = block,
-            motor: &'a EightJoints = &motor,
+            motor: &'a EightJoints = motor,
             look: &'a mut Look = look,
             seen: &'a mut Frame = seen,
         ) {
             look.turns = arm.robot.turns(motor);
             *seen = look.seen(arm, block);
         });
-        for (lane, (_, out)) in given.iter().zip(out).enumerate() {
-            *out = Some(seen.lane(lane));
+        for lane in (0..count).filter(|lane| known[*lane]) {
+            put(lane, one(motor, lane), seen.lane(lane));
         }
     }
 
     /// [`Arm::land`] of up to eight commands.
-    pub(crate) fn land<'s>(&self, room: &mut Room<'s>, given: &[Given<'s, '_>], out: &mut [Option<Landing>; WIDTH]) {
+    pub(crate) fn land<'s, 'm>(
+        &self,
+        room: &mut Room<'s>,
+        count: usize,
+        given: impl Fn(usize) -> Given<'s, 'm>,
+        mut put: impl FnMut(usize, Landing),
+    ) {
         let Room { block, look, rounds, seen, .. } = room;
-        block.take(given.iter().map(|given| &given.site));
-        for (lane, given) in given.iter().enumerate() {
-            set(&mut rounds.motor, lane, &(given.motor - given.travel.component_mul(&self.half_gap)));
-            let Foreseen { deflection, share, left, gain } = &given.near;
-            set(&mut rounds.bend, lane, deflection);
-            (rounds.share.0[lane], rounds.left.0[lane], rounds.gain.0[lane]) = (*share, *left, *gain);
+        for lane in 0..count {
+            let Given { site, motor, travel, near } = given(lane);
+            block.set(lane, &site);
+            set(&mut rounds.motor, lane, &(motor - travel.component_mul(&self.half_gap)));
+            set(&mut rounds.bend, lane, &near.deflection);
+            (rounds.share.0[lane], rounds.left.0[lane], rounds.gain.0[lane]) = (near.share, near.left, near.gain);
         }
-        rounds.begin(self, Mask::first(given.len()));
+        block.first(count);
+        rounds.begin(self, Mask::first(count));
         for number in 0..ROUNDS {
             rounds.round(number, self, block, look);
             if !rounds.done.not().any() {
@@ -169,13 +187,16 @@ impl<'a> EightArm<'a> {
         }
         rounds.seen(self, block, look, seen);
         let found = rounds.done & rounds.close;
-        for (lane, (_, out)) in given.iter().zip(out).enumerate() {
-            *out = found.lane(lane).then(|| Landing {
-                wobj_from_tcp: seen.lane(lane),
-                cut: rounds.cut.lane(lane),
-                share: rounds.share.0[lane],
-                gain: if rounds.most.0[lane] > 0.0 { rounds.most.0[lane] } else { 1.0 },
-            });
+        for lane in (0..count).filter(|lane| found.lane(*lane)) {
+            put(
+                lane,
+                Landing {
+                    wobj_from_tcp: seen.lane(lane),
+                    cut: rounds.cut.lane(lane),
+                    share: rounds.share.0[lane],
+                    gain: if rounds.most.0[lane] > 0.0 { rounds.most.0[lane] } else { 1.0 },
+                },
+            );
         }
     }
 }
@@ -277,7 +298,7 @@ mod tests {
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 
             let mut aims = [const { None }; WIDTH];
-            eight.commands(&mut room, &sites.iter().copied().zip(&motors).collect::<Vec<_>>(), &mut aims);
+            eight.commands(&mut room, count, |lane| (sites[lane], &motors[lane]), |lane, aim| aims[lane] = Some(aim));
             prop_assert_eq!(aims.iter().flatten().count(), count);
             let commands: Vec<Joints> = aims.iter().flatten().map(|aim| aim.commanded(&travel)).collect();
             for i in 0..count {
@@ -286,7 +307,7 @@ mod tests {
             }
 
             let mut poses = [const { None }; WIDTH];
-            eight.nominal(&mut room, &sites.iter().copied().zip(commands.iter().copied()).collect::<Vec<_>>(), &mut poses);
+            eight.nominal(&mut room, count, |lane| Some((sites[lane], commands[lane])), |lane, _, pose| poses[lane] = Some(pose));
             for i in 0..count {
                 let plain = wobj.inv_mul(&(arm.robot.forward(&commands[i]) * tool.flange_from_tcp));
                 prop_assert!((poses[i].unwrap().to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);
@@ -296,7 +317,7 @@ mod tests {
             let rounded: Vec<Joints> = commands.iter().map(|motor| motor.map(|angle| (angle * 3e7).round() / 3e7)).collect();
             let mut gains = [1.0; WIDTH];
             for (motors, known) in [(&commands, 0), (&motors, 1), (&rounded, 2)] {
-                let given: Vec<Given<'_, '_>> = (0..count).map(|i| Given {
+                let given = |i: usize| Given {
                     site: sites[i],
                     motor: &motors[i],
                     travel: &travel,
@@ -309,9 +330,9 @@ mod tests {
                         }
                         _ => Foreseen::default(),
                     },
-                }).collect();
+                };
                 let mut landed = [const { None }; WIDTH];
-                eight.land(&mut room, &given, &mut landed);
+                eight.land(&mut room, count, given, |lane, landing| landed[lane] = Some(landing));
                 for i in 0..count {
                     gains[i] = landed[i].as_ref().map_or(1.0, |landed| landed.gain);
                     match (&landed[i], arm.predict(&situations[i], &motors[i], &travel)) {
