@@ -2,6 +2,9 @@
 
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 
+/// Bytes that go to or come from a file at once.
+const AT_ONCE: usize = 64 * 1024;
+
 /// Replacements of stretches of a file: their texts wait in a scratch file, in memory is where they go.
 #[derive(Debug)]
 pub struct Patch<S: Write> {
@@ -23,7 +26,7 @@ struct Part {
 impl<S: Read + Write + Seek> Patch<S> {
     /// Nothing is replaced yet; `scratch` is empty.
     pub fn new(scratch: S) -> Self {
-        Self { scratch: BufWriter::new(scratch), waiting: 0, parts: Vec::new() }
+        Self { scratch: BufWriter::with_capacity(AT_ONCE, scratch), waiting: 0, parts: Vec::new() }
     }
 
     /// Replaces `old` bytes from `start` on; replacements come in any order and are disjoint.
@@ -46,9 +49,9 @@ impl<S: Read + Write + Seek> Patch<S> {
         self.parts.sort_unstable_by_key(|part| part.start);
         let mut scratch = self.scratch.into_inner().map_err(io::IntoInnerError::into_error)?;
         scratch.rewind()?;
-        let (mut scratch, mut at) = (BufReader::new(scratch), 0);
-        let (mut original, mut done) = (BufReader::new(original), 0);
-        let mut out = BufWriter::new(out);
+        let (mut scratch, mut at) = (BufReader::with_capacity(AT_ONCE, scratch), 0);
+        let (mut original, mut done) = (BufReader::with_capacity(AT_ONCE, original), 0);
+        let mut out = BufWriter::with_capacity(AT_ONCE, out);
         for part in &self.parts {
             pass(&mut original, part.start - done, &mut out)?;
             pass(&mut original, part.old.into(), &mut io::sink())?;

@@ -71,7 +71,10 @@ fn quarters(out: &mut Vec<u8>, conf: Conf) {
         if quarter < 0 {
             out.push(b'-');
         }
-        write_whole(out, quarter.unsigned_abs());
+        match quarter.unsigned_abs() {
+            one @ 0..=9 => out.push(b"0123456789"[one as usize]),
+            more => write_whole(out, more),
+        }
     }
     out.push(b']');
 }

@@ -44,7 +44,8 @@ impl<R: Read + Seek> Declared<R> {
     /// # Errors
     /// What `body` and `file` report.
     pub fn sized(name: &str, body: R, mut file: R, context: &[Source], piece: usize) -> io::Result<Option<Self>> {
-        let Some((index, head, routines)) = Index::read(&mut BufReader::new(&mut file))? else { return Ok(None) };
+        let mut all = BufReader::with_capacity(PIECE, &mut file);
+        let Some((index, head, routines)) = Index::read(&mut all)? else { return Ok(None) };
         // Nothing that `Pieces` alone would not do.
         if index.is_empty() && routines.len() == 1 || !routines.iter().any(|routine| routine.moves) {
             return Ok(None);

@@ -2,10 +2,9 @@
 //! numbers declare alike.
 
 use super::index::{declared, hash, is_word};
-use super::literal::{Literal, Written};
+use super::literal::Literal;
 use super::pieces::line_of;
-use super::sample::Sample;
-use super::straight::pose;
+use super::sample::{Sample, pose};
 use super::value::axes_in_use;
 use crate::program::Goal;
 use std::ops::Range;
@@ -59,16 +58,16 @@ impl<'a> Declarations<'a> {
         let (mut start, mut last) = (lines.start, 0);
         while start < bytes.len() {
             if let Some(way) = read.ways.get_mut(last)
-                && let Some((name, literal, written, len)) = way.read(bytes, start)
+                && let Some((name, literal, goal, len)) = way.read(bytes, start)
             {
-                read.push(name, last, &written)?;
+                read.push(name, last, goal)?;
                 literals.push(literal);
                 start += len;
                 continue;
             }
             let line = line_of(&bytes[start..]);
-            let (way, name, literal, written) = Way::of(bytes, start, line)?;
-            read.push(name, 0, &written)?;
+            let (way, name, literal, goal) = Way::of(bytes, start, line)?;
+            read.push(name, 0, goal)?;
             literals.push(literal);
             last = read.ways.iter().position(|known| known.is(&way)).unwrap_or(read.ways.len());
             match read.ways.get_mut(last) {
@@ -82,14 +81,12 @@ impl<'a> Declarations<'a> {
         Some((read, literals))
     }
 
-    fn push(&mut self, name: &'a [u8], way: usize, written: &Written) -> Option<()> {
+    fn push(&mut self, name: &'a [u8], way: usize, goal: Goal) -> Option<()> {
         // Words of the language have no digits; those that programs begin with are looked for in their text.
         let own = name.first().is_some_and(u8::is_ascii_alphabetic)
             && name.iter().any(|b| !b.is_ascii_alphabetic())
             && name.len() <= LONGEST;
-        let goal = pose(written).filter(|_| own)?;
-        self.targets.push(Declaration { name, hash: hash(name), way, goal, used: None });
-        Some(())
+        own.then(|| self.targets.push(Declaration { name, hash: hash(name), way, goal, used: None }))
     }
 
     /// Which target has a name: most often the next one.
@@ -144,7 +141,7 @@ impl<'a> Declarations<'a> {
 
 impl<'a> Way<'a> {
     /// How the line at `start` declares, and what.
-    fn of(bytes: &'a [u8], start: usize, line: &'a [u8]) -> Option<(Self, &'a [u8], Literal, Written)> {
+    fn of(bytes: &'a [u8], start: usize, line: &'a [u8]) -> Option<(Self, &'a [u8], Literal, Goal)> {
         let text = line.trim_ascii();
         let indent = line.len() - line.trim_ascii_start().len();
         let name = declared(text)?;
@@ -162,18 +159,18 @@ impl<'a> Way<'a> {
             behind: text.get(behind..)?,
             line,
             lead: &line[..indent + name.start],
-            sample: Sample::new(&line[lead..], start + lead, literal, written),
+            sample: Sample::new(&line[lead..], start + lead, literal, &written),
         };
-        Some((way, &text[name], literal, written))
+        Some((way, &text[name], literal, pose(written.position_mm, written.quat, written.conf)?))
     }
 
     /// Reads the line at `start`, if it is like the last one: name and robtarget, and its length with its end.
-    fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(&'a [u8], Literal, Written, usize)> {
+    fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(&'a [u8], Literal, Goal, usize)> {
         let rest = bytes.get(start..)?.strip_prefix(self.lead)?;
         let name = &rest[..rest.iter().position(|b| !is_word(*b))?];
         let lead = self.lead.len() + name.len();
-        let (literal, written, len) = self.sample.as_mut()?.read(bytes, start + lead)?;
-        Some((name, literal, written, lead + len))
+        let (literal, goal, len) = self.sample.as_mut()?.read(bytes, start + lead)?;
+        Some((name, literal, goal, lead + len))
     }
 
     fn is(&self, other: &Self) -> bool {

@@ -267,6 +267,8 @@ impl<R: Read> Pieces<R> {
         let rest = &self.rest[self.cut..];
         let whole = rest.len() < 2 * self.piece + LONGEST;
         let most = self.motions + MOTIONS;
+        // How the last motion's line begins, its word with the byte behind it.
+        let mut lead: &[u8] = &[];
         while at < self.piece && self.motions < most || !behind_motion {
             let line = line_of(&rest[at..]);
             let ended = line.last() == Some(&b'\n');
@@ -275,19 +277,24 @@ impl<R: Read> Pieces<R> {
                 return None;
             }
             let text = line.trim_ascii();
-            behind_motion = false;
+            behind_motion = !lead.is_empty() && line.starts_with(lead) && text.ends_with(b";");
             match text.first() {
                 None => {}
                 Some(b'!') => self.mark = lex::mark(&text[1..]).or(self.mark),
                 Some(_) => {
-                    let word = first_word(text);
-                    if word.eq_ignore_ascii_case(b"ENDPROC") {
-                        return Some(Cut { stretch: at, lines, last: true });
-                    }
-                    behind_motion = is_motion(word);
-                    // A statement over several lines, or a comment behind one, is not worth a closer look.
-                    if !text.ends_with(b";") || !behind_motion && !harmless(word) {
-                        return None;
+                    if !behind_motion {
+                        let word = first_word(text);
+                        if word.eq_ignore_ascii_case(b"ENDPROC") {
+                            return Some(Cut { stretch: at, lines, last: true });
+                        }
+                        behind_motion = is_motion(word);
+                        // A statement over several lines, or a comment behind one, is not worth a closer look.
+                        if !text.ends_with(b";") || !behind_motion && !harmless(word) {
+                            return None;
+                        }
+                        if behind_motion {
+                            lead = &line[..line.len() - line.trim_ascii_start().len() + word.len() + 1];
+                        }
                     }
                     if behind_motion {
                         self.motions += 1;

@@ -2,6 +2,9 @@
 
 use super::index::is_word;
 use super::literal::{Literal, POSE, Written};
+use super::run::MAX_NORM_ERROR;
+use super::value::unit;
+use crate::program::{Conf, Goal};
 use crate::text::number::{Leading, read_leading};
 use std::ops::Range;
 
@@ -11,7 +14,7 @@ pub(super) struct Sample<'a> {
     before: &'a [u8],
     pose: [Number<'a>; POSE],
     literal: Literal,
-    written: Written,
+    conf: Option<Conf>,
     /// Bytes of the line before the literal, and behind it.
     literal_at: usize,
     behind: usize,
@@ -30,7 +33,7 @@ struct Number<'a> {
 
 impl<'a> Sample<'a> {
     /// The line, or what of it stands from `start` on.
-    pub(super) fn new(line: &'a [u8], start: usize, literal: Literal, written: Written) -> Option<Self> {
+    pub(super) fn new(line: &'a [u8], start: usize, literal: Literal, written: &Written) -> Option<Self> {
         let at = |i: usize| literal.token(i).range().start - start;
         let mut pose = [Number { text: line, is: Leading::default() }; POSE];
         for (i, number) in pose.iter_mut().enumerate() {
@@ -42,7 +45,7 @@ impl<'a> Sample<'a> {
             before: &line[..at(0)],
             pose,
             literal,
-            written,
+            conf: written.conf,
             literal_at: literal.span().range().start - start,
             behind: start + line.len() - literal.span().range().end,
             indent: line.len() - line.trim_ascii_start().len(),
@@ -51,7 +54,7 @@ impl<'a> Sample<'a> {
     }
 
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
-    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Written, usize)> {
+    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Goal, usize)> {
         let line = bytes.get(start..)?;
         let mut rest = line.strip_prefix(self.before)?;
         let mut places = [(0, Leading::default()); POSE];
@@ -71,7 +74,7 @@ impl<'a> Sample<'a> {
         let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
         let len = line.len() - rest.len();
         let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
-        Some((literal, Written { position_mm: [x, y, z], quat, ..self.written }, len))
+        Some((literal, pose([x, y, z], quat, self.conf)?, len))
     }
 }
 
@@ -104,4 +107,10 @@ impl<'a> Named<'a> {
             (name..name + len, self.before.len() + len + self.behind.len())
         })
     }
+}
+
+/// Where a robtarget is; `None` where its orientation is none.
+pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4], conf: Option<Conf>) -> Option<Goal> {
+    let norm = quat.iter().map(|c| c * c).sum::<f64>();
+    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| Goal::Pose { position_mm, quat: unit(quat), conf })
 }

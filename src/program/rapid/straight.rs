@@ -4,14 +4,13 @@
 use super::index::target;
 use super::kinds::{Meaning, Motion, words};
 use super::lex;
-use super::literal::{Literal, Written};
+use super::literal::Literal;
 use super::moves::index;
 use super::named::Declarations;
 use super::piece::Piece;
 use super::pieces::line_of;
-use super::run::MAX_NORM_ERROR;
-use super::sample::{Named, Sample};
-use super::value::{Place, axes_in_use, unit};
+use super::sample::{Named, Sample, pose};
+use super::value::{Place, axes_in_use};
 use super::{Layout, Site};
 use crate::program::{Goal, Language, Mark, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
@@ -56,7 +55,7 @@ enum Last<'a> {
 enum To {
     /// None, or one without a place.
     Nowhere,
-    Inline(Literal, Written),
+    Inline(Literal, Goal),
     /// A declared one, and where its name stands.
     Named(usize, Range<usize>),
 }
@@ -139,9 +138,9 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
                 if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
                     return None;
                 }
-                let sample = Sample::new(line, line_start, literal, written);
+                let sample = Sample::new(line, line_start, literal, &written);
                 kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new(sample)));
-                To::Inline(literal, written)
+                To::Inline(literal, pose(written.position_mm, written.quat, written.conf)?)
             }
             (None, Some((target, name))) => {
                 let name = first + name.start..first + name.end;
@@ -177,9 +176,9 @@ impl<'a> Kind<'a> {
         match &mut self.last {
             Last::None => None,
             Last::Inline(sample) => {
-                let (literal, written, len) = sample.read(bytes, start)?;
+                let (literal, goal, len) = sample.read(bytes, start)?;
                 let text = start + sample.indent..start + len - sample.trailing;
-                Some((To::Inline(literal, written), text, start + len))
+                Some((To::Inline(literal, goal), text, start + len))
             }
             Last::Named(named) => {
                 let (name, len) = named.read(bytes, start)?;
@@ -189,13 +188,6 @@ impl<'a> Kind<'a> {
             }
         }
     }
-}
-
-/// Where a robtarget is; `None` where its orientation is none.
-pub(super) fn pose(written: &Written) -> Option<Goal> {
-    let Written { position_mm, quat, conf, .. } = *written;
-    let norm = quat.iter().map(|c| c * c).sum::<f64>();
-    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| Goal::Pose { position_mm, quat: unit(quat), conf })
 }
 
 impl Read {
@@ -212,8 +204,8 @@ impl Read {
         let mut target = like.clone();
         let site = match to {
             To::Nowhere => Site::None,
-            To::Inline(literal, written) => {
-                target.goal = pose(&written)?;
+            To::Inline(literal, goal) => {
+                target.goal = goal;
                 self.literals.push(literal);
                 Site::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
             }
