@@ -146,7 +146,7 @@ mod tests {
 
     fn literal() -> impl Strategy<Value = String> {
         let number = prop_oneof![
-            8 => "-?[1-9][0-9]{0,3}\\.[0-9]{1,8}",
+            8 => "-?[1-9][0-9]{0,3}\\.[0-9]{1,10}",
             1 => prop::sample::select(vec!["0", "-0.000", "+1.5", "0012.5", "1.5E2", "- 3.25", "7.", "0.0000"])
                 .prop_map(str::to_owned),
         ];
