@@ -55,7 +55,7 @@ fn miss(
     let half = |to: usize| {
         let (from, point) = (&prepared.points[to - 1].wobj_from_tcp, &prepared.points[to]);
         let middle = programmed.between(&from.translation.vector, &point.wobj_from_tcp.translation.vector);
-        let way = crate::robot::rotation_vector(&(point.wobj_from_tcp.rotation * from.rotation.inverse()));
+        let way = crate::robot::turn_between(&from.rotation, &point.wobj_from_tcp.rotation);
         let pose = Pose::from_parts(Translation3::from(middle), Rotation3::from_scaled_axis(0.5 * way) * from.rotation);
         // Cut and tool as at the half's end: the chord, along which they are, lies as the arc does in its middle.
         let mut situation = prepared.situation(to);

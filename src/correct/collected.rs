@@ -1,9 +1,9 @@
 //! Rows and failures of a run as they come, and the limits that make a failure of a correction.
 
+use super::Prepared;
 use super::line::{Corrected, Posted};
 use super::path;
 use super::row::{Row, Status};
-use super::{Prepared, frames};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, Landing};
 use crate::program::{Change, Editable, Language, Program, Rewritten};
@@ -89,7 +89,7 @@ pub(super) fn check_limits(
     for (i, point) in prepared.points.iter().enumerate() {
         let corrected = changes[i].is_some() || out.program.language == Language::Cl;
         let shift = if corrected {
-            let to = frames::pose(written[i].0, written[i].1).translation.vector;
+            let to = Vector3::from(written[i].0) * 1e-3;
             prepared.base_from_wobj(i).rotation * (to - point.wobj_from_tcp.translation.vector)
         } else {
             Vector3::zeros()

@@ -3,7 +3,7 @@
 use super::frames::{self, pose};
 use super::{Options, Prepared};
 use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
-use crate::cutting::{ContactPoint, FeedTable, ForceTable, Lean, Milling};
+use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
 use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::lanes::{Mask, Vector, WIDTH};
@@ -76,16 +76,6 @@ impl ForceLaw for Law {
     }
 }
 
-impl Law {
-    /// Contact point from the tip, feed frame, m, for a tool axis in the feed frame.
-    fn contact(&self, axis: &Vector3<f64>) -> Option<Vector3<f64>> {
-        match self.milling.contact_point(&Unit::new_unchecked(*axis)) {
-            ContactPoint::Point(point) => Some(point),
-            ContactPoint::FlatDisk | ContactPoint::Heel(_) => None,
-        }
-    }
-}
-
 impl Point {
     fn cutting<'a>(&self, laws: &'a [Law]) -> Cutting<'a> {
         match self.load {
@@ -148,9 +138,12 @@ impl Point {
         let shift = actual.translation.vector - self.reference.translation.vector;
         let mut error = shift.dot(&self.normal);
         if let PointLoad::Law(law, wobj_from_feed) = self.load {
-            let contact = |pose: &Pose| laws[law].contact(&(wobj_from_feed.inverse() * tool_axis(pose)));
-            if let (Some(now), Some(wanted)) = (contact(actual), contact(&self.reference)) {
-                error += (now - wanted).z;
+            let height = |pose: &Pose| {
+                let axis = wobj_from_feed.inverse_transform_vector(&tool_axis(pose));
+                laws[law].milling.contact_height(&Unit::new_unchecked(axis))
+            };
+            if let (Some(now), Some(wanted)) = (height(actual), height(&self.reference)) {
+                error += now - wanted;
             }
         }
         error
@@ -159,7 +152,7 @@ impl Point {
 
 /// Tool axis, tip to spindle: −z of the TCP frame.
 pub(super) fn tool_axis(pose: &Pose) -> Vector3<f64> {
-    -(pose.rotation * Vector3::z())
+    -pose.rotation.matrix().column(2)
 }
 
 /// Directions of commanded motion smaller than this are stops, rad (INTERFACE.md).

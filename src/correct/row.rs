@@ -1,7 +1,7 @@
 use super::Stiffness;
 use super::path::Point;
 use crate::program::Target;
-use crate::robot::{Pose, rotation_vector};
+use crate::robot::{Pose, turn_between};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -94,7 +94,7 @@ impl Row {
 /// `to` minus `from`: mm, and the rotation vector of R_to·R_fromᵀ in degrees, both in the common frame's axes.
 pub(super) fn difference(from: &Pose, to: &Pose) -> ([f64; 3], [f64; 3]) {
     let shift = (to.translation.vector - from.translation.vector) * 1e3;
-    let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
+    let turn = turn_between(&from.rotation, &to.rotation);
     (shift.into(), turn.map(f64::to_degrees).into())
 }
 

@@ -109,8 +109,7 @@ impl Stretch<'_> {
     fn corrected(&self, near: &Joints, share: f64) -> Option<Corrected> {
         let (from, to) = (self.from, &self.prepared.points[self.i]);
         let (a, b) = (&from.wobj_from_tcp, &to.wobj_from_tcp);
-        let way =
-            Rotation3::from_scaled_axis(share * crate::robot::rotation_vector(&(b.rotation * a.rotation.inverse())));
+        let way = Rotation3::from_scaled_axis(share * crate::robot::turn_between(&a.rotation, &b.rotation));
         let programmed = Pose::from_parts(
             Translation3::from(a.translation.vector.lerp(&b.translation.vector, share)),
             way * a.rotation,

@@ -34,6 +34,14 @@ impl ContactPoint {
     }
 }
 
+/// Height of the contact point over the tip, m, negative, where it is one point.
+pub(super) fn height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<f64> {
+    let flat = cutter.radius() - cutter.corner_radius;
+    let sine = (axis.x * axis.x + axis.y * axis.y).sqrt();
+    let one = axis.z > 0.0 && (flat <= 0.0 || axis.x >= 0.0 && sine > SQUARE_SINE);
+    one.then(|| -tip_height(cutter, axis))
+}
+
 fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
     let (r, flat) = (cutter.corner_radius, cutter.radius() - cutter.corner_radius);
     let corner = (axis.into_inner() - Vector3::z()) * r;
@@ -49,5 +57,27 @@ fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
 /// LEAD the angle between axis and normal).
 pub(super) fn tip_height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> f64 {
     let (r, flat) = (cutter.corner_radius, cutter.radius() - cutter.corner_radius);
-    flat * axis.x.hypot(axis.y) + r * (1.0 - axis.z)
+    flat * (axis.x * axis.x + axis.y * axis.y).sqrt() + r * (1.0 - axis.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_height_is_that_of_the_point() {
+        for corner_radius in [0.0, 0.002, 0.01] {
+            let cutter = Cutter { diameter: 0.02, corner_radius, teeth: 4, helix: 0.5 };
+            for axis in [[0.1, 0.2, 0.9], [-0.1, 0.2, 0.9], [0.0, 0.0, 1.0], [0.0, -0.3, 1.0], [0.5, 0.0, -0.1]] {
+                let axis = Unit::new_normalize(Vector3::from(axis));
+                let point = match ContactPoint::of(&cutter, &axis) {
+                    ContactPoint::Point(point) => Some(point.z),
+                    ContactPoint::FlatDisk | ContactPoint::Heel(_) => None,
+                };
+                let height = height(&cutter, &axis);
+                assert_eq!(height.is_some(), point.is_some(), "{corner_radius} {axis:?}");
+                assert!((height.unwrap_or(0.0) - point.unwrap_or(0.0)).abs() < 1e-15, "{corner_radius} {axis:?}");
+            }
+        }
+    }
 }

@@ -127,6 +127,11 @@ impl Milling {
         ContactPoint::of(&self.cutter, axis)
     }
 
+    /// Height of the [contact point](Self::contact_point) over the tip, m, negative, where it is one point.
+    pub(crate) fn contact_height(&self, axis: &Unit<Vector3<f64>>) -> Option<f64> {
+        contact::height(&self.cutter, axis)
+    }
+
     /// Sums over corner and cylinder, in the cutter frame.
     fn integrate(&self, patch: &Patch) -> ForceParts {
         let mut sum = ForceParts::default();

@@ -348,24 +348,26 @@ pub fn polish(at: &impl Fn(&Joints) -> Frames, base_from_last: &Pose, seed: &Joi
 #[must_use]
 pub(crate) fn pose_gap(from: &Pose, to: &Pose) -> Vector6<f64> {
     let shift = to.translation.vector - from.translation.vector;
-    let turn = rotation_vector(&(to.rotation * from.rotation.inverse()));
+    let turn = turn_between(&from.rotation, &to.rotation);
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
 }
 
-/// Rotation vector of a rotation, exact for small angles too, rad.
+/// Rotation vector that turns one orientation into another, in the axes that both are given in, exact for small angles too, rad.
 #[must_use]
-pub(crate) fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
     /// Sines up to here: the series of the arc sine is exact to rounding.
     const SMALL: f64 = 0.01;
-    let m = rotation.matrix();
+    let (a, b) = (from.matrix(), to.matrix());
+    let across = |k: usize| a.fixed_view::<3, 1>(0, k).cross(&b.fixed_view::<3, 1>(0, k));
     // The axis times the sine: most rotations that are asked for are what an arm yields by, some 1e-4 rad.
-    let turn = 0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)]);
+    let turn = 0.5 * (across(0) + across(1) + across(2));
     let square = turn.norm_squared();
-    if square < SMALL * SMALL && m.trace() > 0.0 {
+    // Less than a right angle apart: the trace of the rotation between them is positive.
+    if square < SMALL * SMALL && a.dot(b) > 0.0 {
         return turn * (1.0 + square * (1.0 / 6.0 + square * (3.0 / 40.0 + square * (15.0 / 336.0))));
     }
     // Through the quaternion: the matrix form's acos gives NaN or loses half the digits near identity.
-    nalgebra::UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
+    nalgebra::UnitQuaternion::from_rotation_matrix(&(to * from.inverse())).scaled_axis()
 }
 
 #[cfg(test)]
@@ -397,14 +399,16 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn a_rotation_vector_is_the_one_turned_by(
+        fn a_turn_between_is_the_one_turned_by(
+            from in proptest::array::uniform3(-3.0_f64..3.0),
             axis in proptest::array::uniform3(-1.0_f64..1.0),
             size in proptest::sample::select(vec![1e-9, 1e-6, 1e-4, 5e-3, 9.9e-3, 1.01e-2, 0.5, 3.0]),
         ) {
             let axis = Vector3::from(axis);
             proptest::prop_assume!(axis.norm() > 1e-3);
             let turn = axis.normalize() * size;
-            let found = rotation_vector(&Rotation3::from_scaled_axis(turn));
+            let from = Rotation3::from_scaled_axis(from.into());
+            let found = turn_between(&from, &(Rotation3::from_scaled_axis(turn) * from));
             proptest::prop_assert!((found - turn).norm() < 1e-15 + 1e-14 * size, "{found} {turn}");
         }
     }

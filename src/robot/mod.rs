@@ -19,7 +19,7 @@ pub use confdata::{conf_is, conf_of};
 pub(crate) use eight::{Eight, EightJoints, EightTurns, Found, Place};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links, Turns};
-pub(crate) use inverse::rotation_vector;
+pub(crate) use inverse::turn_between;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
 pub use model::{DhRow, Robot};
