@@ -361,14 +361,15 @@ impl Walk<'_, '_> {
 
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
-        let direction = chord.try_normalize(CHORD);
-        let length = if previous.is_some() { chord.norm() } else { 0.0 };
+        let size = chord.norm();
+        let direction = (size > CHORD).then(|| chord * (1.0 / size));
+        let length = if previous.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
         };
         let axis = tool_axis(&wobj_from_tcp);
-        let frame = direction.and_then(|d| self.carried.laws.lean.feed_frame(&Unit::new_normalize(axis), &d));
+        let frame = direction.and_then(|d| self.carried.laws.lean.feed_frame(&Unit::new_unchecked(axis), &d));
         let frame = frame.or_else(|| {
             previous.and_then(|p| match p.load {
                 PointLoad::Law(_, frame) => Some(frame),

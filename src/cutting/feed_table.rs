@@ -120,7 +120,9 @@ impl Places {
     #[inline(always)]
     fn take(&mut self, grid: &Grid, shift: &Vector, axis: &Vector) {
         let depth = (shift.z - grid.depth_middle) / grid.depth_range;
-        let [u, v] = [&grid.across[0], &grid.across[1]].map(|across| Vector::of(across).dot(*axis) / grid.turn_range);
+        // An array's `map` would be a call, which leaves the widest lanes.
+        let turned = |across: &Vector3<f64>| Vector::of(across).dot(*axis) / grid.turn_range;
+        let (u, v) = (turned(&grid.across[0]), turned(&grid.across[1]));
         let side = if grid.side { shift.y / grid.side_range } else { Lanes::ZERO };
         let within = |x: Lanes| Lanes::of(FADE).ge(x.abs());
         self.inside = within(depth) & within(u) & within(v) & within(side);
