@@ -77,6 +77,12 @@ impl<'a> Collected<'a> {
     }
 }
 
+/// The point of each row: targets that failed have no row, and points on the way to an end have none either.
+pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
+    let mut ends = program.targets.iter().enumerate().filter(|(_, target)| path::is_end(target));
+    rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()
+}
+
 /// Corrections that would surprise the machine: too large, or too different from the neighbour's.
 pub(super) fn check_limits(
     out: &mut Collected,

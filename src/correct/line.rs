@@ -84,8 +84,8 @@ pub(super) fn foreseen(
     n: usize,
     spread: Spread,
 ) -> Corrected {
-    let commands: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
-    let there = { Solver::new(&cell.arm, prepared, spread).forward(&commands, |_| Foreseen::default()) };
+    let solver = Solver::new(&cell.arm, prepared, spread);
+    let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| Foreseen::default());
     let mut out = Collected::new(program, prepared);
     for (i, there) in there.into_iter().enumerate() {
         match there {
@@ -93,9 +93,9 @@ pub(super) fn foreseen(
             Err(error) => out.fail(i, &error),
         }
     }
-    sigma::fill(&mut out.rows, cell, prepared, &commands, spread);
+    sigma::fill(&mut out.rows, program, cell, prepared, spread);
     if options.stiffness {
-        stiffness::fill(&mut out.rows, program, cell, prepared, &commands, spread);
+        stiffness::fill(&mut out.rows, program, cell, prepared, spread);
     }
     let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
     out.finish(notes, None, Vec::new())
@@ -180,7 +180,6 @@ pub(super) fn piece(
     };
     let arm = &cell.arm;
     let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
-    let as_programmed: Vec<(Joints, Joints)> = prepared.points.iter().map(|p| (p.motor, p.travel)).collect();
     let solver = Solver::new(arm, &prepared, spread);
     let first = solver.first(&wishes);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
@@ -241,18 +240,23 @@ pub(super) fn piece(
         })
         .collect();
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
-    let uncorrected =
-        solver.forward(&as_programmed, |i| first[i].as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected));
-    let after = solver.forward(&travels, |i| {
-        let (Ok(aim), Ok(solved), Ok(uncorrected)) = (&first[i], &solved[i], &uncorrected[i]) else {
-            return Foreseen::default();
-        };
-        // What printing leaves of the command.
-        let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
-        let near = aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected.gain);
-        // What feeds back is much the same with and without the correction.
-        Foreseen { share: uncorrected.share, ..near }
-    });
+    let uncorrected = solver.forward(
+        |i| prepared.points[i].as_programmed(),
+        |i| first[i].as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected),
+    );
+    let after = solver.forward(
+        |i| (&travels[i].0, &travels[i].1),
+        |i| {
+            let (Ok(aim), Ok(solved), Ok(uncorrected)) = (&first[i], &solved[i], &uncorrected[i]) else {
+                return Foreseen::default();
+            };
+            // What printing leaves of the command.
+            let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
+            let near = aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected.gain);
+            // What feeds back is much the same with and without the correction.
+            Foreseen { share: uncorrected.share, ..near }
+        },
+    );
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, uncorrected) in uncorrected.iter().enumerate() {
@@ -287,9 +291,9 @@ pub(super) fn piece(
         }
     }
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, &written, &changes, last))?;
-    sigma::fill(&mut out.rows, cell, &prepared, &as_programmed, spread);
+    sigma::fill(&mut out.rows, program, cell, &prepared, spread);
     if options.stiffness {
-        stiffness::fill(&mut out.rows, program, cell, &prepared, &as_programmed, spread);
+        stiffness::fill(&mut out.rows, program, cell, &prepared, spread);
     }
     let posted = if program.language == Language::Cl {
         posted(cell, &prepared, &written, &reached, &inserts)

@@ -85,6 +85,11 @@ impl Point {
         }
     }
 
+    /// Nominal motor angles and the direction of travel into them.
+    pub(super) fn as_programmed(&self) -> (&Joints, &Joints) {
+        (&self.motor, &self.travel)
+    }
+
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
         Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cutting: self.cutting(laws) }
     }

@@ -1,29 +1,31 @@
 //! Uncertainty of the predicted error from the covariance of the effects' parameters.
 
+use super::collected::points_of;
 use super::spread::Spread;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
-use crate::robot::Joints;
+use crate::program::Program;
 use nalgebra::{DMatrix, Vector3};
 
 /// Step of a parameter for its derivative, in standard deviations: the model is smooth on that scale.
 const STEP: f64 = 0.5;
 
 /// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter.
-pub(super) fn fill(rows: &mut [Row], cell: &Cell, prepared: &Prepared, commands: &[(Joints, Joints)], spread: Spread) {
+pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, spread: Spread) {
     let known: Vec<(usize, &DMatrix<f64>)> =
         cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
-    if known.is_empty() || rows.len() != prepared.points.len() {
+    if known.is_empty() {
         return;
     }
+    let at = points_of(rows, program);
     let mut variance = vec![0.0; rows.len()];
     for (effect, covariance) in known {
         let base: Vec<f64> = cell.arm.effects[effect].parameters().iter().map(|p| p.value).collect();
         let columns: Vec<Option<Vec<Vector3<f64>>>> = (0..base.len())
             .map(|k| {
                 let step = STEP * covariance[(k, k)].max(0.0).sqrt();
-                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, commands, spread))
+                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, &at, spread))
             })
             .collect();
         for (a, left) in columns.iter().enumerate() {
@@ -49,7 +51,7 @@ fn column(
     cell: &Cell,
     (effect, base, k, step): (usize, &[f64], usize, f64),
     prepared: &Prepared,
-    commands: &[(Joints, Joints)],
+    at: &[Option<usize>],
     spread: Spread,
 ) -> Vec<Vector3<f64>> {
     let at = |value: f64| {
@@ -64,11 +66,12 @@ fn column(
             stiffness: cell.arm.stiffness,
             effects: (0..cell.arm.effects.len()).map(with).collect(),
         };
-        let place = |i: usize| {
-            let (motor, travel) = &commands[i];
-            arm.predict(&prepared.situation(i), motor, travel).map(|e| e.wobj_from_tcp.translation.vector).ok()
+        let place = |n: usize| {
+            let point = &prepared.points[at[n]?];
+            let there = arm.predict(&prepared.situation(at[n]?), &point.motor, &point.travel).ok()?;
+            Some(there.wobj_from_tcp.translation.vector)
         };
-        spread.map(commands.len(), place)
+        spread.map(at.len(), place)
     };
     let (up, down) = (at(base[k] + step), at(base[k] - step));
     let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {

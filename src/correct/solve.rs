@@ -134,16 +134,16 @@ impl<'a> Solver<'a> {
         Ok(Aim { motor, free, lost, feedback: Feedback::default() })
     }
 
-    /// Forward equilibria of given commands, in order, from what is known of them.
-    pub(super) fn forward(
+    /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.
+    pub(super) fn forward<'c>(
         &self,
-        commands: &[(Joints, Joints)],
+        command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
         near: impl Fn(usize) -> Foreseen + Sync,
     ) -> Vec<Result<Landing, EquilibriumError>> {
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             let given = |lane: usize| {
                 let i = asked[lane];
-                let (motor, travel) = &commands[i];
+                let (motor, travel) = command(i);
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
             if let Some(arm) = &self.many {
@@ -151,11 +151,11 @@ impl<'a> Solver<'a> {
             }
         };
         let one = |room: &mut Room<'a>, i: usize| {
-            let ((motor, travel), Foreseen { deflection, share, .. }) = (&commands[i], near(i));
+            let ((motor, travel), Foreseen { deflection, share, .. }) = (command(i), near(i));
             let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
             self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
         };
-        self.spread.eights(commands.len(), |_| self.many.is_some(), &self.rooms, many, one)
+        self.spread.eights(self.prepared.points.len(), |_| self.many.is_some(), &self.rooms, many, one)
     }
 
     /// Motor angles that the controller reaches for what is written, near known ones; `None` for a point whose command

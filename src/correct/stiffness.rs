@@ -1,12 +1,11 @@
 //! How stiffly the cell holds the TCP at each target.
 
-use super::path::is_end;
+use super::collected::points_of;
 use super::spread::Spread;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::effects::Cutting;
 use crate::program::Program;
-use crate::robot::Joints;
 use nalgebra::{Matrix3, Vector3};
 
 /// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
@@ -41,37 +40,22 @@ impl Stiffness {
 const STEP: f64 = 50.0;
 
 /// Fills `stiffness` by differences of equilibria about the force that acts.
-pub(super) fn fill(
-    rows: &mut [Row],
-    program: &Program,
-    cell: &Cell,
-    prepared: &Prepared,
-    commands: &[(Joints, Joints)],
-    spread: Spread,
-) {
-    // Targets that failed have no row.
-    let mut ends = program.targets.iter().enumerate().filter(|(_, target)| is_end(target));
-    let at: Vec<Option<usize>> =
-        rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect();
-    let of = |n: usize| at[n].and_then(|i| stiffness(cell, prepared, i, &commands[i], &rows[n].force_n.into()));
+pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, spread: Spread) {
+    let at = points_of(rows, program);
+    let of = |n: usize| at[n].and_then(|i| stiffness(cell, prepared, i, &rows[n].force_n.into()));
     let found = spread.map(rows.len(), of);
     for (row, found) in rows.iter_mut().zip(found) {
         row.stiffness = found;
     }
 }
 
-fn stiffness(
-    cell: &Cell,
-    prepared: &Prepared,
-    i: usize,
-    (motor, travel): &(Joints, Joints),
-    force: &Vector3<f64>,
-) -> Option<Stiffness> {
+fn stiffness(cell: &Cell, prepared: &Prepared, i: usize, force: &Vector3<f64>) -> Option<Stiffness> {
+    let point = &prepared.points[i];
     let mut situation = prepared.situation(i);
     let into_wobj = situation.base_from_wobj.rotation.inverse();
     let mut under = |force: Vector3<f64>| {
         situation.cutting = Cutting::Constant(force);
-        let there = cell.arm.predict(&situation, motor, travel).ok()?;
+        let there = cell.arm.predict(&situation, &point.motor, &point.travel).ok()?;
         Some((there.wobj_from_tcp.translation.vector, into_wobj * there.load.cut))
     };
     let (mut moves, mut forces) = (Matrix3::zeros(), Matrix3::zeros());
@@ -82,7 +66,7 @@ fn stiffness(
         // Some effects change the force itself, so the one that really acts is taken.
         forces.set_column(axis, &(more.1 - less.1));
     }
-    Stiffness::of(&(moves * forces.try_inverse()?), &prepared.points[i].normal)
+    Stiffness::of(&(moves * forces.try_inverse()?), &point.normal)
 }
 
 #[cfg(test)]
