@@ -132,11 +132,13 @@ def run(command, stdin=None, stdout=None):
         return seconds, int(note.read().split()[-1]) / 1024
 
 
-def in_turn(jobs, runs):
-    """Median seconds and most memory of each job: one warm-up, then A B C, A B C, …"""
+def in_turn(jobs, runs, outputs=()):
+    """Median seconds and most memory of each job: one warm-up, then A B C, A B C, …, each into new files."""
     got = {name: [] for name in jobs}
     for turn in range(runs + 1):
         for name, job in jobs.items():
+            for output in outputs:
+                output.unlink(missing_ok=True)
             came = job()
             if turn or runs == 1:
                 got[name].append(came)
@@ -217,12 +219,12 @@ def table(args, folder):
         for threads in (1, 4):
             command = compensate(folder / text, folder, threads)
             jobs[f"deflex, {name}, {threads} thr"] = lambda c=command: run(c)
-    got = in_turn(jobs, args.runs)
+    got = in_turn(jobs, args.runs, [folder / f"{name}.{end}" for name in ("out", "floor") for end in ("mod", "csv")])
     print(f"{args.targets:,} targets, {program.stat().st_size / 1e6:.0f} MB of RAPID, median of {args.runs} runs\n")
     print("| | ns a target | over the floor, same threads | peak MiB |\n|---|---|---|---|")
     for name, (seconds, memory) in got.items():
         floors = [s for other, (s, _) in got.items() if other.startswith("floor") and other.endswith(name[-5:])]
-        ratio = f"{seconds / floors[0]:.1f}" if floors else "–"
+        ratio = f"{seconds / floors[0]:.2f}" if floors else "–"
         print(f"| {name} | {1e9 * seconds / args.targets:,.0f} | {ratio} | {memory:.0f} |")
     speed_up = got["deflex, 1 thr"][0] / got["deflex, 4 thr"][0]
     print(f"\nFour threads are {speed_up:.1f} times as fast as one.")
