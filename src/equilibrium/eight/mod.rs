@@ -1,5 +1,6 @@
-//! Both questions for eight targets at once, where effects are [`Simple`] and the inverse explicit: the same rounds as those
-//! of [`predict`](super::predict) and [`command`](super::command), which stay the reference and answer what is left open here.
+//! Both questions for eight targets at once, where effects are [`Simple`] and the inverse explicit: rounds like those of
+//! [`predict`](super::predict) and [`command`](super::command), which stay the reference and answer what is left open here. From
+//! the look at a wanted pose it is foreseen how the cut feeds back close by, which saves rounds and decides nothing.
 
 mod block;
 mod look;
