@@ -5,7 +5,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Prepared, Status, compensate, predict};
 use deflex::measured::Table;
-use deflex::program::{Program, cl, rapid};
+use deflex::program::{Program, Role, cl, rapid};
 use deflex::text::{Source, apply};
 use nalgebra::Matrix6;
 use std::path::Path;
@@ -112,5 +112,37 @@ fn the_stiffness_of_a_joint_model_is_that_of_its_jacobian() {
         ] {
             approx::assert_relative_eq!(found, 1e-3 / compliance, max_relative = 0.01);
         }
+    }
+}
+
+#[test]
+fn sigma_is_told_at_the_ends_of_arcs_too() {
+    let slot = String::from_utf8(source("slot/slot.mod").bytes.to_vec()).unwrap();
+    let mut moves = slot.lines().filter_map(|line| line.trim().strip_prefix("MoveL "));
+    let [from, via, to, on] = std::array::from_fn(|_| moves.next().unwrap());
+    let robtarget = via.split(",v20").next().unwrap().replace("[[1.0000,0.0000", "[[1.0000,0.3000");
+    let head = slot.split("    MoveL").next().unwrap();
+    let text = format!("{head}MoveL {from}\nMoveC {robtarget},{to}\nMoveL {on}\nENDPROC\nENDMODULE\n");
+    let program = rapid::read(vec![Source::new("arc.mod", text)], Vec::new()).unwrap();
+
+    /// rad
+    const UNSURE: f64 = 1e-5;
+    let zeros = "0.0, ".repeat(5);
+    let rows = format!("[{:e}, {zeros}], ", UNSURE * UNSURE) + &format!("[0.0, {zeros}], ").repeat(5);
+    let effect = format!(
+        "\n[[effect]]\nkind = \"zero_offset\"\noffset_rad = [0.0, {zeros}]\n[effect.uncertainty]\ncovariance = [{rows}]\n"
+    );
+    let cell = String::from_utf8(source("slot/cell.toml").bytes.to_vec()).unwrap() + &effect;
+    let cell = Cell::read(&Source::new("cell.toml", cell)).unwrap();
+    let rows = predict(&program, &cell, &Options::default(), None).unwrap().rows;
+    assert_eq!(rows.len(), 3);
+    let prepared = Prepared::new(&program, &cell, &Options::default()).unwrap();
+    let ends = program.targets.iter().zip(&prepared.points).enumerate().filter(|(_, (t, _))| t.role == Role::End);
+    for (row, (i, (_, point))) in rows.iter().zip(ends) {
+        let tcp = (prepared.base_from_wobj(i) * point.wobj_from_tcp).translation.vector;
+        let jacobian = cell.arm.robot.jacobian(&cell.arm.robot.frames(&point.motor), &tcp);
+        let moved = jacobian.fixed_view::<3, 1>(0, 0).norm() * UNSURE * 1e3;
+        // A root mean over the axes. The load turns the arm a little from where the program says.
+        approx::assert_relative_eq!(row.sigma_mm.unwrap(), moved / 3.0_f64.sqrt(), max_relative = 0.01);
     }
 }
