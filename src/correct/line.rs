@@ -252,9 +252,7 @@ pub(super) fn piece(
             };
             // What printing leaves of the command.
             let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
-            let near = aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected.gain);
-            // What feeds back is much the same with and without the correction.
-            Foreseen { share: uncorrected.share, ..near }
+            aim.corrected(prepared.points[i].normal.dot(&rounded), uncorrected)
         },
     );
 

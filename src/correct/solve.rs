@@ -4,7 +4,7 @@ use super::path::{TRAVEL_THRESHOLD, travel};
 use super::spread::{Answers, Rooms, Spread};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
-    Aim, Arm, Command, EightArm, EquilibriumError, Feedback, Foreseen, Given, Landing, Near, Room, Setting, Start,
+    Aim, Arm, Command, EightArm, EquilibriumError, Foreseen, Given, Landing, Near, Room, Setting, Start,
 };
 use crate::program::Editable;
 use crate::robot::{Eight, Joints, Place, Pose, Unreachable};
@@ -126,12 +126,12 @@ impl<'a> Solver<'a> {
 
     fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Found {
         let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
-        let Command { motor, free, lost, .. } = match wish {
+        let command = match wish {
             Wish::Keep => Command::held(&point.motor),
             Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
             Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
         };
-        Ok(Aim { motor, free, lost, feedback: Feedback::default() })
+        Ok(command.aim())
     }
 
     /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.

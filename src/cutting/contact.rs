@@ -26,20 +26,25 @@ impl ContactPoint {
         let Some(point) = support(cutter, axis) else {
             return ContactPoint::FlatDisk;
         };
-        if axis.z <= 0.0 || (axis.x < 0.0 && flat > 0.0) {
-            ContactPoint::Heel(point)
-        } else {
-            ContactPoint::Point(point)
-        }
+        if is_heel(flat, axis) { ContactPoint::Heel(point) } else { ContactPoint::Point(point) }
     }
+}
+
+/// Whether the cutter touches with its heel, given the radius of its flat.
+fn is_heel(flat: f64, axis: &Unit<Vector3<f64>>) -> bool {
+    axis.z <= 0.0 || (axis.x < 0.0 && flat > 0.0)
+}
+
+/// Sine of the angle between axis and normal.
+fn sine(axis: &Unit<Vector3<f64>>) -> f64 {
+    (axis.x * axis.x + axis.y * axis.y).sqrt()
 }
 
 /// Height of the contact point over the tip, m, negative, where it is one point.
 pub(super) fn height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<f64> {
     let flat = cutter.radius() - cutter.corner_radius;
-    let sine = (axis.x * axis.x + axis.y * axis.y).sqrt();
-    let one = axis.z > 0.0 && (flat <= 0.0 || axis.x >= 0.0 && sine > SQUARE_SINE);
-    one.then(|| -tip_height(cutter, axis))
+    let disk = flat > 0.0 && sine(axis) <= SQUARE_SINE;
+    (!disk && !is_heel(flat, axis)).then(|| -tip_height(cutter, axis))
 }
 
 fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
@@ -48,7 +53,7 @@ fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
     if flat <= 0.0 {
         return Some(corner);
     }
-    let sine = (axis.x * axis.x + axis.y * axis.y).sqrt();
+    let sine = sine(axis);
     let up_the_disk = (Vector3::z() - axis.into_inner() * axis.z) / sine;
     (sine > SQUARE_SINE).then(|| corner - up_the_disk * flat)
 }
@@ -57,7 +62,7 @@ fn support(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> Option<Vector3<f64>> {
 /// LEAD the angle between axis and normal).
 pub(super) fn tip_height(cutter: &Cutter, axis: &Unit<Vector3<f64>>) -> f64 {
     let (r, flat) = (cutter.corner_radius, cutter.radius() - cutter.corner_radius);
-    flat * (axis.x * axis.x + axis.y * axis.y).sqrt() + r * (1.0 - axis.z)
+    flat * sine(axis) + r * (1.0 - axis.z)
 }
 
 #[cfg(test)]

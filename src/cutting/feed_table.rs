@@ -72,7 +72,7 @@ impl FeedTable {
 
     /// The same at those of eight places that are wanted: tips shifted (m) and unit axes, feed frame.
     pub(crate) fn mean_forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
-        let mut left = Mask::default();
+        let mut inside = Mask::default();
         if let Some(grid) = self.table.grid_at(self.feed_per_tooth) {
             let mut places = Places::default();
             widest!(<'a> (
@@ -89,7 +89,8 @@ impl FeedTable {
                     (places.kinks[0].0[lane], places.kinks[1].0[lane]) = (kink, log);
                 }
             }
-            left = wanted & places.inside;
+            inside = wanted & places.inside;
+            let mut left = inside;
             while let Some(lane) = left.next() {
                 // Neighbours are in the same cell, nearly always.
                 let cell = grid.cell_at(places.at.0[lane]);
@@ -105,12 +106,10 @@ impl FeedTable {
                 });
                 left = left & here.not();
             }
-            left = places.inside;
         }
-        let mut others = wanted & left.not();
-        while let Some(lane) = others.next() {
+        let others = wanted & inside.not();
+        for lane in (0..WIDTH).filter(|lane| others.lane(*lane)) {
             force.set(lane, &self.mean_force(&shift.lane(lane), &Unit::new_unchecked(axis.lane(lane))));
-            others = others & Mask::of(|other| other != lane);
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Weight of links, tool and payload.
 
 use super::{
-    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, Survey, checked, indexed,
-    table_of, take,
+    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, Survey, Weights, checked,
+    indexed, table_of, take,
 };
 use crate::robot::Joints;
 use nalgebra::Vector3;
@@ -77,10 +77,12 @@ impl Effect for Gravity {
 
     fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
         let rigid = stiffness.is_some() || self.compliance_rad_per_nm.is_none();
-        rigid.then(|| Simple::Weights {
-            mass: self.mass_kg,
-            first_moment: self.first_moment_kg_m.map(Vector3::from),
-            tool: self.tool,
+        rigid.then(|| {
+            Simple::Weights(Weights {
+                mass: self.mass_kg,
+                first_moment: self.first_moment_kg_m.map(Vector3::from),
+                tool: self.tool,
+            })
         })
     }
 

@@ -40,7 +40,7 @@ pub use empirical_field::empirical_field;
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
-pub use simple::Simple;
+pub use simple::{Simple, Weights};
 pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
 pub use survey::Survey;
 

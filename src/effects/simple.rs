@@ -12,17 +12,21 @@ pub enum Simple {
         compliance: Joints,
     },
     /// Weights on the links.
-    Weights {
-        /// Mass of each link, kg.
-        mass: [f64; 6],
-        /// Mass times centre of gravity of each link, in the link's frame, kg·m.
-        first_moment: [Vector3<f64>; 6],
-        /// Whether the tool's mass counts; payloads always do.
-        tool: bool,
-    },
+    Weights(Weights),
     /// Joints trail their motors.
     LostMotion {
         /// Half of what a joint loses when its motor turns back, rad.
         half_gap: Joints,
     },
+}
+
+/// Weights on the links.
+#[derive(Clone, Debug)]
+pub struct Weights {
+    /// Mass of each link, kg.
+    pub mass: [f64; 6],
+    /// Mass times centre of gravity of each link, in the link's frame, kg·m.
+    pub first_moment: [Vector3<f64>; 6],
+    /// Whether the tool's mass counts; payloads always do.
+    pub tool: bool,
 }

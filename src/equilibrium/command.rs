@@ -1,5 +1,5 @@
 use super::arm::Look;
-use super::predict::Foreseen;
+use super::predict::{Foreseen, Landing};
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
 use crate::robot::{Joints, Pose, polish};
@@ -48,10 +48,11 @@ impl Aim {
         self.foreseen(self.feedback.lift, 1.0)
     }
 
-    /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it, given
-    /// what a round gains there.
-    pub(crate) fn corrected(&self, lift: f64, gain: f64) -> Foreseen {
-        self.foreseen(lift * (1.0 - self.feedback.share), gain)
+    /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it: what
+    /// feeds back is much the same as `uncorrected`.
+    pub(crate) fn corrected(&self, lift: f64, uncorrected: &Landing) -> Foreseen {
+        let near = self.foreseen(lift * (1.0 - self.feedback.share), uncorrected.gain);
+        Foreseen { share: uncorrected.share, ..near }
     }
 
     fn foreseen(&self, lift: f64, gain: f64) -> Foreseen {
@@ -60,12 +61,12 @@ impl Aim {
         Foreseen { deflection: deflection + yielding * lift, share, left: deflection.norm_squared(), gain }
     }
 
-    /// [`Command::deflection`].
+    /// Actual minus commanded motor angles, but for lost motion, rad.
     pub(crate) fn deflection(&self) -> Joints {
         self.motor - self.free
     }
 
-    /// [`Command::commanded`].
+    /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
     pub(crate) fn commanded(&self, travel: &Joints) -> Joints {
         self.free + travel.component_mul(&self.lost)
     }
@@ -90,13 +91,18 @@ impl Command {
     /// Actual minus commanded motor angles, but for lost motion, rad.
     #[must_use]
     pub fn deflection(&self) -> Joints {
-        self.motor - self.free
+        self.aim().deflection()
     }
 
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
     #[must_use]
     pub fn commanded(&self, travel: &Joints) -> Joints {
-        self.free + travel.component_mul(&self.lost)
+        self.aim().commanded(travel)
+    }
+
+    /// What a path needs of it; nothing is known of how it feeds back.
+    pub(crate) fn aim(&self) -> Aim {
+        Aim { motor: self.motor, free: self.free, lost: self.lost, feedback: Feedback::default() }
     }
 }
 

@@ -11,7 +11,7 @@ pub(crate) use block::{Setting, Site};
 use super::arm::Arm;
 use super::command::{Aim, Feedback};
 use super::predict::{Foreseen, Landing};
-use crate::effects::Simple;
+use crate::effects::{Simple, Weights};
 use crate::lanes::{Frame, Mask, WIDTH, six, widest};
 use crate::robot::eight::{one, set};
 use crate::robot::{Eight, EightJoints, Joints, Pose};
@@ -33,14 +33,6 @@ pub(crate) struct EightArm<'a> {
     weights: Vec<Weights>,
     /// Base axes, m/s².
     gravity: Vector3<f64>,
-}
-
-/// Weights on the links.
-#[derive(Debug)]
-struct Weights {
-    mass: [f64; 6],
-    first_moment: [Vector3<f64>; 6],
-    tool: bool,
 }
 
 /// A command whose pose is sought.
@@ -82,9 +74,7 @@ impl<'a> EightArm<'a> {
                 Simple::Springs { compliance } => {
                     eight.compliance = six!(i => eight.compliance[i] + compliance[i]);
                 }
-                Simple::Weights { mass, first_moment, tool } => {
-                    eight.weights.push(Weights { mass, first_moment, tool })
-                }
+                Simple::Weights(weights) => eight.weights.push(weights),
                 Simple::LostMotion { half_gap } => eight.half_gap += half_gap,
             }
         }
@@ -316,26 +306,25 @@ mod tests {
 
             // From nothing; without correction; with the command as it was rounded.
             let rounded: Vec<Joints> = commands.iter().map(|motor| motor.map(|angle| (angle * 3e7).round() / 3e7)).collect();
-            let mut gains = [1.0; WIDTH];
+            let mut landed = [const { None }; WIDTH];
             for (motors, known) in [(&commands, 0), (&motors, 1), (&rounded, 2)] {
+                let before = std::mem::replace(&mut landed, [const { None }; WIDTH]);
                 let given = |i: usize| Given {
                     site: sites[i],
                     motor: &motors[i],
                     travel: &travel,
-                    near: match (known, &aims[i]) {
-                        (1, Some(aim)) => aim.uncorrected(),
-                        (2, Some(aim)) => {
+                    near: match (known, &aims[i], &before[i]) {
+                        (1, Some(aim), _) => aim.uncorrected(),
+                        (2, Some(aim), Some(uncorrected)) => {
                             let tip = wobj.inv_mul(&(arm.robot.forward(&rounded[i]) * tool.flange_from_tcp)).translation.vector;
                             let normal = Rotation3::from_euler_angles(0.1, 0.2, 0.3) * Vector3::z();
-                            aim.corrected(normal.dot(&(tip - poses[i].unwrap().translation.vector)), gains[i])
+                            aim.corrected(normal.dot(&(tip - poses[i].unwrap().translation.vector)), uncorrected)
                         }
                         _ => Foreseen::default(),
                     },
                 };
-                let mut landed = [const { None }; WIDTH];
                 eight.land(&mut room, count, given, |lane, landing| landed[lane] = Some(landing));
                 for i in 0..count {
-                    gains[i] = landed[i].as_ref().map_or(1.0, |landed| landed.gain);
                     match (&landed[i], arm.predict(&situations[i], &motors[i], &travel)) {
                         (Some(landed), Ok(plain)) => {
                             let gap = landed.wobj_from_tcp.to_homogeneous() - plain.wobj_from_tcp.to_homogeneous();
