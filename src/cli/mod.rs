@@ -1,6 +1,7 @@
 //! Arguments to ready objects to one file per command: the only code that reads, writes and prints.
 
 mod args;
+mod blocks;
 mod check;
 mod diff;
 mod foresee;

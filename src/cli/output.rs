@@ -4,6 +4,7 @@
 //! stdout waits in memory, or in a temporary file where it is long. What is dropped without [`Outputs::commit`] leaves no
 //! trace, nor does a run that is interrupted.
 
+use super::blocks::Blocks;
 use deflex::program::detect;
 use deflex::text::Diagnostic;
 use std::fs::{self, File, OpenOptions};
@@ -151,11 +152,15 @@ impl Outputs {
             self.stdout.extend_from_slice(bytes);
             return Ok(());
         }
-        self.open(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
+        self.stage(path)?.write_all(bytes).map_err(|error| cannot_write(path, &error))
     }
 
-    /// Stages a file, `-` being stdout, that is written as the run goes on.
-    pub(super) fn open(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
+    /// Stages a file, `-` being stdout, that is written as the run goes on; whoever writes it flushes it at the end.
+    pub(super) fn open(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
+        self.stage(path).map(Blocks::new)
+    }
+
+    fn stage(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
         if is_stdout(path) {
             let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
             self.staged.push(Staged { target: path.to_owned(), temporary, copied: true });
@@ -183,7 +188,7 @@ impl Outputs {
     }
 
     /// The same, written as the run goes on.
-    pub(super) fn open_report(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
+    pub(super) fn open_report(&mut self, path: &Path) -> Result<Blocks, Vec<Diagnostic>> {
         not_a_program(path)?;
         self.open(path)
     }

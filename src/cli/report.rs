@@ -1,5 +1,6 @@
 //! Report rows of several programs in one file.
 
+use super::blocks::Blocks;
 use super::output::{Outputs, Temporary, cannot_write};
 use super::{progress, stream};
 use deflex::correct::{Row, Sinks};
@@ -9,8 +10,7 @@ use deflex::report::{CSV_HEADER, FileSummary, csv_rows, write_csv};
 use deflex::text::Diagnostic;
 use indicatif::ProgressBar;
 use serde::Serialize;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, BufWriter, Seek, Write};
+use std::io::{self, BufRead, BufReader, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// The report of one program.
@@ -102,7 +102,7 @@ impl ProgramReports {
         let mut spooled = None;
         if joined.is_some() && programs > 1 {
             let (temporary, file) = Temporary::spool().map_err(|error| stream::cannot_write(&error))?;
-            rows.push(file);
+            rows.push(Blocks::new(file));
             spooled = Some(temporary);
         }
         let mut rows = Copies(rows);
@@ -123,10 +123,12 @@ impl ProgramReports {
 
     /// Takes all rows back.
     pub(super) fn emptied(mut self, path: Option<PathTrace>) -> Result<Self, Vec<Diagnostic>> {
-        let mut empty = |file: &mut File| {
+        let mut empty = |rows: &mut Blocks| {
+            let file = rows.emptied();
             file.set_len(0)?;
             file.rewind()?;
-            file.write_all(CSV_HEADER.as_bytes())
+            rows.write_all(CSV_HEADER.as_bytes())?;
+            rows.flush()
         };
         self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| stream::cannot_write(&error))?;
         Ok(Self { path, ..self })
@@ -139,7 +141,7 @@ impl ProgramReports {
 }
 
 /// The same bytes to several files.
-struct Copies(Vec<File>);
+struct Copies(Vec<Blocks>);
 
 impl Write for Copies {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -150,13 +152,13 @@ impl Write for Copies {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+        self.0.iter_mut().try_for_each(Blocks::flush)
     }
 }
 
 /// Adds one report: as it is for one file, with a last column `file` for several.
 pub(super) fn joined(outputs: &mut Outputs, path: &Path, programs: &[Rows]) -> Result<(), Vec<Diagnostic>> {
-    let mut out = BufWriter::new(outputs.open_report(path)?);
+    let mut out = outputs.open_report(path)?;
     let written = match programs {
         [rows] if rows.files.len() <= 1 => rows.write(&mut out),
         _ => join(programs, &mut out),

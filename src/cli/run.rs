@@ -15,6 +15,7 @@ use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::text::{Diagnostic, apply};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Cell, forces and options of a run.
@@ -241,7 +242,7 @@ impl Batch<'_> {
         done.notes.extend(notes);
         if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
             let mut file = done.outputs.open_report(&path)?;
-            rows.write(&mut file).map_err(|error| cannot_write(&path, &error))?;
+            rows.write(&mut file).and_then(|()| file.flush()).map_err(|error| cannot_write(&path, &error))?;
         }
         match (&args.reports.report, &mut done.rows) {
             (Some(path), Some(rows)) if self.programs > 1 => {

@@ -20,7 +20,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Where goes what a streamed program comes to.
 pub struct Sinks<'a> {
-    /// Report rows, as a format of [`report`](crate::report) writes them.
+    /// Report rows, as a format of [`report`](crate::report) writes them; flushed behind the last.
     pub report: &'a mut (dyn Write + Send),
     /// Report rows to text.
     pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
@@ -90,7 +90,9 @@ pub fn compensate_pieces<R: Read + Send>(
         break_off: &|| carried.break_off(),
         refusals: Messages::default(),
     };
-    run(&way, threads, &mut |bytes: Vec<u8>| program.write_all(&bytes), sinks)?.answered()
+    let streamed = run(&way, threads, &mut |bytes: Vec<u8>| program.write_all(&bytes), sinks)?.answered()?;
+    program.flush().map_err(StreamError::Write)?;
+    Ok(streamed)
 }
 
 /// Corrects a RAPID program whose targets are declared far from their use, or that runs from routine to routine: in memory is
@@ -177,7 +179,10 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     let mut write = |text: &Text| {
         let mut from = 0;
         for (start, name) in &text.files {
-            file.as_mut().map_or(Ok(()), |file| file.write_all(&text.bytes[from..*start]))?;
+            if let Some(mut done) = file.take() {
+                done.write_all(&text.bytes[from..*start])?;
+                done.flush()?;
+            }
             file = Some(open(name)?);
             from = *start;
         }
@@ -185,6 +190,7 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     };
     write(poster.post.head()).map_err(StreamError::Write)?;
     let mut streamed = run(&way, threads, &mut |text| write(&text), sinks)?.answered()?;
+    file.map_or(Ok(()), |mut file| file.flush()).map_err(StreamError::Write)?;
     streamed.notes = [&poster.warnings[..], &streamed.notes, &poster.notes].concat();
     Ok(streamed)
 }
@@ -273,7 +279,7 @@ pub(super) fn run<'a, S: Send, P, T: Send>(
     if let Some(why) = run.stop.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(why);
     }
-    Ok(run.writer.into_inner().done())
+    run.writer.into_inner().done().map_err(StreamError::Write)
 }
 
 struct Run<'a, S, P, T> {
@@ -455,13 +461,14 @@ impl<'a, T> Writer<'a, T> {
         Ok(())
     }
 
-    fn done(self) -> Streamed {
-        Streamed {
+    fn done(self) -> io::Result<Streamed> {
+        self.report.flush()?;
+        Ok(Streamed {
             summary: self.tally.summary(),
             last: self.last,
             refused: self.refused,
             failures: self.failures.all(),
             notes: self.notes,
-        }
+        })
     }
 }

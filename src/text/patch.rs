@@ -41,7 +41,7 @@ impl<S: Read + Write + Seek> Patch<S> {
         Ok(())
     }
 
-    /// Writes `original` with all replacements.
+    /// Writes `original` with all replacements, in stretches of any length.
     ///
     /// # Errors
     /// What any of the three files reports.
@@ -51,19 +51,18 @@ impl<S: Read + Write + Seek> Patch<S> {
         scratch.rewind()?;
         let (mut scratch, mut at) = (BufReader::with_capacity(AT_ONCE, scratch), 0);
         let (mut original, mut done) = (BufReader::with_capacity(AT_ONCE, original), 0);
-        let mut out = BufWriter::with_capacity(AT_ONCE, out);
         for part in &self.parts {
-            pass(&mut original, part.start - done, &mut out)?;
+            pass(&mut original, part.start - done, out)?;
             pass(&mut original, part.old.into(), &mut io::sink())?;
             done = part.start + u64::from(part.old);
             // Mostly the next one, so that what is read ahead is kept.
             if part.waits != at {
                 scratch.seek(SeekFrom::Start(part.waits))?;
             }
-            pass(&mut scratch, part.new.into(), &mut out)?;
+            pass(&mut scratch, part.new.into(), out)?;
             at = part.waits + u64::from(part.new);
         }
-        io::copy(&mut original, &mut out)?;
+        io::copy(&mut original, out)?;
         out.flush()
     }
 }

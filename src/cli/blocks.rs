@@ -1,0 +1,71 @@
+//! Long outputs on their way to their files.
+
+use std::fs::File;
+use std::io::{self, Write};
+
+/// A file takes whole blocks that begin where the system's own large ones do for half of what it takes the same bytes as they
+/// come.
+const BLOCK: usize = 256 * 1024;
+
+/// Collects what goes to a file into blocks; what is left over goes with [`Write::flush`], on which the writer must not
+/// forget.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    file: File,
+    waiting: Vec<u8>,
+}
+
+impl Blocks {
+    /// From the file's start on.
+    pub(super) fn new(file: File) -> Self {
+        Self { file, waiting: Vec::with_capacity(BLOCK) }
+    }
+
+    /// The file, and nothing that waits for it.
+    pub(super) fn emptied(&mut self) -> &mut File {
+        self.waiting.clear();
+        &mut self.file
+    }
+}
+
+impl Write for Blocks {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.waiting.len() == BLOCK {
+            self.flush()?;
+        }
+        let len = bytes.len().min(BLOCK - self.waiting.len());
+        self.waiting.extend_from_slice(&bytes[..len]);
+        Ok(len)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.write_all(&self.waiting)?;
+        self.waiting.clear();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{Read, Seek};
+
+    #[test]
+    fn a_file_gets_all_bytes_in_their_order() {
+        let mut file = tempfile::tempfile().unwrap();
+        let text: Vec<u8> = (0..3 * BLOCK + 7).map(|i| (i % 251) as u8).collect();
+        for step in [1000, BLOCK - 1, BLOCK, 2 * BLOCK, text.len()] {
+            let mut blocks = Blocks::new(file.try_clone().unwrap());
+            text.chunks(step).for_each(|chunk| blocks.write_all(chunk).unwrap());
+            let whole = file.metadata().unwrap().len();
+            assert!(whole.is_multiple_of(BLOCK as u64), "{whole}");
+            blocks.flush().unwrap();
+            let mut read = Vec::new();
+            file.rewind().unwrap();
+            file.read_to_end(&mut read).unwrap();
+            assert!(read == text, "{step}");
+            file.set_len(0).unwrap();
+            file.rewind().unwrap();
+        }
+    }
+}
