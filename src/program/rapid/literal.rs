@@ -122,6 +122,17 @@ impl Literal {
         Some(like)
     }
 
+    /// The same literal elsewhere.
+    #[inline]
+    pub(super) fn moved(&self, start: usize) -> Option<Self> {
+        Some(Self { start: u32::try_from(start).ok()?, ..*self })
+    }
+
+    /// Whether two literals have all their tokens at the same places, of the same lengths and decimals.
+    pub(super) fn is_laid_out_like(&self, other: &Self) -> bool {
+        Self { start: other.start, ..*self } == *other
+    }
+
     /// A literal whose configuration or external axes are names: only the seven numbers of the pose.
     pub(super) fn partial(
         source: u16,

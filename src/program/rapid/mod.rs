@@ -29,6 +29,7 @@ mod rewrite;
 mod routines;
 mod run;
 mod sample;
+mod shape;
 mod statement;
 mod straight;
 mod symbols;

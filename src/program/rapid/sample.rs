@@ -3,6 +3,7 @@
 use super::index::is_word;
 use super::literal::{Literal, POSE, Written};
 use super::run::MAX_NORM_ERROR;
+use super::shape::Shape;
 use super::value::unit;
 use crate::program::{Conf, Goal};
 use crate::text::number::{Leading, read_leading};
@@ -14,6 +15,8 @@ pub(super) struct Sample<'a> {
     before: &'a [u8],
     pose: [Number<'a>; POSE],
     literal: Literal,
+    /// The line, where the one before it had its numbers at the same places.
+    shape: Option<Shape>,
     conf: Option<Conf>,
     /// Bytes of the line before the literal, and behind it.
     literal_at: usize,
@@ -45,6 +48,7 @@ impl<'a> Sample<'a> {
             before: &line[..at(0)],
             pose,
             literal,
+            shape: None,
             conf: written.conf,
             literal_at: literal.span().range().start - start,
             behind: start + line.len() - literal.span().range().end,
@@ -56,6 +60,11 @@ impl<'a> Sample<'a> {
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Goal, usize)> {
         let line = bytes.get(start..)?;
+        if let Some([x, y, z, quat @ ..]) = self.shape.as_ref().and_then(|shape| shape.read(line)) {
+            let literal = self.literal.moved(start + self.literal_at)?;
+            let len = self.literal_at + literal.span().len() + self.behind;
+            return Some((literal, pose([x, y, z], quat, self.conf)?, len));
+        }
         let mut rest = line.strip_prefix(self.before)?;
         let mut places = [(0, Leading::default()); POSE];
         for (place, number) in places.iter_mut().zip(&mut self.pose) {
@@ -74,6 +83,12 @@ impl<'a> Sample<'a> {
         let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
         let len = line.len() - rest.len();
         let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
+        self.shape = if literal.is_laid_out_like(&self.literal) {
+            Shape::new(&line[..len], self.literal_at, &literal)
+        } else {
+            None
+        };
+        self.literal = literal;
         Some((literal, pose([x, y, z], quat, self.conf)?, len))
     }
 }

@@ -5,12 +5,14 @@
 
 mod read;
 mod row;
+mod runs;
 mod write;
 
 #[cfg(test)]
 pub(crate) use read::read_plain;
 pub(crate) use read::{Leading, decimals, is_none, read, read_leading};
 pub(crate) use row::{Fields, Row};
+pub(crate) use runs::Runs;
 #[cfg(test)]
 pub(crate) use write::write_fixed_plain;
 pub(crate) use write::{Fixed, printed, write_fixed, write_whole};
@@ -20,6 +22,9 @@ const TENS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
+
+/// Numbers of so many digits are below 2^53.
+pub(crate) const MOST_DIGITS: usize = 15;
 
 /// 2^53 · 10^15 is below 2^103.
 const MOST_DECIMALS: usize = 15;

@@ -1,6 +1,6 @@
 //! Number tokens to values, exactly rounded.
 
-use super::{TENS, WHOLE_TENS};
+use super::{MOST_DIGITS, TENS, WHOLE_TENS};
 
 /// Reads a plain decimal token (`12`, `-1.5`, `.5`, `5.`, `9E+09`), exactly rounded.
 ///
@@ -29,7 +29,6 @@ pub(crate) fn is_none(word: &[u8]) -> bool {
 /// Numbers of at most 15 digits whose power of ten is exact: one multiplication or division of two exact
 /// numbers, which is exactly rounded (Clinger 1990).
 fn read_short(token: &[u8]) -> Option<f64> {
-    const MOST_DIGITS: usize = 15; // below 2^53
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),
         [b'+', digits @ ..] => (false, digits),
@@ -102,7 +101,6 @@ impl Leading {
 #[must_use]
 #[inline]
 pub(crate) fn read_leading(bytes: &[u8]) -> Option<Leading> {
-    const MOST_DIGITS: usize = 15; // below 2^53
     let first = *bytes.first()?;
     let negative = first == b'-';
     let sign = usize::from(negative | (first == b'+'));
