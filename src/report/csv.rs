@@ -1,5 +1,5 @@
 use crate::correct::{Row, Status};
-use crate::text::number;
+use crate::text::number::{self, Digits, Fixed, SIDE};
 use std::io::{self, Write};
 
 /// The report's header (INTERFACE.md, Report).
@@ -13,16 +13,26 @@ const ERROR: usize = 6;
 const ANGLE: usize = 7;
 const FORCE: usize = 3;
 
-/// Numbers that every row has.
-const NUMBERS: usize = 21;
-/// Of each, its decimals.
+/// Of the numbers that every row has, their decimals.
 const DECIMALS: [usize; NUMBERS] = [
     POSITION, POSITION, POSITION, ERROR, ERROR, ERROR, ERROR, ANGLE, ANGLE, ANGLE, ERROR, ERROR, ERROR, ERROR, ANGLE,
     ANGLE, ANGLE, ERROR, FORCE, FORCE, FORCE,
 ];
+const NUMBERS: usize = 21;
+/// Behind them come sigma, and the two numbers before them, which have no decimals.
+const SIGMA: usize = NUMBERS;
+const TARGET: usize = SIGMA + 1;
+const LINE: usize = TARGET + 1;
+
 /// In rows of eight.
-const BLOCKS: usize = NUMBERS.div_ceil(8);
-const ROW: number::Row<BLOCKS> = number::Row::new(&DECIMALS);
+const BLOCKS: usize = (LINE + 1) / SIDE;
+const ROW: number::Row<BLOCKS> = number::Row::new(&{
+    let mut decimals = [1; LINE + 1];
+    let (numbers, _) = decimals.split_at_mut(NUMBERS);
+    numbers.copy_from_slice(&DECIMALS);
+    decimals[SIGMA] = ERROR;
+    decimals
+});
 
 /// Writes report rows, one a target.
 ///
@@ -36,39 +46,26 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 /// The rows alone, one line a target.
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
-    let mut line = Vec::with_capacity(256 * rows.len());
-    let mut fields = number::Fields::new();
+    let mut text = Text { bytes: vec![0; USUAL * rows.len() + MOST], len: 0 };
+    let mut digits = [Digits::default(); BLOCKS];
     for row in rows {
-        let status = match row.status {
-            Status::Ok => "ok",
-            Status::Air => "air",
-            Status::Kept(_) => "kept",
-        };
-        for whole in [row.target, row.line] {
-            number::write_whole(&mut line, whole);
-            line.push(b',');
-        }
-        for text in [row.name.as_deref().unwrap_or(""), status] {
-            line.extend_from_slice(text.as_bytes());
-            line.push(b',');
-        }
-        let values = numbers(row);
-        if ROW.read(&values, &mut fields) {
-            take(&mut fields);
-            line.extend_from_slice(fields.take());
+        let numbers = numbers(row);
+        if ROW.read(&numbers, &mut digits) {
+            text.row(row, &digits);
         } else {
-            append_plain(&mut line, &values);
+            text.row_plain(row, numbers.as_flattened());
         }
-        if let Some(sigma) = row.sigma_mm {
-            number::write_fixed(&mut line, sigma, ERROR);
-        }
-        line.push(b'\n');
     }
-    line
+    text.bytes.truncate(text.len);
+    text.bytes
 }
 
-/// Numbers between status and sigma.
-type Numbers = [[f64; 8]; BLOCKS];
+/// Bytes of a usual row, and most of any but for its name.
+const USUAL: usize = 240;
+const MOST: usize = 32 + (LINE + 1) * Fixed::SIZE;
+
+/// Numbers of a row.
+type Numbers = [[f64; SIDE]; BLOCKS];
 
 fn numbers(row: &Row) -> Numbers {
     let [x, y, z] = row.position_mm;
@@ -78,28 +75,103 @@ fn numbers(row: &Row) -> Numbers {
     let [crx, cry, crz] = row.correction_deg;
     let [fx, fy, fz] = row.force_n;
     let (error, normal, remaining) = (row.error_norm_mm(), row.error_normal_mm, row.remaining_norm_mm());
+    let sigma = row.sigma_mm.unwrap_or(0.0);
     [
         [x, y, z, ex, ey, ez, error, erx],
         [ery, erz, normal, cx, cy, cz, crx, cry],
-        [crz, remaining, fx, fy, fz, 0.0, 0.0, 0.0],
+        [crz, remaining, fx, fy, fz, sigma, row.target.into(), row.line.into()],
     ]
 }
 
-/// Takes the numbers: what [`append_plain`] writes.
-fn take(fields: &mut number::Fields<BLOCKS>) {
-    (0..3).for_each(|i| fields.push::<POSITION>(i));
-    (3..7).for_each(|i| fields.push::<ERROR>(i));
-    (7..10).for_each(|i| fields.push::<ANGLE>(i));
-    (10..14).for_each(|i| fields.push::<ERROR>(i));
-    (14..17).for_each(|i| fields.push::<ANGLE>(i));
-    fields.push::<ERROR>(17);
-    (18..21).for_each(|i| fields.push::<FORCE>(i));
+fn status(row: &Row) -> &'static str {
+    match row.status {
+        Status::Ok => "ok",
+        Status::Air => "air",
+        Status::Kept(_) => "kept",
+    }
 }
 
-fn append_plain(line: &mut Vec<u8>, values: &Numbers) {
-    for (&value, decimals) in values.as_flattened().iter().zip(DECIMALS) {
-        number::write_fixed(line, value, decimals);
-        line.push(b',');
+/// Rows on their way; behind them there is room for more.
+struct Text {
+    bytes: Vec<u8>,
+    len: usize,
+}
+
+impl Text {
+    /// Takes a row: what [`Text::row_plain`] writes.
+    fn row(&mut self, row: &Row, digits: &[Digits; BLOCKS]) {
+        let name = row.name.as_deref().unwrap_or("").as_bytes();
+        if self.bytes.len() - self.len < MOST + name.len() {
+            let more = self.bytes.len() / 4 + MOST + name.len();
+            self.bytes.resize(self.bytes.len() + more, 0);
+        }
+        self.number(|place| digits[TARGET / SIDE].put_whole(TARGET % SIDE, place));
+        self.number(|place| digits[LINE / SIDE].put_whole(LINE % SIDE, place));
+        match (name, row.status) {
+            (b"", Status::Ok) => self.text(b",ok,"),
+            (b"", Status::Air) => self.text(b",air,"),
+            _ => {
+                self.text(name);
+                self.text(b",");
+                self.text(status(row).as_bytes());
+                self.text(b",");
+            }
+        }
+        (0..3).for_each(|i| self.decimals::<POSITION>(digits, i));
+        (3..7).for_each(|i| self.decimals::<ERROR>(digits, i));
+        (7..10).for_each(|i| self.decimals::<ANGLE>(digits, i));
+        (10..14).for_each(|i| self.decimals::<ERROR>(digits, i));
+        (14..17).for_each(|i| self.decimals::<ANGLE>(digits, i));
+        self.decimals::<ERROR>(digits, 17);
+        (18..21).for_each(|i| self.decimals::<FORCE>(digits, i));
+        if row.sigma_mm.is_some() {
+            self.decimals::<ERROR>(digits, SIGMA);
+            // Nothing follows.
+            self.len -= 1;
+        }
+        self.text(b"\n");
+    }
+
+    #[inline]
+    fn decimals<const DECIMALS: usize>(&mut self, digits: &[Digits; BLOCKS], i: usize) {
+        self.number(|place| digits[i / SIDE].put::<DECIMALS>(i % SIDE, place));
+    }
+
+    /// Takes what is put in the next place.
+    #[inline]
+    fn number(&mut self, put: impl FnOnce(&mut [u8; Fixed::SIZE]) -> usize) {
+        let Some(place) = self.bytes[self.len..].first_chunk_mut() else { unreachable!("there is room for a row") };
+        self.len += put(place);
+    }
+
+    #[inline]
+    fn text(&mut self, text: &[u8]) {
+        self.bytes[self.len..self.len + text.len()].copy_from_slice(text);
+        self.len += text.len();
+    }
+
+    /// The reference for [`Text::row`], and for numbers that need a closer look.
+    fn row_plain(&mut self, row: &Row, numbers: &[f64]) {
+        self.bytes.truncate(self.len);
+        let line = &mut self.bytes;
+        for whole in [row.target, row.line] {
+            number::write_whole(line, whole);
+            line.push(b',');
+        }
+        for text in [row.name.as_deref().unwrap_or(""), status(row)] {
+            line.extend_from_slice(text.as_bytes());
+            line.push(b',');
+        }
+        for (&value, decimals) in numbers.iter().zip(DECIMALS) {
+            number::write_fixed(line, value, decimals);
+            line.push(b',');
+        }
+        if let Some(sigma) = row.sigma_mm {
+            number::write_fixed(line, sigma, ERROR);
+        }
+        line.push(b'\n');
+        self.len = line.len();
+        line.resize(self.len + MOST, 0);
     }
 }
 
@@ -108,36 +180,69 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn text(rows: &[Row]) -> String {
+        String::from_utf8(csv_rows(rows)).unwrap()
+    }
+
+    fn plain(row: &Row) -> String {
+        let mut text = Text { bytes: Vec::new(), len: 0 };
+        text.row_plain(row, numbers(row).as_flattened());
+        text.bytes.truncate(text.len);
+        String::from_utf8(text.bytes).unwrap()
+    }
+
+    fn row(values: [f64; 17], target: u32, line: u32) -> Row {
+        let three = |at: usize| [values[at], values[at + 1], values[at + 2]];
+        Row {
+            target,
+            line,
+            name: None,
+            status: Status::Ok,
+            position_mm: three(0),
+            error_mm: three(3),
+            error_deg: three(6),
+            error_normal_mm: values[15],
+            correction_mm: three(9),
+            correction_deg: three(12),
+            remaining_mm: three(3),
+            force_n: three(9),
+            sigma_mm: Some(values[16]),
+            stiffness: None,
+        }
+    }
+
     proptest! {
         #[test]
         fn rows_have_the_same_digits_either_way(
-            values in any::<[i32; NUMBERS]>(),
-            bits in prop::collection::vec(0..32, NUMBERS),
+            values in any::<[i32; 17]>(),
+            bits in prop::collection::vec(0..32, 17),
+            (target, line) in any::<(u32, u32)>(),
+            by in 0..32,
+            name in prop::option::of("[a-z]{0,9}|[a-z]{700}"),
+            kind in 0..4_usize,
         ) {
             // Digits below 10^9, next to none of them close to a tie; half of them small.
-            let mut rows = [[0.0; 8]; BLOCKS];
-            for (i, (value, bits)) in values.iter().zip(&bits).enumerate() {
-                let ten = 10_f64.powi(i32::try_from(DECIMALS[i]).unwrap());
-                rows.as_flattened_mut()[i] = 0.4 * f64::from(value >> bits) / ten;
+            let mut sized = [0.0; 17];
+            for i in 0..17 {
+                sized[i] = 0.4 * f64::from(values[i] >> bits[i]) / 1e7;
             }
-            let (mut fields, mut plain) = (number::Fields::new(), Vec::new());
-            prop_assume!(ROW.read(&rows, &mut fields));
-            take(&mut fields);
-            append_plain(&mut plain, &rows);
-            prop_assert_eq!(String::from_utf8_lossy(fields.take()), String::from_utf8_lossy(&plain));
+            let mut row = row(sized, target >> by, line >> by);
+            row.name = name.map(Into::into);
+            row.status = [Status::Ok, Status::Air, Status::Kept("so"), Status::Ok][kind];
+            if kind == 3 {
+                row.sigma_mm = None;
+            }
+            prop_assert_eq!(text(&[row.clone(), row.clone(), row.clone()]), plain(&row).repeat(3));
         }
 
         #[test]
-        fn numbers_that_need_a_closer_look_get_it(value in any::<f64>(), halves in -3000..3000_i32, at in 0..NUMBERS) {
-            for value in [value, f64::from(halves) / 2.0 / 10_f64.powi(i32::try_from(DECIMALS[at]).unwrap()), f64::NAN, 1e9, -0.0] {
-                let mut rows = [[0.0; 8]; BLOCKS];
-                rows.as_flattened_mut()[at] = value;
-                let (mut fields, mut plain) = (number::Fields::new(), Vec::new());
-                if ROW.read(&rows, &mut fields) {
-                    take(&mut fields);
-                    append_plain(&mut plain, &rows);
-                    prop_assert_eq!(String::from_utf8_lossy(fields.take()), String::from_utf8_lossy(&plain));
-                }
+        fn numbers_that_need_a_closer_look_get_it(value in any::<f64>(), halves in -3000..3000_i32, at in 0..17_usize) {
+            for value in [value, f64::from(halves) / 2e7, f64::from(halves) / 2e6, f64::NAN, 1e9, -0.0] {
+                let mut values = [0.25; 17];
+                values[at] = value;
+                let (odd, usual) = (row(values, 1, 2), row([0.25; 17], 3, 4));
+                let all = [usual.clone(), odd.clone(), odd.clone(), usual.clone()];
+                prop_assert_eq!(text(&all), all.map(|row| plain(&row)).concat());
             }
         }
     }

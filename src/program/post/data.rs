@@ -2,7 +2,7 @@
 
 use super::names::predefined_speed;
 use crate::program::{Conf, ToolData, WobjData};
-use crate::text::number::{self, write_fixed, write_whole};
+use crate::text::number::{Digits, Fixed, Row, write_fixed, write_whole};
 
 /// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).
 const MM: usize = 4;
@@ -34,31 +34,29 @@ fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
 
 /// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
 pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Conf) {
-    const ROW: number::Row<1> = number::Row::new(&[MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
+    const ROW: Row<1> = Row::new(&[MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
     let ([x, y, z], [q1, q2, q3, q4]) = (*mm, *quat);
-    let values = [[x, y, z, q1, q2, q3, q4, 0.0]];
-    let mut fields = number::Fields::new();
-    out.push(b'[');
-    if ROW.read(&values, &mut fields) {
-        (0..3).for_each(|i| fields.push::<MM>(i));
-        closed(out, fields.take());
-        (3..7).for_each(|i| fields.push::<QUAT>(i));
-        closed(out, fields.take());
+    let mut digits = [Digits::default()];
+    if ROW.read(&[[x, y, z, q1, q2, q3, q4, 0.0]], &mut digits) {
+        let [digits] = digits;
+        let (mut text, mut len) = ([b'['; 8 * Fixed::SIZE], 2);
+        for i in 0..7 {
+            let Some(place) = text[len..].first_chunk_mut() else { unreachable!("there is room for eight") };
+            len += if i < 3 { digits.put::<MM>(i, place) } else { digits.put::<QUAT>(i, place) };
+            if i == 2 {
+                text[len - 1..len + 2].copy_from_slice(b"],[");
+                len += 2;
+            }
+        }
+        text[len - 1] = b']';
+        out.extend_from_slice(&text[..len]);
     } else {
-        list(out, mm, MM);
-        out.push(b',');
-        list(out, quat, QUAT);
-        out.push(b',');
+        frame(out, mm, quat);
+        out.pop();
     }
+    out.push(b',');
     quarters(out, conf);
     out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");
-}
-
-/// `[a,b,c],` of numbers with a comma behind each.
-fn closed(out: &mut Vec<u8>, numbers: &[u8]) {
-    out.push(b'[');
-    out.extend_from_slice(&numbers[..numbers.len() - 1]);
-    out.extend_from_slice(b"],");
 }
 
 /// `[cf1,cf4,cf6,cfx]`

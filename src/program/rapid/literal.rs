@@ -173,6 +173,11 @@ impl Literal {
         (self.decimals[i] != Leading::ODD).then_some(self.decimals[i].into())
     }
 
+    /// Decimals of all tokens of the pose, [`Leading::ODD`] where there are other looks to keep.
+    pub(super) fn pose_decimals(&self) -> [u8; POSE] {
+        self.decimals
+    }
+
     /// The external axes' aggregate, as text.
     pub(crate) fn external(&self) -> Span {
         Span { start: self.start + u32::from(self.external), end: self.span().end - 1 }

@@ -7,7 +7,7 @@ use super::rewrite::{Pose, Writer, single, toward, turned};
 use super::token::MAX_DECIMALS;
 use super::value::unit;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
-use crate::text::number::{Fixed, read_leading};
+use crate::text::number::{Fixed, Numbers, read_leading};
 use crate::text::{Content, Edit, Span};
 use std::collections::HashMap;
 
@@ -35,9 +35,12 @@ impl Writer<'_> {
         if let Some(edits) = self.edits.first_mut() {
             edits.reserve(self.layout.literals.len());
         }
+        let mut numbers = None;
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
             let (pose, change) = match (*site, self.program.targets[i].editable, change) {
-                (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => (self.pose(i, literal, change), None),
+                (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => {
+                    (self.pose(i, literal, change, &mut numbers), None)
+                }
                 (_, _, change) => (None, change.as_ref()),
             };
             if change.is_some_and(|change| self.differs(i, change)) {
@@ -49,8 +52,11 @@ impl Writer<'_> {
     }
 
     /// Edits a literal; its pose afterwards, `None` where that is the one that is written.
-    fn pose(&mut self, i: usize, literal: u32, change: &Change) -> Option<Pose> {
+    fn pose(&mut self, i: usize, literal: u32, change: &Change, numbers: &mut Option<Numbers>) -> Option<Pose> {
         let literal = &self.layout.literals[literal as usize];
+        if let Some((position, quat)) = self.at_once(i, literal, change, numbers) {
+            return Some((position, unit(quat)));
+        }
         if let Some((edit, (position, quat))) = self.stretch(i, literal, change) {
             self.edits.get_mut(literal.source as usize)?.extend(edit);
             return Some((position, unit(quat)));
@@ -59,6 +65,57 @@ impl Writer<'_> {
         let (position, quat) = self.literal_pose(literal, Some(&print));
         self.edit_literal(literal, print);
         Some((position, unit(quat)))
+    }
+
+    /// A pose of seven new numbers, all printed at once, as one edit; as the controller holds it. `None` where a closer look is
+    /// needed.
+    fn at_once(&mut self, i: usize, literal: &Literal, change: &Change, numbers: &mut Option<Numbers>) -> Option<Pose> {
+        let Goal::Pose { position_mm, quat: is, conf } = self.program.targets[i].goal else { return None };
+        if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
+            return None;
+        }
+        let [x, y, z] = change.position_mm;
+        let [q1, q2, q3, q4] = toward(change.quat.filter(|wanted| turned(*wanted, is))?, is);
+        let [d1, d2, d3, d4, d5, d6, d7] = literal.pose_decimals();
+        let was = [d1, d2, d3, d4, d5, d6, d7, 1];
+        // Mostly those of the literal before.
+        if !numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was)) {
+            let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
+            let (of_position, of_quat) = (u8::try_from(position_decimals).ok()?, u8::try_from(quat_decimals).ok()?);
+            let [p, q] = [of_position, of_quat];
+            *numbers = Numbers::new(was, [p, p, p, q, q, q, q, 1]);
+        }
+        let numbers = numbers.as_mut()?;
+        if !numbers.read(&[x, y, z, q1, q2, q3, q4, 0.0]) {
+            return None;
+        }
+        let bytes = &self.program.sources[literal.source as usize].bytes[..];
+        for k in (0..POSE).filter(|k| numbers.may_be_the_same(*k)) {
+            let old = if k < 3 { position_mm[k] } else { read_leading(bytes.get(literal.token(k).range())?)?.value };
+            #[allow(clippy::float_cmp)] // the very number keeps its looks
+            if numbers.values[k] == old {
+                return None;
+            }
+        }
+        let (mut text, mut len) = ([0; ROOM], 0);
+        for k in 0..POSE {
+            if k > 0 {
+                // The text between two numbers is kept.
+                let between = bytes.get(literal.token(k - 1).range().end..literal.token(k).range().start)?;
+                match between {
+                    [one] => *text.get_mut(len)? = *one,
+                    _ => text.get_mut(len..len + between.len())?.copy_from_slice(between),
+                }
+                len += between.len();
+            }
+            len += numbers.put(k, text.get_mut(len..)?.first_chunk_mut()?);
+        }
+        let (span, text) = (literal.token(0).to(literal.token(POSE - 1)), text.get(..len)?);
+        if bytes.get(span.range())? != text {
+            self.edits.get_mut(literal.source as usize)?.push(Edit { span, content: Content::from_slice(text) });
+        }
+        let [x, y, z, q1, q2, q3, q4, _] = numbers.held;
+        Some(([x, y, z], [q1, q2, q3, q4]))
     }
 
     /// A pose whose numbers have no looks to keep but their decimals, as one edit from its first number that changes to the

@@ -11,7 +11,7 @@ mod write;
 #[cfg(test)]
 pub(crate) use read::read_plain;
 pub(crate) use read::{Leading, decimals, is_none, read, read_leading};
-pub(crate) use row::{Fields, Row};
+pub(crate) use row::{Digits, Numbers, Row, SIDE};
 pub(crate) use runs::Runs;
 #[cfg(test)]
 pub(crate) use write::write_fixed_plain;
@@ -104,17 +104,47 @@ mod tests {
         fn rows_print_as_the_reference_does(values in any::<[i32; 3]>(), bits in 0..32, close in -2_i64..3) {
             // Numbers around ties, too.
             let values = values.map(|v| f64::from_bits((f64::from(v >> bits) / 2048.0).to_bits().wrapping_add_signed(close)));
-            let (mut fast, mut plain) = (Fields::<1>::new(), Vec::new());
             let [a, b, c] = values;
-            if Row::new(&[3, 6, 7]).read(&[[a, b, c, 0.0, 0.0, 0.0, 0.0, 0.0]], &mut fast) {
-                fast.push::<3>(0);
-                fast.push::<6>(1);
-                fast.push::<7>(2);
-                for (value, decimals) in values.into_iter().zip([3, 6, 7]) {
+            let row = [a, b, c, f64::from(bits), 0.0, 0.0, 0.0, 0.0];
+            let mut digits = [Digits::default()];
+            if Row::new(&[3, 6, 7, 1]).read(&[row], &mut digits) {
+                let [digits] = digits;
+                let mut place = [0; Fixed::SIZE];
+                let mut fast = Vec::new();
+                let mut take = |len: usize, place: &[u8]| fast.extend_from_slice(&place[..len]);
+                take(digits.put::<3>(0, &mut place), &place);
+                take(digits.put::<6>(1, &mut place), &place);
+                take(digits.put::<7>(2, &mut place), &place);
+                take(digits.put_whole(3, &mut place), &place);
+                let mut plain = Vec::new();
+                for (value, decimals) in row.into_iter().zip([3, 6, 7, 0]) {
                     write_fixed_plain(&mut plain, value, decimals);
                     plain.push(b',');
                 }
-                prop_assert_eq!(String::from_utf8_lossy(fast.take()), String::from_utf8_lossy(&plain));
+                prop_assert_eq!(String::from_utf8_lossy(&fast), String::from_utf8_lossy(&plain));
+            }
+        }
+
+        #[test]
+        fn numbers_instead_of_others_print_as_the_reference_does(
+            value in prop_oneof![any::<f64>(), -20_000.0..20_000.0, (-1_000_000..1_000_000).prop_map(|v| f64::from(v) / 1024.0)],
+            was in 0_u8..10,
+            least in 0_u8..9,
+        ) {
+            let decimals = was.max(least);
+            let numbers = Numbers::new([was; 8], [least; 8]);
+            prop_assert_eq!(numbers.is_some(), (1..=8).contains(&decimals));
+            let Some(mut numbers) = numbers else { return Ok(()) };
+            let (mut place, mut plain, mut before) = ([0; Fixed::SIZE], Vec::new(), Vec::new());
+            write_fixed_plain(&mut plain, value, decimals.into());
+            write_fixed_plain(&mut before, value, was.into());
+            if numbers.read(&[value; 8]) {
+                let len = numbers.put(6, &mut place);
+                prop_assert_eq!(String::from_utf8_lossy(&place[..len]), String::from_utf8_lossy(&plain));
+                let new = read_plain(&plain).unwrap();
+                prop_assert_eq!(numbers.values[6].to_bits(), new.to_bits());
+                prop_assert_eq!(numbers.held[6].to_bits(), f64::from(new as f32).to_bits());
+                prop_assert_eq!(numbers.may_be_the_same(6), was < decimals && read_plain(&before) == Some(new));
             }
         }
 

@@ -1,78 +1,87 @@
-//! Rows of numbers of few digits: eight at once.
+//! Numbers of few digits to text: eight at once.
 
 use super::TENS;
 use super::write::{FROM_TIE, Fixed, INTEGERS, SMALL, ZEROS, without_zeros};
 use crate::lanes::widest;
 
 /// Numbers that are looked at side by side.
-const SIDE: usize = 8;
+pub(crate) const SIDE: usize = 8;
 
 /// What rows of `8 · BLOCKS` numbers have in common: how many decimals each of their numbers has.
 pub(crate) struct Row<const BLOCKS: usize> {
-    /// 10^decimals, and what fills these up to eight.
     scales: [Scale; BLOCKS],
 }
 
+/// How eight numbers are printed.
 struct Scale {
+    /// 10^decimals, one by it, and what fills decimals up to eight.
     tens: [f64; SIDE],
     tenths: [f64; SIDE],
     fill: [f64; SIDE],
+    /// Of eight decimals as text, those that are printed.
+    own: [u64; SIDE],
+    /// The point before them, and the comma behind.
+    marks: [u64; SIDE],
 }
 
 /// Eight numbers as text.
 #[derive(Clone, Copy, Default)]
-struct Digits {
+pub(crate) struct Digits {
     /// Digits before the point with zeros before them, and behind it: each a text whose first byte is the lowest.
     whole: [u64; SIDE],
     part: [u64; SIDE],
+    /// Up to seven of those behind the point with the point before them, and the comma behind if there is room for it.
+    tail: [u64; SIDE],
     /// 1 where there is a minus before them.
     minus: [u64; SIDE],
     /// 1 where [`Fixed`] has to look closer.
     unsure: [u64; SIDE],
 }
 
-/// A row's text on its way, a comma behind each number.
-pub(crate) struct Fields<const BLOCKS: usize> {
-    digits: [Digits; BLOCKS],
-    text: [[[u8; Fixed::SIZE]; SIDE]; BLOCKS],
-    len: usize,
-}
-
 impl<const BLOCKS: usize> Row<BLOCKS> {
     /// One to eight decimals each; the row ends with as many zeros as it takes.
     pub(crate) const fn new(decimals: &[usize]) -> Self {
-        const NONE: Scale = Scale { tens: [1.0; SIDE], tenths: [1.0; SIDE], fill: [1.0; SIDE] };
-        let mut scales = [NONE; BLOCKS];
+        let mut scales = [Scale::NONE; BLOCKS];
         let mut i = 0;
         while i < decimals.len() {
-            assert!(0 < decimals[i] && decimals[i] <= 8);
-            let scale = &mut scales[i / SIDE];
-            scale.tens[i % SIDE] = TENS[decimals[i]];
-            scale.tenths[i % SIDE] = 1.0 / TENS[decimals[i]];
-            scale.fill[i % SIDE] = TENS[8 - decimals[i]];
+            scales[i / SIDE].set(i % SIDE, decimals[i]);
             i += 1;
         }
         Self { scales }
     }
 
     /// Finds the digits of all numbers; false where [`write_fixed`](super::write_fixed) has to look closer at one.
-    pub(crate) fn read(&self, values: &[[f64; SIDE]; BLOCKS], fields: &mut Fields<BLOCKS>) -> bool {
-        fields.len = 0;
-        let mut unsure = 0;
-        for ((scale, values), digits) in self.scales.iter().zip(values).zip(&mut fields.digits) {
-            widest!(<'a>(scale: &'a Scale = scale, values: &'a [f64; SIDE] = values, digits: &'a mut Digits = digits) {
-                *digits = scale.digits(*values);
-            });
-            unsure |= digits.unsure.iter().fold(0, |any, one| any | one);
-        }
-        unsure == 0
+    pub(crate) fn read(&self, values: &[[f64; SIDE]; BLOCKS], digits: &mut [Digits; BLOCKS]) -> bool {
+        widest!(<'a>(
+            scales: &'a [Scale] = &self.scales,
+            values: &'a [[f64; SIDE]] = values,
+            digits: &'a mut [Digits] = digits,
+        ) {
+            for ((scale, values), digits) in scales.iter().zip(values).zip(digits) {
+                *digits = scale.digits(*values).0;
+            }
+        });
+        digits.iter().flat_map(|digits| digits.unsure).fold(0, |any, one| any | one) == 0
     }
 }
 
 impl Scale {
-    /// Step by step for all eight, so that the compiler has them side by side.
+    const NONE: Self =
+        Self { tens: [1.0; SIDE], tenths: [1.0; SIDE], fill: [1.0; SIDE], own: [0; SIDE], marks: [0; SIDE] };
+
+    const fn set(&mut self, i: usize, decimals: usize) {
+        assert!(0 < decimals && decimals <= 8);
+        self.tens[i] = TENS[decimals];
+        self.tenths[i] = 1.0 / TENS[decimals];
+        self.fill[i] = TENS[8 - decimals];
+        self.own[i] = u64::MAX >> (64 - 8 * decimals);
+        self.marks[i] = b'.' as u64 | (b',' as u64).unbounded_shl(8 * (decimals as u32 + 1));
+    }
+
+    /// The digits, and what number they are without the point. Step by step for all eight, so that the compiler has them side
+    /// by side.
     #[inline(always)]
-    fn digits(&self, values: [f64; SIDE]) -> Digits {
+    fn digits(&self, values: [f64; SIDE]) -> (Digits, [f64; SIDE]) {
         let product = zip(values, self.tens, |value, ten| value.abs() * ten);
         let number = map(product, |product| product + INTEGERS - INTEGERS);
         let unsure = zip(product, number, |product, number| {
@@ -81,9 +90,10 @@ impl Scale {
         // Between two multiples of ten: what the product is off by does not matter.
         let whole = zip(number, self.tenths, |number, tenth| ((number + 0.5) * tenth).floor());
         let rest = zip(number, zip(whole, self.tens, |whole, ten| whole * ten), |number, whole| number - whole);
-        let part = zip(rest, self.fill, |rest, fill| rest * fill);
+        let part = eights(zip(rest, self.fill, |rest, fill| rest * fill));
+        let tail = zip(zip(part, self.own, |part, own| (part & own) << 8), self.marks, |tail, marks| tail | marks);
         let minus = zip(values, number, |value, number| u64::from((value < 0.0) & (number > 0.0)));
-        Digits { whole: eights(whole), part: eights(part), minus, unsure }
+        (Digits { whole: eights(whole), part, tail, minus, unsure }, number)
     }
 }
 
@@ -117,33 +127,131 @@ fn zip<A: Copy, B: Copy, C: Copy + Default>(all: [A; SIDE], others: [B; SIDE], f
     out
 }
 
-impl<const BLOCKS: usize> Fields<BLOCKS> {
-    pub(crate) fn new() -> Self {
-        Self { digits: [Digits::default(); BLOCKS], text: [[[0; Fixed::SIZE]; SIDE]; BLOCKS], len: 0 }
+impl Digits {
+    /// Writes a number of so many decimals to the beginning of a place for it, and a comma; their bytes.
+    #[inline(always)]
+    pub(crate) fn put<const DECIMALS: usize>(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
+        const { assert!(0 < DECIMALS && DECIMALS <= 8) };
+        let at = self.put_signed(i, place);
+        place[at..at + 8].copy_from_slice(&self.tail[i].to_le_bytes());
+        if DECIMALS == 8 {
+            let [.., last] = self.part[i].to_le_bytes();
+            place[at + 8] = last;
+        }
+        if DECIMALS >= 7 {
+            place[at + DECIMALS + 1] = b',';
+        }
+        at + DECIMALS + 2
     }
 
-    /// Takes the number at `i` of the row, of so many decimals.
-    #[inline]
-    pub(crate) fn push<const DECIMALS: usize>(&mut self, i: usize) {
-        let digits = &self.digits[i / SIDE];
-        let (whole, part) = (digits.whole[i % SIDE], digits.part[i % SIDE]);
-        let minus = usize::from(digits.minus[i % SIDE] > 0);
-        let text = self.text.as_flattened_mut().as_flattened_mut();
-        let Some(place) = text[self.len..].first_chunk_mut::<{ Fixed::SIZE }>() else {
-            unreachable!("there is room for all")
-        };
-        let (whole, len) = without_zeros(whole);
+    /// Writes a number, which is not below zero, without its decimals, and a comma; their bytes.
+    #[inline(always)]
+    pub(crate) fn put_whole(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
+        let (whole, len) = without_zeros(self.whole[i]);
+        place[..8].copy_from_slice(&whole.to_le_bytes());
+        place[len] = b',';
+        len + 1
+    }
+
+    /// Writes a number of so many decimals; its bytes.
+    #[inline(always)]
+    fn put_any(&self, i: usize, decimals: u8, place: &mut [u8; Fixed::SIZE]) -> usize {
+        let at = self.put_signed(i, place);
+        place[at] = b'.';
+        place[at + 1..at + 9].copy_from_slice(&self.part[i].to_le_bytes());
+        at + 1 + usize::from(decimals)
+    }
+
+    /// Writes what stands before the point.
+    #[inline(always)]
+    fn put_signed(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
+        let minus = usize::from(self.minus[i] > 0);
+        let (whole, len) = without_zeros(self.whole[i]);
         place[0] = b'-';
         place[minus..minus + 8].copy_from_slice(&whole.to_le_bytes());
-        let at = minus + len;
-        place[at] = b'.';
-        place[at + 1..at + 9].copy_from_slice(&part.to_le_bytes());
-        place[at + 1 + DECIMALS] = b',';
-        self.len += at + DECIMALS + 2;
+        minus + len
+    }
+}
+
+/// Up to eight numbers, to be printed instead of others.
+pub(crate) struct Numbers {
+    scale: Scale,
+    /// Decimals of the others, and of these.
+    was: [u8; SIDE],
+    decimals: [u8; SIDE],
+    /// Of eight decimals as text, those that only these have; or any bit where there are none.
+    added: [u64; SIDE],
+    any: [u64; SIDE],
+    digits: Digits,
+    /// 1 where all of these are zeros: maybe nothing is new.
+    zeros: [u64; SIDE],
+    /// What a reader gets, and one of single precision.
+    pub(crate) values: [f64; SIDE],
+    pub(crate) held: [f64; SIDE],
+}
+
+impl Numbers {
+    /// Instead of numbers of so many decimals each; `least` each are printed, but at least one and at most eight.
+    pub(crate) fn new(was: [u8; SIDE], least: [u8; SIDE]) -> Option<Self> {
+        let mut numbers = Self {
+            scale: Scale::NONE,
+            was,
+            decimals: [0; SIDE],
+            added: [0; SIDE],
+            any: [1; SIDE],
+            digits: Digits::default(),
+            zeros: [0; SIDE],
+            values: [0.0; SIDE],
+            held: [0.0; SIDE],
+        };
+        for i in 0..SIDE {
+            let decimals = was[i].max(least[i]);
+            if !(1..=8).contains(&decimals) {
+                return None;
+            }
+            numbers.decimals[i] = decimals;
+            numbers.scale.set(i, decimals.into());
+            if was[i] < decimals {
+                let digits = |count: u8| u64::MAX.unbounded_shr(64 - 8 * u32::from(count));
+                (numbers.added[i], numbers.any[i]) = ((digits(decimals) & !digits(was[i])) & !ZEROS, 0);
+            }
+        }
+        Some(numbers)
     }
 
-    /// What has been taken since the last time.
-    pub(crate) fn take(&mut self) -> &[u8] {
-        &self.text.as_flattened().as_flattened()[..std::mem::take(&mut self.len)]
+    /// Whether they stand instead of numbers of so many decimals.
+    #[inline]
+    pub(crate) fn are_instead_of(&self, was: [u8; SIDE]) -> bool {
+        self.was == was
+    }
+
+    /// Finds the digits; false where [`Fixed`] has to look closer at one.
+    #[inline]
+    pub(crate) fn read(&mut self, values: &[f64; SIDE]) -> bool {
+        widest!(<'a>(numbers: &'a mut Numbers = self, values: &'a [f64; SIDE] = values) {
+            let (digits, number) = numbers.scale.digits(*values);
+            let added = zip(digits.part, numbers.added, |part, added| part & added);
+            numbers.zeros = zip(added, numbers.any, |added, any| u64::from(added | any == 0));
+            let size = zip(number, numbers.scale.tens, |number, ten| number / ten);
+            let signed = |size: f64, minus: u64| f64::from_bits(size.to_bits() | minus << 63);
+            numbers.values = zip(size, digits.minus, signed);
+            #[allow(clippy::cast_possible_truncation)] // that is what the reader does
+            let held = map(size, |size| f64::from(size as f32));
+            numbers.held = zip(held, digits.minus, signed);
+            numbers.digits = digits;
+        });
+        self.digits.unsure.iter().fold(0, |any, one| any | one) == 0
+    }
+
+    /// Whether a number can be what stood there, with fewer decimals.
+    #[inline]
+    pub(crate) fn may_be_the_same(&self, i: usize) -> bool {
+        self.zeros[i] != 0
+    }
+
+    /// Writes a number to the beginning of a place for it; its bytes.
+    #[inline]
+    pub(crate) fn put(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
+        self.digits.put_any(i, self.decimals[i], place)
     }
 }
