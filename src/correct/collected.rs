@@ -32,9 +32,8 @@ impl<'a> Collected<'a> {
         if !path::is_end(target) {
             return;
         }
-        let normal = point.normal_error(&self.prepared.laws, &there.wobj_from_tcp);
-        let force = self.prepared.base_from_wobj(i).rotation.inverse() * there.cut;
-        let mut row = Row::new(target, point, &there.wobj_from_tcp, normal, force);
+        let normal = point.normal_error(&self.prepared.laws, &there.shift, &there.axis);
+        let mut row = Row::new(target, point, there, normal);
         if let Editable::No(reason) = target.editable {
             row.status = Status::Kept(reason);
         }

@@ -2,8 +2,8 @@
 
 use super::collected::{Collected, check_limits};
 use super::path::{self, Point};
-use super::row::{Row, Status, difference};
-use super::solve::{self, Last, Solved, Solver, Wish};
+use super::row::{Row, Status};
+use super::solve::{self, Last, Reached, Solved, Solver, Wish};
 use super::spread::Spread;
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
@@ -214,10 +214,8 @@ pub(super) fn piece(
         None => Vec::new(),
     };
     let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
-    let (rewritten, written) = if program.language == Language::Rapid {
-        let rewritten = program.rewrite(&changes, &inserts, &rewrite);
-        let written = rewritten.written.clone();
-        (Some(rewritten), written)
+    let (rewritten, printed) = if program.language == Language::Rapid {
+        (Some(program.rewrite(&changes, &inserts, &rewrite)), Vec::new())
     } else {
         let printed = |i: usize| {
             let pose = solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |s| s.wobj_from_tcp);
@@ -225,21 +223,18 @@ pub(super) fn piece(
         };
         (None, spread.map(prepared.points.len(), printed))
     };
+    let written = rewritten.as_ref().map_or(&printed, |rewritten| &rewritten.written);
 
     // What the controller will really hold, run forward.
     let changed = |i: usize| changes[i].is_some() || program.language == Language::Cl;
-    let reached = solver.reached(&written, (&wishes, &first), &motors, changed);
-    let reached: Vec<Joints> = reached
-        .into_iter()
-        .enumerate()
-        .map(|(i, motor)| {
-            motor.unwrap_or_else(|error| {
-                out.fail(i, &error);
-                motors[i]
-            })
-        })
-        .collect();
-    let travels = carried.reached.take(n, |last| solve::travels(reached.iter().copied(), last))?;
+    let reached = solver.reached(written, (&wishes, &first), &motors, changed);
+    for (i, reached) in reached.iter().enumerate() {
+        if let Err(error) = reached {
+            out.fail(i, error);
+        }
+    }
+    let held = |(reached, motor): (&Result<Reached, _>, &Joints)| reached.as_ref().map_or(*motor, |r| r.motor);
+    let travels = carried.reached.take(n, |last| solve::travels(reached.iter().zip(&motors).map(held), last))?;
     let uncorrected = solver.forward(
         |i| prepared.points[i].as_programmed(),
         |i| first[i].as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected),
@@ -267,13 +262,13 @@ pub(super) fn piece(
         };
         out.row(i, uncorrected);
         let point = &prepared.points[i];
-        let corrected = frames::pose(written[i].0, written[i].1);
         if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| path::is_end(&program.targets[i])), &after[i]) {
-            if changed(i) {
-                (row.correction_mm, row.correction_deg) = difference(&point.wobj_from_tcp, &corrected);
+            if let (true, Ok(reached)) = (changed(i), &reached[i]) {
+                let shift = Vector3::from(written[i].0) * 1e-3 - point.wobj_from_tcp.translation.vector;
+                row.correction_mm = (shift * 1e3).into();
+                row.correction_deg = reached.turn.map(f64::to_degrees).into();
             }
-            let left = after.wobj_from_tcp.translation.vector - point.reference.translation.vector;
-            row.remaining_mm = (1e3 * left).into();
+            row.remaining_mm = (1e3 * after.shift).into();
             let reason = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
             let reason = reason.or(match program.targets[i].editable {
                 Editable::No(reason) => Some(reason),
@@ -288,18 +283,18 @@ pub(super) fn piece(
             out.fail(i, error);
         }
     }
-    carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, &written, &changes, last))?;
+    carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;
     sigma::fill(&mut out.rows, program, cell, &prepared, spread);
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, &prepared, spread);
     }
     let posted = if program.language == Language::Cl {
-        posted(cell, &prepared, &written, &reached, &inserts)
+        posted(cell, &prepared, written, &travels, &inserts)
     } else {
         Vec::new()
     };
     let mut notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
-    notes.extend(arcs::note(program, cell, &prepared, &motors, &changes, &written));
+    notes.extend(arcs::note(program, cell, &prepared, &motors, &changes, written));
     Some(Ok(out.finish(notes, rewritten, posted)))
 }
 
@@ -308,7 +303,7 @@ fn posted(
     cell: &Cell,
     prepared: &Prepared,
     written: &[([f64; 3], [f64; 4])],
-    reached: &[Joints],
+    reached: &[(Joints, Joints)],
     inserts: &[Insert],
 ) -> Vec<Posted> {
     let robot = &cell.arm.robot;
@@ -326,11 +321,11 @@ fn posted(
             let pose = frames::pose(insert.position_mm, insert.quat);
             let printed = solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1);
             // Its correction was solved: a point that the arm does not reach would not stand here.
-            if let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), &printed, &reached[i]) {
+            if let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), &printed, &reached[i].0) {
                 out.push(post(i, printed, &motor));
             }
         }
-        out.push(post(i, written[i], &reached[i]));
+        out.push(post(i, written[i], &reached[i].0));
     }
     out
 }

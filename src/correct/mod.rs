@@ -8,11 +8,13 @@
 //! travel) is a cheap ordered pass; equilibria are solved in parallel and collected in order, so that the same
 //! program gives the same bytes for any number of threads.
 
+mod ahead;
 mod arcs;
 mod collected;
 mod forces;
 mod frames;
 mod judge;
+mod laws;
 mod line;
 mod messages;
 mod path;
@@ -88,7 +90,7 @@ pub struct Prepared {
     /// What the points are run with.
     settings: Vec<Setting>,
     /// Laws that the points' cuts refer to.
-    laws: Vec<path::Law>,
+    laws: Vec<laws::Law>,
 }
 
 impl Prepared {
@@ -137,8 +139,10 @@ impl Prepared {
     }
 
     /// Error at the contact point of point `i` along its surface normal, m.
-    pub(crate) fn normal_error(&self, i: usize, actual: &crate::robot::Pose) -> f64 {
-        self.points[i].normal_error(&self.laws, actual)
+    pub(crate) fn normal_error(&self, i: usize, actual: &Pose) -> f64 {
+        let point = &self.points[i];
+        let shift = actual.translation.vector - point.reference.translation.vector;
+        point.normal_error(&self.laws, &shift, &path::tool_axis(actual))
     }
 
     /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.

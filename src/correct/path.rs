@@ -1,18 +1,18 @@
 //! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
 
+use super::ahead::{Ahead, Way};
 use super::frames::{self, pose};
+use super::laws::{Law, Laws};
 use super::{Options, Prepared};
-use crate::cell::{Cell, Cut, CutForce, ForceFrame, Spin, SpinRule};
-use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
-use crate::effects::{Cutting, ForceLaw, Situation, ToolFrame};
+use crate::cell::{Cell, Spin, SpinRule};
+use crate::effects::{Cutting, Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
-use crate::lanes::{Mask, Vector, WIDTH};
-use crate::program::{Conf, Goal, Mark, Motion, Program, Role, Target};
-use crate::robot::{Eight, Found, Joints, Place, Pose, StartedFrom};
+use crate::lanes::WIDTH;
+use crate::program::{Conf, Goal, Motion, Program, Role, Target};
+use crate::robot::{Eight, EightFound, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
-use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
@@ -51,29 +51,6 @@ pub(super) enum PointLoad {
     Constant(Vector3<f64>),
     /// Index into the laws, and the feed frame in the work object.
     Law(usize, Rotation3<f64>),
-}
-
-/// A mechanistic force law for one feed per tooth.
-#[derive(Clone, Debug)]
-pub(super) struct Law {
-    milling: Arc<Milling>,
-    table: Arc<FeedTable>,
-    /// N/m, feed frame.
-    slope: Vector3<f64>,
-}
-
-impl ForceLaw for Law {
-    fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-        self.table.mean_force(shift, &Unit::new_unchecked(*axis))
-    }
-
-    fn forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
-        self.table.mean_forces(wanted, shift, axis, force);
-    }
-
-    fn slope(&self) -> Vector3<f64> {
-        self.slope
-    }
 }
 
 impl Point {
@@ -138,16 +115,16 @@ impl Point {
         !matches!(self.load, PointLoad::Air)
     }
 
-    /// Error at the contact point along the surface normal, m (Tang et al., Eq. 15), for the actual pose.
-    pub(super) fn normal_error(&self, laws: &[Law], actual: &Pose) -> f64 {
-        let shift = actual.translation.vector - self.reference.translation.vector;
+    /// Error at the contact point along the surface normal, m (Tang et al., Eq. 15), for the TCP's shift and the actual tool
+    /// axis.
+    pub(super) fn normal_error(&self, laws: &[Law], shift: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
         let mut error = shift.dot(&self.normal);
         if let PointLoad::Law(law, wobj_from_feed) = self.load {
-            let height = |pose: &Pose| {
-                let axis = wobj_from_feed.inverse_transform_vector(&tool_axis(pose));
+            let height = |axis: &Vector3<f64>| {
+                let axis = wobj_from_feed.inverse_transform_vector(axis);
                 laws[law].milling.contact_height(&Unit::new_unchecked(axis))
             };
-            if let (Some(now), Some(wanted)) = (height(actual), height(&self.reference)) {
+            if let (Some(now), Some(wanted)) = (height(axis), height(&tool_axis(&self.reference))) {
                 error += now - wanted;
             }
         }
@@ -172,15 +149,15 @@ pub(super) fn travel(previous: &Joints, now: &Joints, held: &Joints) -> Joints {
 }
 
 /// Chords shorter than this give no direction, m: printed digits.
-const CHORD: f64 = 1e-6;
+pub(super) const CHORD: f64 = 1e-6;
 
 /// What the ordered pass takes along from target to target, and from piece to piece of a long program.
 pub(super) struct Carried<'a> {
-    laws: Laws<'a>,
-    settings: Vec<Setting>,
+    pub(super) laws: Laws<'a>,
+    pub(super) settings: Vec<Setting>,
     started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
-    near: Option<Joints>,
+    pub(super) near: Option<Joints>,
     /// The last point of the pieces before.
     before: Option<Point>,
     /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
@@ -239,6 +216,7 @@ pub(super) fn prepare(
         options,
         carried,
         many: Eight::of(&cell.arm.robot),
+        ahead: Ahead::default(),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
     };
@@ -255,11 +233,11 @@ pub(super) fn prepare(
     };
     for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
         let settings: SmallVec<[u32; WIDTH]> = targets.iter().map(|target| setting(walk.carried, target)).collect();
-        let found = walk.look_ahead(targets, &settings);
+        let Walk { ahead, many, carried, points, errors, .. } = &mut walk;
+        let before = points.last().or(carried.before.as_ref()).filter(|_| errors.is_empty());
+        ahead.look(many.as_ref(), (targets, &settings), carried, before);
         for (lane, target) in targets.iter().enumerate() {
-            let setting = settings[lane];
-            let at = walk.carried.settings[setting as usize];
-            walk.step(block * WIDTH + lane, target, (setting, &at), found[lane].as_ref());
+            walk.step((block * WIDTH + lane, lane), target, settings[lane]);
         }
     }
     let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
@@ -303,39 +281,18 @@ struct Walk<'a, 'c> {
     options: &'a Options,
     carried: &'a mut Carried<'c>,
     many: Option<Eight<'a>>,
+    ahead: Ahead,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
 }
 
 impl Walk<'_, '_> {
-    /// Poses and, most likely, motor angles of up to eight targets.
-    fn look_ahead(&self, targets: &[Target], settings: &[u32]) -> [Option<Found>; WIDTH] {
-        let near = self.carried.near.unwrap_or_else(Joints::zeros);
-        let known = &self.carried.settings;
-        fn place<'t>(target: &'t Target, Setting { base_from_wobj, tool }: &'t Setting, near: &'t Joints) -> Place<'t> {
-            let (position_mm, quat) = match &target.goal {
-                Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
-                Goal::Axis { .. } | Goal::Joints { .. } => (&[0.0; 3], &[1.0, 0.0, 0.0, 0.0]),
-            };
-            Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near }
-        }
-        let mut found = [None; WIDTH];
-        // Of tool axes (CL data) the pose is not known yet.
-        let posed = targets.iter().any(|target| matches!(target.goal, Goal::Pose { .. }));
-        if let Some(robot) = self.many.as_ref().filter(|_| posed) {
-            let place = |lane: usize| place(&targets[lane], &known[settings[lane] as usize], &near);
-            robot.find(targets.len(), place, |lane, this| found[lane] = Some(this));
-        }
-        found
-    }
-
-    fn step(&mut self, i: usize, target: &Target, (setting, at): (u32, &Setting), found: Option<&Found>) {
-        let Setting { base_from_wobj, tool } = at;
-        let chord = self.chord(i, target, base_from_wobj);
+    fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting: u32) {
+        let Setting { base_from_wobj, tool } = &self.carried.settings[setting as usize].clone();
+        let way = self.ahead.way(lane).filter(|_| self.errors.is_empty());
+        let chord = way.as_ref().map_or_else(|| self.chord(i, target, base_from_wobj), |way| way.chord);
         let wobj_from_tcp = match target.goal {
-            Goal::Pose { position_mm, quat, .. } => {
-                found.map_or_else(|| pose(position_mm, quat), |found| found.wobj_from_tcp)
-            }
+            Goal::Pose { position_mm, quat, .. } => self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat)),
             Goal::Axis { position_mm, axis } => match self.spin(position_mm, axis, chord) {
                 Some(pose) => pose,
                 None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
@@ -346,7 +303,7 @@ impl Walk<'_, '_> {
             }
         };
         let pose = || base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse();
-        let soon = self.joints_soon(target, tool, base_from_wobj, found);
+        let soon = self.joints_soon((target, lane), tool, base_from_wobj);
         let motor = match soon.map_or_else(|| self.joints(target, &pose()), Ok) {
             Ok(motor) => motor,
             Err(error) => {
@@ -366,16 +323,15 @@ impl Walk<'_, '_> {
 
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
-        let size = chord.norm();
-        let direction = (size > CHORD).then(|| chord * (1.0 / size));
+        let axis = tool_axis(&wobj_from_tcp);
+        let Way { size, direction, feed_frame, .. } =
+            way.unwrap_or_else(|| Way::along(chord, &Unit::new_unchecked(axis), self.carried.laws.lean()));
         let length = if previous.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
         };
-        let axis = tool_axis(&wobj_from_tcp);
-        let frame = direction.and_then(|d| self.carried.laws.lean.feed_frame(&Unit::new_unchecked(axis), &d));
-        let frame = frame.or_else(|| {
+        let frame = feed_frame.or_else(|| {
             previous.and_then(|p| match p.load {
                 PointLoad::Law(_, frame) => Some(frame),
                 _ => None,
@@ -399,7 +355,7 @@ impl Walk<'_, '_> {
             motor,
             travel,
             normal: match (self.carried.laws.has_engagement(), frame) {
-                (true, Some(frame)) => frame * Vector3::z(),
+                (true, Some(frame)) => frame.matrix().column(2).into(),
                 _ => axis,
             },
             velocity: direction.zip(feed).map_or_else(Vector3::zeros, |(d, feed)| d * feed),
@@ -438,24 +394,18 @@ impl Walk<'_, '_> {
     }
 
     /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
-    fn joints_soon(
-        &self,
-        target: &Target,
-        tool: &ToolFrame,
-        base_from_wobj: &Pose,
-        found: Option<&Found>,
-    ) -> Option<Joints> {
+    fn joints_soon(&self, (target, lane): (&Target, usize), tool: &ToolFrame, base_from_wobj: &Pose) -> Option<Joints> {
         let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref()?);
         let Goal::Pose { position_mm, quat, conf } = &target.goal else { return None };
         if target.motion == Motion::Joint && conf.is_some() {
             return None;
         }
-        let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
         // The path may have turned into another branch since.
-        found?.nearest(near).or_else(|| {
-            let mut motor = None;
-            robot.find(1, |_| place, |_, found| motor = found.nearest(near));
-            motor
+        self.ahead.motor(lane, near).or_else(|| {
+            let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
+            let mut found = EightFound::default();
+            robot.find(1, |_| place, &mut found);
+            found.nearest(0, near)
         })
     }
 
@@ -503,122 +453,6 @@ impl Walk<'_, '_> {
         let z = -axis;
         let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
         Some(Pose::from_parts(position.into(), rotation))
-    }
-}
-
-/// The force laws of a cell, made as feeds turn up.
-struct Laws<'a> {
-    cut: Option<&'a Cut>,
-    milling: Option<(Arc<Milling>, Arc<ForceTable>)>,
-    lean: Lean,
-    laws: Vec<Law>,
-}
-
-/// Code, message, help.
-type Refusal = (&'static str, String, String);
-
-impl<'a> Laws<'a> {
-    fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
-        let cut = cell.cut.as_ref();
-        let milling = match cut.map(|cut| &cut.force) {
-            Some(CutForce::Mechanistic { cutter, engagement, coefficients, .. }) => {
-                Some(Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
-                    vec![Diagnostic::error("cell.cut", "", format!("[cut] {}: {}", error.field, error.message))]
-                })?)
-            }
-            _ => None,
-        };
-        let lean = milling.as_ref().map(Milling::engagement).map_or((0.0, 0.0), |e| (e.lead, e.tilt));
-        let milling = milling.map(|milling| (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling))));
-        Ok(Self { cut, milling, lean: Lean::new(lean.0, lean.1), laws: Vec::new() })
-    }
-
-    fn has_engagement(&self) -> bool {
-        self.milling.is_some()
-    }
-
-    fn load(
-        &mut self,
-        target: &Target,
-        given: Option<Vector3<f64>>,
-        frame: Option<Rotation3<f64>>,
-        wobj_from_tcp: &Pose,
-        has_table: bool,
-    ) -> Result<PointLoad, Refusal> {
-        if !self.may_cut(target) {
-            return Ok(PointLoad::Air);
-        }
-        // A table overrides [cut]: a nonzero row cuts, a zero or absent row is air.
-        if has_table {
-            return Ok(given.filter(|f| *f != Vector3::zeros()).map_or(PointLoad::Air, PointLoad::Constant));
-        }
-        match self.cut.map(|cut| &cut.force) {
-            None => Err((
-                "cell.no-cut",
-                "the cell has no [cut] section, and no table of forces was given".to_owned(),
-                "add [cut] to the cell (force = \"none\" for no force), or give --forces".to_owned(),
-            )),
-            Some(CutForce::None) => Ok(PointLoad::Air),
-            Some(CutForce::Table) => Err((
-                "cell.no-forces",
-                "[cut] force = \"table\" needs a table of forces".to_owned(),
-                "give --forces CSV with `target` and `fx_n,fy_n,fz_n`".to_owned(),
-            )),
-            Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
-                (ForceFrame::Wobj, _) => PointLoad::Constant(*force),
-                (ForceFrame::Tool, _) => PointLoad::Constant(wobj_from_tcp.rotation * force),
-                (ForceFrame::Feed, Some(frame)) => PointLoad::Constant(frame * force),
-                (ForceFrame::Feed, None) => PointLoad::Air,
-            }),
-            Some(CutForce::Mechanistic { feed_from_program, spindle_rpm, engagement, cutter, .. }) => {
-                let Some(frame) = frame else { return Ok(PointLoad::Air) };
-                let feed_per_tooth = if *feed_from_program {
-                    let rpm = target.spindle_rpm.or(*spindle_rpm).filter(|rpm| *rpm > 0.0);
-                    let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
-                        return Err((
-                            "cell.no-feed-per-tooth",
-                            "the feed per tooth is not known: the target has no feed, or nobody says the spindle speed"
-                                .to_owned(),
-                            "give feed_per_tooth_mm or spindle_rpm in [cut.engagement]".to_owned(),
-                        ));
-                    };
-                    1e-3 * feed * 60.0 / (rpm * f64::from(cutter.teeth))
-                } else {
-                    engagement.feed_per_tooth
-                };
-                Ok(PointLoad::Law(self.law(feed_per_tooth), frame))
-            }
-        }
-    }
-
-    /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
-    fn may_cut(&self, target: &Target) -> bool {
-        match target.mark {
-            Some(Mark::Air) => false,
-            Some(Mark::Cut) => true,
-            None => {
-                let limit = self.cut.and_then(|cut| cut.max_cutting_feed);
-                let fast = limit.is_some_and(|limit| target.feed_mm_s.is_none_or(|feed| 1e-3 * feed > limit));
-                !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint) && !fast
-            }
-        }
-    }
-
-    /// Index of the law of a feed per tooth. Programs have few feeds: a linear search.
-    fn law(&mut self, feed_per_tooth: f64) -> usize {
-        let same = |law: &Law| law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits();
-        if let Some(index) = self.laws.iter().position(same) {
-            return index;
-        }
-        if let Some((milling, table)) = &self.milling {
-            /// Small against a depth of cut, large against rounding, m.
-            const LIFT: f64 = 1e-6;
-            let table = Arc::new(table.at_feed(feed_per_tooth));
-            let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &milling.axis_in_feed());
-            let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
-            self.laws.push(Law { milling: milling.clone(), table, slope });
-        }
-        self.laws.len() - 1
     }
 }
 

@@ -1,7 +1,7 @@
 use super::Stiffness;
 use super::path::Point;
+use crate::equilibrium::Landing;
 use crate::program::Target;
-use crate::robot::{Pose, turn_between};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -69,9 +69,9 @@ impl Row {
         Vector3::from(self.remaining_mm).norm()
     }
 
-    /// A row with the predicted error of `actual`, and nothing corrected.
-    pub(super) fn new(target: &Target, point: &Point, actual: &Pose, error_normal: f64, force: Vector3<f64>) -> Self {
-        let (error_mm, error_deg) = difference(&point.reference, actual);
+    /// A row with the predicted error of where the target ends up, and nothing corrected.
+    pub(super) fn new(target: &Target, point: &Point, there: &Landing, error_normal: f64) -> Self {
+        let error_mm = (1e3 * there.shift).into();
         Self {
             target: target.ordinal,
             line: target.line,
@@ -79,23 +79,16 @@ impl Row {
             status: if point.cuts() { Status::Ok } else { Status::Air },
             position_mm: (point.wobj_from_tcp.translation.vector * 1e3).into(),
             error_mm,
-            error_deg,
+            error_deg: there.turn.map(f64::to_degrees).into(),
             error_normal_mm: 1e3 * error_normal,
             correction_mm: [0.0; 3],
             correction_deg: [0.0; 3],
             remaining_mm: error_mm,
-            force_n: force.into(),
+            force_n: there.cut.into(),
             sigma_mm: None,
             stiffness: None,
         }
     }
-}
-
-/// `to` minus `from`: mm, and the rotation vector of R_to·R_fromᵀ in degrees, both in the common frame's axes.
-pub(super) fn difference(from: &Pose, to: &Pose) -> ([f64; 3], [f64; 3]) {
-    let shift = (to.translation.vector - from.translation.vector) * 1e3;
-    let turn = turn_between(&from.rotation, &to.rotation);
-    (shift.into(), turn.map(f64::to_degrees).into())
 }
 
 /// Counts and sizes over a program, for the summary line.

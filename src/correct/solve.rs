@@ -7,8 +7,9 @@ use crate::equilibrium::{
     Aim, Arm, Command, EightArm, EquilibriumError, Foreseen, Given, Landing, Near, Room, Setting, Start,
 };
 use crate::program::Editable;
-use crate::robot::{Eight, Joints, Place, Pose, Unreachable};
+use crate::robot::{Eight, Joints, Place, Pose, Unreachable, turn_between};
 use crate::text::number;
+use nalgebra::Vector3;
 
 /// A solved command.
 #[derive(Clone, Debug)]
@@ -17,6 +18,15 @@ pub(super) struct Solved {
     pub(super) motor: Joints,
     /// What the controller's own nominal model makes of them: the corrected target.
     pub(super) wobj_from_tcp: Pose,
+}
+
+/// What the controller makes of a target as written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reached {
+    /// Motor angles, rad.
+    pub(super) motor: Joints,
+    /// Rotation vector from the programmed orientation, work object axes, rad.
+    pub(super) turn: Vector3<f64>,
 }
 
 /// What to solve for at each point.
@@ -158,17 +168,16 @@ impl<'a> Solver<'a> {
         self.spread.eights(self.prepared.points.len(), |_| self.many.is_some(), &self.rooms, many, one)
     }
 
-    /// Motor angles that the controller reaches for what is written, near known ones; `None` for a point whose command
-    /// stays as it is.
+    /// What the controller reaches for what is written, near known motor angles (rad).
     pub(super) fn reached(
         &self,
         written: &[([f64; 3], [f64; 4])],
         (wishes, first): (&[Wish], &[Found]),
         motors: &[Joints],
         changed: impl Fn(usize) -> bool + Sync,
-    ) -> Vec<Result<Joints, EquilibriumError>> {
+    ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
-        let many = |_: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             // The branch is that of the actual angles, a deflection away.
             let near = |i: usize| first[i].as_ref().map_or(&points[i].motor, |aim| &aim.motor);
             let place = |lane: usize| {
@@ -183,19 +192,24 @@ impl<'a> Solver<'a> {
                 }
             };
             if let Some(robot) = &robot {
-                robot.find(asked.len(), place, |lane, found| {
-                    if let Some(motor) = found.nearest(near(asked[lane])) {
-                        out.put(lane, motor);
+                robot.find(asked.len(), place, &mut room.found);
+                room.found.turn_from(asked.len(), |lane| &points[asked[lane]].wobj_from_tcp.rotation);
+                for (lane, i) in asked.iter().enumerate() {
+                    if let Some(motor) = room.found.nearest(lane, near(*i)) {
+                        out.put(lane, Reached { motor, turn: room.found.turn(lane) });
                     }
-                });
+                }
             }
         };
         let one = |_: &mut Room<'a>, i: usize| {
-            if changed(i) {
-                Ok(controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])?)
-            } else {
-                Ok(points[i].motor)
+            if !changed(i) {
+                return Ok(Reached { motor: points[i].motor, turn: Vector3::zeros() });
             }
+            let rotation = frames::pose(written[i].0, written[i].1).rotation;
+            Ok(Reached {
+                motor: controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])?,
+                turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
+            })
         };
         let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].is_ok();
         self.spread.eights(motors.len(), simple, &self.rooms, many, one)

@@ -11,6 +11,8 @@ use std::sync::Arc;
 pub struct FeedTable {
     table: Arc<ForceTable>,
     feed_per_tooth: f64,
+    /// Whether the grid holds at that feed.
+    holds: bool,
     cells: Vec<Cell>,
 }
 
@@ -23,11 +25,14 @@ struct Places {
     turn: [Lanes; 2],
     side: Lanes,
     lead: Lanes,
-    /// Where the places are along the depth, cells.
+    /// Where the places are along the depth, cells, and which one that is in.
     at: Lanes,
+    cell: Lanes,
     /// Where the table holds, and does not fade.
     inside: Mask,
     kinks: [Lanes; 2],
+    /// Those whose force is wanted and not found yet.
+    left: Mask,
 }
 
 impl FeedTable {
@@ -37,7 +42,8 @@ impl FeedTable {
         let cell = |nodes: &[[[f64; 3]; TERMS]]| {
             std::array::from_fn(|axis| std::array::from_fn(|m| std::array::from_fn(|k| nodes[k][m][axis])))
         };
-        Self { table: Arc::clone(table), feed_per_tooth, cells: nodes.windows(4).map(cell).collect() }
+        let holds = table.grid_at(feed_per_tooth).is_some();
+        Self { table: Arc::clone(table), feed_per_tooth, holds, cells: nodes.windows(4).map(cell).collect() }
     }
 
     /// Feed per tooth, m.
@@ -73,7 +79,7 @@ impl FeedTable {
     /// The same at those of eight places that are wanted: tips shifted (m) and unit axes, feed frame.
     pub(crate) fn mean_forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
         let mut inside = Mask::default();
-        if let Some(grid) = self.table.grid_at(self.feed_per_tooth) {
+        if let Some(grid) = self.table.grid().filter(|_| self.holds) {
             let mut places = Places::default();
             widest!(<'a> (
                 grid: &'a Grid = grid,
@@ -90,21 +96,18 @@ impl FeedTable {
                 }
             }
             inside = wanted & places.inside;
-            let mut left = inside;
-            while let Some(lane) = left.next() {
+            places.left = inside;
+            while let Some(lane) = places.left.next() {
                 // Neighbours are in the same cell, nearly always.
-                let cell = grid.cell_at(places.at.0[lane]);
-                let here = left & Mask::of(|lane| grid.cell_at(places.at.0[lane]) == cell);
+                let number = places.cell.0[lane];
                 widest!(<'a> (
-                    cell: (f64, &'a Cell) = (cell as f64, &self.cells[cell]),
+                    cell: (f64, &'a Cell) = (number, &self.cells[number as usize]),
                     grid: &'a Grid = grid,
-                    here: Mask = here,
-                    places: &'a Places = &places,
+                    places: &'a mut Places = &mut places,
                     force: &'a mut Vector = force,
                 ) {
-                    places.between(cell, grid, here, force);
+                    places.between(cell, grid, force);
                 });
-                left = left & here.not();
             }
         }
         let others = wanted & inside.not();
@@ -127,11 +130,14 @@ impl Places {
         self.inside = within(depth) & within(u) & within(v) & within(side);
         (self.turn, self.side, self.lead) = ([u, v], side, axis.x / grid.turn_range);
         self.at = (depth + 1.0) * 0.5 * grid.cells as f64;
+        self.cell = self.at.floor();
     }
 
-    /// [`FeedTable::between`] in one cell, where it is wanted.
+    /// [`FeedTable::between`] for those in one cell.
     #[inline(always)]
-    fn between(&self, (number, cell): (f64, &Cell), grid: &Grid, wanted: Mask, force: &mut Vector) {
+    fn between(&mut self, (number, cell): (f64, &Cell), grid: &Grid, force: &mut Vector) {
+        let here = self.left & self.cell.eq(number);
+        self.left = self.left & here.not();
         let ([u, v], w) = (self.turn, self.side);
         let terms: [Lanes; SMOOTH] = if grid.side {
             [Lanes::of(1.0), u, v, u * u, u * v, v * v, w, u * w, v * w, w * w]
@@ -157,7 +163,7 @@ impl Places {
             }
             let [a, b, c, d] = weights;
             let all = a * sums[0] + b * sums[1] + c * sums[2] + d * sums[3];
-            *force = wanted.select(all, *force);
+            *force = here.select(all, *force);
         }
     }
 }

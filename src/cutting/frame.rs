@@ -1,5 +1,6 @@
 //! The feed frame from what a program gives: tool axis, feed chord, lead and tilt.
 
+use crate::lanes::{Frame, Lanes, Mask, Vector};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 /// Below this sine between chord and tool axis the move is a plunge and has no feed direction on
@@ -80,5 +81,71 @@ impl Lean {
         }
         let spun = Matrix3::from_columns(&[x * cos + y * sin, y * cos - x * sin, tool_axis.into_inner()]);
         Some(Rotation3::from_matrix_unchecked(spun * self.cutter_from_feed))
+    }
+
+    /// Axes of eight [`Lean::feed_frame`]s, and which of them there are.
+    #[inline(always)]
+    pub(crate) fn feed_frames(&self, tool_axis: Vector, feed: Vector) -> (Frame, Mask) {
+        let one = Lanes::of(1.0);
+        let along = feed.dot(tool_axis);
+        let across_vector = feed - tool_axis * along;
+        let square = across_vector.dot(across_vector);
+        let leaves = (feed.dot(feed) * (PLUNGE_SINE * PLUNGE_SINE)).lt(square);
+        let across = square.sqrt();
+        let x = across_vector * (one / across);
+        let y = tool_axis.cross(x);
+
+        let cos_h = along / across * self.slant;
+        let leans = one.ge(cos_h.abs());
+        let sin_h = ((one - cos_h) * (one + cos_h)).sqrt();
+        let forward = |cos: Lanes| across * self.cos_lead * cos + along * self.sin_lead;
+        let (sine, cosine) = (cos_h * self.sin_m, cos_h * self.cos_m);
+        let (one_cos, other_cos) = (cosine + sin_h * self.sin_m, cosine - sin_h * self.sin_m);
+        let first = forward(one_cos).ge(forward(other_cos));
+        let cos = first.select(one_cos, other_cos);
+        let sin = first.select(sin_h * self.cos_m - sine, -(sin_h * self.cos_m) - sine);
+        let cutter = Frame { x: x * cos + y * sin, y: y * cos - x * sin, z: tool_axis, origin: Vector::default() };
+        let m = &self.cutter_from_feed;
+        let frame = Frame {
+            x: cutter.x * m.m11 + cutter.y * m.m21 + cutter.z * m.m31,
+            y: cutter.x * m.m12 + cutter.y * m.m22 + cutter.z * m.m32,
+            z: cutter.x * m.m13 + cutter.y * m.m23 + cutter.z * m.m33,
+            origin: Vector::default(),
+        };
+        (frame, leaves & leans & Lanes::ZERO.lt(forward(cos)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::WIDTH;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// To the bit: which of the two a target goes through depends on the targets beside it.
+        #[test]
+        fn eight_feed_frames_are_those_of_one(
+            lead in prop_oneof![Just(0.0), -0.3_f64..0.3],
+            tilt in prop_oneof![Just(0.0), -0.3_f64..0.3],
+            axes in prop::array::uniform8(prop::array::uniform3(-1.0_f64..1.0)),
+            feeds in prop::array::uniform8(prop::array::uniform3(-1.0_f64..1.0)),
+            along in prop::sample::select(vec![0.0, 0.0, 1.0, -1.0, 30.0]),
+        ) {
+            let axes = axes.map(|axis| Unit::new_normalize(Vector3::from(axis) + Vector3::z() * 0.01));
+            let (mut eight_axes, mut eight_feeds) = (Vector::default(), Vector::default());
+            let feeds: [Vector3<f64>; WIDTH] =
+                std::array::from_fn(|i| (Vector3::from(feeds[i]) + axes[i].into_inner() * along).normalize());
+            for lane in 0..WIDTH {
+                eight_axes.set(lane, &axes[lane]);
+                eight_feeds.set(lane, &feeds[lane]);
+            }
+            let lean = Lean::new(lead, tilt);
+            let (frames, found) = lean.feed_frames(eight_axes, eight_feeds);
+            for lane in 0..WIDTH {
+                let plain = lean.feed_frame(&axes[lane], &feeds[lane]);
+                prop_assert_eq!(found.lane(lane).then(|| frames.rotation(lane)), plain);
+            }
+        }
     }
 }

@@ -143,6 +143,11 @@ impl ForceTable {
         FeedTable::new(self, feed_per_tooth)
     }
 
+    /// The grid, where there is one.
+    pub(super) fn grid(&self) -> Option<&Grid> {
+        self.grid.as_ref()
+    }
+
     /// The grid, where it holds at a feed per tooth (m).
     #[inline(always)]
     pub(super) fn grid_at(&self, feed_per_tooth: f64) -> Option<&Grid> {

@@ -1,7 +1,7 @@
 use super::arm::{Look, Near};
 use super::{Arm, EquilibriumError};
 use crate::effects::{Distortion, Load, Parts, Situation};
-use crate::robot::{Joints, Pose};
+use crate::robot::{Joints, Pose, turn_between};
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -78,9 +78,13 @@ impl Arm {
         rounds: &mut Rounds,
     ) -> Result<Landing, EquilibriumError> {
         let there = self.settle(situation, command, near, PRINTED, rounds)?;
+        let (wanted, seen) = (&situation.wobj_from_tcp, &there.seen);
+        let cut = rounds.rounds[there.last].look.load.cut;
         Ok(Landing {
-            wobj_from_tcp: there.seen,
-            cut: rounds.rounds[there.last].look.load.cut,
+            shift: seen.translation.vector - wanted.translation.vector,
+            turn: turn_between(&wanted.rotation, &seen.rotation),
+            axis: -seen.rotation.matrix().column(2),
+            cut: situation.base_from_wobj.rotation.inverse_transform_vector(&cut),
             share: there.known.share,
             gain: 1.0,
         })
@@ -205,12 +209,16 @@ impl Arm {
     }
 }
 
-/// Where a command ends up, as far as a report asks.
+/// Where a command ends up, as far as a report asks, in the axes of the actual work object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Landing {
-    /// Actual TCP in the actual work object, m.
-    pub(crate) wobj_from_tcp: Pose,
-    /// Cutting force on the tool, base axes, N.
+    /// Actual minus wanted TCP, m.
+    pub(crate) shift: Vector3<f64>,
+    /// Rotation vector from the wanted orientation to the actual one, rad.
+    pub(crate) turn: Vector3<f64>,
+    /// Actual tool axis, tip to spindle.
+    pub(crate) axis: Vector3<f64>,
+    /// Cutting force on the tool, N.
     pub(crate) cut: Vector3<f64>,
     /// For starts close by, see [`Near`].
     pub(crate) share: f64,

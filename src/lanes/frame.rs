@@ -1,4 +1,4 @@
-use super::number::Lanes;
+use super::number::{Lanes, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
 use std::ops::{Add, Mul, Sub};
@@ -40,6 +40,15 @@ impl Vector {
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
         (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (vector.x, vector.y, vector.z);
+    }
+
+    /// Each lane the one before, the first another.
+    pub(crate) fn behind(&self, first: &Vector3<f64>) -> Self {
+        let mut behind = Self::of(first);
+        for (behind, all) in [(&mut behind.x, &self.x), (&mut behind.y, &self.y), (&mut behind.z, &self.z)] {
+            behind.0[1..].copy_from_slice(&all.0[..WIDTH - 1]);
+        }
+        behind
     }
 
     #[inline(always)]
@@ -94,6 +103,14 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
+    /// The same in every lane.
+    #[inline(always)]
+    pub(crate) fn of(pose: &Pose) -> Self {
+        let axes = pose.rotation.matrix();
+        let axis = |k: usize| Vector::of(&axes.column(k).into());
+        Self { x: axis(0), y: axis(1), z: axis(2), origin: Vector::of(&pose.translation.vector) }
+    }
+
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, pose: &Pose) {
         self.set_axes(lane, &pose.rotation);
@@ -110,8 +127,13 @@ impl Frame {
 
     #[inline(always)]
     pub(crate) fn lane(&self, lane: usize) -> Pose {
-        let axes = Matrix3::from_columns(&[self.x.lane(lane), self.y.lane(lane), self.z.lane(lane)]);
-        Pose::from_parts(Translation3::from(self.origin.lane(lane)), Rotation3::from_matrix_unchecked(axes))
+        Pose::from_parts(Translation3::from(self.origin.lane(lane)), self.rotation(lane))
+    }
+
+    #[inline(always)]
+    pub(crate) fn rotation(&self, lane: usize) -> Rotation3<f64> {
+        let axes = [self.x.lane(lane), self.y.lane(lane), self.z.lane(lane)];
+        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&axes))
     }
 
     /// A place, m, and a quaternion, scalar first, of any length.

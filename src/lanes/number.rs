@@ -72,6 +72,18 @@ impl Lanes {
         self.test(other.into(), |a, b| a < b)
     }
 
+    #[inline(always)]
+    pub(crate) fn floor(self) -> Self {
+        self.map(f64::floor)
+    }
+
+    /// False where either is not a number.
+    #[inline(always)]
+    #[allow(clippy::float_cmp)] // the very number is meant
+    pub(crate) fn eq(self, other: impl Into<Self>) -> Mask {
+        self.test(other.into(), |a, b| a == b)
+    }
+
     /// False where either is not a number.
     #[inline(always)]
     pub(crate) fn ge(self, other: impl Into<Self>) -> Mask {

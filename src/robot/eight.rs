@@ -2,9 +2,9 @@
 //! [`inverse`](super::inverse), on sines and cosines instead of angles.
 
 use super::inverse::ClosedForm;
-use super::{Joints, Limits, Pose, Robot};
-use crate::lanes::{Frame, Lanes, Mask, ROUND, Turn, Vector, WIDTH, six, widest};
-use nalgebra::Vector3;
+use super::{Joints, Limits, Pose, Robot, turn_between, turns_between};
+use crate::lanes::{Frame, Lanes, Mask, ROUND, Turn, Vector, six, widest};
+use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Such an arm.
@@ -57,21 +57,69 @@ pub(crate) struct Place<'a> {
     pub(crate) near: &'a Joints,
 }
 
-/// What a target comes to.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Found {
+/// Eight targets, and what they come to.
+#[derive(Default)]
+pub(crate) struct EightFound {
+    base_from_wobj: Frame,
+    flange_from_tcp: Frame,
+    position_mm: Vector,
+    quat: [Lanes; 4],
+    near: EightJoints,
     /// Where the program sends the TCP, m.
-    pub(crate) wobj_from_tcp: Pose,
+    pub(crate) wobj_from_tcp: Frame,
     /// Motor angles that reach it, rad.
-    motor: Joints,
+    motor: EightJoints,
     /// From closer than this they are surely the nearest, square of rad; 0 where another way has to be asked.
-    reach: f64,
+    reach: Lanes,
+    from: Frame,
+    turn: Vector,
+    small: Mask,
 }
 
-impl Found {
-    /// The motor angles, where they are surely the nearest to others (rad).
-    pub(crate) fn nearest(&self, near: &Joints) -> Option<Joints> {
-        ((self.motor - near).norm_squared() < self.reach).then_some(self.motor)
+impl EightFound {
+    fn set<'p>(&mut self, count: usize, place: &impl Fn(usize) -> Place<'p>) {
+        let first = place(0);
+        // Tool and work object seldom change.
+        self.base_from_wobj = Frame::of(first.base_from_wobj);
+        self.flange_from_tcp = Frame::of(first.flange_from_tcp);
+        for lane in 0..count {
+            let Place { base_from_wobj, position_mm, quat, flange_from_tcp, near } = place(lane);
+            if !std::ptr::eq(base_from_wobj, first.base_from_wobj) {
+                self.base_from_wobj.set(lane, base_from_wobj);
+            }
+            if !std::ptr::eq(flange_from_tcp, first.flange_from_tcp) {
+                self.flange_from_tcp.set(lane, flange_from_tcp);
+            }
+            self.position_mm.set(lane, &Vector3::from(*position_mm));
+            for (all, one) in self.quat.iter_mut().zip(quat) {
+                all.0[lane] = *one;
+            }
+            set(&mut self.near, lane, near);
+        }
+    }
+
+    /// Finds by how much the targets are turned from orientations in the work object.
+    pub(crate) fn turn_from<'p>(&mut self, count: usize, from: impl Fn(usize) -> &'p Rotation3<f64>) {
+        for lane in 0..count {
+            self.from.set_axes(lane, from(lane));
+        }
+        widest!(<'a> (found: &'a mut EightFound = self) {
+            (found.turn, found.small) = turns_between(&found.from, &found.wobj_from_tcp);
+        });
+    }
+
+    /// Rotation vector from that orientation, rad.
+    pub(crate) fn turn(&self, lane: usize) -> Vector3<f64> {
+        if self.small.lane(lane) {
+            return self.turn.lane(lane);
+        }
+        turn_between(&self.from.rotation(lane), &self.wobj_from_tcp.rotation(lane))
+    }
+
+    /// A target's motor angles, where they are surely the nearest to others (rad).
+    pub(crate) fn nearest(&self, lane: usize, near: &Joints) -> Option<Joints> {
+        let motor = one(&self.motor, lane);
+        ((motor - near).norm_squared() < self.reach.0[lane]).then_some(motor)
     }
 }
 
@@ -89,39 +137,17 @@ impl<'a> Eight<'a> {
         })
     }
 
-    /// What up to eight targets come to.
-    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, mut put: impl FnMut(usize, Found)) {
-        let (mut wobj, mut tool) = (Frame::default(), Frame::default());
-        let (mut position, mut quat) = (Vector::default(), [Lanes::ZERO; 4]);
-        let mut near = EightJoints::default();
-        for lane in 0..count.min(WIDTH) {
-            let place = place(lane);
-            wobj.set(lane, place.base_from_wobj);
-            tool.set(lane, place.flange_from_tcp);
-            position.set(lane, &Vector3::from(*place.position_mm));
-            for (all, one) in quat.iter_mut().zip(place.quat) {
-                all.0[lane] = *one;
-            }
-            set(&mut near, lane, place.near);
+    /// What the first `count` of eight targets come to.
+    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, found: &mut EightFound) {
+        if count == 0 {
+            return;
         }
-        let (mut pose, mut motor, mut reach) = (Frame::default(), EightJoints::default(), Lanes::ZERO);
-        widest!(<'a> (
-            robot: &'a Eight<'a> = self,
-            wobj: &'a Frame = &wobj,
-            tool: &'a Frame = &tool,
-            position: &'a Vector = &position,
-            quat: &'a [Lanes; 4] = &quat,
-            near: &'a EightJoints = &near,
-            pose: &'a mut Frame = &mut pose,
-            motor: &'a mut EightJoints = &mut motor,
-            reach: &'a mut Lanes = &mut reach,
-        ) {
-            *pose = Frame::of_quaternion(*position * 1e-3, *quat);
-            (*motor, *reach) = robot.inverse(&wobj.then(pose).without(tool), near);
+        found.set(count, &place);
+        widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
+            found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * 1e-3, found.quat);
+            let base_from_flange = found.base_from_wobj.then(&found.wobj_from_tcp).without(&found.flange_from_tcp);
+            (found.motor, found.reach) = robot.inverse(&base_from_flange, &found.near);
         });
-        for lane in 0..count.min(WIDTH) {
-            put(lane, Found { wobj_from_tcp: pose.lane(lane), motor: one(&motor, lane), reach: reach.0[lane] });
-        }
     }
 
     /// Changes of serial joint angles from those of motor angles, rad.
@@ -167,31 +193,28 @@ impl<'a> Eight<'a> {
         six!(i => Turn::of(angles[i]))
     }
 
-    /// Frames of the links in the base. The twists are those of every arm with this inverse: 0, −90, 0, −90, 90, −90°.
+    /// Frames of the links in the base, of an arm with this inverse: axis 1 is upright, axes 2 and 3 are side by side across
+    /// it, and the last three meet.
     #[inline(always)]
     pub(crate) fn chain(&self, turns: &EightTurns) -> [Frame; 6] {
-        let one = |v: Vector3<f64>| Vector::of(&v);
-        let base =
-            Frame { x: one(Vector3::x()), y: one(Vector3::y()), z: one(Vector3::z()), origin: Vector::default() };
-        let first = self.link(0, &base, base.y, base.z, turns);
-        let second = self.link(1, &first, first.z * -1.0, first.y, turns);
-        let third = self.link(2, &second, second.y, second.z, turns);
-        let fourth = self.link(3, &third, third.z * -1.0, third.y, turns);
-        let fifth = self.link(4, &fourth, fourth.z, fourth.y * -1.0, turns);
-        let sixth = self.link(5, &fifth, fifth.z * -1.0, fifth.y, turns);
+        let (a, d, [q1, q2, q3, q4, q5, q6]) = (self.a, self.d, *turns);
+        let ahead = Vector::new(q1.cos, q1.sin, Lanes::ZERO);
+        let side = Vector::new(-q1.sin, q1.cos, Lanes::ZERO);
+        let first = Frame {
+            x: ahead,
+            y: side,
+            z: Vector::of(&Vector3::z()),
+            origin: Vector::new(Lanes::ZERO, Lanes::ZERO, Lanes::of(d[0])),
+        };
+        let (along, across) = (Lanes::of(a[1]), Lanes::of(d[1]));
+        let shoulder = Vector::new(q1.cos * along - q1.sin * across, q1.sin * along + q1.cos * across, first.origin.z);
+        let second = upright(q1, q2, shoulder);
+        let third = upright(q1, q2.plus(q3), shoulder + second.x * a[2] + side * d[2]);
+        let wrist = third.origin + third.x * a[3] + third.y * d[3];
+        let fourth = link(&third, third.z * -1.0, third.y, q4, wrist);
+        let fifth = link(&fourth, fourth.z, fourth.y * -1.0, q5, wrist);
+        let sixth = link(&fifth, fifth.z * -1.0, fifth.y, q6, wrist + fifth.y * d[5]);
         [first, second, third, fourth, fifth, sixth]
-    }
-
-    /// Link `i`, with y and z of the one before turned by the twist between them.
-    #[inline(always)]
-    fn link(&self, i: usize, before: &Frame, across: Vector, axis: Vector, turns: &EightTurns) -> Frame {
-        let Turn { sin, cos } = turns[i];
-        Frame {
-            x: before.x * cos + across * sin,
-            y: across * cos - before.x * sin,
-            z: axis,
-            origin: before.origin + before.x * self.a[i] + axis * self.d[i],
-        }
     }
 
     /// Motor angles at flange poses in the branch that others are in, rad: which turn of an axis is nearest to these too. And
@@ -224,8 +247,7 @@ impl<'a> Eight<'a> {
         let cosine = (square + (form.a2 * form.a2 - form.l3 * form.l3)) / (rho * (2.0 * form.a2));
         let sine = (Lanes::of(1.0) - cosine * cosine).sqrt();
         let bent = sine.ge(CLOSE);
-        let (sin_gamma, cos_gamma) = form.gamma.sin_cos();
-        let gamma = Turn::same(sin_gamma, cos_gamma);
+        let gamma = Turn::same(form.sin_gamma, form.cos_gamma);
         // Lower arm over forearm, or under it.
         let behind = near[2].plus(gamma).sin.lt(0.0);
         let to_wrist = Turn { sin: s / rho, cos: r / rho };
@@ -271,11 +293,29 @@ impl<'a> Eight<'a> {
     }
 }
 
+/// A link of the arm's upright plane, which axis 1 turns: its x stands `turn` below the horizontal.
+#[inline(always)]
+fn upright(q1: Turn, turn: Turn, origin: Vector) -> Frame {
+    Frame {
+        x: Vector::new(q1.cos * turn.cos, q1.sin * turn.cos, -turn.sin),
+        y: Vector::new(-(q1.cos * turn.sin), -(q1.sin * turn.sin), -turn.cos),
+        z: Vector::new(-q1.sin, q1.cos, Lanes::ZERO),
+        origin,
+    }
+}
+
+/// A link about `axis`: the x of the one `before`, and what is square to both, turned about it.
+#[inline(always)]
+fn link(before: &Frame, across: Vector, axis: Vector, Turn { sin, cos }: Turn, origin: Vector) -> Frame {
+    Frame { x: before.x * cos + across * sin, y: across * cos - before.x * sin, z: axis, origin }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::WIDTH;
     use crate::robot::BUILTIN;
-    use nalgebra::{Rotation3, Translation3};
+    use nalgebra::Translation3;
     use proptest::prelude::*;
 
     /// Rounding over an arm of some metres, where digits are lost.
@@ -316,14 +356,14 @@ mod tests {
                     Place { base_from_wobj: &wobj, position_mm, quat, flange_from_tcp: &tool, near }
                 })
                 .collect();
-            let mut found = [None; WIDTH];
-            eight.find(places.len(), |lane| places[lane], |lane, this| found[lane] = Some(this));
-            for (i, found) in found.iter().flatten().enumerate() {
-                let off = found.wobj_from_tcp.inverse() * poses[i];
+            let (mut all, mut again) = (EightFound::default(), EightFound::default());
+            eight.find(places.len(), |lane| places[lane], &mut all);
+            for i in 0..WIDTH {
+                let off = all.wobj_from_tcp.lane(i).inverse() * poses[i];
                 prop_assert!(off.translation.vector.norm() < SAME && (off.rotation.matrix() - nalgebra::Matrix3::identity()).norm() < SAME);
                 let flange = robot.forward(&motors[i]);
                 let plain = robot.inverse_near(&flange, &nears[i]);
-                if let Some(motor) = found.nearest(&nears[i]) {
+                if let Some(motor) = all.nearest(i, &nears[i]) {
                     prop_assert!((motor - plain.unwrap()).amax() < SAME_ANGLE, "{motor} {:?}", plain);
                     let reached = robot.forward(&motor).to_homogeneous() - flange.to_homogeneous();
                     prop_assert!(reached.norm() < SAME, "{reached}");
@@ -333,8 +373,8 @@ mod tests {
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);
                 let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + eight.theta[2] + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
-                let mut again = None;
-                eight.find(1, |_| Place { near: &motors[i], ..places[i] }, |_, found| again = found.nearest(&motors[i]));
+                eight.find(1, |_| Place { near: &motors[i], ..places[i] }, &mut again);
+                let again = again.nearest(0, &motors[i]);
                 prop_assert!(!easy || again.is_some(), "{}", motors[i]);
             }
         }

@@ -39,8 +39,14 @@ impl Robot {
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;
-        let axes = (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i]));
+        let inside = |value: f64, min: f64, max: f64| (value >= min) & (value <= max);
         let elbow = limits.elbow.filter(|_| self.parallelogram);
+        if (0..6).fold(true, |all, i| all & inside(motor[i], limits.min[i], limits.max[i]))
+            && elbow.is_none_or(|(min, max)| inside(motor[2] - motor[1], min, max))
+        {
+            return None;
+        }
+        let axes = (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i]));
         axes.chain(elbow.map(|(min, max)| (6, motor[2] - motor[1], min, max)))
             .filter_map(|(axis, value, min, max)| {
                 let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };

@@ -13,17 +13,18 @@ mod inverse;
 mod limits;
 mod model;
 mod start;
+mod turn;
 
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_is, conf_of};
-pub(crate) use eight::{Eight, EightJoints, EightTurns, Found, Place};
+pub(crate) use eight::{Eight, EightFound, EightJoints, EightTurns, Place};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links, Turns};
-pub(crate) use inverse::turn_between;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
 pub use model::{DhRow, Robot};
 pub use start::{Start, StartedFrom};
+pub(crate) use turn::{turn_between, turns_between};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
 pub type Joints = nalgebra::Vector6<f64>;

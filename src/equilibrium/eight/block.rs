@@ -2,6 +2,7 @@ use crate::effects::{Cutting, ForceLaw, ToolFrame};
 use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Rotation3, Vector3};
+use smallvec::SmallVec;
 
 /// A tool and a work object that targets are run with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +44,10 @@ pub(super) struct Block<'a> {
     /// What is in the lanes already: it seldom changes.
     settings: [Option<&'a Setting>; WIDTH],
     laws: [Option<&'a dyn ForceLaw>; WIDTH],
+    /// The lanes of each law.
+    lanes: SmallVec<[Mask; 2]>,
+    /// Whether laws have changed since these were found.
+    changed: bool,
 }
 
 impl<'a> Block<'a> {
@@ -62,9 +67,20 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Only the first lanes are of interest.
+    /// All lanes are set that are of interest: the first ones.
     pub(super) fn first(&mut self, count: usize) {
+        if !std::mem::take(&mut self.changed) && count == WIDTH {
+            return;
+        }
         self.laws[count..].fill(None);
+        self.changed = count < WIDTH;
+        self.lanes.clear();
+        let mut left = Mask::of(|lane| self.laws[lane].is_some());
+        while let Some(law) = left.next().and_then(|lane| self.laws[lane]) {
+            let here = left & Mask::of(|lane| same(Some(law), self.laws[lane]));
+            self.lanes.push(here);
+            left = left & here.not();
+        }
     }
 
     fn run_with(&mut self, lane: usize, setting: &'a Setting) {
@@ -83,6 +99,7 @@ impl<'a> Block<'a> {
         if !same(self.laws[lane], law) || law.is_none() {
             self.slope.set(lane, &law.map_or_else(Vector3::zeros, ForceLaw::slope));
             self.laws[lane] = law;
+            self.changed = true;
         }
     }
 
@@ -90,11 +107,10 @@ impl<'a> Block<'a> {
     pub(super) fn forces(&self, shift: &Vector, axis: &Vector, force: &mut Vector) {
         // Without a law the frame is the force's own.
         *force = Vector::of(&Vector3::x());
-        let mut left = Mask::of(|lane| self.laws[lane].is_some());
-        while let Some(law) = left.next().and_then(|lane| self.laws[lane]) {
-            let here = left & Mask::of(|lane| same(Some(law), self.laws[lane]));
-            law.forces(here, shift, axis, force);
-            left = left & here.not();
+        for here in &self.lanes {
+            if let Some(law) = here.next().and_then(|lane| self.laws[lane]) {
+                law.forces(*here, shift, axis, force);
+            }
         }
     }
 }

@@ -57,23 +57,29 @@ impl Look {
     pub(super) fn bear(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
         let frames = &self.frames;
         let cut = block.base_from_wobj.turn(block.wobj_from_feed.turn(self.force));
-        let (mut force, mut moment) = (cut, self.tip.cross(cut));
+        // Moments are about the centre of the wrist, where the last three axes meet, then about each joint.
+        let mut about = frames[4].origin;
+        let (mut force, mut moment) = (cut, (self.tip - about).cross(cut));
         let gravity = Vector::of(&arm.gravity);
         let mut torque = [Lanes::ZERO; 6];
         for i in (0..6).rev() {
+            let frame = &frames[i];
+            if i < 3 {
+                moment = moment + (about - frame.origin).cross(force);
+                about = frame.origin;
+            }
             for weights in &arm.weights {
-                let frame = &frames[i];
-                let lever = frame.origin * weights.mass[i] + frame.turn(Vector::of(&weights.first_moment[i]));
+                let lever = (frame.origin - about) * weights.mass[i] + frame.turn(Vector::of(&weights.first_moment[i]));
                 force = force + gravity * weights.mass[i];
                 moment = moment + lever.cross(gravity);
                 if i == 5 {
                     let held = if weights.tool { block.payload + block.tool_mass } else { block.payload };
                     let weight = gravity * held;
                     force = force + weight;
-                    moment = moment + frame.point(block.tool_cog).cross(weight);
+                    moment = moment + (frame.point(block.tool_cog) - about).cross(weight);
                 }
             }
-            torque[i] = frames[i].z.dot(moment - frames[i].origin.cross(force));
+            torque[i] = frame.z.dot(moment);
         }
         let torque = arm.robot.motor_torque_from_serial(&torque);
         for i in 0..6 {

@@ -14,11 +14,11 @@ use super::predict::{Foreseen, Landing};
 use crate::effects::{Simple, Weights};
 use crate::lanes::{Frame, Mask, WIDTH, six, widest};
 use crate::robot::eight::{one, set};
-use crate::robot::{Eight, EightJoints, Joints, Pose};
+use crate::robot::{Eight, EightFound, EightJoints, Joints, Pose, turn_between};
 use block::Block;
 use look::{EightFeedback, Look};
 use nalgebra::Vector3;
-use rounds::Rounds;
+use rounds::{EightLanding, Rounds};
 
 /// Rounds before the plain way is asked: with the secant real arms take four.
 const ROUNDS: usize = 8;
@@ -55,6 +55,8 @@ pub(crate) struct Room<'a> {
     feedback: EightFeedback,
     rounds: Rounds,
     seen: Frame,
+    landings: EightLanding,
+    pub(crate) found: EightFound,
     /// For those that have to be solved one by one.
     pub(crate) plain: super::Rounds,
 }
@@ -160,10 +162,11 @@ impl<'a> EightArm<'a> {
         given: impl Fn(usize) -> Given<'s, 'm>,
         mut put: impl FnMut(usize, Landing),
     ) {
-        let Room { block, look, rounds, seen, .. } = room;
+        let Room { block, look, rounds, landings, .. } = room;
         for lane in 0..count {
             let Given { site, motor, travel, near } = given(lane);
             block.set(lane, &site);
+            landings.wanted.set_axes(lane, &site.wobj_from_tcp.rotation);
             set(&mut rounds.motor, lane, &(motor - travel.component_mul(&self.half_gap)));
             set(&mut rounds.bend, lane, &near.deflection);
             (rounds.share.0[lane], rounds.left.0[lane], rounds.gain.0[lane]) = (near.share, near.left, near.gain);
@@ -176,14 +179,17 @@ impl<'a> EightArm<'a> {
                 break;
             }
         }
-        rounds.seen(self, block, look, seen);
+        rounds.land(self, block, look, landings);
         let found = rounds.done & rounds.close;
         for lane in (0..count).filter(|lane| found.lane(*lane)) {
+            let turned = || turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane));
             put(
                 lane,
                 Landing {
-                    wobj_from_tcp: seen.lane(lane),
-                    cut: rounds.cut.lane(lane),
+                    shift: landings.shift.lane(lane),
+                    turn: if landings.small.lane(lane) { landings.turn.lane(lane) } else { turned() },
+                    axis: -landings.seen.z.lane(lane),
+                    cut: landings.cut.lane(lane),
                     share: rounds.share.0[lane],
                     gain: if rounds.most.0[lane] > 0.0 { rounds.most.0[lane] } else { 1.0 },
                 },
@@ -327,9 +333,15 @@ mod tests {
                 for i in 0..count {
                     match (&landed[i], arm.predict(&situations[i], &motors[i], &travel)) {
                         (Some(landed), Ok(plain)) => {
-                            let gap = landed.wobj_from_tcp.to_homogeneous() - plain.wobj_from_tcp.to_homogeneous();
+                            let wanted = sites[i].wobj_from_tcp;
+                            let seen = Pose::from_parts(
+                                (wanted.translation.vector + landed.shift).into(),
+                                Rotation3::from_scaled_axis(landed.turn) * wanted.rotation,
+                            );
+                            let gap = seen.to_homogeneous() - plain.wobj_from_tcp.to_homogeneous();
                             prop_assert!(gap.norm() < SAME_PLACE, "{gap}");
-                            prop_assert!((landed.cut - plain.load.cut).norm() < SAME_FORCE);
+                            prop_assert!((seen.rotation * -Vector3::z() - landed.axis).norm() < SAME_PLACE);
+                            prop_assert!((wobj.rotation * landed.cut - plain.load.cut).norm() < SAME_FORCE);
                         }
                         (Some(_), Err(error)) => prop_assert!(false, "{error}"),
                         // What runs away, or is far from where it began, is left to the plain way.

@@ -5,7 +5,7 @@ use super::look::Look;
 use crate::equilibrium::Foreseen;
 use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
-use crate::robot::{EightJoints, EightTurns, NUDGE};
+use crate::robot::{EightJoints, EightTurns, NUDGE, turns_between};
 
 /// The rounds of eight forward equilibria: those of [`predict`](crate::equilibrium::predict), in lanes.
 #[derive(Default)]
@@ -44,6 +44,20 @@ struct Round {
     size: Lanes,
     /// What of the size of the round before it is.
     gain: Lanes,
+}
+
+/// Eight of [`Landing`](crate::equilibrium::Landing), but for what rounds know.
+#[derive(Default)]
+pub(super) struct EightLanding {
+    /// Wanted orientation.
+    pub(super) wanted: Frame,
+    /// Actual TCP in the work object.
+    pub(super) seen: Frame,
+    pub(super) shift: Vector,
+    pub(super) turn: Vector,
+    /// Where `turn` is right.
+    pub(super) small: Mask,
+    pub(super) cut: Vector,
 }
 
 impl Rounds {
@@ -85,16 +99,19 @@ impl Rounds {
     }
 
     /// Where the TCP is seen in the end.
-    pub(super) fn seen(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, seen: &mut Frame) {
+    pub(super) fn land(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, landings: &mut EightLanding) {
         widest!(<'a, 'b> (
             rounds: &'a mut Rounds = self,
             arm: &'a EightArm<'b> = arm,
             block: &'a Block<'b> = block,
             look: &'a mut Look = look,
-            seen: &'a mut Frame = seen,
+            landings: &'a mut EightLanding = landings,
         ) {
             rounds.nudge(arm, look);
-            *seen = look.seen(arm, block);
+            landings.seen = look.seen(arm, block);
+            landings.shift = landings.seen.origin - block.wanted;
+            (landings.turn, landings.small) = turns_between(&landings.wanted, &landings.seen);
+            landings.cut = block.base_from_wobj.turn_back(rounds.cut);
         });
     }
 

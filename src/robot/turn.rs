@@ -1,0 +1,78 @@
+//! Rotation vectors from one orientation to another, for one pair or for eight.
+
+use crate::lanes::{Frame, Lanes, Mask, Vector};
+use nalgebra::{Rotation3, Vector3};
+
+/// Sines up to here: the series of the arc sine is exact to rounding.
+const SMALL: f64 = 0.01;
+
+/// Of x², the powers of the arc sine over x behind the first.
+const ARC_SINE: [f64; 3] = [1.0 / 6.0, 3.0 / 40.0, 15.0 / 336.0];
+
+/// Rotation vector that turns one orientation into another, in the axes that both are given in, exact for small angles too, rad.
+#[must_use]
+pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
+    let (a, b) = (from.matrix(), to.matrix());
+    let across = |k: usize| a.fixed_view::<3, 1>(0, k).cross(&b.fixed_view::<3, 1>(0, k));
+    // The axis times the sine: most rotations that are asked for are what an arm yields by, some 1e-4 rad.
+    let turn = 0.5 * (across(0) + across(1) + across(2));
+    let square = turn.norm_squared();
+    // Less than a right angle apart: the trace of the rotation between them is positive.
+    if square < SMALL * SMALL && a.dot(b) > 0.0 {
+        let [one, two, three] = ARC_SINE;
+        return turn * (1.0 + square * (one + square * (two + square * three)));
+    }
+    // Through the quaternion: the matrix form's acos gives NaN or loses half the digits near identity.
+    nalgebra::UnitQuaternion::from_rotation_matrix(&(to * from.inverse())).scaled_axis()
+}
+
+/// Eight of [`turn_between`], and which of them are: those that are small.
+#[inline(always)]
+pub(crate) fn turns_between(from: &Frame, to: &Frame) -> (Vector, Mask) {
+    let turn = (from.x.cross(to.x) + from.y.cross(to.y) + from.z.cross(to.z)) * 0.5;
+    let square = turn.dot(turn);
+    let trace = from.x.dot(to.x) + from.y.dot(to.y) + from.z.dot(to.z);
+    let small = square.lt(SMALL * SMALL) & Lanes::ZERO.lt(trace);
+    let [one, two, three] = ARC_SINE;
+    let by = square * (square * (square * three + two) + one) + 1.0;
+    (turn * by, small)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::WIDTH;
+    use crate::robot::Pose;
+    use nalgebra::Translation3;
+
+    /// Rounding of unit vectors.
+    const SAME: f64 = 1e-15;
+
+    proptest::proptest! {
+        #[test]
+        fn a_turn_between_is_the_one_turned_by(
+            from in proptest::array::uniform3(-3.0_f64..3.0),
+            axis in proptest::array::uniform3(-1.0_f64..1.0),
+            sizes in proptest::array::uniform8(proptest::sample::select(vec![1e-9, 1e-6, 1e-4, 5e-3, 9.9e-3, 1.01e-2, 0.5, 3.0])),
+        ) {
+            let axis = Vector3::from(axis);
+            proptest::prop_assume!(axis.norm() > 1e-3);
+            let from = Rotation3::from_scaled_axis(from.into());
+            let (mut eight, mut turned) = (Frame::default(), Frame::default());
+            for (lane, size) in sizes.into_iter().enumerate() {
+                let turn = axis.normalize() * size;
+                let to = Rotation3::from_scaled_axis(turn) * from;
+                let found = turn_between(&from, &to);
+                proptest::prop_assert!((found - turn).norm() < SAME + 1e-14 * size, "{found} {turn}");
+                eight.set(lane, &Pose::from_parts(Translation3::identity(), from));
+                turned.set(lane, &Pose::from_parts(Translation3::identity(), to));
+            }
+            let (turns, small) = turns_between(&eight, &turned);
+            for lane in 0..WIDTH {
+                let plain = turn_between(&from, &turned.lane(lane).rotation);
+                proptest::prop_assert!(!small.lane(lane) || (turns.lane(lane) - plain).norm() < SAME);
+                proptest::prop_assert_eq!(small.lane(lane), sizes[lane] < SMALL);
+            }
+        }
+    }
+}
