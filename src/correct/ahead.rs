@@ -113,7 +113,7 @@ impl Chords {
     }
 
     fn lane(&self, lane: usize) -> Way {
-        let size = self.size.0[lane];
+        let size = self.size.lane(lane);
         let far = size > CHORD;
         Way {
             chord: self.chord.lane(lane),

@@ -8,7 +8,7 @@ use super::spread::Spread;
 use super::turns::Turns;
 use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{Aim, EquilibriumError, Foreseen};
+use crate::equilibrium::{EquilibriumError, Foreseen};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -235,14 +235,10 @@ pub(super) fn piece(
     }
     let held = |(reached, motor): (&Result<Reached, _>, &Joints)| reached.as_ref().map_or(*motor, |r| r.motor);
     let travels = carried.reached.take(n, |last| solve::travels(reached.iter().zip(&motors).map(held), last))?;
-    let uncorrected = solver.forward(
-        |i| prepared.points[i].as_programmed(),
-        |i| first[i].as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected),
-    );
     let after = solver.forward(
         |i| (&travels[i].0, &travels[i].1),
         |i| {
-            let (Ok(aim), Ok(solved), Ok(uncorrected)) = (&first[i], &solved[i], &uncorrected[i]) else {
+            let (Ok(aim), Ok(solved), Ok(uncorrected)) = (first[i].aim(), &solved[i], &first[i].uncorrected) else {
                 return Foreseen::default();
             };
             // What printing leaves of the command.
@@ -252,8 +248,8 @@ pub(super) fn piece(
     );
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
-    for (i, uncorrected) in uncorrected.iter().enumerate() {
-        let uncorrected = match uncorrected {
+    for (i, first) in first.iter().enumerate() {
+        let uncorrected = match &first.uncorrected {
             Ok(uncorrected) => uncorrected,
             Err(error) => {
                 out.fail(i, error);

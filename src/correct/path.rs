@@ -287,10 +287,13 @@ struct Walk<'a, 'c> {
 }
 
 impl Walk<'_, '_> {
+    fn setting(&self, index: u32) -> &Setting {
+        &self.carried.settings[index as usize]
+    }
+
     fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting: u32) {
-        let Setting { base_from_wobj, tool } = &self.carried.settings[setting as usize].clone();
         let way = self.ahead.way(lane).filter(|_| self.errors.is_empty());
-        let chord = way.as_ref().map_or_else(|| self.chord(i, target, base_from_wobj), |way| way.chord);
+        let chord = way.as_ref().map_or_else(|| self.chord(i, target, setting), |way| way.chord);
         let wobj_from_tcp = match target.goal {
             Goal::Pose { position_mm, quat, .. } => self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat)),
             Goal::Axis { position_mm, axis } => match self.spin(position_mm, axis, chord) {
@@ -299,12 +302,12 @@ impl Walk<'_, '_> {
             },
             Goal::Joints { deg } => {
                 let motor = Joints::from(deg.map(f64::to_radians));
+                let Setting { base_from_wobj, tool } = self.setting(setting);
                 base_from_wobj.inv_mul(&(self.cell.arm.robot.forward(&motor) * tool.flange_from_tcp))
             }
         };
-        let pose = || base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse();
-        let soon = self.joints_soon((target, lane), tool, base_from_wobj);
-        let motor = match soon.map_or_else(|| self.joints(target, &pose()), Ok) {
+        let soon = self.joints_soon((target, lane), setting);
+        let motor = match soon.map_or_else(|| self.joints(target, setting, &wobj_from_tcp), Ok) {
             Ok(motor) => motor,
             Err(error) => {
                 let message = format!("target {} is not reached: {error}", target.ordinal);
@@ -374,7 +377,8 @@ impl Walk<'_, '_> {
     }
 
     /// Chord into the target, out of it at the first, work object axes, m. Zero-length moves hold the last.
-    fn chord(&self, i: usize, target: &Target, base_from_wobj: &Pose) -> Vector3<f64> {
+    fn chord(&self, i: usize, target: &Target, setting: u32) -> Vector3<f64> {
+        let base_from_wobj = &self.setting(setting).base_from_wobj;
         let targets = &self.program.targets;
         let at = |t: &Target| match t.goal {
             Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(position_mm) * 1e-3),
@@ -382,7 +386,7 @@ impl Walk<'_, '_> {
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
         if let Some(previous) = self.points.last().or(self.carried.before.as_ref()) {
-            let before = &self.carried.settings[previous.setting as usize].base_from_wobj;
+            let before = &self.setting(previous.setting).base_from_wobj;
             let there = previous.wobj_from_tcp.translation;
             let into =
                 if before == base_from_wobj { there } else { base_from_wobj.inv_mul(&(before * there)).translation };
@@ -394,7 +398,7 @@ impl Walk<'_, '_> {
     }
 
     /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
-    fn joints_soon(&self, (target, lane): (&Target, usize), tool: &ToolFrame, base_from_wobj: &Pose) -> Option<Joints> {
+    fn joints_soon(&self, (target, lane): (&Target, usize), setting: u32) -> Option<Joints> {
         let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref()?);
         let Goal::Pose { position_mm, quat, conf } = &target.goal else { return None };
         if target.motion == Motion::Joint && conf.is_some() {
@@ -402,6 +406,7 @@ impl Walk<'_, '_> {
         }
         // The path may have turned into another branch since.
         self.ahead.motor(lane, near).or_else(|| {
+            let Setting { base_from_wobj, tool } = self.setting(setting);
             let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
             let mut found = EightFound::default();
             robot.find(1, |_| place, &mut found);
@@ -409,9 +414,16 @@ impl Walk<'_, '_> {
         })
     }
 
-    /// Motor angles at a flange pose: joint moves go to their configuration, linear moves take the nearest.
-    fn joints(&mut self, target: &Target, base_from_flange: &Pose) -> Result<Joints, crate::robot::Unreachable> {
+    /// Motor angles at a pose: joint moves go to their configuration, linear moves take the nearest.
+    fn joints(
+        &mut self,
+        target: &Target,
+        setting: u32,
+        wobj_from_tcp: &Pose,
+    ) -> Result<Joints, crate::robot::Unreachable> {
         let robot = &self.cell.arm.robot;
+        let Setting { base_from_wobj, tool } = self.setting(setting);
+        let base_from_flange = &(base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse());
         let conf = match target.goal {
             Goal::Joints { deg } => {
                 if self.carried.near.is_none() {

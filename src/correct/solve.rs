@@ -1,7 +1,7 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
 use super::path::{TRAVEL_THRESHOLD, travel};
-use super::spread::{Answers, Rooms, Spread};
+use super::spread::{Answer, Answers, Rooms, Spread};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
     Aim, Arm, Command, EightArm, EquilibriumError, Foreseen, Given, Landing, Near, Room, Setting, Start,
@@ -64,8 +64,30 @@ pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -
         .collect()
 }
 
-/// A command.
-type Found = Result<Aim, EquilibriumError>;
+/// What is known of a target before the corrected directions of travel are.
+#[derive(Clone, Debug)]
+pub(super) struct First {
+    aim: Result<Aim, EquilibriumError>,
+    /// Where it ends up as it is.
+    pub(super) uncorrected: Result<Landing, EquilibriumError>,
+}
+
+impl First {
+    /// The command.
+    pub(super) fn aim(&self) -> Result<&Aim, &EquilibriumError> {
+        self.aim.as_ref()
+    }
+}
+
+impl Answer for First {
+    fn open() -> Self {
+        Self { aim: Answer::open(), uncorrected: Answer::open() }
+    }
+
+    fn is_open(&self) -> bool {
+        self.aim.is_open() || self.uncorrected.is_open()
+    }
+}
 
 /// Answers for all points of a program or a piece, many at once where the cell allows it.
 pub(super) struct Solver<'a> {
@@ -81,16 +103,26 @@ impl<'a> Solver<'a> {
         Self { arm, many: EightArm::of(arm), prepared, spread, rooms: Rooms::default() }
     }
 
-    /// Commands of every point with the travel as programmed, which decides first.
-    pub(super) fn first(&self, wishes: &[Wish]) -> Vec<Found> {
+    /// Commands of every point with the travel as programmed, which decides first, and where it ends up without them.
+    pub(super) fn first(&self, wishes: &[Wish]) -> Vec<First> {
         let prepared = self.prepared;
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
-            let wanted = |lane: usize| (prepared.site(asked[lane]), &prepared.points[asked[lane]].motor);
+            let wanted = |lane: usize| {
+                let point = &prepared.points[asked[lane]];
+                (prepared.site(asked[lane]), &point.motor, &point.travel)
+            };
             if let Some(arm) = &self.many {
-                arm.commands(room, asked.len(), wanted, |lane, aim| out.put(lane, aim));
+                arm.aim(room, asked.len(), wanted, |lane, aim, landing| {
+                    out.put(lane, First { aim: Ok(aim), uncorrected: Ok(landing) });
+                });
             }
         };
-        let one = |_: &mut Room<'a>, i: usize| self.one(i, wishes[i], &prepared.points[i].travel);
+        let one = |room: &mut Room<'a>, i: usize| {
+            let point = &prepared.points[i];
+            let aim = self.one(i, wishes[i], &point.travel);
+            let near = aim.as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected);
+            First { aim, uncorrected: self.land(room, i, point.as_programmed(), near) }
+        };
         self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, &self.rooms, many, one)
     }
 
@@ -98,23 +130,23 @@ impl<'a> Solver<'a> {
     pub(super) fn commands(
         &self,
         wishes: &[Wish],
-        first: &[Found],
+        first: &[First],
         travels: &[Joints],
     ) -> Vec<Result<Solved, EquilibriumError>> {
         let (arm, prepared) = (self.arm, self.prepared);
         let follows = arm.follows_command();
-        let commanded = |i: usize| Some(first[i].as_ref().ok()?.commanded(&travels[i]));
+        let commanded = |i: usize| Some(first[i].aim().ok()?.commanded(&travels[i]));
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
-            let given = |lane: usize| Some((prepared.site(asked[lane]), commanded(asked[lane])?));
+            let given = |lane: usize| Some((prepared.setting(asked[lane]), commanded(asked[lane])?));
             if let Some(arm) = &self.many {
                 arm.nominal(room, asked.len(), given, |lane, motor, wobj_from_tcp| {
-                    out.put(lane, Solved { motor, wobj_from_tcp });
+                    out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
                 });
             }
         };
         let one = |_: &mut Room<'a>, i: usize| {
             let (point, travel) = (&prepared.points[i], &travels[i]);
-            let aim = first[i].as_ref().map_err(Clone::clone)?;
+            let aim = first[i].aim().map_err(Clone::clone)?;
             let again = wishes[i] == Wish::Position && aim.lost != Joints::zeros();
             let motor = if (follows || again) && *travel != point.travel {
                 self.one(i, wishes[i], travel)?.commanded(travel)
@@ -130,11 +162,11 @@ impl<'a> Solver<'a> {
             }
             Ok(Solved { motor, wobj_from_tcp })
         };
-        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].is_ok();
+        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].aim().is_ok();
         self.spread.eights(wishes.len(), simple, &self.rooms, many, one)
     }
 
-    fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Found {
+    fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Result<Aim, EquilibriumError> {
         let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
         let command = match wish {
             Wish::Keep => Command::held(&point.motor),
@@ -142,6 +174,17 @@ impl<'a> Solver<'a> {
             Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
         };
         Ok(command.aim())
+    }
+
+    fn land(
+        &self,
+        room: &mut Room<'a>,
+        i: usize,
+        (motor, travel): (&Joints, &Joints),
+        Foreseen { deflection, share, .. }: Foreseen,
+    ) -> Result<Landing, EquilibriumError> {
+        let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
+        self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
     }
 
     /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.
@@ -157,14 +200,10 @@ impl<'a> Solver<'a> {
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
             if let Some(arm) = &self.many {
-                arm.land(room, asked.len(), given, |lane, landing| out.put(lane, landing));
+                arm.land(room, asked.len(), given, |lane, landing| out.put(lane, Ok(landing)));
             }
         };
-        let one = |room: &mut Room<'a>, i: usize| {
-            let ((motor, travel), Foreseen { deflection, share, .. }) = (command(i), near(i));
-            let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
-            self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
-        };
+        let one = |room: &mut Room<'a>, i: usize| self.land(room, i, command(i), near(i));
         self.spread.eights(self.prepared.points.len(), |_| self.many.is_some(), &self.rooms, many, one)
     }
 
@@ -172,14 +211,14 @@ impl<'a> Solver<'a> {
     pub(super) fn reached(
         &self,
         written: &[([f64; 3], [f64; 4])],
-        (wishes, first): (&[Wish], &[Found]),
+        (wishes, first): (&[Wish], &[First]),
         motors: &[Joints],
         changed: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             // The branch is that of the actual angles, a deflection away.
-            let near = |i: usize| first[i].as_ref().map_or(&points[i].motor, |aim| &aim.motor);
+            let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
             let place = |lane: usize| {
                 let i = asked[lane];
                 let setting = self.prepared.setting(i);
@@ -196,7 +235,7 @@ impl<'a> Solver<'a> {
                 room.found.turn_from(asked.len(), |lane| &points[asked[lane]].wobj_from_tcp.rotation);
                 for (lane, i) in asked.iter().enumerate() {
                     if let Some(motor) = room.found.nearest(lane, near(*i)) {
-                        out.put(lane, Reached { motor, turn: room.found.turn(lane) });
+                        out.put(lane, Ok(Reached { motor, turn: room.found.turn(lane) }));
                     }
                 }
             }
@@ -211,7 +250,7 @@ impl<'a> Solver<'a> {
                 turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
             })
         };
-        let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].is_ok();
+        let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].aim().is_ok();
         self.spread.eights(motors.len(), simple, &self.rooms, many, one)
     }
 }
@@ -219,24 +258,26 @@ impl<'a> Solver<'a> {
 /// Directions of the **corrected** motion, in order: lost motion is added in the direction of travel, and the
 /// direction follows from what is commanded. A direction holds if the command made with it moves that way; of two
 /// that hold, the joint keeps the one it has.
-pub(super) fn settle_travel(prepared: &Prepared, commands: &[Found], last: &mut Last) -> Vec<Joints> {
-    commands
+pub(super) fn settle_travel(prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
+    first
         .iter()
         .zip(&prepared.points)
-        .map(|(command, point)| {
-            let Ok(command) = command else { return point.travel };
+        .map(|(first, point)| {
+            let Ok(command) = first.aim() else { return point.travel };
             let Some((previous, held)) = *last else {
                 *last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
                 return Joints::zeros();
             };
             let travel = Joints::from_fn(|i, _| {
+                let (held, programmed) = (held[i], point.travel[i]);
                 let step = |sign: f64| command.free[i] + sign * command.lost[i] - previous[i];
                 let holds = |sign: f64| sign * step(sign) > TRAVEL_THRESHOLD;
-                if step(held[i]).abs() <= TRAVEL_THRESHOLD {
-                    return held[i];
+                // Most often it goes on.
+                if holds(held) || step(held).abs() <= TRAVEL_THRESHOLD {
+                    return held;
                 }
-                let other = if held[i] == 0.0 { point.travel[i] } else { -held[i] };
-                [held[i], other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(point.travel[i])
+                let other = if held == 0.0 { programmed } else { -held };
+                [other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(programmed)
             });
             *last = Some((command.commanded(&travel), travel));
             travel

@@ -27,14 +27,14 @@ impl Spread {
 
     /// The same eight at a time: `many` answers for those indices that are `simple`, as far as it can, and `one` for the
     /// others; both have room to work in.
-    pub(super) fn eights<T: Send, R: Default + Send>(
+    pub(super) fn eights<T: Answer, R: Default + Send>(
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,
         rooms: &Rooms<R>,
         many: impl Fn(&mut R, &[usize], Answers<'_, T>) + Sync,
-        one: impl Fn(&mut R, usize) -> Answer<T> + Sync,
-    ) -> Vec<Answer<T>> {
+        one: impl Fn(&mut R, usize) -> T + Sync,
+    ) -> Vec<T> {
         let stretch = |indices: Range<usize>| {
             let mut out = Vec::with_capacity(indices.len());
             let mut room = rooms.take();
@@ -42,12 +42,11 @@ impl Spread {
                 let block = first..indices.end.min(first + WIDTH);
                 let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
                 let start = out.len();
-                // As long as nobody has answered.
-                out.extend(block.clone().map(|_| Err(EquilibriumError::NotFinite)));
+                out.extend(block.clone().map(|_| T::open()));
                 if !asked.is_empty() {
                     many(&mut room, &asked, Answers { out: &mut out[start..], asked: &asked, first });
                 }
-                for (i, answer) in block.zip(&mut out[start..]).filter(|(_, answer)| answer.is_err()) {
+                for (i, answer) in block.zip(&mut out[start..]).filter(|(_, answer)| answer.is_open()) {
                     *answer = one(&mut room, i);
                 }
             }
@@ -65,11 +64,27 @@ impl Spread {
 }
 
 /// What becomes of a point.
-type Answer<T> = Result<T, EquilibriumError>;
+pub(super) trait Answer: Send {
+    /// Nobody has answered yet.
+    fn open() -> Self;
+
+    /// Whether another way is to be asked.
+    fn is_open(&self) -> bool;
+}
+
+impl<T: Send> Answer for Result<T, EquilibriumError> {
+    fn open() -> Self {
+        Err(EquilibriumError::NotFinite)
+    }
+
+    fn is_open(&self) -> bool {
+        self.is_err()
+    }
+}
 
 /// Where the answers of eight points go.
 pub(super) struct Answers<'a, T> {
-    out: &'a mut [Answer<T>],
+    out: &'a mut [T],
     asked: &'a [usize],
     first: usize,
 }
@@ -77,7 +92,7 @@ pub(super) struct Answers<'a, T> {
 impl<T> Answers<'_, T> {
     /// The answer for the point that was asked for in a lane.
     pub(super) fn put(&mut self, lane: usize, answer: T) {
-        self.out[self.asked[lane] - self.first] = Ok(answer);
+        self.out[self.asked[lane] - self.first] = answer;
     }
 }
 

@@ -91,15 +91,16 @@ impl FeedTable {
             });
             if grid.level {
                 for lane in 0..WIDTH {
-                    let [kink, log] = kinks(places.lead.0[lane]);
-                    (places.kinks[0].0[lane], places.kinks[1].0[lane]) = (kink, log);
+                    let [kink, log] = kinks(places.lead.lane(lane));
+                    places.kinks[0].set(lane, kink);
+                    places.kinks[1].set(lane, log);
                 }
             }
             inside = wanted & places.inside;
             places.left = inside;
             while let Some(lane) = places.left.next() {
                 // Neighbours are in the same cell, nearly always.
-                let number = places.cell.0[lane];
+                let number = places.cell.lane(lane);
                 widest!(<'a> (
                     cell: (f64, &'a Cell) = (number, &self.cells[number as usize]),
                     grid: &'a Grid = grid,

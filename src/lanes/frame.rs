@@ -39,7 +39,9 @@ impl Vector {
 
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
-        (self.x.0[lane], self.y.0[lane], self.z.0[lane]) = (vector.x, vector.y, vector.z);
+        self.x.set(lane, vector.x);
+        self.y.set(lane, vector.y);
+        self.z.set(lane, vector.z);
     }
 
     /// Each lane the one before, the first another.
@@ -53,7 +55,7 @@ impl Vector {
 
     #[inline(always)]
     pub(crate) fn lane(&self, lane: usize) -> Vector3<f64> {
-        Vector3::new(self.x.0[lane], self.y.0[lane], self.z.0[lane])
+        Vector3::new(self.x.lane(lane), self.y.lane(lane), self.z.lane(lane))
     }
 }
 
@@ -120,9 +122,9 @@ impl Frame {
     #[inline(always)]
     pub(crate) fn set_axes(&mut self, lane: usize, rotation: &Rotation3<f64>) {
         let m = rotation.matrix();
-        for (axis, column) in [&mut self.x, &mut self.y, &mut self.z].into_iter().zip(0..3) {
-            (axis.x.0[lane], axis.y.0[lane], axis.z.0[lane]) = (m[(0, column)], m[(1, column)], m[(2, column)]);
-        }
+        self.x.set(lane, &m.column(0).into());
+        self.y.set(lane, &m.column(1).into());
+        self.z.set(lane, &m.column(2).into());
     }
 
     #[inline(always)]

@@ -29,6 +29,19 @@ impl Lanes {
         Self([value; WIDTH])
     }
 
+    /// One target's number. Lanes are counted below [`WIDTH`]; the remainder says so to the compiler.
+    #[inline(always)]
+    pub(crate) fn lane(&self, lane: usize) -> f64 {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH]
+    }
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, value: f64) {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] = value;
+    }
+
     #[inline(always)]
     pub(super) fn map(self, f: impl Fn(f64) -> f64) -> Self {
         let mut out = self;
@@ -157,8 +170,9 @@ impl Mask {
     }
 
     #[inline(always)]
-    pub(crate) fn lane(self, i: usize) -> bool {
-        self.0[i] != 0
+    pub(crate) fn lane(self, lane: usize) -> bool {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] != 0
     }
 
     /// Where a bit of the numbers is set.

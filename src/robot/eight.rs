@@ -25,7 +25,7 @@ pub(crate) type EightJoints = [Lanes; 6];
 #[inline(always)]
 pub(crate) fn set(all: &mut EightJoints, lane: usize, one: &Joints) {
     for (all, one) in all.iter_mut().zip(one.iter()) {
-        all.0[lane] = *one;
+        all.set(lane, *one);
     }
 }
 
@@ -34,7 +34,7 @@ pub(crate) fn set(all: &mut EightJoints, lane: usize, one: &Joints) {
 pub(crate) fn one(all: &EightJoints, lane: usize) -> Joints {
     let mut one = Joints::zeros();
     for (one, all) in one.iter_mut().zip(all) {
-        *one = all.0[lane];
+        *one = all.lane(lane);
     }
     one
 }
@@ -92,7 +92,7 @@ impl EightFound {
             }
             self.position_mm.set(lane, &Vector3::from(*position_mm));
             for (all, one) in self.quat.iter_mut().zip(quat) {
-                all.0[lane] = *one;
+                all.set(lane, *one);
             }
             set(&mut self.near, lane, near);
         }
@@ -119,7 +119,7 @@ impl EightFound {
     /// A target's motor angles, where they are surely the nearest to others (rad).
     pub(crate) fn nearest(&self, lane: usize, near: &Joints) -> Option<Joints> {
         let motor = one(&self.motor, lane);
-        ((motor - near).norm_squared() < self.reach.0[lane]).then_some(motor)
+        ((motor - near).norm_squared() < self.reach.lane(lane)).then_some(motor)
     }
 }
 

@@ -55,7 +55,7 @@ impl<'a> Block<'a> {
     pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
         self.run_with(lane, site.setting);
         self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
-        self.payload.0[lane] = site.payload;
+        self.payload.set(lane, site.payload);
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),
             // As a law whose frame is the force's own: along its first axis.
@@ -83,14 +83,15 @@ impl<'a> Block<'a> {
         }
     }
 
-    fn run_with(&mut self, lane: usize, setting: &'a Setting) {
+    /// Puts another setting into a lane.
+    pub(super) fn run_with(&mut self, lane: usize, setting: &'a Setting) {
         if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
             return;
         }
         self.settings[lane] = Some(setting);
         self.base_from_wobj.set(lane, &setting.base_from_wobj);
         self.flange_from_tcp.set(lane, &setting.tool.flange_from_tcp);
-        self.tool_mass.0[lane] = setting.tool.mass;
+        self.tool_mass.set(lane, setting.tool.mass);
         self.tool_cog.set(lane, &setting.tool.cog);
     }
 

@@ -12,16 +12,13 @@ use super::arm::Arm;
 use super::command::{Aim, Feedback};
 use super::predict::{Foreseen, Landing};
 use crate::effects::{Simple, Weights};
-use crate::lanes::{Frame, Mask, WIDTH, six, widest};
+use crate::lanes::{Frame, Lanes, WIDTH, six, widest};
 use crate::robot::eight::{one, set};
-use crate::robot::{Eight, EightFound, EightJoints, Joints, Pose, turn_between};
+use crate::robot::{Eight, EightFound, EightJoints, Joints, Pose};
 use block::Block;
 use look::{EightFeedback, Look};
 use nalgebra::Vector3;
-use rounds::{EightLanding, Rounds};
-
-/// Rounds before the plain way is asked: with the secant real arms take four.
-const ROUNDS: usize = 8;
+use rounds::{EightLanding, Rounds, dot};
 
 /// An arm under simple effects.
 #[derive(Debug)]
@@ -51,6 +48,7 @@ pub(crate) struct Room<'a> {
     block: Block<'a>,
     /// rad
     motor: EightJoints,
+    free: EightJoints,
     look: Look,
     feedback: EightFeedback,
     rounds: Rounds,
@@ -83,19 +81,21 @@ impl<'a> EightArm<'a> {
         Some(eight)
     }
 
-    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there.
-    pub(crate) fn commands<'s, 'm>(
+    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there, and where these end up
+    /// uncorrected, see [`Arm::land`]; with the direction of travel into them.
+    pub(crate) fn aim<'s, 'm>(
         &self,
         room: &mut Room<'s>,
         count: usize,
-        wanted: impl Fn(usize) -> (Site<'s>, &'m Joints),
-        mut put: impl FnMut(usize, Aim),
+        wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
+        mut put: impl FnMut(usize, Aim, Landing),
     ) {
-        let Room { block, look, feedback, motor, .. } = room;
+        let Room { block, look, feedback, motor, free, rounds, landings, .. } = room;
         for lane in 0..count {
-            let (site, at) = wanted(lane);
+            let (site, at, _) = wanted(lane);
             block.set(lane, &site);
             set(motor, lane, at);
+            landings.wanted.set_axes(lane, &site.wobj_from_tcp.rotation);
         }
         block.first(count);
         look.at(self, block, motor);
@@ -104,19 +104,31 @@ impl<'a> EightArm<'a> {
             block: &'a Block<'b> = block,
             look: &'a Look = look,
             feedback: &'a mut EightFeedback = feedback,
+            motor: &'a EightJoints = motor,
+            free: &'a mut EightJoints = free,
+            rounds: &'a mut Rounds = rounds,
         ) {
             *feedback = look.feedback(arm, block);
+            *free = six!(i => motor[i] - look.give[i]);
+            rounds.motor = *motor;
+            rounds.bend = six!(i => look.give[i] + feedback.yielding[i] * feedback.lift);
+            (rounds.share, rounds.left, rounds.gain) = (feedback.share, dot(&look.give, &look.give), Lanes::of(1.0));
         });
+        for lane in (0..count).filter(|_| self.half_gap != Joints::zeros()) {
+            let (_, at, travel) = wanted(lane);
+            set(&mut rounds.motor, lane, &(at - travel.component_mul(&self.half_gap)));
+        }
+        rounds.run(self, block, look, count);
+        rounds.land(self, block, look, landings);
         for lane in 0..count {
-            let motor = one(motor, lane);
-            let free = motor - one(&look.give, lane);
             let feedback = Feedback {
                 yielding: one(&feedback.yielding, lane),
-                share: feedback.share.0[lane],
-                lift: feedback.lift.0[lane],
+                share: feedback.share.lane(lane),
+                lift: feedback.lift.lane(lane),
             };
-            if free.iter().all(|v| v.is_finite()) {
-                put(lane, Aim { motor, free, lost: self.half_gap, feedback });
+            let (motor, free) = (one(motor, lane), one(free, lane));
+            if let Some(landing) = rounds.landing(landings, lane).filter(|_| free.iter().all(|v| v.is_finite())) {
+                put(lane, Aim { motor, free, lost: self.half_gap, feedback }, landing);
             }
         }
     }
@@ -126,19 +138,18 @@ impl<'a> EightArm<'a> {
         &self,
         room: &mut Room<'s>,
         count: usize,
-        given: impl Fn(usize) -> Option<(Site<'s>, Joints)>,
+        given: impl Fn(usize) -> Option<(&'s Setting, Joints)>,
         mut put: impl FnMut(usize, Joints, Pose),
     ) {
         let Room { block, look, seen, motor, .. } = room;
         let mut known = [false; WIDTH];
         for lane in 0..count {
-            if let Some((site, at)) = given(lane) {
-                block.set(lane, &site);
+            if let Some((setting, at)) = given(lane) {
+                block.run_with(lane, setting);
                 set(motor, lane, &at);
                 known[lane] = true;
             }
         }
-        block.first(count);
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = self,
             block: &'a Block<'b> = block,
@@ -169,31 +180,17 @@ impl<'a> EightArm<'a> {
             landings.wanted.set_axes(lane, &site.wobj_from_tcp.rotation);
             set(&mut rounds.motor, lane, &(motor - travel.component_mul(&self.half_gap)));
             set(&mut rounds.bend, lane, &near.deflection);
-            (rounds.share.0[lane], rounds.left.0[lane], rounds.gain.0[lane]) = (near.share, near.left, near.gain);
+            rounds.share.set(lane, near.share);
+            rounds.left.set(lane, near.left);
+            rounds.gain.set(lane, near.gain);
         }
         block.first(count);
-        rounds.begin(self, Mask::first(count));
-        for number in 0..ROUNDS {
-            rounds.round(number, self, block, look);
-            if !rounds.done.not().any() {
-                break;
-            }
-        }
+        rounds.run(self, block, look, count);
         rounds.land(self, block, look, landings);
-        let found = rounds.done & rounds.close;
-        for lane in (0..count).filter(|lane| found.lane(*lane)) {
-            let turned = || turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane));
-            put(
-                lane,
-                Landing {
-                    shift: landings.shift.lane(lane),
-                    turn: if landings.small.lane(lane) { landings.turn.lane(lane) } else { turned() },
-                    axis: -landings.seen.z.lane(lane),
-                    cut: landings.cut.lane(lane),
-                    share: rounds.share.0[lane],
-                    gain: if rounds.most.0[lane] > 0.0 { rounds.most.0[lane] } else { 1.0 },
-                },
-            );
+        for lane in 0..count {
+            if let Some(landing) = rounds.landing(landings, lane) {
+                put(lane, landing);
+            }
         }
     }
 }
@@ -294,8 +291,10 @@ mod tests {
             }).collect();
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 
-            let mut aims = [const { None }; WIDTH];
-            eight.commands(&mut room, count, |lane| (sites[lane], &motors[lane]), |lane, aim| aims[lane] = Some(aim));
+            let (mut aims, mut uncorrected) = ([const { None }; WIDTH], [const { None }; WIDTH]);
+            eight.aim(&mut room, count, |lane| (sites[lane], &motors[lane], &travel), |lane, aim, landing| {
+                (aims[lane], uncorrected[lane]) = (Some(aim), Some(landing));
+            });
             prop_assert_eq!(aims.iter().flatten().count(), count);
             let commands: Vec<Joints> = aims.iter().flatten().map(|aim| aim.commanded(&travel)).collect();
             for i in 0..count {
@@ -304,7 +303,7 @@ mod tests {
             }
 
             let mut poses = [const { None }; WIDTH];
-            eight.nominal(&mut room, count, |lane| Some((sites[lane], commands[lane])), |lane, _, pose| poses[lane] = Some(pose));
+            eight.nominal(&mut room, count, |lane| Some((sites[lane].setting, commands[lane])), |lane, _, pose| poses[lane] = Some(pose));
             for i in 0..count {
                 let plain = wobj.inv_mul(&(arm.robot.forward(&commands[i]) * tool.flange_from_tcp));
                 prop_assert!((poses[i].unwrap().to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);

@@ -3,9 +3,13 @@ use super::block::Block;
 use super::look::Look;
 #[cfg(doc)]
 use crate::equilibrium::Foreseen;
+use crate::equilibrium::Landing;
 use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
-use crate::robot::{EightJoints, EightTurns, NUDGE, turns_between};
+use crate::robot::{EightJoints, EightTurns, NUDGE, turn_between, turns_between};
+
+/// Rounds before the plain way is asked: with the secant real arms take four.
+const ROUNDS: usize = 8;
 
 /// The rounds of eight forward equilibria: those of [`predict`](crate::equilibrium::predict), in lanes.
 #[derive(Default)]
@@ -46,7 +50,7 @@ struct Round {
     gain: Lanes,
 }
 
-/// Eight of [`Landing`](crate::equilibrium::Landing), but for what rounds know.
+/// Eight of [`Landing`], but for what rounds know.
 #[derive(Default)]
 pub(super) struct EightLanding {
     /// Wanted orientation.
@@ -62,7 +66,7 @@ pub(super) struct EightLanding {
 
 impl Rounds {
     /// Begins where `motor`, `bend` and `share` are, for those that are wanted.
-    pub(super) fn begin(&mut self, arm: &EightArm<'_>, wanted: Mask) {
+    fn begin(&mut self, arm: &EightArm<'_>, wanted: Mask) {
         (self.done, self.close, self.first_share, self.most) = (wanted.not(), wanted, self.share, Lanes::ZERO);
         widest!(<'a, 'b> (arm: &'a EightArm<'b> = arm, rounds: &'a mut Rounds = self) {
             rounds.start = six!(i => rounds.motor[i] + rounds.bend[i]);
@@ -70,7 +74,18 @@ impl Rounds {
         });
     }
 
-    pub(super) fn round(&mut self, number: usize, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look) {
+    /// Rounds until all of the first lanes are done.
+    pub(super) fn run(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, count: usize) {
+        self.begin(arm, Mask::first(count));
+        for number in 0..ROUNDS {
+            self.round(number, arm, block, look);
+            if !self.done.not().any() {
+                break;
+            }
+        }
+    }
+
+    fn round(&mut self, number: usize, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look) {
         widest!(<'a, 'b> (
             rounds: &'a mut Rounds = self,
             arm: &'a EightArm<'b> = arm,
@@ -113,6 +128,19 @@ impl Rounds {
             (landings.turn, landings.small) = turns_between(&landings.wanted, &landings.seen);
             landings.cut = block.base_from_wobj.turn_back(rounds.cut);
         });
+    }
+
+    /// Where a lane has come to, if it has.
+    pub(super) fn landing(&self, landings: &EightLanding, lane: usize) -> Option<Landing> {
+        let turned = || turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane));
+        (self.done & self.close).lane(lane).then(|| Landing {
+            shift: landings.shift.lane(lane),
+            turn: if landings.small.lane(lane) { landings.turn.lane(lane) } else { turned() },
+            axis: -landings.seen.z.lane(lane),
+            cut: landings.cut.lane(lane),
+            share: self.share.lane(lane),
+            gain: Some(self.most.lane(lane)).filter(|most| *most > 0.0).unwrap_or(1.0),
+        })
     }
 
     #[inline(always)]
