@@ -46,23 +46,38 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 /// The rows alone, one line a target.
 #[must_use]
 pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
-    let mut text = Text { bytes: vec![0; USUAL * rows.len() + MOST], len: 0 };
-    let mut digits = [Digits::default(); BLOCKS];
-    for row in rows {
-        let numbers = numbers(row);
-        if ROW.read(&numbers, &mut digits) {
-            text.row(row, &digits);
-        } else {
-            text.row_plain(row, numbers.as_flattened());
+    let mut text = Text { done: Vec::with_capacity(USUAL * rows.len()), next: [0; AT_ONCE], len: 0 };
+    // Several rows' numbers, then their digits, then their text: so no row waits for what it has only just put in memory.
+    let mut values = [[[0.0; SIDE]; BLOCKS]; ROWS];
+    let mut digits = [[Digits::default(); BLOCKS]; ROWS];
+    let mut sure = [false; ROWS];
+    for rows in rows.chunks(ROWS) {
+        for (row, values) in rows.iter().zip(&mut values) {
+            *values = numbers(row);
+        }
+        for i in 0..rows.len() {
+            sure[i] = ROW.read(&values[i], &mut digits[i]);
+        }
+        for (i, row) in rows.iter().enumerate() {
+            if sure[i] {
+                text.row(row, &digits[i]);
+            } else {
+                text.row_plain(row, values[i].as_flattened());
+            }
         }
     }
-    text.bytes.truncate(text.len);
-    text.bytes
+    text.into_bytes()
 }
 
 /// Bytes of a usual row, and most of any but for its name.
 const USUAL: usize = 240;
-const MOST: usize = 32 + (LINE + 1) * Fixed::SIZE;
+const MOST: usize = 16 + (LINE + 1) * Fixed::SIZE;
+
+/// Rows that are printed together.
+const ROWS: usize = 8;
+
+/// Bytes of rows that are put together where they stay in reach.
+const AT_ONCE: usize = 8192;
 
 /// Numbers of a row.
 type Numbers = [[f64; SIDE]; BLOCKS];
@@ -91,30 +106,31 @@ fn status(row: &Row) -> &'static str {
     }
 }
 
-/// Rows on their way; behind them there is room for more.
+/// Rows on their way.
 struct Text {
-    bytes: Vec<u8>,
+    done: Vec<u8>,
+    /// The rows behind them.
+    next: [u8; AT_ONCE],
     len: usize,
 }
 
 impl Text {
     /// Takes a row: what [`Text::row_plain`] writes.
     fn row(&mut self, row: &Row, digits: &[Digits; BLOCKS]) {
-        let name = row.name.as_deref().unwrap_or("").as_bytes();
-        if self.bytes.len() - self.len < MOST + name.len() {
-            let more = self.bytes.len() / 4 + MOST + name.len();
-            self.bytes.resize(self.bytes.len() + more, 0);
+        if self.len + MOST > AT_ONCE {
+            self.pass_on();
         }
         self.number(|place| digits[TARGET / SIDE].put_whole(TARGET % SIDE, place));
         self.number(|place| digits[LINE / SIDE].put_whole(LINE % SIDE, place));
-        match (name, row.status) {
-            (b"", Status::Ok) => self.text(b",ok,"),
-            (b"", Status::Air) => self.text(b",air,"),
-            _ => {
-                self.text(name);
-                self.text(b",");
-                self.text(status(row).as_bytes());
-                self.text(b",");
+        match (row.name.as_deref(), row.status) {
+            (None, Status::Ok) => self.text(b",ok,"),
+            (None, Status::Air) => self.text(b",air,"),
+            (name, _) => {
+                self.pass_on();
+                for text in [name.unwrap_or(""), status(row)] {
+                    self.done.extend_from_slice(text.as_bytes());
+                    self.done.push(b',');
+                }
             }
         }
         (0..3).for_each(|i| self.decimals::<POSITION>(digits, i));
@@ -140,20 +156,29 @@ impl Text {
     /// Takes what is put in the next place.
     #[inline]
     fn number(&mut self, put: impl FnOnce(&mut [u8; Fixed::SIZE]) -> usize) {
-        let Some(place) = self.bytes[self.len..].first_chunk_mut() else { unreachable!("there is room for a row") };
+        let Some(place) = self.next[self.len..].first_chunk_mut() else { unreachable!("there is room for a row") };
         self.len += put(place);
     }
 
     #[inline]
     fn text(&mut self, text: &[u8]) {
-        self.bytes[self.len..self.len + text.len()].copy_from_slice(text);
+        self.next[self.len..self.len + text.len()].copy_from_slice(text);
         self.len += text.len();
+    }
+
+    fn pass_on(&mut self) {
+        self.done.extend_from_slice(&self.next[..std::mem::take(&mut self.len)]);
+    }
+
+    fn into_bytes(mut self) -> Vec<u8> {
+        self.pass_on();
+        self.done
     }
 
     /// The reference for [`Text::row`], and for numbers that need a closer look.
     fn row_plain(&mut self, row: &Row, numbers: &[f64]) {
-        self.bytes.truncate(self.len);
-        let line = &mut self.bytes;
+        self.pass_on();
+        let line = &mut self.done;
         for whole in [row.target, row.line] {
             number::write_whole(line, whole);
             line.push(b',');
@@ -170,8 +195,6 @@ impl Text {
             number::write_fixed(line, sigma, ERROR);
         }
         line.push(b'\n');
-        self.len = line.len();
-        line.resize(self.len + MOST, 0);
     }
 }
 
@@ -185,10 +208,9 @@ mod tests {
     }
 
     fn plain(row: &Row) -> String {
-        let mut text = Text { bytes: Vec::new(), len: 0 };
+        let mut text = Text { done: Vec::new(), next: [0; AT_ONCE], len: 0 };
         text.row_plain(row, numbers(row).as_flattened());
-        text.bytes.truncate(text.len);
-        String::from_utf8(text.bytes).unwrap()
+        String::from_utf8(text.into_bytes()).unwrap()
     }
 
     fn row(values: [f64; 17], target: u32, line: u32) -> Row {

@@ -7,12 +7,25 @@ use super::rewrite::{Pose, Writer, single, toward, turned};
 use super::token::MAX_DECIMALS;
 use super::value::unit;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
-use crate::text::number::{Fixed, Numbers, read_leading};
+use crate::text::number::{Fixed, Numbers, Printed, read_leading};
 use crate::text::{Content, Edit, Span};
 use std::collections::HashMap;
 
 /// Most bytes of a pose with new numbers; longer ones go token by token.
 const ROOM: usize = 192;
+
+/// Poses that are printed together.
+const AHEAD: usize = 8;
+
+/// Poses that are printed before their turn, so that none waits for what was only just put in memory.
+#[derive(Default)]
+struct Ahead {
+    /// How the last ones were.
+    numbers: Option<Numbers>,
+    printed: [Printed; AHEAD],
+    /// Whether they are, and need no closer look.
+    sure: [bool; AHEAD],
+}
 
 /// Whether each target has its literal for itself, in their order.
 pub(super) fn is_own(sites: &[Site]) -> bool {
@@ -35,13 +48,21 @@ impl Writer<'_> {
         if let Some(edits) = self.edits.first_mut() {
             edits.reserve(self.layout.literals.len());
         }
-        let mut numbers = None;
-        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
-            let (pose, change) = match (*site, self.program.targets[i].editable, change) {
+        let mut ahead = Ahead::default();
+        let sites = &self.layout.sites;
+        for i in 0..sites.len().min(changes.len()) {
+            if i % AHEAD == 0 {
+                self.print_ahead(i, changes, &mut ahead);
+            }
+            let change = changes[i].as_ref();
+            let (pose, change) = match (sites[i], self.program.targets[i].editable, change) {
                 (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => {
-                    (self.pose(i, literal, change, &mut numbers), None)
+                    let literal = &self.layout.literals[literal as usize];
+                    let printed = ahead.sure[i % AHEAD].then_some(&ahead.printed[i % AHEAD]);
+                    let at_once = printed.and_then(|printed| self.at_once(i, literal, printed));
+                    (at_once.or_else(|| self.pose(i, literal, change)), None)
                 }
-                (_, _, change) => (None, change.as_ref()),
+                (_, _, change) => (None, change),
             };
             if change.is_some_and(|change| self.differs(i, change)) {
                 self.kept.push((i, self.reason(i)));
@@ -52,11 +73,7 @@ impl Writer<'_> {
     }
 
     /// Edits a literal; its pose afterwards, `None` where that is the one that is written.
-    fn pose(&mut self, i: usize, literal: u32, change: &Change, numbers: &mut Option<Numbers>) -> Option<Pose> {
-        let literal = &self.layout.literals[literal as usize];
-        if let Some((position, quat)) = self.at_once(i, literal, change, numbers) {
-            return Some((position, unit(quat)));
-        }
+    fn pose(&mut self, i: usize, literal: &Literal, change: &Change) -> Option<Pose> {
         if let Some((edit, (position, quat))) = self.stretch(i, literal, change) {
             self.edits.get_mut(literal.source as usize)?.extend(edit);
             return Some((position, unit(quat)));
@@ -67,33 +84,47 @@ impl Writer<'_> {
         Some((position, unit(quat)))
     }
 
-    /// A pose of seven new numbers, all printed at once, as one edit; as the controller holds it. `None` where a closer look is
-    /// needed.
-    fn at_once(&mut self, i: usize, literal: &Literal, change: &Change, numbers: &mut Option<Numbers>) -> Option<Pose> {
-        let Goal::Pose { position_mm, quat: is, conf } = self.program.targets[i].goal else { return None };
-        if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
-            return None;
+    /// Prints the next poses of seven new numbers, whose decimals most literals have in common.
+    fn print_ahead(&self, from: usize, changes: &[Option<Change>], ahead: &mut Ahead) {
+        let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
+        let mut wanted = [[0.0; 8]; AHEAD];
+        for k in 0..AHEAD {
+            ahead.sure[k] = false;
+            let (Some(Site::Literal { literal, .. }), Some(Some(change))) =
+                (self.layout.sites.get(from + k), changes.get(from + k))
+            else {
+                continue;
+            };
+            let Goal::Pose { quat: is, conf, .. } = self.program.targets[from + k].goal else { continue };
+            let Some(quat) = change.quat.filter(|quat| turned(*quat, is)) else { continue };
+            if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
+                continue;
+            }
+            let [d1, d2, d3, d4, d5, d6, d7] = self.layout.literals[*literal as usize].pose_decimals();
+            let was = [d1, d2, d3, d4, d5, d6, d7, 1];
+            if k == 0 && !ahead.numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was)) {
+                let [p, q] = [position_decimals, quat_decimals].map(|least| u8::try_from(least).unwrap_or(u8::MAX));
+                ahead.numbers = Numbers::new(was, [p, p, p, q, q, q, q, 1]);
+            }
+            ahead.sure[k] = ahead.numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was));
+            let ([x, y, z], [q1, q2, q3, q4]) = (change.position_mm, toward(quat, is));
+            wanted[k] = [x, y, z, q1, q2, q3, q4, 0.0];
         }
-        let [x, y, z] = change.position_mm;
-        let [q1, q2, q3, q4] = toward(change.quat.filter(|wanted| turned(*wanted, is))?, is);
-        let [d1, d2, d3, d4, d5, d6, d7] = literal.pose_decimals();
-        let was = [d1, d2, d3, d4, d5, d6, d7, 1];
-        // Mostly those of the literal before.
-        if !numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was)) {
-            let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
-            let (of_position, of_quat) = (u8::try_from(position_decimals).ok()?, u8::try_from(quat_decimals).ok()?);
-            let [p, q] = [of_position, of_quat];
-            *numbers = Numbers::new(was, [p, p, p, q, q, q, q, 1]);
+        let Some(numbers) = &ahead.numbers else { return };
+        for ((sure, wanted), printed) in ahead.sure.iter_mut().zip(&wanted).zip(&mut ahead.printed) {
+            *sure = *sure && numbers.print(wanted, printed);
         }
-        let numbers = numbers.as_mut()?;
-        if !numbers.read(&[x, y, z, q1, q2, q3, q4, 0.0]) {
-            return None;
-        }
+    }
+
+    /// Edits a pose by its new numbers, all of them at once; the pose as the controller holds it. `None` where a closer look
+    /// is needed.
+    fn at_once(&mut self, i: usize, literal: &Literal, printed: &Printed) -> Option<Pose> {
+        let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { return None };
         let bytes = &self.program.sources[literal.source as usize].bytes[..];
-        for k in (0..POSE).filter(|k| numbers.may_be_the_same(*k)) {
+        for k in (0..POSE).filter(|k| printed.may_be_the_same(*k)) {
             let old = if k < 3 { position_mm[k] } else { read_leading(bytes.get(literal.token(k).range())?)?.value };
             #[allow(clippy::float_cmp)] // the very number keeps its looks
-            if numbers.values[k] == old {
+            if printed.values[k] == old {
                 return None;
             }
         }
@@ -108,14 +139,14 @@ impl Writer<'_> {
                 }
                 len += between.len();
             }
-            len += numbers.put(k, text.get_mut(len..)?.first_chunk_mut()?);
+            len += printed.put(k, text.get_mut(len..)?.first_chunk_mut()?);
         }
         let (span, text) = (literal.token(0).to(literal.token(POSE - 1)), text.get(..len)?);
         if bytes.get(span.range())? != text {
             self.edits.get_mut(literal.source as usize)?.push(Edit { span, content: Content::from_slice(text) });
         }
-        let [x, y, z, q1, q2, q3, q4, _] = numbers.held;
-        Some(([x, y, z], [q1, q2, q3, q4]))
+        let [x, y, z, quat @ .., _] = printed.held;
+        Some(([x, y, z], unit(quat)))
     }
 
     /// A pose whose numbers have no looks to keep but their decimals, as one edit from its first number that changes to the

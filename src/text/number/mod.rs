@@ -11,7 +11,7 @@ mod write;
 #[cfg(test)]
 pub(crate) use read::read_plain;
 pub(crate) use read::{Leading, decimals, is_none, read, read_leading};
-pub(crate) use row::{Digits, Numbers, Row, SIDE};
+pub(crate) use row::{Digits, Numbers, Printed, Row, SIDE};
 pub(crate) use runs::Runs;
 #[cfg(test)]
 pub(crate) use write::write_fixed_plain;
@@ -134,17 +134,18 @@ mod tests {
             let decimals = was.max(least);
             let numbers = Numbers::new([was; 8], [least; 8]);
             prop_assert_eq!(numbers.is_some(), (1..=8).contains(&decimals));
-            let Some(mut numbers) = numbers else { return Ok(()) };
+            let Some(numbers) = numbers else { return Ok(()) };
+            let mut printed = Printed::default();
             let (mut place, mut plain, mut before) = ([0; Fixed::SIZE], Vec::new(), Vec::new());
             write_fixed_plain(&mut plain, value, decimals.into());
             write_fixed_plain(&mut before, value, was.into());
-            if numbers.read(&[value; 8]) {
-                let len = numbers.put(6, &mut place);
+            if numbers.print(&[value; 8], &mut printed) {
+                let len = printed.put(6, &mut place);
                 prop_assert_eq!(String::from_utf8_lossy(&place[..len]), String::from_utf8_lossy(&plain));
                 let new = read_plain(&plain).unwrap();
-                prop_assert_eq!(numbers.values[6].to_bits(), new.to_bits());
-                prop_assert_eq!(numbers.held[6].to_bits(), f64::from(new as f32).to_bits());
-                prop_assert_eq!(numbers.may_be_the_same(6), was < decimals && read_plain(&before) == Some(new));
+                prop_assert_eq!(printed.values[6].to_bits(), new.to_bits());
+                prop_assert_eq!(printed.held[6].to_bits(), f64::from(new as f32).to_bits());
+                prop_assert_eq!(printed.may_be_the_same(6), was < decimals && read_plain(&before) == Some(new));
             }
         }
 

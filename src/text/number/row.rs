@@ -1,7 +1,7 @@
 //! Numbers of few digits to text: eight at once.
 
 use super::TENS;
-use super::write::{FROM_TIE, Fixed, INTEGERS, SMALL, ZEROS, without_zeros};
+use super::write::{FROM_TIE, Fixed, INTEGERS, SMALL, ZEROS, bits_of_zeros};
 use crate::lanes::widest;
 
 /// Numbers that are looked at side by side.
@@ -18,24 +18,22 @@ struct Scale {
     tens: [f64; SIDE],
     tenths: [f64; SIDE],
     fill: [f64; SIDE],
-    /// Of eight decimals as text, those that are printed.
-    own: [u64; SIDE],
-    /// The point before them, and the comma behind.
+    /// Bits of the decimals as text, and of what is before them in eight digits.
+    part: [u64; SIDE],
+    rest: [u64; SIDE],
+    /// The point before the decimals, with bits for it, and the comma behind: for up to seven decimals.
+    point: [u64; SIDE],
     marks: [u64; SIDE],
 }
 
-/// Eight numbers as text.
+/// Eight numbers as text, of which the first byte is the lowest.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Digits {
-    /// Digits before the point with zeros before them, and behind it: each a text whose first byte is the lowest.
-    whole: [u64; SIDE],
-    part: [u64; SIDE],
-    /// Up to seven of those behind the point with the point before them, and the comma behind if there is room for it.
+    /// What stands before the point, and its bytes, at most eight.
+    head: [u64; SIDE],
+    len: [u64; SIDE],
+    /// Digits behind the point, maybe with the point, and the comma behind if there is room for it.
     tail: [u64; SIDE],
-    /// 1 where there is a minus before them.
-    minus: [u64; SIDE],
-    /// 1 where [`Fixed`] has to look closer.
-    unsure: [u64; SIDE],
 }
 
 impl<const BLOCKS: usize> Row<BLOCKS> {
@@ -45,6 +43,9 @@ impl<const BLOCKS: usize> Row<BLOCKS> {
         let mut i = 0;
         while i < decimals.len() {
             scales[i / SIDE].set(i % SIDE, decimals[i]);
+            if decimals[i] < 8 {
+                scales[i / SIDE].mark(i % SIDE, decimals[i]);
+            }
             i += 1;
         }
         Self { scales }
@@ -52,50 +53,129 @@ impl<const BLOCKS: usize> Row<BLOCKS> {
 
     /// Finds the digits of all numbers; false where [`write_fixed`](super::write_fixed) has to look closer at one.
     pub(crate) fn read(&self, values: &[[f64; SIDE]; BLOCKS], digits: &mut [Digits; BLOCKS]) -> bool {
-        widest!(<'a>(
-            scales: &'a [Scale] = &self.scales,
-            values: &'a [[f64; SIDE]] = values,
-            digits: &'a mut [Digits] = digits,
-        ) {
-            for ((scale, values), digits) in scales.iter().zip(values).zip(digits) {
-                *digits = scale.digits(*values).0;
-            }
-        });
-        digits.iter().flat_map(|digits| digits.unsure).fold(0, |any, one| any | one) == 0
+        (0..BLOCKS).all(|block| self.scales[block].read(&values[block], &mut digits[block]))
     }
 }
 
 impl Scale {
-    const NONE: Self =
-        Self { tens: [1.0; SIDE], tenths: [1.0; SIDE], fill: [1.0; SIDE], own: [0; SIDE], marks: [0; SIDE] };
+    const NONE: Self = Self {
+        tens: [1.0; SIDE],
+        tenths: [1.0; SIDE],
+        fill: [1.0; SIDE],
+        part: [0; SIDE],
+        rest: [64; SIDE],
+        point: [0; SIDE],
+        marks: [0; SIDE],
+    };
 
     const fn set(&mut self, i: usize, decimals: usize) {
         assert!(0 < decimals && decimals <= 8);
         self.tens[i] = TENS[decimals];
         self.tenths[i] = 1.0 / TENS[decimals];
         self.fill[i] = TENS[8 - decimals];
-        self.own[i] = u64::MAX >> (64 - 8 * decimals);
+        self.part[i] = 8 * decimals as u64;
+        self.rest[i] = 64 - self.part[i];
+    }
+
+    /// Has the decimals printed with what stands round them.
+    const fn mark(&mut self, i: usize, decimals: usize) {
+        self.point[i] = 8;
         self.marks[i] = b'.' as u64 | (b',' as u64).unbounded_shl(8 * (decimals as u32 + 1));
     }
 
-    /// The digits, and what number they are without the point. Step by step for all eight, so that the compiler has them side
-    /// by side.
+    /// Finds the digits; false where a closer look is needed.
+    #[inline]
+    fn read(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
+        let mut sure = false;
+        widest!(<'a>(
+            scale: &'a Scale = self,
+            values: &'a [f64; SIDE] = values,
+            digits: &'a mut Digits = digits,
+            sure: &'a mut bool = &mut sure,
+        ) {
+            (*digits, *sure) = scale.eight(*values);
+        });
+        sure || self.read_nine(values, digits)
+    }
+
+    /// The same for numbers of one digit more.
+    #[cold]
+    fn read_nine(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
+        let sure;
+        (*digits, sure) = self.nine(*values);
+        sure
+    }
+
+    /// Numbers without their points, and 1 where these are not sure. Here and below step by step for all eight, so that the
+    /// compiler has them side by side.
     #[inline(always)]
-    fn digits(&self, values: [f64; SIDE]) -> (Digits, [f64; SIDE]) {
+    fn rounded(&self, values: [f64; SIDE]) -> ([f64; SIDE], [u64; SIDE]) {
         let product = zip(values, self.tens, |value, ten| value.abs() * ten);
         let number = map(product, |product| product + INTEGERS - INTEGERS);
         let unsure = zip(product, number, |product, number| {
             u64::from(!((product < SMALL) & ((product - number).abs() < 0.5 - FROM_TIE)))
         });
+        (number, unsure)
+    }
+
+    /// The digits of numbers of at most eight; the others are not sure.
+    #[inline(always)]
+    fn eight(&self, values: [f64; SIDE]) -> (Digits, bool) {
+        let (number, unsure) = self.rounded(values);
+        let unsure = zip(unsure, number, |unsure, number| unsure | u64::from(number >= EIGHT_DIGITS));
+        let text = eights(number);
+        // Zeros come before those before the point until they are eight.
+        let whole = zip(text, self.part, |text, part| text.unbounded_shl(part as u32));
+        let zeros = map(self.rest, |rest| ZEROS.unbounded_shr(rest as u32));
+        let part = zip(text, self.rest, |text, rest| text.unbounded_shr(rest as u32));
+        self.printed(values, number, zip(whole, zeros, |whole, zeros| whole | zeros), part, unsure)
+    }
+
+    /// The digits of numbers of at most nine.
+    #[inline(always)]
+    fn nine(&self, values: [f64; SIDE]) -> (Digits, bool) {
+        let (number, unsure) = self.rounded(values);
         // Between two multiples of ten: what the product is off by does not matter.
         let whole = zip(number, self.tenths, |number, tenth| ((number + 0.5) * tenth).floor());
         let rest = zip(number, zip(whole, self.tens, |whole, ten| whole * ten), |number, whole| number - whole);
-        let part = eights(zip(rest, self.fill, |rest, fill| rest * fill));
-        let tail = zip(zip(part, self.own, |part, own| (part & own) << 8), self.marks, |tail, marks| tail | marks);
-        let minus = zip(values, number, |value, number| u64::from((value < 0.0) & (number > 0.0)));
-        (Digits { whole: eights(whole), part, tail, minus, unsure }, number)
+        let text = eights(zip(rest, self.fill, |rest, fill| rest * fill));
+        let own = map(self.rest, |rest| u64::MAX.unbounded_shr(rest as u32));
+        let part = zip(text, own, |text, own| text & own);
+        // Eight digits leave no room for a minus.
+        let full = zip(values, whole, |value, whole| u64::from((value < 0.0) & (whole >= SEVEN_DIGITS)));
+        self.printed(values, number, eights(whole), part, zip(unsure, full, |unsure, full| unsure | full))
+    }
+
+    /// Puts together what stands before the point and behind it, given the eight digits before it.
+    #[inline(always)]
+    fn printed(
+        &self,
+        values: [f64; SIDE],
+        number: [f64; SIDE],
+        whole: [u64; SIDE],
+        part: [u64; SIDE],
+        unsure: [u64; SIDE],
+    ) -> (Digits, bool) {
+        let zeros = map(whole, bits_of_zeros);
+        let bare = zip(whole, zeros, |whole, zeros| whole >> zeros);
+        let minus = minus(values, number);
+        let head = zip(bare, minus, |bare, minus| (bare << (8 * minus)) | (u64::from(b'-') * minus));
+        let len = zip(zeros, minus, |zeros, minus| 8 - zeros / 8 + minus);
+        let part = zip(part, self.point, |part, point| part << (point & 63));
+        let tail = zip(part, self.marks, |part, marks| part | marks);
+        (Digits { head, len, tail }, unsure.iter().fold(0, |any, one| any | one) == 0)
     }
 }
+
+/// 1 where there is a minus before a number.
+#[inline(always)]
+fn minus(values: [f64; SIDE], number: [f64; SIDE]) -> [u64; SIDE] {
+    zip(values, number, |value, number| u64::from((value < 0.0) & (number > 0.0)))
+}
+
+/// Numbers below have so many digits.
+const SEVEN_DIGITS: f64 = 1e7;
+const EIGHT_DIGITS: f64 = 1e8;
 
 /// [`eight`](super::write::eight) of each.
 #[inline(always)]
@@ -132,58 +212,62 @@ impl Digits {
     #[inline(always)]
     pub(crate) fn put<const DECIMALS: usize>(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
         const { assert!(0 < DECIMALS && DECIMALS <= 8) };
-        let at = self.put_signed(i, place);
-        place[at..at + 8].copy_from_slice(&self.tail[i].to_le_bytes());
         if DECIMALS == 8 {
-            let [.., last] = self.part[i].to_le_bytes();
-            place[at + 8] = last;
+            let len = self.put_any(i, 8, place);
+            place[len] = b',';
+            return len + 1;
         }
-        if DECIMALS >= 7 {
-            place[at + DECIMALS + 1] = b',';
+        let at = self.put_head(i, place);
+        place[at..at + 8].copy_from_slice(&self.tail[i].to_le_bytes());
+        if DECIMALS == 7 {
+            place[at + 8] = b',';
         }
         at + DECIMALS + 2
     }
 
-    /// Writes a number, which is not below zero, without its decimals, and a comma; their bytes.
+    /// Writes a number without its decimals, and a comma; their bytes.
     #[inline(always)]
     pub(crate) fn put_whole(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
-        let (whole, len) = without_zeros(self.whole[i]);
-        place[..8].copy_from_slice(&whole.to_le_bytes());
-        place[len] = b',';
-        len + 1
+        let at = self.put_head(i, place);
+        place[at] = b',';
+        at + 1
     }
 
-    /// Writes a number of so many decimals; its bytes.
+    /// Writes a number of so many decimals, without marks round them; its bytes.
     #[inline(always)]
     fn put_any(&self, i: usize, decimals: u8, place: &mut [u8; Fixed::SIZE]) -> usize {
-        let at = self.put_signed(i, place);
+        let at = self.put_head(i, place);
         place[at] = b'.';
-        place[at + 1..at + 9].copy_from_slice(&self.part[i].to_le_bytes());
+        place[at + 1..at + 9].copy_from_slice(&self.tail[i].to_le_bytes());
         at + 1 + usize::from(decimals)
     }
 
     /// Writes what stands before the point.
     #[inline(always)]
-    fn put_signed(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
-        let minus = usize::from(self.minus[i] > 0);
-        let (whole, len) = without_zeros(self.whole[i]);
-        place[0] = b'-';
-        place[minus..minus + 8].copy_from_slice(&whole.to_le_bytes());
-        minus + len
+    fn put_head(&self, i: usize, place: &mut [u8; Fixed::SIZE]) -> usize {
+        place[..8].copy_from_slice(&self.head[i].to_le_bytes());
+        // At most eight, which the compiler sees like this.
+        (self.len[i] & 15) as usize
     }
 }
 
-/// Up to eight numbers, to be printed instead of others.
+/// How up to eight numbers are printed instead of others.
 pub(crate) struct Numbers {
     scale: Scale,
     /// Decimals of the others, and of these.
     was: [u8; SIDE],
     decimals: [u8; SIDE],
-    /// Of eight decimals as text, those that only these have; or any bit where there are none.
+    /// Of the decimals as text, digits that only these have; or any bit where there are none.
     added: [u64; SIDE],
     any: [u64; SIDE],
+}
+
+/// Numbers that are printed instead of others.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Printed {
     digits: Digits,
-    /// 1 where all of these are zeros: maybe nothing is new.
+    decimals: [u8; SIDE],
+    /// 1 where all added digits are zeros: maybe nothing is new.
     zeros: [u64; SIDE],
     /// What a reader gets, and one of single precision.
     pub(crate) values: [f64; SIDE],
@@ -193,17 +277,7 @@ pub(crate) struct Numbers {
 impl Numbers {
     /// Instead of numbers of so many decimals each; `least` each are printed, but at least one and at most eight.
     pub(crate) fn new(was: [u8; SIDE], least: [u8; SIDE]) -> Option<Self> {
-        let mut numbers = Self {
-            scale: Scale::NONE,
-            was,
-            decimals: [0; SIDE],
-            added: [0; SIDE],
-            any: [1; SIDE],
-            digits: Digits::default(),
-            zeros: [0; SIDE],
-            values: [0.0; SIDE],
-            held: [0.0; SIDE],
-        };
+        let mut numbers = Self { scale: Scale::NONE, was, decimals: [0; SIDE], added: [0; SIDE], any: [1; SIDE] };
         for i in 0..SIDE {
             let decimals = was[i].max(least[i]);
             if !(1..=8).contains(&decimals) {
@@ -213,7 +287,7 @@ impl Numbers {
             numbers.scale.set(i, decimals.into());
             if was[i] < decimals {
                 let digits = |count: u8| u64::MAX.unbounded_shr(64 - 8 * u32::from(count));
-                (numbers.added[i], numbers.any[i]) = ((digits(decimals) & !digits(was[i])) & !ZEROS, 0);
+                (numbers.added[i], numbers.any[i]) = (digits(decimals) & !digits(was[i]) & !ZEROS, 0);
             }
         }
         Some(numbers)
@@ -227,22 +301,26 @@ impl Numbers {
 
     /// Finds the digits; false where [`Fixed`] has to look closer at one.
     #[inline]
-    pub(crate) fn read(&mut self, values: &[f64; SIDE]) -> bool {
-        widest!(<'a>(numbers: &'a mut Numbers = self, values: &'a [f64; SIDE] = values) {
-            let (digits, number) = numbers.scale.digits(*values);
-            let added = zip(digits.part, numbers.added, |part, added| part & added);
-            numbers.zeros = zip(added, numbers.any, |added, any| u64::from(added | any == 0));
+    pub(crate) fn print(&self, values: &[f64; SIDE], printed: &mut Printed) -> bool {
+        let sure = self.scale.read(values, &mut printed.digits);
+        printed.decimals = self.decimals;
+        widest!(<'a>(numbers: &'a Numbers = self, values: &'a [f64; SIDE] = values, printed: &'a mut Printed = printed) {
+            let (number, _) = numbers.scale.rounded(*values);
+            let minus = minus(*values, number);
             let size = zip(number, numbers.scale.tens, |number, ten| number / ten);
             let signed = |size: f64, minus: u64| f64::from_bits(size.to_bits() | minus << 63);
-            numbers.values = zip(size, digits.minus, signed);
             #[allow(clippy::cast_possible_truncation)] // that is what the reader does
             let held = map(size, |size| f64::from(size as f32));
-            numbers.held = zip(held, digits.minus, signed);
-            numbers.digits = digits;
+            printed.values = zip(size, minus, signed);
+            printed.held = zip(held, minus, signed);
+            let added = zip(printed.digits.tail, numbers.added, |tail, added| tail & added);
+            printed.zeros = zip(added, numbers.any, |added, any| u64::from(added | any == 0));
         });
-        self.digits.unsure.iter().fold(0, |any, one| any | one) == 0
+        sure
     }
+}
 
+impl Printed {
     /// Whether a number can be what stood there, with fewer decimals.
     #[inline]
     pub(crate) fn may_be_the_same(&self, i: usize) -> bool {

@@ -199,9 +199,16 @@ fn put_whole(number: u64, place: &mut [u8]) -> usize {
 
 /// Eight digits, but for the zeros before the others or the last one, and how many these are.
 #[inline]
-pub(super) fn without_zeros(text: u64) -> (u64, usize) {
-    let zeros = ((text & 0x0F0F_0F0F_0F0F_0F0F).trailing_zeros() as usize / 8).min(7);
-    (text >> (8 * zeros), 8 - zeros)
+fn without_zeros(text: u64) -> (u64, usize) {
+    let zeros = bits_of_zeros(text);
+    (text >> zeros, 8 - zeros as usize / 8)
+}
+
+/// Bits of the zeros that eight digits begin with, but for the last one.
+#[inline(always)]
+pub(super) fn bits_of_zeros(text: u64) -> u64 {
+    let digits = text & 0x0F0F_0F0F_0F0F_0F0F | 1 << 56;
+    u64::from(digits.trailing_zeros()) & 56
 }
 
 /// The eight digits of a number below [`EIGHT_DIGITS`], zeros before it: a text whose first byte is the lowest.
