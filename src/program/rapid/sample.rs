@@ -60,7 +60,7 @@ impl<'a> Sample<'a> {
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Goal, usize)> {
         let line = bytes.get(start..)?;
-        if let Some([x, y, z, quat @ ..]) = self.shape.as_ref().and_then(|shape| shape.read(line)) {
+        if let Some([x, y, z, quat @ ..]) = self.shape.as_mut().and_then(|shape| shape.read(bytes, start)) {
             let literal = self.literal.moved(start + self.literal_at)?;
             let len = self.literal_at + literal.span().len() + self.behind;
             return Some((literal, pose([x, y, z], quat, self.conf)?, len));

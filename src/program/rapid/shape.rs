@@ -21,12 +21,35 @@ pub(super) struct Shape {
     /// Where the eight bytes begin that end with the digits of each number: before its point, and behind it.
     starts: [[u8; 8]; 2],
     runs: Runs,
+    /// Bytes of a line.
+    len: usize,
+    ahead: Ahead,
+}
+
+/// Lines that are read together.
+const AHEAD: usize = 8;
+
+/// Poses of lines behind another that are read before their turn, so that none waits for what was only just put in memory.
+#[derive(Default)]
+struct Ahead {
+    /// Where the next line begins whose pose is read, and which it is.
+    start: usize,
+    next: usize,
+    count: usize,
+    poses: [[f64; 8]; AHEAD],
 }
 
 impl Shape {
     /// The line, given where its literal begins; `None` where the pose has numbers of other forms than the usual ones.
     pub(super) fn new(line: &[u8], literal_at: usize, literal: &Literal) -> Option<Self> {
-        let mut shape = Self { least: [0; ROOM], more: [u8::MAX; ROOM], starts: [[0; 8]; 2], runs: Runs::new() };
+        let mut shape = Self {
+            least: [0; ROOM],
+            more: [u8::MAX; ROOM],
+            starts: [[0; 8]; 2],
+            runs: Runs::new(),
+            len: line.len(),
+            ahead: Ahead::default(),
+        };
         shape.least.get_mut(..line.len())?.copy_from_slice(line);
         shape.more[..line.len()].fill(0);
         for k in 0..POSE {
@@ -55,32 +78,57 @@ impl Shape {
         Some(shape)
     }
 
-    /// The pose of a line like this one at the beginning of a text; `None` where there is none, or too little text behind it
-    /// to see that.
-    pub(super) fn read(&self, text: &[u8]) -> Option<[f64; POSE]> {
-        let text = text.first_chunk::<WINDOW>()?;
-        let mut digits = [[0; 8]; 2];
-        for (digits, starts) in digits.iter_mut().zip(&self.starts) {
-            for k in 0..POSE {
-                let Some(eight) = text[usize::from(starts[k])..].first_chunk() else { return None };
-                digits[k] = u64::from_le_bytes(*eight);
-            }
+    /// The pose of the line at `start`, if it is like this one; `None` also where there is too little text behind it to see
+    /// that. Asked of one text alone.
+    pub(super) fn read(&mut self, text: &[u8], start: usize) -> Option<[f64; POSE]> {
+        if self.ahead.next == self.ahead.count || self.ahead.start != start {
+            self.read_ahead(text, start);
         }
-        let (mut values, mut odd) = ([0.0; 8], true);
-        widest!(<'a>(
-            shape: &'a Shape = self,
-            text: &'a [u8; WINDOW] = text,
-            digits: &'a [[u64; 8]; 2] = &digits,
-            values: &'a mut [f64; 8] = &mut values,
-            odd: &'a mut bool = &mut odd,
-        ) {
-            *values = shape.runs.read(digits);
-            // A zero with a minus is not among the usual forms.
-            let zeros = values.iter().fold(0, |any, value| any | u64::from(value.to_bits() == (-0.0_f64).to_bits()));
-            *odd = shape.has_others(text) | (zeros != 0);
-        });
-        let [pose @ .., _] = values;
-        (!odd).then_some(pose)
+        let [pose @ .., _] = *self.ahead.poses[..self.ahead.count].get(self.ahead.next)?;
+        // A zero with a minus is not among the usual forms.
+        if pose.iter().any(|value| value.to_bits() == (-0.0_f64).to_bits()) {
+            return None;
+        }
+        self.ahead.next += 1;
+        self.ahead.start += self.len;
+        Some(pose)
+    }
+
+    /// Reads the line at `start` and those behind it, as long as they are like this one.
+    fn read_ahead(&mut self, text: &[u8], start: usize) {
+        let mut digits = [[[0; 8]; 2]; AHEAD];
+        (self.ahead.start, self.ahead.next, self.ahead.count) = (start, 0, 0);
+        for digits in &mut digits {
+            let line = text.get(start + self.ahead.count * self.len..).and_then(|text| text.first_chunk::<WINDOW>());
+            let Some(line) = line else { break };
+            let mut others = true;
+            widest!(<'a>(
+                shape: &'a Shape = self,
+                line: &'a [u8; WINDOW] = line,
+                others: &'a mut bool = &mut others,
+            ) {
+                *others = shape.has_others(line);
+            });
+            if others {
+                break;
+            }
+            for (digits, starts) in digits.iter_mut().zip(&self.starts) {
+                for k in 0..POSE {
+                    let eight = line[usize::from(starts[k])..].first_chunk();
+                    digits[k] = eight.map_or(0, |eight| u64::from_le_bytes(*eight));
+                }
+            }
+            self.ahead.count += 1;
+        }
+        for (digits, pose) in digits[..self.ahead.count].iter().zip(&mut self.ahead.poses) {
+            widest!(<'a>(
+                runs: &'a Runs = &self.runs,
+                digits: &'a [[u64; 8]; 2] = digits,
+                pose: &'a mut [f64; 8] = pose,
+            ) {
+                *pose = runs.read(digits);
+            });
+        }
     }
 
     /// Whether any byte is not such as it may be.
@@ -97,5 +145,83 @@ impl Shape {
                 any[i] | any[i + 8] | any[i + 16] | any[i + 24] | any[i + 32] | any[i + 40] | any[i + 48] | any[i + 56];
         }
         u64::from_le_bytes(eight) != 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A number's sign, its digits before the point and behind it.
+    type Layout = (bool, usize, usize);
+
+    /// A line, with more text behind it.
+    fn text(layouts: &[Layout], mut digit: impl FnMut() -> u8) -> (Vec<u8>, usize) {
+        let mut digits = |count: usize| (0..count).map(|_| char::from(b'0' + digit())).collect::<String>();
+        let numbers: Vec<String> = layouts
+            .iter()
+            .map(|(negative, whole, decimals)| {
+                let (sign, point) = (if *negative { "-" } else { "" }, if *decimals > 0 { "." } else { "" });
+                format!("{sign}{}{point}{}", digits(*whole), digits(*decimals))
+            })
+            .collect();
+        let (position, quat) = numbers.split_at(3);
+        let literal = format!("[[{}],[{}],[0,-1,0,1],[9E9,9E9,9E9,9E9,9E9,9E9]]", position.join(","), quat.join(","));
+        let line = format!("  MoveL {literal},v50,z1,tA;\n");
+        ((line.clone() + &"x".repeat(WINDOW)).into_bytes(), line.len())
+    }
+
+    fn of(text: &[u8], len: usize) -> Option<Shape> {
+        Shape::new(&text[..len], 8, &Literal::find(text, 0, 8).unwrap())
+    }
+
+    fn plain(text: &[u8]) -> Option<[u64; POSE]> {
+        let (_, written) = Literal::read(text, 0, 8)?;
+        let ([x, y, z], [a, b, c, d]) = (written.position_mm, written.quat);
+        Some([x, y, z, a, b, c, d].map(f64::to_bits))
+    }
+
+    proptest! {
+        #[test]
+        fn a_line_like_another_has_its_own_numbers(
+            layouts in prop::array::uniform7((any::<bool>(), 1..7_usize, 0..9_usize)),
+            digits in prop::collection::vec(0..10_u8, 7 * 15),
+            at in 0..120_usize,
+            byte in prop_oneof![1 => any::<u8>(), 3 => b'0'..=b'9'],
+        ) {
+            let (first, len) = text(&layouts, || 1);
+            let mut shape = of(&first, len).unwrap();
+            let mut digits = digits.into_iter();
+            let (mut other, _) = text(&layouts, || digits.next().unwrap());
+            let usual = of(&other, len).is_some();
+            prop_assert_eq!(shape.read(&other, 0).map(|pose| pose.map(f64::to_bits)), plain(&other).filter(|_| usual));
+            // Any one byte changed.
+            let at = at.min(len - 1);
+            other[at] = byte;
+            if let Some(pose) = of(&first, len).unwrap().read(&other, 0) {
+                prop_assert_eq!(Some(pose.map(f64::to_bits)), plain(&other));
+                let around = |text: &[u8]| text[..len].split(|b| *b == b'[').map(<[u8]>::to_vec).collect::<Vec<_>>();
+                let (own, others) = (around(&first), around(&other));
+                prop_assert_eq!((&own[0], &own[4..]), (&others[0], &others[4..]));
+            }
+        }
+
+        #[test]
+        fn lines_are_read_ahead_up_to_another(
+            layouts in prop::array::uniform7((any::<bool>(), 1..4_usize, 0..5_usize)),
+            seed in 1..9_u8,
+            count in 1..20_usize,
+        ) {
+            let (first, len) = text(&layouts, || 1);
+            let mut shape = of(&first, len).unwrap();
+            let lines: Vec<Vec<u8>> = (0..count).map(|i| text(&layouts, || 1 + (seed + i as u8) % 9).0[..len].to_vec()).collect();
+            let all = [lines.concat(), vec![b'x'; WINDOW]].concat();
+            for (i, line) in lines.iter().enumerate() {
+                prop_assert_eq!(shape.read(&all, i * len).map(|pose| pose.map(f64::to_bits)), plain(line));
+            }
+            prop_assert_eq!(shape.read(&all, count * len), None);
+            prop_assert_eq!(shape.read(&all, 0).map(|pose| pose.map(f64::to_bits)), plain(&lines[0]));
+        }
     }
 }

@@ -66,6 +66,28 @@ fn common() -> impl Strategy<Value = String> {
         })
 }
 
+/// Lines that differ in digits alone, mostly.
+fn alike() -> impl Strategy<Value = Vec<String>> {
+    let other =
+        prop_oneof![30 => Just(None), 1 => (0..120_usize, prop::sample::select(b"0159 -.,[]".to_vec())).prop_map(Some)];
+    (common(), prop::collection::vec((any::<u32>(), other), 1..40)).prop_map(|(line, others)| {
+        let start = line.find("[[").map_or(0, |at| at + 2);
+        let end = start + line[start..].find([',', ' ']).unwrap_or(0);
+        let like = |(mut digits, other): (u32, Option<(usize, u8)>)| {
+            let mut bytes = line.clone().into_bytes();
+            for byte in bytes[start..end].iter_mut().filter(|byte| byte.is_ascii_digit()) {
+                *byte = b'0' + (digits % 10) as u8;
+                digits = digits.rotate_left(7) / 3;
+            }
+            if let Some((at, byte)) = other {
+                bytes[at % line.len()] = byte;
+            }
+            String::from_utf8(bytes).unwrap()
+        };
+        others.into_iter().map(like).collect()
+    })
+}
+
 /// A program of some of these names, each with a motion to it, and others besides.
 fn declared() -> impl Strategy<Value = String> {
     let often = |common: &'static str, others: &[&'static str]| prop_oneof![30 => Just(common), 1 => prop::sample::select(others.to_vec())];
@@ -107,7 +129,10 @@ fn declared() -> impl Strategy<Value = String> {
 proptest! {
     #[test]
     fn a_piece_reads_like_each_of_its_statements(
-        lines in prop::collection::vec(prop_oneof![20 => common(), 1 => line()], 1..400),
+        lines in prop_oneof![
+            prop::collection::vec(prop_oneof![20 => common(), 1 => line()], 1..400),
+            prop::collection::vec(alike(), 1..20).prop_map(|lines| lines.concat()),
+        ],
         end in prop::sample::select(vec!["\n", "\r\n", "\n", "\r\r\n"]),
     ) {
         let body: String = lines.iter().map(|line| format!("{line}{end}")).collect();
