@@ -68,6 +68,8 @@ pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -
 #[derive(Clone, Debug)]
 pub(super) struct First {
     aim: Result<Aim, EquilibriumError>,
+    /// What the controller's own model makes of the command, where that depends on nothing else.
+    nominal: Option<Pose>,
     /// Where it ends up as it is.
     pub(super) uncorrected: Result<Landing, EquilibriumError>,
 }
@@ -81,7 +83,7 @@ impl First {
 
 impl Answer for First {
     fn open() -> Self {
-        Self { aim: Answer::open(), uncorrected: Answer::open() }
+        Self { aim: Answer::open(), nominal: None, uncorrected: Answer::open() }
     }
 
     fn is_open(&self) -> bool {
@@ -112,8 +114,8 @@ impl<'a> Solver<'a> {
                 (prepared.site(asked[lane]), &point.motor, &point.travel)
             };
             if let Some(arm) = &self.many {
-                arm.aim(room, asked.len(), wanted, |lane, aim, landing| {
-                    out.put(lane, First { aim: Ok(aim), uncorrected: Ok(landing) });
+                arm.aim(room, asked.len(), wanted, |lane, aim, nominal, landing| {
+                    out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(landing) });
                 });
             }
         };
@@ -121,7 +123,7 @@ impl<'a> Solver<'a> {
             let point = &prepared.points[i];
             let aim = self.one(i, wishes[i], &point.travel);
             let near = aim.as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected);
-            First { aim, uncorrected: self.land(room, i, point.as_programmed(), near) }
+            First { aim, nominal: None, uncorrected: self.land(room, i, point.as_programmed(), near) }
         };
         self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, &self.rooms, many, one)
     }
@@ -147,6 +149,9 @@ impl<'a> Solver<'a> {
         let one = |_: &mut Room<'a>, i: usize| {
             let (point, travel) = (&prepared.points[i], &travels[i]);
             let aim = first[i].aim().map_err(Clone::clone)?;
+            if let Some(wobj_from_tcp) = first[i].nominal {
+                return Ok(Solved { motor: aim.free, wobj_from_tcp });
+            }
             let again = wishes[i] == Wish::Position && aim.lost != Joints::zeros();
             let motor = if (follows || again) && *travel != point.travel {
                 self.one(i, wishes[i], travel)?.commanded(travel)
@@ -162,7 +167,7 @@ impl<'a> Solver<'a> {
             }
             Ok(Solved { motor, wobj_from_tcp })
         };
-        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].aim().is_ok();
+        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].aim().is_ok() && first[i].nominal.is_none();
         self.spread.eights(wishes.len(), simple, &self.rooms, many, one)
     }
 

@@ -2,8 +2,8 @@ use super::EightArm;
 use super::block::Block;
 use super::rounds::dot;
 use crate::equilibrium::predict::TAME;
-use crate::lanes::{Frame, Lanes, Vector, six, widest};
-use crate::robot::{EightJoints, EightTurns};
+use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
+use crate::robot::{EightJoints, EightTurns, NUDGE};
 
 /// Eight of [`Feedback`](crate::equilibrium::Feedback).
 #[derive(Default)]
@@ -130,6 +130,23 @@ impl Look {
     /// The TCP in the work object at `turns`.
     #[inline(always)]
     pub(super) fn seen(&self, arm: &EightArm<'_>, block: &Block<'_>) -> Frame {
-        block.base_from_wobj.back_to(&arm.robot.chain(&self.turns)[5].then(&block.flange_from_tcp))
+        seen(arm, block, &self.turns)
     }
+
+    /// The same where the joints are back by as much as they yield, and whether that is surely so.
+    #[inline(always)]
+    pub(super) fn relieved(&self, arm: &EightArm<'_>, block: &Block<'_>) -> (Frame, Mask) {
+        let steps = arm.robot.serial_from_motor(&six!(i => -self.give[i]));
+        let mut close = steps[0].abs().lt(NUDGE);
+        for step in &steps[1..] {
+            close = close & step.abs().lt(NUDGE);
+        }
+        (seen(arm, block, &six!(i => self.turns[i].nudged(steps[i]))), close)
+    }
+}
+
+/// The TCP in the work object.
+#[inline(always)]
+fn seen(arm: &EightArm<'_>, block: &Block<'_>, turns: &EightTurns) -> Frame {
+    block.base_from_wobj.back_to(&arm.robot.chain(turns)[5].then(&block.flange_from_tcp))
 }

@@ -12,7 +12,7 @@ use super::arm::Arm;
 use super::command::{Aim, Feedback};
 use super::predict::{Foreseen, Landing};
 use crate::effects::{Simple, Weights};
-use crate::lanes::{Frame, Lanes, WIDTH, six, widest};
+use crate::lanes::{Frame, Lanes, Mask, WIDTH, six, widest};
 use crate::robot::eight::{one, set};
 use crate::robot::{Eight, EightFound, EightJoints, Joints, Pose};
 use block::Block;
@@ -52,7 +52,9 @@ pub(crate) struct Room<'a> {
     look: Look,
     feedback: EightFeedback,
     rounds: Rounds,
-    seen: Frame,
+    /// The nominal arm's TCP in the work object, and where it is known.
+    nominal: Frame,
+    known: Mask,
     landings: EightLanding,
     pub(crate) found: EightFound,
     /// For those that have to be solved one by one.
@@ -81,16 +83,18 @@ impl<'a> EightArm<'a> {
         Some(eight)
     }
 
-    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there, and where these end up
-    /// uncorrected, see [`Arm::land`]; with the direction of travel into them.
+    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there; where the TCP of the nominal
+    /// arm is at the command, if that does not depend on the travel; and where the targets end up uncorrected, with the
+    /// direction of travel into them, see [`Arm::land`].
     pub(crate) fn aim<'s, 'm>(
         &self,
         room: &mut Room<'s>,
         count: usize,
         wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
-        mut put: impl FnMut(usize, Aim, Landing),
+        mut put: impl FnMut(usize, Aim, Option<Pose>, Landing),
     ) {
-        let Room { block, look, feedback, motor, free, rounds, landings, .. } = room;
+        let Room { block, look, feedback, motor, free, nominal, known, rounds, landings, .. } = room;
+        let lost = self.half_gap != Joints::zeros();
         for lane in 0..count {
             let (site, at, _) = wanted(lane);
             block.set(lane, &site);
@@ -107,14 +111,18 @@ impl<'a> EightArm<'a> {
             motor: &'a EightJoints = motor,
             free: &'a mut EightJoints = free,
             rounds: &'a mut Rounds = rounds,
+            nominal: &'a mut Frame = nominal,
+            known: &'a mut Mask = known,
         ) {
             *feedback = look.feedback(arm, block);
             *free = six!(i => motor[i] - look.give[i]);
+            (*nominal, *known) = look.relieved(arm, block);
             rounds.motor = *motor;
+            rounds.begin_at(motor, &look.turns);
             rounds.bend = six!(i => look.give[i] + feedback.yielding[i] * feedback.lift);
             (rounds.share, rounds.left, rounds.gain) = (feedback.share, dot(&look.give, &look.give), Lanes::of(1.0));
         });
-        for lane in (0..count).filter(|_| self.half_gap != Joints::zeros()) {
+        for lane in (0..count).filter(|_| lost) {
             let (_, at, travel) = wanted(lane);
             set(&mut rounds.motor, lane, &(at - travel.component_mul(&self.half_gap)));
         }
@@ -128,7 +136,8 @@ impl<'a> EightArm<'a> {
             };
             let (motor, free) = (one(motor, lane), one(free, lane));
             if let Some(landing) = rounds.landing(landings, lane).filter(|_| free.iter().all(|v| v.is_finite())) {
-                put(lane, Aim { motor, free, lost: self.half_gap, feedback }, landing);
+                let nominal = (!lost && known.lane(lane)).then(|| nominal.lane(lane));
+                put(lane, Aim { motor, free, lost: self.half_gap, feedback }, nominal, landing);
             }
         }
     }
@@ -141,7 +150,7 @@ impl<'a> EightArm<'a> {
         given: impl Fn(usize) -> Option<(&'s Setting, Joints)>,
         mut put: impl FnMut(usize, Joints, Pose),
     ) {
-        let Room { block, look, seen, motor, .. } = room;
+        let Room { block, look, nominal, motor, .. } = room;
         let mut known = [false; WIDTH];
         for lane in 0..count {
             if let Some((setting, at)) = given(lane) {
@@ -155,13 +164,13 @@ impl<'a> EightArm<'a> {
             block: &'a Block<'b> = block,
             motor: &'a EightJoints = motor,
             look: &'a mut Look = look,
-            seen: &'a mut Frame = seen,
+            nominal: &'a mut Frame = nominal,
         ) {
             look.turns = arm.robot.turns(motor);
-            *seen = look.seen(arm, block);
+            *nominal = look.seen(arm, block);
         });
         for lane in (0..count).filter(|lane| known[*lane]) {
-            put(lane, one(motor, lane), seen.lane(lane));
+            put(lane, one(motor, lane), nominal.lane(lane));
         }
     }
 
@@ -185,6 +194,7 @@ impl<'a> EightArm<'a> {
             rounds.gain.set(lane, near.gain);
         }
         block.first(count);
+        rounds.begin(self);
         rounds.run(self, block, look, count);
         rounds.land(self, block, look, landings);
         for lane in 0..count {
@@ -291,9 +301,9 @@ mod tests {
             }).collect();
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 
-            let (mut aims, mut uncorrected) = ([const { None }; WIDTH], [const { None }; WIDTH]);
-            eight.aim(&mut room, count, |lane| (sites[lane], &motors[lane], &travel), |lane, aim, landing| {
-                (aims[lane], uncorrected[lane]) = (Some(aim), Some(landing));
+            let (mut aims, mut soon, mut uncorrected) = ([const { None }; WIDTH], [None; WIDTH], [const { None }; WIDTH]);
+            eight.aim(&mut room, count, |lane| (sites[lane], &motors[lane], &travel), |lane, aim, nominal, landing| {
+                (aims[lane], soon[lane], uncorrected[lane]) = (Some(aim), nominal, Some(landing));
             });
             prop_assert_eq!(aims.iter().flatten().count(), count);
             let commands: Vec<Joints> = aims.iter().flatten().map(|aim| aim.commanded(&travel)).collect();
@@ -307,6 +317,10 @@ mod tests {
             for i in 0..count {
                 let plain = wobj.inv_mul(&(arm.robot.forward(&commands[i]) * tool.flange_from_tcp));
                 prop_assert!((poses[i].unwrap().to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);
+                prop_assert_eq!(soon[i].is_none(), gap);
+                if let Some(soon) = soon[i] {
+                    prop_assert!((soon.to_homogeneous() - plain.to_homogeneous()).norm() < SAME_PLACE);
+                }
             }
 
             // From nothing; without correction; with the command as it was rounded.

@@ -65,18 +65,24 @@ pub(super) struct EightLanding {
 }
 
 impl Rounds {
-    /// Begins where `motor`, `bend` and `share` are, for those that are wanted.
-    fn begin(&mut self, arm: &EightArm<'_>, wanted: Mask) {
-        (self.done, self.close, self.first_share, self.most) = (wanted.not(), wanted, self.share, Lanes::ZERO);
+    /// Begins where `motor` and `bend` are.
+    pub(super) fn begin(&mut self, arm: &EightArm<'_>) {
         widest!(<'a, 'b> (arm: &'a EightArm<'b> = arm, rounds: &'a mut Rounds = self) {
-            rounds.start = six!(i => rounds.motor[i] + rounds.bend[i]);
-            rounds.start_turns = arm.robot.turns(&rounds.start);
+            let start = six!(i => rounds.motor[i] + rounds.bend[i]);
+            rounds.begin_at(&start, &arm.robot.turns(&start));
         });
+    }
+
+    /// Begins close to motor angles (rad) whose turns are known.
+    #[inline(always)]
+    pub(super) fn begin_at(&mut self, start: &EightJoints, turns: &EightTurns) {
+        (self.start, self.start_turns) = (*start, *turns);
     }
 
     /// Rounds until all of the first lanes are done.
     pub(super) fn run(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, count: usize) {
-        self.begin(arm, Mask::first(count));
+        let wanted = Mask::first(count);
+        (self.done, self.close, self.first_share, self.most) = (wanted.not(), wanted, self.share, Lanes::ZERO);
         for number in 0..ROUNDS {
             self.round(number, arm, block, look);
             if !self.done.not().any() {
