@@ -1,7 +1,7 @@
 //! Pieces of straight programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
 //! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
 
-use super::index::target;
+use super::index::{hash, target};
 use super::kinds::{Meaning, Motion, words};
 use super::lex;
 use super::literal::Literal;
@@ -9,7 +9,7 @@ use super::moves::index;
 use super::named::Declarations;
 use super::piece::Piece;
 use super::pieces::line_of;
-use super::sample::{Named, Sample, pose};
+use super::sample::{Named, Sample, goal};
 use super::value::{Place, axes_in_use};
 use super::{Layout, Site};
 use crate::program::{Goal, Language, Mark, Program, Target, Tool, Wobj};
@@ -140,7 +140,7 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
                 }
                 let sample = Sample::new(line, line_start, literal, &written);
                 kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new(sample)));
-                To::Inline(literal, pose(written.position_mm, written.quat, written.conf)?)
+                To::Inline(literal, goal(written.position_mm, written.quat, written.conf)?)
             }
             (None, Some((target, name))) => {
                 let name = first + name.start..first + name.end;
@@ -242,8 +242,15 @@ impl Read {
         alike.extend((inline || way.is_some()).then_some(behind));
         alike.extend(way_of.into_iter().flat_map(|way| way.text()));
         let declaration = way_of.map(|way| way.line);
-        let meaning =
-            piece.kinds.meaning(alike.join(&b'\n'), || learn(piece, text, declaration, usize::from(before != text)))?;
+        let meaning = piece.kinds.meaning(alike.join(&b'\n'), || {
+            let name = text.get(before.len()..text.len() - behind.len()).filter(|_| way.is_some()).map(hash);
+            let head = piece.kinds.words_of_head(|| piece.head_with(b""));
+            // A target with the name of something else means it there: not so in other pieces.
+            let taken = name.is_some_and(|name| {
+                head.contains(&name) || [before, behind].into_iter().flat_map(words).any(|word| word == name)
+            });
+            if taken { None } else { learn(piece, text, declaration, usize::from(before != text)) }
+        })?;
         let motion = meaning.map(|Motion { like, tool, wobj }| Target {
             tool: index(&mut self.tools, tool, Tool::is),
             wobj: index(&mut self.wobjs, wobj, Wobj::is),

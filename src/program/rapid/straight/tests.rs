@@ -155,16 +155,30 @@ proptest! {
 proptest! {
     #[test]
     fn a_piece_with_declarations_reads_like_each_of_its_statements(text in declared()) {
-        let file = || Cursor::new(text.as_bytes());
-        let Ok(Some(mut pieces)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return Ok(()) };
-        while let Ok(Next::Piece(piece)) = pieces.take() {
-            let fast = super::read(&piece).map(|read| read.into_program(piece.dialect(), piece.source.clone()));
-            if let Some(fast) = fast {
-                let plain = piece.read_plain();
-                prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
-            }
+        reads_like_its_statements(&text);
+    }
+}
+
+fn reads_like_its_statements(text: &str) {
+    let file = || Cursor::new(text.as_bytes());
+    let Ok(Some(mut pieces)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return };
+    while let Ok(Next::Piece(piece)) = pieces.take() {
+        let fast = super::read(&piece).map(|read| read.into_program(piece.dialect(), piece.source.clone()));
+        if let Some(fast) = fast {
+            let plain = piece.read_plain();
+            assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
         }
     }
+}
+
+#[test]
+fn a_target_with_the_name_of_a_speed_teaches_other_pieces_nothing() {
+    let names: Vec<String> = ["v50".to_owned()].into_iter().chain((0..60).map(|i| format!("p{i}"))).collect();
+    let target =
+        |name: &String| format!("  CONST robtarget {name}:=[[1,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
+    let data: String = names.iter().map(target).collect();
+    let lines: String = names.iter().map(|name| format!("    MoveL {name},v50,z1,tA;\n")).collect();
+    reads_like_its_statements(&(HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n"));
 }
 
 #[test]
