@@ -38,6 +38,16 @@ impl Write for Blocks {
         Ok(len)
     }
 
+    #[inline]
+    fn write_all(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        while bytes.len() > BLOCK - self.waiting.len() {
+            let len = self.write(bytes)?;
+            bytes = &bytes[len..];
+        }
+        self.waiting.extend_from_slice(bytes);
+        Ok(())
+    }
+
     fn flush(&mut self) -> io::Result<()> {
         self.file.write_all(&self.waiting)?;
         self.waiting.clear();

@@ -4,7 +4,7 @@
 use super::index::{declared, hash, is_word};
 use super::literal::Literal;
 use super::pieces::line_of;
-use super::sample::{Sample, pose};
+use super::sample::{Sample, goal};
 use super::value::axes_in_use;
 use crate::program::Goal;
 use std::ops::Range;
@@ -161,7 +161,7 @@ impl<'a> Way<'a> {
             lead: &line[..indent + name.start],
             sample: Sample::new(&line[lead..], start + lead, literal, &written),
         };
-        Some((way, &text[name], literal, pose(written.position_mm, written.quat, written.conf)?))
+        Some((way, &text[name], literal, goal(written.position_mm, written.quat, written.conf)?))
     }
 
     /// Reads the line at `start`, if it is like the last one: name and robtarget, and its length with its end.

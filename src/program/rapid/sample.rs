@@ -60,10 +60,10 @@ impl<'a> Sample<'a> {
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Goal, usize)> {
         let line = bytes.get(start..)?;
-        if let Some([x, y, z, quat @ ..]) = self.shape.as_mut().and_then(|shape| shape.read(bytes, start)) {
+        if let Some((position_mm, quat)) = self.shape.as_mut().and_then(|shape| shape.read(bytes, start)) {
             let literal = self.literal.moved(start + self.literal_at)?;
             let len = self.literal_at + literal.span().len() + self.behind;
-            return Some((literal, pose([x, y, z], quat, self.conf)?, len));
+            return Some((literal, Goal::Pose { position_mm, quat, conf: self.conf }, len));
         }
         let mut rest = line.strip_prefix(self.before)?;
         let mut places = [(0, Leading::default()); POSE];
@@ -89,7 +89,7 @@ impl<'a> Sample<'a> {
             None
         };
         self.literal = literal;
-        Some((literal, pose([x, y, z], quat, self.conf)?, len))
+        Some((literal, goal([x, y, z], quat, self.conf)?, len))
     }
 }
 
@@ -124,8 +124,17 @@ impl<'a> Named<'a> {
     }
 }
 
+/// Position, mm, and orientation, of unit norm.
+pub(super) type Pose = ([f64; 3], [f64; 4]);
+
 /// Where a robtarget is; `None` where its orientation is none.
-pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4], conf: Option<Conf>) -> Option<Goal> {
+pub(super) fn goal(position_mm: [f64; 3], quat: [f64; 4], conf: Option<Conf>) -> Option<Goal> {
+    pose(position_mm, quat).map(|(position_mm, quat)| Goal::Pose { position_mm, quat, conf })
+}
+
+/// The same without its configuration.
+#[inline]
+pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Option<Pose> {
     let norm = quat.iter().map(|c| c * c).sum::<f64>();
-    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| Goal::Pose { position_mm, quat: unit(quat), conf })
+    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| (position_mm, unit(quat)))
 }

@@ -1,6 +1,7 @@
 //! Lines that differ from another in digits alone: all bytes are compared at once, and all digits read at once.
 
 use super::literal::{Literal, POSE};
+use super::sample::{Pose, pose};
 use crate::lanes::widest;
 use crate::text::number::{MOST_DIGITS, Runs};
 
@@ -32,11 +33,15 @@ const AHEAD: usize = 8;
 /// Poses of lines behind another that are read before their turn, so that none waits for what was only just put in memory.
 #[derive(Default)]
 struct Ahead {
-    /// Where the next line begins whose pose is read, and which it is.
-    start: usize,
+    /// Where the last line began, and how far behind it the next one does whose pose is read, and which it is.
+    last: usize,
+    step: usize,
     next: usize,
     count: usize,
-    poses: [[f64; 8]; AHEAD],
+    /// Their numbers, of which the last is none.
+    numbers: [[f64; 8]; AHEAD],
+    /// Where that is; `None` where only a closer look tells.
+    poses: [Option<Pose>; AHEAD],
 }
 
 impl Shape {
@@ -80,26 +85,25 @@ impl Shape {
 
     /// The pose of the line at `start`, if it is like this one; `None` also where there is too little text behind it to see
     /// that. Asked of one text alone.
-    pub(super) fn read(&mut self, text: &[u8], start: usize) -> Option<[f64; POSE]> {
-        if self.ahead.next == self.ahead.count || self.ahead.start != start {
+    pub(super) fn read(&mut self, text: &[u8], start: usize) -> Option<Pose> {
+        let step = start.wrapping_sub(std::mem::replace(&mut self.ahead.last, start));
+        if self.ahead.next == self.ahead.count || self.ahead.step != step {
+            // Most lines have the distance of the last two; something else may stand between them.
+            self.ahead.step = if (self.len..self.len + ROOM).contains(&step) { step } else { self.len };
             self.read_ahead(text, start);
         }
-        let [pose @ .., _] = *self.ahead.poses[..self.ahead.count].get(self.ahead.next)?;
-        // A zero with a minus is not among the usual forms.
-        if pose.iter().any(|value| value.to_bits() == (-0.0_f64).to_bits()) {
-            return None;
-        }
+        let pose = (*self.ahead.poses[..self.ahead.count].get(self.ahead.next)?)?;
         self.ahead.next += 1;
-        self.ahead.start += self.len;
         Some(pose)
     }
 
     /// Reads the line at `start` and those behind it, as long as they are like this one.
     fn read_ahead(&mut self, text: &[u8], start: usize) {
         let mut digits = [[[0; 8]; 2]; AHEAD];
-        (self.ahead.start, self.ahead.next, self.ahead.count) = (start, 0, 0);
+        (self.ahead.next, self.ahead.count) = (0, 0);
         for digits in &mut digits {
-            let line = text.get(start + self.ahead.count * self.len..).and_then(|text| text.first_chunk::<WINDOW>());
+            let line =
+                text.get(start + self.ahead.count * self.ahead.step..).and_then(|text| text.first_chunk::<WINDOW>());
             let Some(line) = line else { break };
             let mut others = true;
             widest!(<'a>(
@@ -120,14 +124,21 @@ impl Shape {
             }
             self.ahead.count += 1;
         }
-        for (digits, pose) in digits[..self.ahead.count].iter().zip(&mut self.ahead.poses) {
+        let Ahead { count, numbers, poses, .. } = &mut self.ahead;
+        for (digits, numbers) in digits[..*count].iter().zip(&mut *numbers) {
             widest!(<'a>(
                 runs: &'a Runs = &self.runs,
                 digits: &'a [[u64; 8]; 2] = digits,
-                pose: &'a mut [f64; 8] = pose,
+                numbers: &'a mut [f64; 8] = numbers,
             ) {
-                *pose = runs.read(digits);
+                *numbers = runs.read(digits);
             });
+        }
+        for (numbers, to) in numbers[..*count].iter().zip(poses) {
+            let [x, y, z, quat @ .., _] = *numbers;
+            // A zero with a minus is not among the usual forms.
+            let usual = numbers.iter().all(|number| number.to_bits() != (-0.0_f64).to_bits());
+            *to = pose([x, y, z], quat).filter(|_| usual);
         }
     }
 
@@ -178,8 +189,11 @@ mod tests {
 
     fn plain(text: &[u8]) -> Option<[u64; POSE]> {
         let (_, written) = Literal::read(text, 0, 8)?;
-        let ([x, y, z], [a, b, c, d]) = (written.position_mm, written.quat);
-        Some([x, y, z, a, b, c, d].map(f64::to_bits))
+        pose(written.position_mm, written.quat).map(bits)
+    }
+
+    fn bits(([x, y, z], [a, b, c, d]): Pose) -> [u64; POSE] {
+        [x, y, z, a, b, c, d].map(f64::to_bits)
     }
 
     proptest! {
@@ -195,12 +209,12 @@ mod tests {
             let mut digits = digits.into_iter();
             let (mut other, _) = text(&layouts, || digits.next().unwrap());
             let usual = of(&other, len).is_some();
-            prop_assert_eq!(shape.read(&other, 0).map(|pose| pose.map(f64::to_bits)), plain(&other).filter(|_| usual));
+            prop_assert_eq!(shape.read(&other, 0).map(bits), plain(&other).filter(|_| usual));
             // Any one byte changed.
             let at = at.min(len - 1);
             other[at] = byte;
             if let Some(pose) = of(&first, len).unwrap().read(&other, 0) {
-                prop_assert_eq!(Some(pose.map(f64::to_bits)), plain(&other));
+                prop_assert_eq!(Some(bits(pose)), plain(&other));
                 let around = |text: &[u8]| text[..len].split(|b| *b == b'[').map(<[u8]>::to_vec).collect::<Vec<_>>();
                 let (own, others) = (around(&first), around(&other));
                 prop_assert_eq!((&own[0], &own[4..]), (&others[0], &others[4..]));
@@ -218,10 +232,10 @@ mod tests {
             let lines: Vec<Vec<u8>> = (0..count).map(|i| text(&layouts, || 1 + (seed + i as u8) % 9).0[..len].to_vec()).collect();
             let all = [lines.concat(), vec![b'x'; WINDOW]].concat();
             for (i, line) in lines.iter().enumerate() {
-                prop_assert_eq!(shape.read(&all, i * len).map(|pose| pose.map(f64::to_bits)), plain(line));
+                prop_assert_eq!(shape.read(&all, i * len).map(bits), plain(line));
             }
             prop_assert_eq!(shape.read(&all, count * len), None);
-            prop_assert_eq!(shape.read(&all, 0).map(|pose| pose.map(f64::to_bits)), plain(&lines[0]));
+            prop_assert_eq!(shape.read(&all, 0).map(bits), plain(&lines[0]));
         }
     }
 }

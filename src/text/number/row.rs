@@ -99,10 +99,17 @@ impl Scale {
     }
 
     /// The same for numbers of one digit more.
-    #[cold]
+    #[inline(never)]
     fn read_nine(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
-        let sure;
-        (*digits, sure) = self.nine(*values);
+        let mut sure = false;
+        widest!(<'a>(
+            scale: &'a Scale = self,
+            values: &'a [f64; SIDE] = values,
+            digits: &'a mut Digits = digits,
+            sure: &'a mut bool = &mut sure,
+        ) {
+            (*digits, *sure) = scale.nine(*values);
+        });
         sure
     }
 
