@@ -18,6 +18,9 @@ pub(super) struct Law {
     table: Arc<FeedTable>,
     /// N/m, feed frame.
     slope: Vector3<f64>,
+    /// At rest: N, feed frame, and the height of the contact point over the tip, m.
+    force: Vector3<f64>,
+    pub(super) height: Option<f64>,
 }
 
 impl ForceLaw for Law {
@@ -31,6 +34,10 @@ impl ForceLaw for Law {
 
     fn slope(&self) -> Vector3<f64> {
         self.slope
+    }
+
+    fn rest(&self) -> Option<Vector3<f64>> {
+        Some(self.force)
     }
 }
 
@@ -74,7 +81,7 @@ impl<'a> Laws<'a> {
         &mut self,
         target: &Target,
         given: Option<Vector3<f64>>,
-        frame: Option<Rotation3<f64>>,
+        (frame, leaned): (Option<Rotation3<f64>>, bool),
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
@@ -119,7 +126,7 @@ impl<'a> Laws<'a> {
                 } else {
                     engagement.feed_per_tooth
                 };
-                Ok(PointLoad::Law(self.law(feed_per_tooth), frame))
+                Ok(PointLoad::Law { law: self.law(feed_per_tooth), wobj_from_feed: frame, leaned })
             }
         }
     }
@@ -147,9 +154,11 @@ impl<'a> Laws<'a> {
             /// Small against a depth of cut, large against rounding, m.
             const LIFT: f64 = 1e-6;
             let table = Arc::new(table.at_feed(feed_per_tooth));
-            let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &milling.axis_in_feed());
+            let axis = milling.axis_in_feed();
+            let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &axis);
             let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
-            self.laws.push(Law { milling: milling.clone(), table, slope });
+            let (force, height) = (force(0.0), milling.contact_height(&axis));
+            self.laws.push(Law { milling: milling.clone(), table, slope, force, height });
         }
         self.laws.len() - 1
     }

@@ -49,8 +49,14 @@ pub(super) enum PointLoad {
     Air,
     /// N, work object axes.
     Constant(Vector3<f64>),
-    /// Index into the laws, and the feed frame in the work object.
-    Law(usize, Rotation3<f64>),
+    Law {
+        /// Index into the laws.
+        law: usize,
+        /// The feed frame.
+        wobj_from_feed: Rotation3<f64>,
+        /// Whether that was found for this point's own tool axis, so that the tool leans against it as the law has it.
+        leaned: bool,
+    },
 }
 
 impl Point {
@@ -58,7 +64,7 @@ impl Point {
         match self.load {
             PointLoad::Air => Cutting::Air,
             PointLoad::Constant(force) => Cutting::Constant(force),
-            PointLoad::Law(law, wobj_from_feed) => Cutting::Law { law: &laws[law], wobj_from_feed },
+            PointLoad::Law { law, wobj_from_feed, .. } => Cutting::Law { law: &laws[law], wobj_from_feed },
         }
     }
 
@@ -68,7 +74,8 @@ impl Point {
     }
 
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
-        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cutting: self.cutting(laws) }
+        let leaned = matches!(self.load, PointLoad::Law { leaned: true, .. });
+        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cutting: self.cutting(laws), leaned }
     }
 
     pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
@@ -119,12 +126,14 @@ impl Point {
     /// axis.
     pub(super) fn normal_error(&self, laws: &[Law], shift: &Vector3<f64>, axis: &Vector3<f64>) -> f64 {
         let mut error = shift.dot(&self.normal);
-        if let PointLoad::Law(law, wobj_from_feed) = self.load {
+        if let PointLoad::Law { law, wobj_from_feed, leaned } = &self.load {
+            let law = &laws[*law];
             let height = |axis: &Vector3<f64>| {
                 let axis = wobj_from_feed.inverse_transform_vector(axis);
-                laws[law].milling.contact_height(&Unit::new_unchecked(axis))
+                law.milling.contact_height(&Unit::new_unchecked(axis))
             };
-            if let (Some(now), Some(wanted)) = (height(axis), height(&tool_axis(&self.reference))) {
+            let wanted = if *leaned { law.height } else { height(&tool_axis(&self.reference)) };
+            if let (Some(now), Some(wanted)) = (height(axis), wanted) {
                 error += now - wanted;
             }
         }
@@ -334,16 +343,17 @@ impl Walk<'_, '_> {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
         };
+        let leaned = feed_frame.is_some();
         let frame = feed_frame.or_else(|| {
             previous.and_then(|p| match p.load {
-                PointLoad::Law(_, frame) => Some(frame),
+                PointLoad::Law { wobj_from_feed, .. } => Some(wobj_from_feed),
                 _ => None,
             })
         });
         let load = match self.carried.laws.load(
             target,
             row.and_then(|r| r.force),
-            frame,
+            (frame, leaned),
             &wobj_from_tcp,
             self.options.forces.is_some(),
         ) {

@@ -33,6 +33,12 @@ pub trait ForceLaw: Sync {
     fn slope(&self) -> Vector3<f64> {
         Vector3::zeros()
     }
+
+    /// Force at the wanted pose of a tool that leans against the surface as the law has it, N, feed frame; `None` where it
+    /// has no lean of its own.
+    fn rest(&self) -> Option<Vector3<f64>> {
+        None
+    }
 }
 
 /// The cut at one target.

@@ -22,6 +22,8 @@ pub(crate) struct Site<'a> {
     /// kg
     pub(crate) payload: f64,
     pub(crate) cutting: Cutting<'a>,
+    /// Whether the tool leans against the surface as the law of the cut has it.
+    pub(crate) leaned: bool,
 }
 
 /// The sites of eight targets.
@@ -41,6 +43,10 @@ pub(super) struct Block<'a> {
     pub(super) wobj_from_feed: Frame,
     /// See [`ForceLaw::slope`].
     pub(super) slope: Vector,
+    /// See [`ForceLaw::rest`]; where there is one; and where it is the force at the wanted pose.
+    rest: Vector,
+    has_rest: [bool; WIDTH],
+    rests: [bool; WIDTH],
     /// What is in the lanes already: it seldom changes.
     settings: [Option<&'a Setting>; WIDTH],
     laws: [Option<&'a dyn ForceLaw>; WIDTH],
@@ -65,6 +71,7 @@ impl<'a> Block<'a> {
             }
             Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
         }
+        self.rests[lane] = self.has_rest[lane] && (site.leaned || self.laws[lane].is_none());
     }
 
     /// All lanes are set that are of interest: the first ones.
@@ -72,7 +79,10 @@ impl<'a> Block<'a> {
         if !std::mem::take(&mut self.changed) && count == WIDTH {
             return;
         }
-        self.laws[count..].fill(None);
+        for lane in count..WIDTH {
+            self.cut(lane, &NOWHERE, None);
+            self.rests[lane] = true;
+        }
         self.changed = count < WIDTH;
         self.lanes.clear();
         let mut left = Mask::of(|lane| self.laws[lane].is_some());
@@ -97,17 +107,25 @@ impl<'a> Block<'a> {
 
     fn cut(&mut self, lane: usize, wobj_from_feed: &Rotation3<f64>, law: Option<&'a dyn ForceLaw>) {
         self.wobj_from_feed.set_axes(lane, wobj_from_feed);
-        if !same(self.laws[lane], law) || law.is_none() {
-            self.slope.set(lane, &law.map_or_else(Vector3::zeros, ForceLaw::slope));
-            self.laws[lane] = law;
-            self.changed = true;
+        if same(self.laws[lane], law) && law.is_some() {
+            return;
         }
+        let rest = law.map_or(Some(FORCE), ForceLaw::rest);
+        self.slope.set(lane, &law.map_or_else(Vector3::zeros, ForceLaw::slope));
+        self.rest.set(lane, &rest.unwrap_or(FORCE));
+        self.has_rest[lane] = rest.is_some();
+        self.changed |= !same(self.laws[lane], law);
+        self.laws[lane] = law;
+    }
+
+    /// Cutting forces at the wanted poses, N, feed frame, where all are known.
+    pub(super) fn resting(&self) -> Option<&Vector> {
+        self.rests.iter().all(|rests| *rests).then_some(&self.rest)
     }
 
     /// Cutting forces, N, feed frame, for shifts of the tip, m, and tool axes there.
     pub(super) fn forces(&self, shift: &Vector, axis: &Vector, force: &mut Vector) {
-        // Without a law the frame is the force's own.
-        *force = Vector::of(&Vector3::x());
+        *force = Vector::of(&FORCE);
         for here in &self.lanes {
             if let Some(law) = here.next().and_then(|lane| self.laws[lane]) {
                 law.forces(*here, shift, axis, force);
@@ -115,6 +133,9 @@ impl<'a> Block<'a> {
         }
     }
 }
+
+/// Without a law the frame is the force's own.
+const FORCE: Vector3<f64> = Vector3::new(1.0, 0.0, 0.0);
 
 /// The axes of no frame: nothing that is turned into it is left.
 const NOWHERE: Rotation3<f64> =

@@ -106,7 +106,7 @@ impl Look {
         EightFeedback { yielding: six!(i => tame.select(yielding[i], Lanes::ZERO)), share, lift }
     }
 
-    /// All of it at motor angles (rad).
+    /// All of it at the nominal arm's motor angles (rad) at the wanted poses.
     pub(super) fn at(&mut self, arm: &EightArm<'_>, block: &Block<'_>, motor: &EightJoints) {
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = arm,
@@ -117,7 +117,10 @@ impl Look {
             look.turns = arm.robot.turns(motor);
             look.place(arm, block);
         });
-        self.cut(block);
+        match block.resting() {
+            Some(force) => self.force = *force,
+            None => self.cut(block),
+        }
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = arm,
             block: &'a Block<'b> = block,

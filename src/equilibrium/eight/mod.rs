@@ -221,17 +221,24 @@ mod tests {
     /// Commands are explicit in both ways, rad.
     const SAME_COMMAND: f64 = 1e-13;
 
-    /// A cut that grows with depth, so that it feeds back.
-    struct Deeper(f64);
+    /// A cut that grows with depth, so that it feeds back; the tool may lean as it has it.
+    struct Deeper {
+        depth: f64,
+        lean: Option<Vector3<f64>>,
+    }
 
     impl ForceLaw for Deeper {
         fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-            let depth = self.0 - shift.z;
+            let depth = self.depth - shift.z;
             Vector3::new(-1.0, 0.7, 0.4 + axis.x) * (2e4 * depth)
         }
 
         fn slope(&self) -> Vector3<f64> {
             Vector3::new(-1.0, 0.7, 0.4) * -2e4
+        }
+
+        fn rest(&self) -> Option<Vector3<f64>> {
+            self.lean.map(|axis| self.force(&Vector3::zeros(), &axis))
         }
     }
 
@@ -265,6 +272,7 @@ mod tests {
             gap: bool,
             joints in prop::array::uniform8(prop::array::uniform6(-0.9_f64..0.9)),
             cuts in prop::array::uniform8(0..3_usize),
+            leaned: bool,
             travel in prop::array::uniform6(prop::sample::select(vec![-1.0, 0.0, 1.0])),
             count in 1..=WIDTH,
             payload in 0.0..40.0_f64,
@@ -277,16 +285,22 @@ mod tests {
                 cog: Vector3::new(0.0, 0.0, 0.12),
             };
             let wobj = Pose::from_parts(Translation3::new(1.0, -0.4, 0.7), Rotation3::from_euler_angles(0.0, 0.02, 0.3));
-            let (shallow, deep) = (Deeper(1e-3), Deeper(3e-3));
             let motors: Vec<Joints> = joints[..count].iter().map(|joints| Joints::from(*joints)).collect();
-            let situations: Vec<Situation<'_>> = motors.iter().zip(cuts).map(|(motor, cut)| Situation {
+            let wobj_from_feed = Rotation3::from_euler_angles(0.1, 0.2, 0.3);
+            // One for all of a depth, or one for each, which leans as the tool does there.
+            let laws: Vec<Deeper> = motors.iter().map(|motor| {
+                let axis = wobj.rotation.inverse() * (arm.robot.forward(motor).rotation * (tool.flange_from_tcp.rotation * -Vector3::z()));
+                Deeper { depth: if motor[0] > 0.0 { 1e-3 } else { 3e-3 }, lean: leaned.then(|| wobj_from_feed.inverse() * axis) }
+            }).collect();
+            let law_of = |i: usize| laws.iter().position(|law| !leaned && law.depth.total_cmp(&laws[i].depth).is_eq()).unwrap_or(i);
+            let situations: Vec<Situation<'_>> = motors.iter().enumerate().zip(cuts).map(|((i, motor), cut)| Situation {
                 base_from_wobj: wobj,
                 wobj_from_tcp: wobj.inv_mul(&(arm.robot.forward(motor) * tool.flange_from_tcp)),
                 tool,
                 cutting: match cut {
                     0 => Cutting::Air,
                     1 => Cutting::Constant(Vector3::new(300.0, -200.0, 90.0)),
-                    _ => Cutting::Law { law: if motor[0] > 0.0 { &shallow } else { &deep }, wobj_from_feed: Rotation3::from_euler_angles(0.1, 0.2, 0.3) },
+                    _ => Cutting::Law { law: &laws[law_of(i)], wobj_from_feed },
                 },
                 normal: Vector3::z(),
                 velocity: Vector3::zeros(),
@@ -297,7 +311,7 @@ mod tests {
             }).collect();
             let setting = Setting { base_from_wobj: wobj, tool };
             let sites: Vec<Site<'_>> = situations.iter().map(|s| Site {
-                setting: &setting, wobj_from_tcp: &s.wobj_from_tcp, payload, cutting: s.cutting,
+                setting: &setting, wobj_from_tcp: &s.wobj_from_tcp, payload, cutting: s.cutting, leaned,
             }).collect();
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 
@@ -336,7 +350,7 @@ mod tests {
                         (1, Some(aim), _) => aim.uncorrected(),
                         (2, Some(aim), Some(uncorrected)) => {
                             let tip = wobj.inv_mul(&(arm.robot.forward(&rounded[i]) * tool.flange_from_tcp)).translation.vector;
-                            let normal = Rotation3::from_euler_angles(0.1, 0.2, 0.3) * Vector3::z();
+                            let normal = wobj_from_feed * Vector3::z();
                             aim.corrected(normal.dot(&(tip - poses[i].unwrap().translation.vector)), uncorrected)
                         }
                         _ => Foreseen::default(),
