@@ -23,11 +23,20 @@ kind = \"backlash\"
 half_gap_rad = [1e-5, 2e-5, 2e-5, 3e-5, 3e-5, 5e-5]
 ";
 
+const ZEROS_AND_FORCE: &str = "
+[[effect]]
+kind = \"zero_offset\"
+offset_rad = [2e-4, -1e-3, 5e-4, 0.0, 1e-3, -3e-3]
+[[effect]]
+kind = \"force_scale\"
+factor = 1.3
+";
+
 /// An effect that does nothing, but is not simple: every target is solved by itself.
 const ONE_BY_ONE: &str = "
 [[effect]]
-kind = \"zero_offset\"
-offset_rad = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+kind = \"tool_wear\"
+per_m = 0.0
 ";
 
 /// Numbers of a thousand that may be rounded to the other neighbour: both ways end a hundredth of a digit from the truth.
@@ -79,7 +88,7 @@ proptest! {
         (mode, width) in prop::sample::select(vec![("slot", "20.0"), ("down", "8.0"), ("up", "5.0")]),
         lead in prop::sample::select(vec!["5.0", "0.3", "15.0"]),
         soft in 1.0..8.0_f64,
-        effects in prop::sample::select(vec!["", WEIGHTS_AND_GAPS]),
+        effects in prop::sample::select(vec!["", WEIGHTS_AND_GAPS, ZEROS_AND_FORCE]),
     ) {
         let springs = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5].map(|stiffness| stiffness / soft);
         let cell = CELL

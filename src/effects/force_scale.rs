@@ -1,6 +1,7 @@
 //! A cutting force that is off by a factor: another alloy, a dynamometer out of calibration.
 
-use super::{Effect, FACTOR, Kind, Load, Need, Parameter, State, checked, scalar, table_of, take};
+use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Simple, State, checked, scalar, table_of, take};
+use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -24,6 +25,10 @@ impl Effect for ForceScale {
 
     fn load(&self, _: &State, load: &mut Load) {
         load.cut *= self.factor;
+    }
+
+    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
+        Some(Simple::ForceFactor(self.factor))
     }
 
     fn needs(&self) -> &'static [Need] {

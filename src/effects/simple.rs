@@ -11,6 +11,13 @@ pub enum Simple {
         /// Compliance at the motors, rad/(N·m).
         compliance: Joints,
     },
+    /// Joints stand elsewhere.
+    Offset {
+        /// Actual minus commanded motor angles, rad.
+        joints: Joints,
+    },
+    /// The cutting force is off by a factor.
+    ForceFactor(f64),
     /// Weights on the links.
     Weights(Weights),
     /// Joints trail their motors.

@@ -1,6 +1,7 @@
 //! Joint zeros that are off: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Distortion, Effect, Kind, Load, Parameter, State, checked, indexed, table_of, take};
+use super::{ANY, Covered, Distortion, Effect, Kind, Load, Parameter, Simple, State, checked, indexed, table_of, take};
+use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -26,6 +27,10 @@ impl Effect for ZeroOffset {
         for i in 0..6 {
             out.joints[i] += self.offset_rad[i];
         }
+    }
+
+    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
+        Some(Simple::Offset { joints: Joints::from(self.offset_rad) })
     }
 
     fn covered_by(&self) -> Option<Covered> {

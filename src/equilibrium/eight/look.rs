@@ -56,7 +56,7 @@ impl Look {
     #[inline(always)]
     pub(super) fn bear(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
         let frames = &self.frames;
-        let cut = block.base_from_wobj.turn(block.wobj_from_feed.turn(self.force));
+        let cut = block.base_from_wobj.turn(block.wobj_from_feed.turn(self.force)) * arm.force_factor;
         // Moments are about the centre of the wrist, where the last three axes meet, then about each joint.
         let mut about = frames[4].origin;
         let (mut force, mut moment) = (cut, (self.tip - about).cross(cut));
@@ -83,7 +83,7 @@ impl Look {
         }
         let torque = arm.robot.motor_torque_from_serial(&torque);
         for i in 0..6 {
-            self.give[i] = torque[i] * arm.compliance[i];
+            self.give[i] = torque[i] * arm.compliance[i] + arm.offset[i];
         }
         self.cut = cut;
     }
@@ -92,7 +92,8 @@ impl Look {
     #[inline(always)]
     pub(super) fn feedback(&self, arm: &EightArm<'_>, block: &Block<'_>) -> EightFeedback {
         let in_base = |v: Vector| block.base_from_wobj.turn(v);
-        let (normal, slope) = (in_base(block.wobj_from_feed.z), in_base(block.wobj_from_feed.turn(block.slope)));
+        let slope = in_base(block.wobj_from_feed.turn(block.slope)) * arm.force_factor;
+        let normal = in_base(block.wobj_from_feed.z);
         // What the tip does as a joint turns, along the normal, and its torque as the tip is lifted.
         let levers = six!(i => self.frames[i].z.cross(self.tip - self.frames[i].origin));
         let lifts = arm.robot.motor_torque_from_serial(&six!(i => levers[i].dot(normal)));

@@ -27,6 +27,9 @@ pub(crate) struct EightArm<'a> {
     /// rad/(N·m) at the motors.
     compliance: [f64; 6],
     half_gap: Joints,
+    /// rad
+    offset: [f64; 6],
+    force_factor: f64,
     weights: Vec<Weights>,
     /// Base axes, m/s².
     gravity: Vector3<f64>,
@@ -68,6 +71,8 @@ impl<'a> EightArm<'a> {
             robot: Eight::of(&arm.robot)?,
             compliance: [0.0; 6],
             half_gap: Joints::zeros(),
+            offset: [0.0; 6],
+            force_factor: 1.0,
             weights: Vec::new(),
             gravity: arm.gravity(),
         };
@@ -76,6 +81,8 @@ impl<'a> EightArm<'a> {
                 Simple::Springs { compliance } => {
                     eight.compliance = six!(i => eight.compliance[i] + compliance[i]);
                 }
+                Simple::Offset { joints } => eight.offset = six!(i => eight.offset[i] + joints[i]),
+                Simple::ForceFactor(factor) => eight.force_factor *= factor,
                 Simple::Weights(weights) => eight.weights.push(weights),
                 Simple::LostMotion { half_gap } => eight.half_gap += half_gap,
             }
@@ -120,7 +127,8 @@ impl<'a> EightArm<'a> {
             rounds.motor = *motor;
             rounds.begin_at(motor, &look.turns);
             rounds.bend = six!(i => look.give[i] + feedback.yielding[i] * feedback.lift);
-            (rounds.share, rounds.left, rounds.gain) = (feedback.share, dot(&look.give, &look.give), Lanes::of(1.0));
+            let bent = six!(i => look.give[i] - arm.offset[i]);
+            (rounds.share, rounds.left, rounds.gain) = (feedback.share, dot(&bent, &bent), Lanes::of(1.0));
         });
         for lane in (0..count).filter(|_| lost) {
             let (_, at, travel) = wanted(lane);
@@ -248,8 +256,8 @@ mod tests {
         (kind(name.as_str().unwrap()).unwrap().read)(table).unwrap()
     }
 
-    /// Springs, and weights or lost motion.
-    fn arm(robot: usize, weights: bool, gap: bool) -> Arm {
+    /// Springs, and weights, lost motion, or zeros and a force that are off.
+    fn arm(robot: usize, weights: bool, gap: bool, off: bool) -> Arm {
         let mut effects = vec![declared_springs()];
         if weights {
             effects.push(effect(
@@ -259,6 +267,10 @@ mod tests {
         }
         if gap {
             effects.push(effect("kind = \"backlash\"\nhalf_gap_rad = [1e-4, 5e-5, 0, 2e-4, 0, 3e-5]"));
+        }
+        if off {
+            effects.push(effect("kind = \"zero_offset\"\noffset_rad = [5e-4, -1e-3, 0, 2e-3, 0, -3e-4]"));
+            effects.push(effect("kind = \"force_scale\"\nfactor = 1.2"));
         }
         let stiffness = Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]));
         Arm { robot: BUILTIN[robot].robot(), stiffness, effects }
@@ -270,6 +282,7 @@ mod tests {
             robot in 0..BUILTIN.len(),
             weights: bool,
             gap: bool,
+            off: bool,
             joints in prop::array::uniform8(prop::array::uniform6(-0.9_f64..0.9)),
             cuts in prop::array::uniform8(0..3_usize),
             leaned: bool,
@@ -277,7 +290,7 @@ mod tests {
             count in 1..=WIDTH,
             payload in 0.0..40.0_f64,
         ) {
-            let arm = arm(robot, weights, gap);
+            let arm = arm(robot, weights, gap, off);
             let Some(eight) = EightArm::of(&arm) else { return Ok(()) };
             let tool = ToolFrame {
                 flange_from_tcp: Pose::from_parts(Translation3::new(0.06, -0.02, 0.31), Rotation3::from_euler_angles(0.1, 0.4, -0.2)),
