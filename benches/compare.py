@@ -6,8 +6,9 @@
   benches/compare.py --memory [--targets N]                          peak memory by kind of program and command
   benches/compare.py --identification --rows 200000                  the same of an identification alone
 
---anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor; what
-is not there is left out. Times are wall seconds, median of the runs, which take turns; memory is the operating system's peak.
+--anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor and
+force_bench; --python an interpreter with the packages of its python_job.py, the same job in NumPy. What is not there is left
+out. Times are wall seconds, median of the runs, which take turns; memory is the operating system's peak.
 """
 import argparse
 import csv
@@ -120,12 +121,12 @@ KINDS = (
 )
 
 
-def run(command, stdin=None, stdout=None):
+def run(command, stdin=None, stdout=None, cwd=None):
     """Wall seconds, peak MiB. Through time(1): a child of this interpreter would begin with its peak."""
     with tempfile.NamedTemporaryFile("r") as note:
         start = time.perf_counter()
         timed = ["/usr/bin/time", "-f", "%M", "-o", note.name, *(str(c) for c in command)]
-        process = subprocess.run(timed, stdin=stdin, stdout=stdout or subprocess.DEVNULL, stderr=subprocess.PIPE)
+        process = subprocess.run(timed, stdin=stdin, stdout=stdout or subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=cwd)
         seconds = time.perf_counter() - start
         if process.returncode:
             sys.exit(f"{timed}: exit {process.returncode}\n{process.stderr.decode()[:2000]}")
@@ -203,13 +204,19 @@ def table(args, folder):
     program = folder / "part.mod"
     generate(program, args.targets)
     jobs = {}
-    floor = pathlib.Path(args.anchors or "") / "target/release/pipeline_floor"
+    anchors = pathlib.Path(args.anchors or "").resolve()
+    floor = anchors / "target/release/pipeline_floor"
     if args.anchors and floor.exists():
         for threads in (1, 4):
             command = [floor, "job", program, folder / "floor.mod", folder / "floor.csv", threads, "e"]
             jobs[f"floor (explicit inverse, forward check), {threads} thr"] = lambda c=command: run(c)
     else:
         print("the floor is left out: no --anchors with target/release/pipeline_floor", file=sys.stderr)
+    if args.anchors and args.python:
+        # It keeps its force table there.
+        (folder / "work/data").mkdir(parents=True)
+        command = [args.python, anchors / "python_job.py", program, folder / "python.mod", folder / "python.csv"]
+        jobs["Python and NumPy, 1 thr"] = lambda c=command: run(c, cwd=folder)
     for threads in (1, 4):
         jobs[f"deflex, {threads} thr"] = lambda t=threads: run(compensate(program, folder, t))
     jobs["deflex, gravity and backlash, 1 thr"] = lambda: run(compensate(program, folder, 1, with_effects(folder)))
@@ -228,6 +235,9 @@ def table(args, folder):
         print(f"| {name} | {1e9 * seconds / args.targets:,.0f} | {ratio} | {memory:.0f} |")
     speed_up = got["deflex, 1 thr"][0] / got["deflex, 4 thr"][0]
     print(f"\nFour threads are {speed_up:.1f} times as fast as one.")
+    if "Python and NumPy, 1 thr" in got:
+        slower = [got["Python and NumPy, 1 thr"][0] / got[f"deflex, {threads} thr"][0] for threads in (1, 4)]
+        print(f"The Python job takes {slower[0]:.0f} times as long as one thread, {slower[1]:.0f} times as long as four.")
 
 
 def memory(args, folder):
@@ -374,6 +384,7 @@ def svg(panels):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--anchors", default=os.environ.get("ANCHORS"))
+    parser.add_argument("--python", help="interpreter with NumPy, SciPy and py-opw-kinematics")
     parser.add_argument("--targets", type=int, default=1_000_000)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--figure")
