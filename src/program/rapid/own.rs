@@ -7,7 +7,7 @@ use super::rewrite::{Pose, Writer, single, toward, turned};
 use super::token::MAX_DECIMALS;
 use super::value::unit;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
-use crate::text::number::{Fixed, Numbers, Printed, read_leading};
+use crate::text::number::{Fixed, Leading, Numbers, Printed, read_leading};
 use crate::text::{Content, Edit, Span};
 use std::collections::HashMap;
 
@@ -87,6 +87,7 @@ impl Writer<'_> {
     /// Prints the next poses of seven new numbers, whose decimals most literals have in common.
     fn print_ahead(&self, from: usize, changes: &[Option<Change>], ahead: &mut Ahead) {
         let RewriteOptions { position_decimals, quat_decimals, .. } = *self.options;
+        let least = [position_decimals, quat_decimals].map(|least| u8::try_from(least).unwrap_or(Leading::ODD));
         let mut wanted = [[0.0; 8]; AHEAD];
         for k in 0..AHEAD {
             ahead.sure[k] = false;
@@ -100,13 +101,15 @@ impl Writer<'_> {
             if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
                 continue;
             }
-            let [d1, d2, d3, d4, d5, d6, d7] = self.layout.literals[*literal as usize].pose_decimals();
-            let was = [d1, d2, d3, d4, d5, d6, d7, 1];
-            if k == 0 && !ahead.numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was)) {
-                let [p, q] = [position_decimals, quat_decimals].map(|least| u8::try_from(least).unwrap_or(u8::MAX));
-                ahead.numbers = Numbers::new(was, [p, p, p, q, q, q, q, 1]);
+            let was = self.layout.literals[*literal as usize].pose_decimals();
+            let mut decimals = [1; POSE + 1];
+            for (i, decimals) in decimals[..POSE].iter_mut().enumerate() {
+                *decimals = was[i].max(least[usize::from(i >= 3)]);
             }
-            ahead.sure[k] = ahead.numbers.as_ref().is_some_and(|numbers| numbers.are_instead_of(was));
+            if k == 0 && !ahead.numbers.as_ref().is_some_and(|numbers| numbers.have(decimals)) {
+                ahead.numbers = Numbers::new(decimals);
+            }
+            ahead.sure[k] = ahead.numbers.as_ref().is_some_and(|numbers| numbers.have(decimals));
             let ([x, y, z], [q1, q2, q3, q4]) = (change.position_mm, toward(quat, is));
             wanted[k] = [x, y, z, q1, q2, q3, q4, 0.0];
         }
@@ -121,7 +124,8 @@ impl Writer<'_> {
     fn at_once(&mut self, i: usize, literal: &Literal, printed: &Printed) -> Option<Pose> {
         let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { return None };
         let bytes = &self.program.sources[literal.source as usize].bytes[..];
-        for k in (0..POSE).filter(|k| printed.may_be_the_same(*k)) {
+        let was = literal.pose_decimals();
+        for k in (0..POSE).filter(|k| printed.may_be_the_same(*k, was[*k])) {
             let old = if k < 3 { position_mm[k] } else { read_leading(bytes.get(literal.token(k).range())?)?.value };
             #[allow(clippy::float_cmp)] // the very number keeps its looks
             if printed.values[k] == old {

@@ -261,12 +261,7 @@ impl Digits {
 /// How up to eight numbers are printed instead of others.
 pub(crate) struct Numbers {
     scale: Scale,
-    /// Decimals of the others, and of these.
-    was: [u8; SIDE],
     decimals: [u8; SIDE],
-    /// Of the decimals as text, digits that only these have; or any bit where there are none.
-    added: [u64; SIDE],
-    any: [u64; SIDE],
 }
 
 /// Numbers that are printed instead of others.
@@ -274,36 +269,28 @@ pub(crate) struct Numbers {
 pub(crate) struct Printed {
     digits: Digits,
     decimals: [u8; SIDE],
-    /// 1 where all added digits are zeros: maybe nothing is new.
-    zeros: [u64; SIDE],
     /// What a reader gets, and one of single precision.
     pub(crate) values: [f64; SIDE],
     pub(crate) held: [f64; SIDE],
 }
 
 impl Numbers {
-    /// Instead of numbers of so many decimals each; `least` each are printed, but at least one and at most eight.
-    pub(crate) fn new(was: [u8; SIDE], least: [u8; SIDE]) -> Option<Self> {
-        let mut numbers = Self { scale: Scale::NONE, was, decimals: [0; SIDE], added: [0; SIDE], any: [1; SIDE] };
+    /// One to eight decimals each.
+    pub(crate) fn new(decimals: [u8; SIDE]) -> Option<Self> {
+        let mut scale = Scale::NONE;
         for i in 0..SIDE {
-            let decimals = was[i].max(least[i]);
-            if !(1..=8).contains(&decimals) {
+            if !(1..=8).contains(&decimals[i]) {
                 return None;
             }
-            numbers.decimals[i] = decimals;
-            numbers.scale.set(i, decimals.into());
-            if was[i] < decimals {
-                let digits = |count: u8| u64::MAX.unbounded_shr(64 - 8 * u32::from(count));
-                (numbers.added[i], numbers.any[i]) = (digits(decimals) & !digits(was[i]) & !ZEROS, 0);
-            }
+            scale.set(i, decimals[i].into());
         }
-        Some(numbers)
+        Some(Self { scale, decimals })
     }
 
-    /// Whether they stand instead of numbers of so many decimals.
+    /// Whether they have so many decimals.
     #[inline]
-    pub(crate) fn are_instead_of(&self, was: [u8; SIDE]) -> bool {
-        self.was == was
+    pub(crate) fn have(&self, decimals: [u8; SIDE]) -> bool {
+        self.decimals == decimals
     }
 
     /// Finds the digits; false where [`Fixed`] has to look closer at one.
@@ -320,18 +307,16 @@ impl Numbers {
             let held = map(size, |size| f64::from(size as f32));
             printed.values = zip(size, minus, signed);
             printed.held = zip(held, minus, signed);
-            let added = zip(printed.digits.tail, numbers.added, |tail, added| tail & added);
-            printed.zeros = zip(added, numbers.any, |added, any| u64::from(added | any == 0));
         });
         sure
     }
 }
 
 impl Printed {
-    /// Whether a number can be what stood there, with fewer decimals.
+    /// Whether a number can be one that stood there with so many decimals, which are fewer.
     #[inline]
-    pub(crate) fn may_be_the_same(&self, i: usize) -> bool {
-        self.zeros[i] != 0
+    pub(crate) fn may_be_the_same(&self, i: usize, was: u8) -> bool {
+        was < self.decimals[i] && (self.digits.tail[i] & !ZEROS).unbounded_shr(8 * u32::from(was)) == 0
     }
 
     /// Writes a number to the beginning of a place for it; its bytes.
