@@ -1,19 +1,24 @@
 //! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
 
 use super::path::{CHORD, Carried, Point};
+use super::spin;
+use crate::cell::{Cell, Spin};
 use crate::cutting::Lean;
 use crate::equilibrium::Setting;
-use crate::lanes::{Frame, Lanes, Mask, Vector, widest};
+use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH, widest};
 use crate::program::{Goal, Target};
 use crate::robot::{Eight, EightFound, Joints, Place, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// What is known of up to eight targets before each is looked at.
-#[derive(Default)]
 pub(super) struct Ahead {
+    /// Of CL targets.
+    spin: Spin,
     /// Poses and, most likely, motor angles.
     found: EightFound,
     posed: bool,
+    /// Of CL targets, what the rule gives x up to each; see [`spin::pose`].
+    held: [Option<Vector3<f64>>; WIDTH],
     /// The ways into the targets, where they are all poses in the work object of the point before them.
     chords: Chords,
     stretch: bool,
@@ -53,6 +58,17 @@ impl Way {
 }
 
 impl Ahead {
+    pub(super) fn new(cell: &Cell) -> Self {
+        Self {
+            spin: cell.cl.as_ref().map_or(spin::NONE, |cl| cl.spin),
+            found: EightFound::default(),
+            posed: false,
+            held: [None; WIDTH],
+            chords: Chords::default(),
+            stretch: false,
+        }
+    }
+
     /// Looks at targets, with their settings, and the point before them.
     pub(super) fn look(
         &mut self,
@@ -61,21 +77,49 @@ impl Ahead {
         carried: &Carried<'_>,
         before: Option<&Point>,
     ) {
-        let is_pose = |target: &Target| matches!(target.goal, Goal::Pose { .. });
         (self.posed, self.stretch) = (false, false);
-        // Of tool axes (CL data) the pose is not known yet.
-        let Some(robot) = robot.filter(|_| targets.iter().any(is_pose)) else { return };
-        self.posed = true;
+        let Some(robot) = robot else { return };
         let near = carried.near.unwrap_or_else(Joints::zeros);
-        let place = |lane: usize| place(&targets[lane], &carried.settings[settings[lane] as usize], &near);
-        robot.find(targets.len(), place, &mut self.found);
-
-        let Some(before) = before else { return };
-        let mut all = targets.iter().zip(settings);
-        if all.all(|(target, setting)| is_pose(target) && *setting == before.setting) {
-            self.stretch = true;
+        let before = before.filter(|before| settings.iter().all(|setting| *setting == before.setting));
+        let is_pose = |target: &Target| matches!(target.goal, Goal::Pose { .. });
+        if targets.iter().any(is_pose) {
+            let place = |lane: usize| place(&targets[lane], &carried.settings[settings[lane] as usize], &near);
+            robot.find(targets.len(), place, &mut self.found);
+            self.posed = true;
+            self.stretch = before.is_some() && targets.iter().all(is_pose);
+        } else if let Some(before) = before
+            && self.turn(targets, before, carried.spun).is_some()
+        {
+            let Setting { base_from_wobj, tool } = &carried.settings[before.setting as usize];
+            robot.find_posed((base_from_wobj, &tool.flange_from_tcp), &near, &mut self.found);
+            (self.posed, self.stretch) = (true, true);
+        }
+        if let Some(before) = before.filter(|_| self.stretch) {
             self.chords.find(&before.wobj_from_tcp.translation.vector, &self.found.wobj_from_tcp, carried.laws.lean());
         }
+    }
+
+    /// Poses of CL targets behind a point in the same work object; `None` where one is none of these, or has no direction.
+    fn turn(&mut self, targets: &[Target], before: &Point, mut held: Option<Vector3<f64>>) -> Option<()> {
+        let mut from = before.wobj_from_tcp.translation.vector;
+        for (lane, target) in targets.iter().enumerate() {
+            let Goal::Axis { position_mm, axis } = target.goal else { return None };
+            let here = Vector3::from(position_mm) * 1e-3;
+            let pose = spin::pose(&self.spin, position_mm, axis, here - from, &mut held)?;
+            self.found.wobj_from_tcp.set(lane, &pose);
+            (self.held[lane], from) = (held, here);
+        }
+        Some(())
+    }
+
+    /// The cell's rule.
+    pub(super) fn spin(&self) -> &Spin {
+        &self.spin
+    }
+
+    /// Pose of a CL target, and what is held of the rule's directions then.
+    pub(super) fn turned(&self, lane: usize) -> Option<(Pose, Option<Vector3<f64>>)> {
+        self.stretch.then(|| (self.found.wobj_from_tcp.lane(lane), self.held[lane]))
     }
 
     pub(super) fn pose(&self, lane: usize) -> Option<Pose> {

@@ -22,6 +22,7 @@ mod post;
 mod row;
 mod sigma;
 mod solve;
+mod spin;
 mod spread;
 mod stiffness;
 mod stream;

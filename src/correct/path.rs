@@ -3,8 +3,9 @@
 use super::ahead::{Ahead, Way};
 use super::frames::{self, pose};
 use super::laws::{Law, Laws};
+use super::spin;
 use super::{Options, Prepared};
-use crate::cell::{Cell, Spin, SpinRule};
+use crate::cell::Cell;
 use crate::effects::{Cutting, Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::lanes::WIDTH;
@@ -170,7 +171,7 @@ pub(super) struct Carried<'a> {
     /// The last point of the pieces before.
     before: Option<Point>,
     /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
-    spun: Option<Vector3<f64>>,
+    pub(super) spun: Option<Vector3<f64>>,
     /// It was said that a cutting force acts on an arm without a stiffness.
     unsprung: bool,
 }
@@ -225,7 +226,7 @@ pub(super) fn prepare(
         options,
         carried,
         many: Eight::of(&cell.arm.robot),
-        ahead: Ahead::default(),
+        ahead: Ahead::new(cell),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
     };
@@ -305,7 +306,7 @@ impl Walk<'_, '_> {
         let chord = way.as_ref().map_or_else(|| self.chord(i, target, setting), |way| way.chord);
         let wobj_from_tcp = match target.goal {
             Goal::Pose { position_mm, quat, .. } => self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat)),
-            Goal::Axis { position_mm, axis } => match self.spin(position_mm, axis, chord) {
+            Goal::Axis { position_mm, axis } => match self.turned(lane, position_mm, axis, chord) {
                 Some(pose) => pose,
                 None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
             },
@@ -381,6 +382,15 @@ impl Walk<'_, '_> {
         self.points.push(point);
     }
 
+    /// Pose of a CL target.
+    fn turned(&mut self, lane: usize, position_mm: [f64; 3], axis: [f64; 3], chord: Vector3<f64>) -> Option<Pose> {
+        if let Some((pose, held)) = self.ahead.turned(lane).filter(|_| self.errors.is_empty()) {
+            self.carried.spun = held;
+            return Some(pose);
+        }
+        spin::pose(self.ahead.spin(), position_mm, axis, chord, &mut self.carried.spun)
+    }
+
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
         let source = &self.program.sources[usize::from(target.source)];
         self.errors.push(Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help));
@@ -410,10 +420,16 @@ impl Walk<'_, '_> {
     /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
     fn joints_soon(&self, (target, lane): (&Target, usize), setting: u32) -> Option<Joints> {
         let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref()?);
-        let Goal::Pose { position_mm, quat, conf } = &target.goal else { return None };
-        if target.motion == Motion::Joint && conf.is_some() {
-            return None;
-        }
+        let (position_mm, quat) = match &target.goal {
+            Goal::Pose { conf: Some(_), .. } if target.motion == Motion::Joint => return None,
+            Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
+            // Where the way into it is known, so is its pose.
+            Goal::Axis { .. } if self.ahead.way(lane).is_some() && self.errors.is_empty() => {
+                return self.ahead.motor(lane, near);
+            }
+            Goal::Axis { .. } => return None,
+            Goal::Joints { .. } => return None,
+        };
         // The path may have turned into another branch since.
         self.ahead.motor(lane, near).or_else(|| {
             let Setting { base_from_wobj, tool } = self.setting(setting);
@@ -453,28 +469,6 @@ impl Walk<'_, '_> {
             (Motion::Joint, Some(conf)) => robot.inverse_conf(base_from_flange, conf, &near),
             _ => robot.inverse_near(base_from_flange, &near),
         }
-    }
-
-    /// Pose of a CL target: the turn about the tool axis is the cell's `spin` rule.
-    fn spin(&mut self, position_mm: [f64; 3], axis: [f64; 3], chord: Vector3<f64>) -> Option<Pose> {
-        let spin = self.cell.cl.as_ref().map_or(Spin { rule: SpinRule::Fixed, turn: 0.0 }, |cl| cl.spin);
-        let axis = Vector3::from(axis);
-        let position = Vector3::from(position_mm) * 1e-3;
-        let reference = match spin.rule {
-            SpinRule::Fixed => Vector3::x(),
-            SpinRule::Feed => chord,
-            SpinRule::Towards(point) => point - position,
-        };
-        /// Sine below which a direction is parallel to the tool axis.
-        const PARALLEL: f64 = 1e-4;
-        let across = |v: Vector3<f64>| v - axis * v.dot(&axis);
-        let x = reference.try_normalize(CHORD).and_then(|r| across(r).try_normalize(PARALLEL));
-        let x = x.or_else(|| self.carried.spun.and_then(|held| across(held).try_normalize(PARALLEL)))?;
-        self.carried.spun = Some(x);
-        let x = Rotation3::from_axis_angle(&Unit::new_normalize(axis), spin.turn) * x;
-        let z = -axis;
-        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
-        Some(Pose::from_parts(position.into(), rotation))
     }
 }
 

@@ -98,6 +98,12 @@ impl EightFound {
         }
     }
 
+    #[inline(always)]
+    fn inverse(&mut self, robot: &Eight<'_>) {
+        let base_from_flange = self.base_from_wobj.then(&self.wobj_from_tcp).without(&self.flange_from_tcp);
+        (self.motor, self.reach) = robot.inverse(&base_from_flange, &self.near);
+    }
+
     /// Finds by how much the targets are turned from orientations in the work object.
     pub(crate) fn turn_from<'p>(&mut self, count: usize, from: impl Fn(usize) -> &'p Rotation3<f64>) {
         for lane in 0..count {
@@ -145,8 +151,21 @@ impl<'a> Eight<'a> {
         found.set(count, &place);
         widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
             found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * 1e-3, found.quat);
-            let base_from_flange = found.base_from_wobj.then(&found.wobj_from_tcp).without(&found.flange_from_tcp);
-            (found.motor, found.reach) = robot.inverse(&base_from_flange, &found.near);
+            found.inverse(robot);
+        });
+    }
+
+    /// The same where the poses are known already, in one work object, with one tool, near the same motor angles (rad).
+    pub(crate) fn find_posed(
+        &self,
+        (base_from_wobj, flange_from_tcp): (&Pose, &Pose),
+        near: &Joints,
+        found: &mut EightFound,
+    ) {
+        (found.base_from_wobj, found.flange_from_tcp) = (Frame::of(base_from_wobj), Frame::of(flange_from_tcp));
+        found.near = six!(i => Lanes::of(near[i]));
+        widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
+            found.inverse(robot);
         });
     }
 

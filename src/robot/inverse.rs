@@ -103,6 +103,13 @@ impl ClosedForm {
         })
     }
 
+    /// [`Robot::posture`] at serial joint angles, rad.
+    fn posture(&self, serial: &Joints) -> (bool, bool) {
+        let (upper, elbow) = (serial[1] + self.theta[1], serial[2] + self.theta[2] + self.gamma);
+        let ahead = self.a1 + self.a2 * upper.cos() + self.l3 * (upper + elbow).cos();
+        (ahead < 0.0, wrap(elbow) < 0.0)
+    }
+
     /// All branches as serial joint angles; `q4` is what a singular wrist holds (rad). Where there is none at
     /// all: how far the wrist centre is out of reach, m.
     fn solve(&self, base_from_flange: &Pose, q4: f64) -> Result<Solutions, f64> {
@@ -289,6 +296,14 @@ impl Robot {
     /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.
     #[must_use]
     pub fn posture(&self, motor: &Joints) -> (bool, bool) {
+        match self.closed_form() {
+            Some(form) => form.posture(&self.serial_from_motor(motor)),
+            None => self.posture_plain(motor),
+        }
+    }
+
+    /// The reference for [`Robot::posture`].
+    fn posture_plain(&self, motor: &Joints) -> (bool, bool) {
         let frames = self.frames(motor);
         let wrist = frames.origin(4);
         let shoulder = frames.origin(1);
@@ -380,6 +395,18 @@ mod tests {
                     assert_eq!(crate::robot::conf_of(&robot, motor).cfx as usize, cfx);
                 }
             }
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn the_posture_in_the_arm_s_plane_is_that_in_space(
+            robot in 0..BUILTIN.len(),
+            shares in proptest::array::uniform6(0.0_f64..1.0),
+        ) {
+            let robot = BUILTIN[robot].robot();
+            let motor = Joints::from_fn(|i, _| robot.limits.min[i] + shares[i] * (robot.limits.max[i] - robot.limits.min[i]));
+            proptest::prop_assert_eq!(robot.posture(&motor), robot.posture_plain(&motor));
         }
     }
 
