@@ -139,7 +139,7 @@ impl Rounds {
     /// Where a lane has come to, if it has.
     pub(super) fn landing(&self, landings: &EightLanding, lane: usize) -> Option<Landing> {
         let turned = || turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane));
-        (self.done & self.close).lane(lane).then(|| Landing {
+        (self.done.lane(lane) && self.close.lane(lane)).then(|| Landing {
             shift: landings.shift.lane(lane),
             turn: if landings.small.lane(lane) { landings.turn.lane(lane) } else { turned() },
             axis: -landings.seen.z.lane(lane),
