@@ -492,6 +492,20 @@ impl<'a> Runner<'a> {
                 }
             }
         }
+        // Nor does an offset change where it is run again and cannot be edited then.
+        let offset = |site: &Site| match *site {
+            Site::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
+            _ => None,
+        };
+        let of_kept =
+            |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
+        let held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
+        for i in 0..self.targets.len() {
+            let shared = offset(&self.sites[i]).is_some_and(|place| held.contains(&place));
+            if shared && self.targets[i].editable == Editable::Position {
+                self.targets[i].editable = Editable::No("its offset is also used where it cannot be edited");
+            }
+        }
         // What cannot be edited must not move with its base.
         for i in 0..self.targets.len() {
             if matches!(self.targets[i].editable, Editable::No(_)) {
