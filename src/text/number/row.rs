@@ -86,29 +86,21 @@ impl Scale {
     /// Finds the digits; false where a closer look is needed.
     #[inline]
     fn read(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
-        let mut sure = false;
-        widest!(<'a>(
-            scale: &'a Scale = self,
-            values: &'a [f64; SIDE] = values,
-            digits: &'a mut Digits = digits,
-            sure: &'a mut bool = &mut sure,
-        ) {
-            (*digits, *sure) = scale.eight(*values);
-        });
-        sure || self.read_nine(values, digits)
+        self.look(false, values, digits) || self.look(true, values, digits)
     }
 
-    /// The same for numbers of one digit more.
-    #[inline(never)]
-    fn read_nine(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
+    /// The same for numbers of at most eight digits, or of one more.
+    #[inline]
+    fn look(&self, nine: bool, values: &[f64; SIDE], digits: &mut Digits) -> bool {
         let mut sure = false;
         widest!(<'a>(
             scale: &'a Scale = self,
+            nine: bool = nine,
             values: &'a [f64; SIDE] = values,
             digits: &'a mut Digits = digits,
             sure: &'a mut bool = &mut sure,
         ) {
-            (*digits, *sure) = scale.nine(*values);
+            (*digits, *sure) = if nine { scale.nine(*values) } else { scale.eight(*values) };
         });
         sure
     }
