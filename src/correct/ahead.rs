@@ -112,6 +112,11 @@ impl Ahead {
         Some(())
     }
 
+    /// The ways to come are other ones: a target was refused, behind which they do not begin.
+    pub(super) fn forget_ways(&mut self) {
+        self.stretch = false;
+    }
+
     /// The cell's rule.
     pub(super) fn spin(&self) -> &Spin {
         &self.spin

@@ -302,7 +302,7 @@ impl Walk<'_, '_> {
     }
 
     fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting: u32) {
-        let way = self.ahead.way(lane).filter(|_| self.errors.is_empty());
+        let way = self.ahead.way(lane);
         let chord = way.as_ref().map_or_else(|| self.chord(i, target, setting), |way| way.chord);
         let wobj_from_tcp = match target.goal {
             Goal::Pose { position_mm, quat, .. } => self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat)),
@@ -384,7 +384,7 @@ impl Walk<'_, '_> {
 
     /// Pose of a CL target.
     fn turned(&mut self, lane: usize, position_mm: [f64; 3], axis: [f64; 3], chord: Vector3<f64>) -> Option<Pose> {
-        if let Some((pose, held)) = self.ahead.turned(lane).filter(|_| self.errors.is_empty()) {
+        if let Some((pose, held)) = self.ahead.turned(lane) {
             self.carried.spun = held;
             return Some(pose);
         }
@@ -392,6 +392,7 @@ impl Walk<'_, '_> {
     }
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
+        self.ahead.forget_ways();
         let source = &self.program.sources[usize::from(target.source)];
         self.errors.push(Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help));
     }
@@ -423,12 +424,8 @@ impl Walk<'_, '_> {
         let (position_mm, quat) = match &target.goal {
             Goal::Pose { conf: Some(_), .. } if target.motion == Motion::Joint => return None,
             Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
-            // Where the way into it is known, so is its pose.
-            Goal::Axis { .. } if self.ahead.way(lane).is_some() && self.errors.is_empty() => {
-                return self.ahead.motor(lane, near);
-            }
-            Goal::Axis { .. } => return None,
-            Goal::Joints { .. } => return None,
+            Goal::Axis { .. } if self.ahead.turned(lane).is_some() => return self.ahead.motor(lane, near),
+            Goal::Axis { .. } | Goal::Joints { .. } => return None,
         };
         // The path may have turned into another branch since.
         self.ahead.motor(lane, near).or_else(|| {
