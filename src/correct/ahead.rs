@@ -38,23 +38,11 @@ struct Chords {
 
 /// The way into a target, work object axes; out of it at the first.
 pub(super) struct Way {
-    /// m
-    pub(super) chord: Vector3<f64>,
     /// Its length, m.
     pub(super) size: f64,
     /// Where it is long enough for one.
     pub(super) direction: Option<Vector3<f64>>,
     pub(super) feed_frame: Option<Rotation3<f64>>,
-}
-
-impl Way {
-    /// Along a chord, m, with the tool axis, tip to spindle.
-    pub(super) fn along(chord: Vector3<f64>, axis: &Unit<Vector3<f64>>, lean: &Lean) -> Self {
-        let size = chord.norm();
-        let direction = (size > CHORD).then(|| chord * (1.0 / size));
-        let feed_frame = direction.and_then(|direction| lean.feed_frame(axis, &direction));
-        Self { chord, size, direction, feed_frame }
-    }
 }
 
 impl Ahead {
@@ -136,8 +124,28 @@ impl Ahead {
         self.found.nearest(lane, near).filter(|_| self.posed)
     }
 
-    pub(super) fn way(&self, lane: usize) -> Option<Way> {
-        self.stretch.then(|| self.chords.lane(lane))
+    /// Whether the ways are known; they have to be set one by one elsewhere.
+    pub(super) fn knows_ways(&self) -> bool {
+        self.stretch
+    }
+
+    /// Sets the chord into a target, m.
+    pub(super) fn set_chord(&mut self, lane: usize, chord: &Vector3<f64>) {
+        self.chords.chord.set(lane, chord);
+    }
+
+    /// Finds what else is to be known of the way, with the tool axis, tip to spindle.
+    pub(super) fn set_way(&mut self, lane: usize, axis: &Unit<Vector3<f64>>, lean: &Lean) {
+        self.chords.set(lane, axis, lean);
+    }
+
+    /// Chord into a target, m.
+    pub(super) fn chord(&self, lane: usize) -> Vector3<f64> {
+        self.chords.chord.lane(lane)
+    }
+
+    pub(super) fn way(&self, lane: usize) -> Way {
+        self.chords.lane(lane)
     }
 }
 
@@ -161,11 +169,24 @@ impl Chords {
         });
     }
 
+    /// What `find` finds of one chord.
+    fn set(&mut self, lane: usize, axis: &Unit<Vector3<f64>>, lean: &Lean) {
+        let chord = self.chord.lane(lane);
+        let size = chord.norm();
+        let direction = chord * (1.0 / size);
+        let feed_frame = if size > CHORD { lean.feed_frame(axis, &direction) } else { None };
+        self.size.set(lane, size);
+        self.direction.set(lane, &direction);
+        self.fed.set(lane, feed_frame.is_some());
+        if let Some(feed_frame) = feed_frame {
+            self.feed_frame.set_axes(lane, &feed_frame);
+        }
+    }
+
     fn lane(&self, lane: usize) -> Way {
         let size = self.size.lane(lane);
         let far = size > CHORD;
         Way {
-            chord: self.chord.lane(lane),
             size,
             direction: far.then(|| self.direction.lane(lane)),
             feed_frame: (far && self.fed.lane(lane)).then(|| self.feed_frame.rotation(lane)),

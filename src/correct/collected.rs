@@ -3,10 +3,10 @@
 use super::Prepared;
 use super::line::{Corrected, Posted};
 use super::path;
-use super::row::{Row, Status};
+use super::row::Row;
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, Landing};
-use crate::program::{Change, Editable, Language, Program, Rewritten};
+use crate::program::{Change, Language, Program, Rewritten};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
@@ -33,11 +33,11 @@ impl<'a> Collected<'a> {
             return;
         }
         let normal = point.normal_error(&self.prepared.laws, &there.shift, &there.axis);
-        let mut row = Row::new(target, point, there, normal);
-        if let Editable::No(reason) = target.editable {
-            row.status = Status::Kept(reason);
+        // Filled where it stays.
+        self.rows.push(Row::BLANK);
+        if let Some(row) = self.rows.last_mut() {
+            row.fill(target, point, there, normal);
         }
-        self.rows.push(row);
     }
 
     pub(super) fn fail(&mut self, i: usize, error: &EquilibriumError) {
@@ -91,6 +91,8 @@ pub(super) fn check_limits(
     changes: &[Option<Change>],
     last: &mut Option<Vector3<f64>>,
 ) {
+    let limits = &cell.limits;
+    let above = |shift: &Vector3<f64>, limit: f64| shift.norm_squared() > limit * limit;
     for (i, point) in prepared.points.iter().enumerate() {
         let corrected = changes[i].is_some() || out.program.language == Language::Cl;
         let shift = if corrected {
@@ -99,24 +101,26 @@ pub(super) fn check_limits(
         } else {
             Vector3::zeros()
         };
-        let size = shift.norm();
-        let limits = &cell.limits;
-        if size > limits.max_correction {
+        if above(&shift, limits.max_correction) {
             out.refuse(
                 i,
                 "limits.max-correction",
-                format!("correction of {:.3} mm, more than max_correction_mm = {}", 1e3 * size, 1e3 * limits.max_correction),
+                format!(
+                    "correction of {:.3} mm, more than max_correction_mm = {}",
+                    1e3 * shift.norm(),
+                    1e3 * limits.max_correction
+                ),
                 "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant",
             );
         }
-        let step = last.map_or(0.0, |last| (shift - last).norm());
-        if step > limits.max_step {
+        let step = last.map_or_else(Vector3::zeros, |last| shift - last);
+        if above(&step, limits.max_step) {
             out.refuse(
                 i,
                 "limits.max-step",
                 format!(
                     "the correction steps by {:.3} mm from the target before, more than max_step_mm = {}",
-                    1e3 * step,
+                    1e3 * step.norm(),
                     1e3 * limits.max_step
                 ),
                 "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant",

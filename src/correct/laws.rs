@@ -1,6 +1,5 @@
 //! The cutting forces of a cell along a path: which moves cut, and by what law.
 
-use super::path::PointLoad;
 use crate::cell::{Cell, Cut, CutForce, ForceFrame};
 use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
 use crate::effects::ForceLaw;
@@ -49,6 +48,15 @@ pub(super) struct Laws<'a> {
     pub(super) laws: Vec<Law>,
 }
 
+/// What cuts at a target.
+pub(super) enum Load {
+    Air,
+    /// N, work object axes.
+    Constant(Vector3<f64>),
+    /// Index into the laws; in the feed frame.
+    Law(usize),
+}
+
 /// Code, message, help.
 type Refusal = (&'static str, String, String);
 
@@ -81,16 +89,16 @@ impl<'a> Laws<'a> {
         &mut self,
         target: &Target,
         given: Option<Vector3<f64>>,
-        (frame, leaned): (Option<Rotation3<f64>>, bool),
+        frame: Option<&Rotation3<f64>>,
         wobj_from_tcp: &Pose,
         has_table: bool,
-    ) -> Result<PointLoad, Refusal> {
+    ) -> Result<Load, Refusal> {
         if !self.may_cut(target) {
-            return Ok(PointLoad::Air);
+            return Ok(Load::Air);
         }
         // A table overrides [cut]: a nonzero row cuts, a zero or absent row is air.
         if has_table {
-            return Ok(given.filter(|f| *f != Vector3::zeros()).map_or(PointLoad::Air, PointLoad::Constant));
+            return Ok(given.filter(|f| *f != Vector3::zeros()).map_or(Load::Air, Load::Constant));
         }
         match self.cut.map(|cut| &cut.force) {
             None => Err((
@@ -98,20 +106,22 @@ impl<'a> Laws<'a> {
                 "the cell has no [cut] section, and no table of forces was given".to_owned(),
                 "add [cut] to the cell (force = \"none\" for no force), or give --forces".to_owned(),
             )),
-            Some(CutForce::None) => Ok(PointLoad::Air),
+            Some(CutForce::None) => Ok(Load::Air),
             Some(CutForce::Table) => Err((
                 "cell.no-forces",
                 "[cut] force = \"table\" needs a table of forces".to_owned(),
                 "give --forces CSV with `target` and `fx_n,fy_n,fz_n`".to_owned(),
             )),
             Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
-                (ForceFrame::Wobj, _) => PointLoad::Constant(*force),
-                (ForceFrame::Tool, _) => PointLoad::Constant(wobj_from_tcp.rotation * force),
-                (ForceFrame::Feed, Some(frame)) => PointLoad::Constant(frame * force),
-                (ForceFrame::Feed, None) => PointLoad::Air,
+                (ForceFrame::Wobj, _) => Load::Constant(*force),
+                (ForceFrame::Tool, _) => Load::Constant(wobj_from_tcp.rotation * force),
+                (ForceFrame::Feed, Some(frame)) => Load::Constant(frame * force),
+                (ForceFrame::Feed, None) => Load::Air,
             }),
             Some(CutForce::Mechanistic { feed_from_program, spindle_rpm, engagement, cutter, .. }) => {
-                let Some(frame) = frame else { return Ok(PointLoad::Air) };
+                if frame.is_none() {
+                    return Ok(Load::Air);
+                }
                 let feed_per_tooth = if *feed_from_program {
                     let rpm = target.spindle_rpm.or(*spindle_rpm).filter(|rpm| *rpm > 0.0);
                     let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
@@ -126,7 +136,7 @@ impl<'a> Laws<'a> {
                 } else {
                     engagement.feed_per_tooth
                 };
-                Ok(PointLoad::Law { law: self.law(feed_per_tooth), wobj_from_feed: frame, leaned })
+                Ok(Load::Law(self.law(feed_per_tooth)))
             }
         }
     }

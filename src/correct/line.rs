@@ -14,7 +14,6 @@ use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteO
 use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
-use std::f64::consts::SQRT_2;
 
 /// A corrected program.
 #[derive(Debug)]
@@ -52,7 +51,7 @@ pub struct Posted {
 pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
 
 /// Corrections up to this size do not count as a change: rounding of f64.
-const NO_CHANGE_MM: f64 = 1e-9;
+const NO_CHANGE_M: f64 = 1e-12;
 const NO_CHANGE_RAD: f64 = 1e-11;
 
 /// Predicts what the cell would make of a program, without correcting it.
@@ -329,9 +328,9 @@ fn posted(
 /// The change of a target, or `None` where nothing is to be changed.
 fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Cell) -> Option<Change> {
     let (from, to) = (&point.wobj_from_tcp, &solved.wobj_from_tcp);
-    let shifted = 1e3 * (to.translation.vector - from.translation.vector).norm() >= NO_CHANGE_MM;
-    // √2 times the angle.
-    let turned = (to.rotation.matrix() - from.rotation.matrix()).norm() >= NO_CHANGE_RAD * SQRT_2;
+    let shifted = (to.translation.vector - from.translation.vector).norm_squared() >= NO_CHANGE_M * NO_CHANGE_M;
+    // Twice the angle's square.
+    let turned = (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
     if wish == Wish::Keep || !(shifted || turned) {
         return None;
     }

@@ -2,7 +2,7 @@
 
 use super::ahead::{Ahead, Way};
 use super::frames::{self, pose};
-use super::laws::{Law, Laws};
+use super::laws::{Law, Laws, Load};
 use super::spin;
 use super::{Options, Prepared};
 use crate::cell::Cell;
@@ -302,10 +302,15 @@ impl Walk<'_, '_> {
     }
 
     fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting: u32) {
-        let way = self.ahead.way(lane);
-        let chord = way.as_ref().map_or_else(|| self.chord(i, target, setting), |way| way.chord);
+        if !self.ahead.knows_ways() {
+            let chord = self.chord(i, target, setting);
+            self.ahead.set_chord(lane, &chord);
+        }
+        let chord = self.ahead.chord(lane);
         let wobj_from_tcp = match target.goal {
-            Goal::Pose { position_mm, quat, .. } => self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat)),
+            Goal::Pose { position_mm, quat, .. } => {
+                self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat))
+            }
             Goal::Axis { position_mm, axis } => match self.turned(lane, position_mm, axis, chord) {
                 Some(pose) => pose,
                 None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
@@ -337,8 +342,10 @@ impl Walk<'_, '_> {
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
         let axis = tool_axis(&wobj_from_tcp);
-        let Way { size, direction, feed_frame, .. } =
-            way.unwrap_or_else(|| Way::along(chord, &Unit::new_unchecked(axis), self.carried.laws.lean()));
+        if !self.ahead.knows_ways() {
+            self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean());
+        }
+        let Way { size, direction, feed_frame } = self.ahead.way(lane);
         let length = if previous.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
@@ -354,11 +361,15 @@ impl Walk<'_, '_> {
         let load = match self.carried.laws.load(
             target,
             row.and_then(|r| r.force),
-            (frame, leaned),
+            frame.as_ref(),
             &wobj_from_tcp,
             self.options.forces.is_some(),
         ) {
-            Ok(load) => load,
+            Ok(Load::Air) => PointLoad::Air,
+            Ok(Load::Constant(force)) => PointLoad::Constant(force),
+            Ok(Load::Law(law)) => {
+                frame.map_or(PointLoad::Air, |wobj_from_feed| PointLoad::Law { law, wobj_from_feed, leaned })
+            }
             Err((code, message, help)) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);

@@ -1,7 +1,7 @@
 use super::Stiffness;
 use super::path::Point;
 use crate::equilibrium::Landing;
-use crate::program::Target;
+use crate::program::{Editable, Target};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -69,25 +69,41 @@ impl Row {
         Vector3::from(self.remaining_mm).norm()
     }
 
-    /// A row with the predicted error of where the target ends up, and nothing corrected.
-    pub(super) fn new(target: &Target, point: &Point, there: &Landing, error_normal: f64) -> Self {
+    /// One of nothing.
+    pub(super) const BLANK: Self = Self {
+        target: 0,
+        line: 0,
+        name: None,
+        status: Status::Air,
+        position_mm: [0.0; 3],
+        error_mm: [0.0; 3],
+        error_deg: [0.0; 3],
+        error_normal_mm: 0.0,
+        correction_mm: [0.0; 3],
+        correction_deg: [0.0; 3],
+        remaining_mm: [0.0; 3],
+        force_n: [0.0; 3],
+        sigma_mm: None,
+        stiffness: None,
+    };
+
+    /// Fills a blank row with the predicted error of where the target ends up, and nothing corrected.
+    pub(super) fn fill(&mut self, target: &Target, point: &Point, there: &Landing, error_normal: f64) {
         let error_mm = (1e3 * there.shift).into();
-        Self {
-            target: target.ordinal,
-            line: target.line,
-            name: target.name.clone(),
-            status: if point.cuts() { Status::Ok } else { Status::Air },
-            position_mm: (point.wobj_from_tcp.translation.vector * 1e3).into(),
-            error_mm,
-            error_deg: there.turn.map(f64::to_degrees).into(),
-            error_normal_mm: 1e3 * error_normal,
-            correction_mm: [0.0; 3],
-            correction_deg: [0.0; 3],
-            remaining_mm: error_mm,
-            force_n: there.cut.into(),
-            sigma_mm: None,
-            stiffness: None,
-        }
+        self.target = target.ordinal;
+        self.line = target.line;
+        self.name.clone_from(&target.name);
+        self.status = match target.editable {
+            Editable::No(reason) => Status::Kept(reason),
+            _ if point.cuts() => Status::Ok,
+            _ => Status::Air,
+        };
+        self.position_mm = (point.wobj_from_tcp.translation.vector * 1e3).into();
+        self.error_mm = error_mm;
+        self.error_deg = there.turn.map(f64::to_degrees).into();
+        self.error_normal_mm = 1e3 * error_normal;
+        self.remaining_mm = error_mm;
+        self.force_n = there.cut.into();
     }
 }
 
@@ -133,9 +149,20 @@ const ROUNDED_DEG: f64 = 2e-5;
 /// A [`Summary`] on its way, row after row in running order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
+    /// Counts; sizes are in the end.
     sum: Summary,
+    most: Most,
     cutting: MeanSquare,
     all: MeanSquare,
+}
+
+/// Squares of the largest sizes, mm².
+#[derive(Clone, Copy, Debug, Default)]
+struct Most {
+    error: f64,
+    correction: f64,
+    remaining: f64,
+    kept: f64,
 }
 
 /// Root mean square on its way.
@@ -146,8 +173,8 @@ struct MeanSquare {
 }
 
 impl MeanSquare {
-    fn add(&mut self, value: f64) {
-        self.sum += value * value;
+    fn add(&mut self, square: f64) {
+        self.sum += square;
         self.count += 1;
     }
 
@@ -158,19 +185,20 @@ impl MeanSquare {
 
 impl Tally {
     pub(super) fn add(&mut self, rows: &[Row]) {
-        let sum = &mut self.sum;
+        let square = |size: [f64; 3]| Vector3::from(size).norm_squared();
+        let (sum, most) = (&mut self.sum, &mut self.most);
         sum.targets += rows.len();
         for row in rows {
-            let (error, correction) = (row.error_norm_mm(), row.correction_norm_mm());
+            let (error, correction) = (square(row.error_mm), square(row.correction_mm));
             self.all.add(error);
             match row.status {
                 Status::Ok => {
-                    sum.max_remaining_mm = sum.max_remaining_mm.max(row.remaining_norm_mm());
+                    most.remaining = most.remaining.max(square(row.remaining_mm));
                     self.cutting.add(error);
                 }
                 Status::Air => sum.air += 1,
                 Status::Kept(reason) => {
-                    sum.max_kept_mm = sum.max_kept_mm.max(error);
+                    most.kept = most.kept.max(error);
                     if row.force_n.iter().any(|force| force.abs() > 0.0) {
                         self.cutting.add(error);
                     }
@@ -180,16 +208,23 @@ impl Tally {
                     }
                 }
             }
-            sum.max_error_mm = sum.max_error_mm.max(error);
-            sum.max_correction_mm = sum.max_correction_mm.max(correction);
+            most.error = most.error.max(error);
+            most.correction = most.correction.max(correction);
             let turned = row.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
-            sum.corrected += usize::from(correction > ROUNDED_MM || turned);
+            sum.corrected += usize::from(correction > ROUNDED_MM * ROUNDED_MM || turned);
         }
     }
 
     pub(super) fn summary(self) -> Summary {
         let mean = if self.cutting.count > 0 { self.cutting } else { self.all };
-        Summary { rms_error_mm: mean.root(), ..self.sum }
+        Summary {
+            max_error_mm: self.most.error.sqrt(),
+            rms_error_mm: mean.root(),
+            max_correction_mm: self.most.correction.sqrt(),
+            max_remaining_mm: self.most.remaining.sqrt(),
+            max_kept_mm: self.most.kept.sqrt(),
+            ..self.sum
+        }
     }
 }
 

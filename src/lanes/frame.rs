@@ -134,8 +134,8 @@ impl Frame {
 
     #[inline(always)]
     pub(crate) fn rotation(&self, lane: usize) -> Rotation3<f64> {
-        let axes = [self.x.lane(lane), self.y.lane(lane), self.z.lane(lane)];
-        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&axes))
+        let (x, y, z) = (self.x.lane(lane), self.y.lane(lane), self.z.lane(lane));
+        Rotation3::from_matrix_unchecked(Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z))
     }
 
     /// A place, m, and a quaternion, scalar first, of any length.

@@ -170,9 +170,15 @@ impl Mask {
     }
 
     #[inline(always)]
-    pub(crate) fn lane(self, lane: usize) -> bool {
+    pub(crate) fn lane(&self, lane: usize) -> bool {
         debug_assert!(lane < WIDTH);
         self.0[lane % WIDTH] != 0
+    }
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, value: bool) {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] = if value { u64::MAX } else { 0 };
     }
 
     /// Where a bit of the numbers is set.

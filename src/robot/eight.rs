@@ -32,11 +32,7 @@ pub(crate) fn set(all: &mut EightJoints, lane: usize, one: &Joints) {
 /// One target's.
 #[inline(always)]
 pub(crate) fn one(all: &EightJoints, lane: usize) -> Joints {
-    let mut one = Joints::zeros();
-    for (one, all) in one.iter_mut().zip(all) {
-        *one = all.lane(lane);
-    }
-    one
+    Joints::from(six!(i => all[i].lane(lane)))
 }
 
 /// Denavit-Hartenberg angles (joint plus offset) of each joint.

@@ -58,6 +58,8 @@ pub(crate) struct Room<'a> {
     /// The nominal arm's TCP in the work object, and where it is known.
     nominal: Frame,
     known: Mask,
+    /// Where the command is a number.
+    finite: Mask,
     landings: EightLanding,
     pub(crate) found: EightFound,
     /// For those that have to be solved one by one.
@@ -100,7 +102,7 @@ impl<'a> EightArm<'a> {
         wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
         mut put: impl FnMut(usize, Aim, Option<Pose>, Landing),
     ) {
-        let Room { block, look, feedback, motor, free, nominal, known, rounds, landings, .. } = room;
+        let Room { block, look, feedback, motor, free, nominal, known, finite, rounds, landings, .. } = room;
         let lost = self.half_gap != Joints::zeros();
         for lane in 0..count {
             let (site, at, _) = wanted(lane);
@@ -120,9 +122,12 @@ impl<'a> EightArm<'a> {
             rounds: &'a mut Rounds = rounds,
             nominal: &'a mut Frame = nominal,
             known: &'a mut Mask = known,
+            finite: &'a mut Mask = finite,
         ) {
             *feedback = look.feedback(arm, block);
             *free = six!(i => motor[i] - look.give[i]);
+            let [a, b, c, d, e, f] = six!(i => free[i].abs().lt(f64::INFINITY));
+            *finite = a & b & c & d & e & f;
             (*nominal, *known) = look.relieved(arm, block);
             rounds.motor = *motor;
             rounds.begin_at(motor, &look.turns);
@@ -143,7 +148,7 @@ impl<'a> EightArm<'a> {
                 lift: feedback.lift.lane(lane),
             };
             let (motor, free) = (one(motor, lane), one(free, lane));
-            if let Some(landing) = rounds.landing(landings, lane).filter(|_| free.iter().all(|v| v.is_finite())) {
+            if let Some(landing) = rounds.landing(landings, lane).filter(|_| finite.lane(lane)) {
                 let nominal = (!lost && known.lane(lane)).then(|| nominal.lane(lane));
                 put(lane, Aim { motor, free, lost: self.half_gap, feedback }, nominal, landing);
             }

@@ -7,6 +7,7 @@ use crate::equilibrium::Landing;
 use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
 use crate::robot::{EightJoints, EightTurns, NUDGE, turn_between, turns_between};
+use nalgebra::Vector3;
 
 /// Rounds before the plain way is asked: with the secant real arms take four.
 const ROUNDS: usize = 8;
@@ -137,15 +138,25 @@ impl Rounds {
     }
 
     /// Where a lane has come to, if it has.
+    #[inline(always)]
     pub(super) fn landing(&self, landings: &EightLanding, lane: usize) -> Option<Landing> {
-        let turned = || turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane));
-        (self.done.lane(lane) && self.close.lane(lane)).then(|| Landing {
-            shift: landings.shift.lane(lane),
-            turn: if landings.small.lane(lane) { landings.turn.lane(lane) } else { turned() },
-            axis: -landings.seen.z.lane(lane),
-            cut: landings.cut.lane(lane),
-            share: self.share.lane(lane),
-            gain: Some(self.most.lane(lane)).filter(|most| *most > 0.0).unwrap_or(1.0),
+        (self.done.lane(lane) && self.close.lane(lane)).then(|| {
+            let most = self.most.lane(lane);
+            // In numbers: as a whole it would be put in memory and read again.
+            let [x, y, z] = if landings.small.lane(lane) {
+                let turn = &landings.turn;
+                [turn.x.lane(lane), turn.y.lane(lane), turn.z.lane(lane)]
+            } else {
+                turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane)).into()
+            };
+            Landing {
+                shift: landings.shift.lane(lane),
+                turn: Vector3::new(x, y, z),
+                axis: -landings.seen.z.lane(lane),
+                cut: landings.cut.lane(lane),
+                share: self.share.lane(lane),
+                gain: if most > 0.0 { most } else { 1.0 },
+            }
         })
     }
 

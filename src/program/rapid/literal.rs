@@ -124,8 +124,14 @@ impl Literal {
 
     /// The same literal elsewhere.
     #[inline]
-    pub(super) fn moved(&self, start: usize) -> Option<Self> {
-        Some(Self { start: u32::try_from(start).ok()?, ..*self })
+    pub(super) fn moved(&self, start: u32) -> Self {
+        Self { start, ..*self }
+    }
+
+    /// Moves it.
+    #[inline]
+    pub(super) fn move_to(&mut self, start: u32) {
+        self.start = start;
     }
 
     /// Whether two literals have all their tokens at the same places, of the same lengths and decimals.

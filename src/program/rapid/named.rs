@@ -4,7 +4,7 @@
 use super::index::{declared, hash, is_word};
 use super::literal::Literal;
 use super::pieces::line_of;
-use super::sample::{Sample, goal};
+use super::sample::{Sample, pose};
 use super::value::axes_in_use;
 use crate::program::Goal;
 use std::ops::Range;
@@ -161,7 +161,8 @@ impl<'a> Way<'a> {
             lead: &line[..indent + name.start],
             sample: Sample::new(&line[lead..], start + lead, literal, &written),
         };
-        Some((way, &text[name], literal, goal(written.position_mm, written.quat, written.conf)?))
+        let (position_mm, quat) = pose(written.position_mm, written.quat)?;
+        Some((way, &text[name], literal, Goal::Pose { position_mm, quat, conf: written.conf }))
     }
 
     /// Reads the line at `start`, if it is like the last one: name and robtarget, and its length with its end.
@@ -169,8 +170,8 @@ impl<'a> Way<'a> {
         let rest = bytes.get(start..)?.strip_prefix(self.lead)?;
         let name = &rest[..rest.iter().position(|b| !is_word(*b))?];
         let lead = self.lead.len() + name.len();
-        let (literal, goal, len) = self.sample.as_mut()?.read(bytes, start + lead)?;
-        Some((name, literal, goal, lead + len))
+        let (found, len) = self.sample.as_mut()?.read(bytes, start + lead)?;
+        Some((name, found.literal(), found.goal(), lead + len))
     }
 
     fn is(&self, other: &Self) -> bool {

@@ -5,7 +5,6 @@ use super::Site;
 use super::literal::{Literal, POSE};
 use super::rewrite::{Pose, Writer, single, toward, turned};
 use super::token::MAX_DECIMALS;
-use super::value::unit;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
 use crate::text::number::{Fixed, Leading, Numbers, Printed, read_leading};
 use crate::text::{Content, Edit, Span};
@@ -23,8 +22,22 @@ struct Ahead {
     /// How the last ones were.
     numbers: Option<Numbers>,
     printed: [Printed; AHEAD],
+    /// The texts from their first number to their last.
+    texts: [Text; AHEAD],
     /// Whether they are, and need no closer look.
     sure: [bool; AHEAD],
+}
+
+/// Numbers, and the text between them.
+struct Text {
+    bytes: [u8; ROOM],
+    len: usize,
+}
+
+impl Default for Text {
+    fn default() -> Self {
+        Self { bytes: [0; ROOM], len: 0 }
+    }
 }
 
 /// Whether each target has its literal for itself, in their order.
@@ -54,13 +67,19 @@ impl Writer<'_> {
             if i % AHEAD == 0 {
                 self.print_ahead(i, changes, &mut ahead);
             }
-            let change = changes[i].as_ref();
+            let (change, k) = (changes[i].as_ref(), i % AHEAD);
+            if let (true, Site::Literal { literal, .. }, Editable::Pose) =
+                (ahead.sure[k], sites[i], self.program.targets[i].editable)
+            {
+                let [x, y, z, quat @ .., _] = ahead.printed[k].held;
+                written.push(([x, y, z], quat));
+                self.at_once(&self.layout.literals[literal as usize], &ahead.texts[k]);
+                continue;
+            }
             let (pose, change) = match (sites[i], self.program.targets[i].editable, change) {
                 (Site::Literal { literal, .. }, Editable::Pose, Some(change)) => {
                     let literal = &self.layout.literals[literal as usize];
-                    let printed = ahead.sure[i % AHEAD].then_some(&ahead.printed[i % AHEAD]);
-                    let at_once = printed.and_then(|printed| self.at_once(i, literal, printed));
-                    (at_once.or_else(|| self.pose(i, literal, change)), None)
+                    (self.pose(i, literal, change), None)
                 }
                 (_, _, change) => (None, change),
             };
@@ -76,12 +95,12 @@ impl Writer<'_> {
     fn pose(&mut self, i: usize, literal: &Literal, change: &Change) -> Option<Pose> {
         if let Some((edit, (position, quat))) = self.stretch(i, literal, change) {
             self.edits.get_mut(literal.source as usize)?.extend(edit);
-            return Some((position, unit(quat)));
+            return Some((position, quat));
         }
         let print = self.print(i, literal, change);
         let (position, quat) = self.literal_pose(literal, Some(&print));
         self.edit_literal(literal, print);
-        Some((position, unit(quat)))
+        Some((position, quat))
     }
 
     /// Prints the next poses of seven new numbers, whose decimals most literals have in common.
@@ -117,12 +136,20 @@ impl Writer<'_> {
         for ((sure, wanted), printed) in ahead.sure.iter_mut().zip(&wanted).zip(&mut ahead.printed) {
             *sure = *sure && numbers.print(wanted, printed);
         }
+        for k in 0..AHEAD {
+            let sure = ahead.sure[k];
+            ahead.sure[k] = sure && self.compose(from + k, &ahead.printed[k], &mut ahead.texts[k]).is_some();
+        }
     }
 
-    /// Edits a pose by its new numbers, all of them at once; the pose as the controller holds it. `None` where a closer look
-    /// is needed.
-    fn at_once(&mut self, i: usize, literal: &Literal, printed: &Printed) -> Option<Pose> {
-        let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { return None };
+    /// The text of new numbers; `None` where a closer look is needed.
+    fn compose(&self, i: usize, printed: &Printed, Text { bytes: text, len }: &mut Text) -> Option<()> {
+        let (Site::Literal { literal, .. }, Goal::Pose { position_mm, .. }) =
+            (*self.layout.sites.get(i)?, self.program.targets.get(i)?.goal)
+        else {
+            return None;
+        };
+        let literal = &self.layout.literals[literal as usize];
         let bytes = &self.program.sources[literal.source as usize].bytes[..];
         let was = literal.pose_decimals();
         for k in (0..POSE).filter(|k| printed.may_be_the_same(*k, was[*k])) {
@@ -132,25 +159,35 @@ impl Writer<'_> {
                 return None;
             }
         }
-        let (mut text, mut len) = ([0; ROOM], 0);
+        let mut at = 0;
         for k in 0..POSE {
             if k > 0 {
                 // The text between two numbers is kept.
                 let between = bytes.get(literal.token(k - 1).range().end..literal.token(k).range().start)?;
                 match between {
-                    [one] => *text.get_mut(len)? = *one,
-                    _ => text.get_mut(len..len + between.len())?.copy_from_slice(between),
+                    [one] => *text.get_mut(at)? = *one,
+                    _ => text.get_mut(at..at + between.len())?.copy_from_slice(between),
                 }
-                len += between.len();
+                at += between.len();
             }
-            len += printed.put(k, text.get_mut(len..)?.first_chunk_mut()?);
+            at += printed.put(k, text.get_mut(at..)?.first_chunk_mut()?);
         }
-        let (span, text) = (literal.token(0).to(literal.token(POSE - 1)), text.get(..len)?);
-        if bytes.get(span.range())? != text {
-            self.edits.get_mut(literal.source as usize)?.push(Edit { span, content: Content::from_slice(text) });
+        *len = at;
+        Some(())
+    }
+
+    /// Edits a pose by its new numbers, all of them at once.
+    fn at_once(&mut self, literal: &Literal, text: &Text) {
+        let bytes = &self.program.sources[literal.source as usize].bytes[..];
+        let (span, text) = (literal.token(0).to(literal.token(POSE - 1)), &text.bytes[..text.len]);
+        let changes = bytes.get(span.range()) != Some(text);
+        if let Some(edits) = self.edits.get_mut(literal.source as usize).filter(|_| changes) {
+            // Filled where it stays.
+            edits.push(Edit { span, content: Content::new() });
+            if let Some(edit) = edits.last_mut() {
+                edit.content.extend_from_slice(text);
+            }
         }
-        let [x, y, z, quat @ .., _] = printed.held;
-        Some(([x, y, z], unit(quat)))
     }
 
     /// A pose whose numbers have no looks to keep but their decimals, as one edit from its first number that changes to the

@@ -324,7 +324,7 @@ impl<'a> Writer<'a> {
                 Goal::Joints { .. } => return ([0.0; 3], super::value::NO_TURN),
             },
         };
-        (position.map(single), unit(quat))
+        (position.map(single), quat)
     }
 }
 

@@ -17,6 +17,8 @@ pub(super) struct Sample<'a> {
     literal: Literal,
     /// The line, where the one before it had its numbers at the same places.
     shape: Option<Shape>,
+    /// Where the robtarget is, if no shape tells.
+    at: Pose,
     conf: Option<Conf>,
     /// Bytes of the line before the literal, and behind it.
     literal_at: usize,
@@ -24,6 +26,28 @@ pub(super) struct Sample<'a> {
     /// Blanks at the line's start and its end.
     pub(super) indent: usize,
     pub(super) trailing: usize,
+}
+
+/// The robtarget of a line like another: looked at where it is, and copied once.
+#[derive(Clone, Copy)]
+pub(super) struct Found<'s> {
+    /// Like its literal, but for where it starts.
+    pub(super) literal: &'s Literal,
+    pub(super) start: u32,
+    pub(super) pose: &'s Pose,
+    pub(super) conf: &'s Option<Conf>,
+}
+
+impl Found<'_> {
+    pub(super) fn literal(&self) -> Literal {
+        self.literal.moved(self.start)
+    }
+
+    #[inline]
+    pub(super) fn goal(&self) -> Goal {
+        let (position_mm, quat) = *self.pose;
+        Goal::Pose { position_mm, quat, conf: *self.conf }
+    }
 }
 
 /// A number of a line.
@@ -49,6 +73,7 @@ impl<'a> Sample<'a> {
             pose,
             literal,
             shape: None,
+            at: ([0.0; 3], [0.0; 4]),
             conf: written.conf,
             literal_at: literal.span().range().start - start,
             behind: start + line.len() - literal.span().range().end,
@@ -58,13 +83,22 @@ impl<'a> Sample<'a> {
     }
 
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
-    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Literal, Goal, usize)> {
+    #[inline]
+    pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Found<'_>, usize)> {
+        let soon = self.shape.as_mut().is_some_and(|shape| shape.read(bytes, start));
+        let len = if soon {
+            self.literal_at + self.literal.span().len() + self.behind
+        } else {
+            self.read_closer(bytes, start)?
+        };
+        let start = u32::try_from(start + self.literal_at).ok()?;
+        let pose = self.shape.as_ref().filter(|_| soon).map_or(&self.at, Shape::pose);
+        Some((Found { literal: &self.literal, start, pose, conf: &self.conf }, len))
+    }
+
+    /// Number by number; the line's length with its end.
+    fn read_closer(&mut self, bytes: &'a [u8], start: usize) -> Option<usize> {
         let line = bytes.get(start..)?;
-        if let Some((position_mm, quat)) = self.shape.as_mut().and_then(|shape| shape.read(bytes, start)) {
-            let literal = self.literal.moved(start + self.literal_at)?;
-            let len = self.literal_at + literal.span().len() + self.behind;
-            return Some((literal, Goal::Pose { position_mm, quat, conf: self.conf }, len));
-        }
         let mut rest = line.strip_prefix(self.before)?;
         let mut places = [(0, Leading::default()); POSE];
         for (place, number) in places.iter_mut().zip(&mut self.pose) {
@@ -89,7 +123,8 @@ impl<'a> Sample<'a> {
             None
         };
         self.literal = literal;
-        Some((literal, goal([x, y, z], quat, self.conf)?, len))
+        self.at = pose([x, y, z], quat)?;
+        Some(len)
     }
 }
 
@@ -128,11 +163,6 @@ impl<'a> Named<'a> {
 pub(super) type Pose = ([f64; 3], [f64; 4]);
 
 /// Where a robtarget is; `None` where its orientation is none.
-pub(super) fn goal(position_mm: [f64; 3], quat: [f64; 4], conf: Option<Conf>) -> Option<Goal> {
-    pose(position_mm, quat).map(|(position_mm, quat)| Goal::Pose { position_mm, quat, conf })
-}
-
-/// The same without its configuration.
 #[inline]
 pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Option<Pose> {
     let norm = quat.iter().map(|c| c * c).sum::<f64>();

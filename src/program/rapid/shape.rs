@@ -40,8 +40,10 @@ struct Ahead {
     count: usize,
     /// Their numbers, of which the last is none.
     numbers: [[f64; 8]; AHEAD],
-    /// Where that is; `None` where only a closer look tells.
-    poses: [Option<Pose>; AHEAD],
+    /// Where that is.
+    poses: [Pose; AHEAD],
+    /// Whether it is; elsewhere only a closer look tells.
+    usual: [bool; AHEAD],
 }
 
 impl Shape {
@@ -83,18 +85,24 @@ impl Shape {
         Some(shape)
     }
 
-    /// The pose of the line at `start`, if it is like this one; `None` also where there is too little text behind it to see
-    /// that. Asked of one text alone.
-    pub(super) fn read(&mut self, text: &[u8], start: usize) -> Option<Pose> {
+    /// Whether the line at `start` is like this one, and its [pose](Self::pose) known; not so either where there is too little
+    /// text behind it to see that. Asked of one text alone.
+    pub(super) fn read(&mut self, text: &[u8], start: usize) -> bool {
         let step = start.wrapping_sub(std::mem::replace(&mut self.ahead.last, start));
         if self.ahead.next == self.ahead.count || self.ahead.step != step {
             // Most lines have the distance of the last two; something else may stand between them.
             self.ahead.step = if (self.len..self.len + ROOM).contains(&step) { step } else { self.len };
             self.read_ahead(text, start);
         }
-        let pose = (*self.ahead.poses[..self.ahead.count].get(self.ahead.next)?)?;
-        self.ahead.next += 1;
-        Some(pose)
+        let known = self.ahead.usual[..self.ahead.count].get(self.ahead.next).copied().unwrap_or(false);
+        self.ahead.next += usize::from(known);
+        known
+    }
+
+    /// The pose of the line that was read last.
+    #[inline]
+    pub(super) fn pose(&self) -> &Pose {
+        &self.ahead.poses[(self.ahead.next + AHEAD - 1) % AHEAD]
     }
 
     /// Reads the line at `start` and those behind it, as long as they are like this one.
@@ -124,7 +132,7 @@ impl Shape {
             }
             self.ahead.count += 1;
         }
-        let Ahead { count, numbers, poses, .. } = &mut self.ahead;
+        let Ahead { count, numbers, poses, usual, .. } = &mut self.ahead;
         for (digits, numbers) in digits[..*count].iter().zip(&mut *numbers) {
             widest!(<'a>(
                 runs: &'a Runs = &self.runs,
@@ -134,11 +142,15 @@ impl Shape {
                 *numbers = runs.read(digits);
             });
         }
-        for (numbers, to) in numbers[..*count].iter().zip(poses) {
+        for ((numbers, to), known) in numbers[..*count].iter().zip(poses).zip(usual) {
             let [x, y, z, quat @ .., _] = *numbers;
             // A zero with a minus is not among the usual forms.
             let usual = numbers.iter().all(|number| number.to_bits() != (-0.0_f64).to_bits());
-            *to = pose([x, y, z], quat).filter(|_| usual);
+            let pose = pose([x, y, z], quat).filter(|_| usual);
+            *known = pose.is_some();
+            if let Some(pose) = pose {
+                *to = pose;
+            }
         }
     }
 
@@ -187,6 +199,11 @@ mod tests {
         Shape::new(&text[..len], 8, &Literal::find(text, 0, 8).unwrap())
     }
 
+    /// The pose of the line at `start`, if it is like the shape's.
+    fn read(shape: &mut Shape, text: &[u8], start: usize) -> Option<Pose> {
+        shape.read(text, start).then(|| *shape.pose())
+    }
+
     fn plain(text: &[u8]) -> Option<[u64; POSE]> {
         let (_, written) = Literal::read(text, 0, 8)?;
         pose(written.position_mm, written.quat).map(bits)
@@ -209,11 +226,11 @@ mod tests {
             let mut digits = digits.into_iter();
             let (mut other, _) = text(&layouts, || digits.next().unwrap());
             let usual = of(&other, len).is_some();
-            prop_assert_eq!(shape.read(&other, 0).map(bits), plain(&other).filter(|_| usual));
+            prop_assert_eq!(read(&mut shape, &other, 0).map(bits), plain(&other).filter(|_| usual));
             // Any one byte changed.
             let at = at.min(len - 1);
             other[at] = byte;
-            if let Some(pose) = of(&first, len).unwrap().read(&other, 0) {
+            if let Some(pose) = read(&mut of(&first, len).unwrap(), &other, 0) {
                 prop_assert_eq!(Some(bits(pose)), plain(&other));
                 let around = |text: &[u8]| text[..len].split(|b| *b == b'[').map(<[u8]>::to_vec).collect::<Vec<_>>();
                 let (own, others) = (around(&first), around(&other));
@@ -232,10 +249,10 @@ mod tests {
             let lines: Vec<Vec<u8>> = (0..count).map(|i| text(&layouts, || 1 + (seed + i as u8) % 9).0[..len].to_vec()).collect();
             let all = [lines.concat(), vec![b'x'; WINDOW]].concat();
             for (i, line) in lines.iter().enumerate() {
-                prop_assert_eq!(shape.read(&all, i * len).map(bits), plain(line));
+                prop_assert_eq!(read(&mut shape, &all, i * len).map(bits), plain(line));
             }
-            prop_assert_eq!(shape.read(&all, count * len), None);
-            prop_assert_eq!(shape.read(&all, 0).map(bits), plain(&lines[0]));
+            prop_assert_eq!(read(&mut shape, &all, count * len), None);
+            prop_assert_eq!(read(&mut shape, &all, 0).map(bits), plain(&lines[0]));
         }
     }
 }

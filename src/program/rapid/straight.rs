@@ -9,10 +9,10 @@ use super::moves::index;
 use super::named::Declarations;
 use super::piece::Piece;
 use super::pieces::line_of;
-use super::sample::{Named, Sample, goal};
+use super::sample::{Found, Named, Sample, pose};
 use super::value::{Place, axes_in_use};
 use super::{Layout, Site};
-use crate::program::{Goal, Language, Mark, Program, Target, Tool, Wobj};
+use crate::program::{Language, Mark, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
 
@@ -52,10 +52,10 @@ enum Last<'a> {
 }
 
 /// A line's target.
-enum To {
+enum To<'s> {
     /// None, or one without a place.
     Nowhere,
-    Inline(Literal, Goal),
+    Inline(Found<'s>),
     /// A declared one, and where its name stands.
     Named(usize, Range<usize>),
 }
@@ -85,9 +85,8 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
     let (mut start, mut line_number) = (piece.stretch.start, piece.lines_before);
     while start < bytes.len() {
         line_number += 1;
-        if let Some(kind) = kinds.get_mut(last)
-            && let Some((to, text, end)) = kind.like_the_last(&mut declarations, bytes, start)
-            && let Some(like) = &kind.motion
+        if let Some(Kind { way, motion: Some(like), last, .. }) = kinds.get_mut(last)
+            && let Some((to, text, end)) = last.again(*way, &mut declarations, bytes, start)
         {
             start = end;
             read.push(piece, &mut declarations, like, line_number, text, to)?;
@@ -133,14 +132,16 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
         }
         let kind = &mut kinds[last];
         let Some(like) = &kind.motion else { continue };
-        let to = match (robtarget, named) {
+        let at;
+        let to = match (&robtarget, named) {
             (Some((literal, written)), _) => {
                 if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
                     return None;
                 }
-                let sample = Sample::new(line, line_start, literal, &written);
+                let sample = Sample::new(line, line_start, *literal, written);
                 kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new(sample)));
-                To::Inline(literal, goal(written.position_mm, written.quat, written.conf)?)
+                at = pose(written.position_mm, written.quat)?;
+                To::Inline(Found { literal, start: literal.span().start, pose: &at, conf: &written.conf })
             }
             (None, Some((target, name))) => {
                 let name = first + name.start..first + name.end;
@@ -165,26 +166,28 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
     (read.targets.len() == motions).then_some(read)
 }
 
-impl<'a> Kind<'a> {
-    /// The line at `start`, if it is like the last one: its target, its text's place and its end.
-    fn like_the_last(
+impl<'a> Last<'a> {
+    /// The line at `start`, if it is like this one, declared in the same `way`: its target, its text's place and its end.
+    #[inline]
+    fn again(
         &mut self,
+        way: Option<usize>,
         declarations: &mut Declarations,
         bytes: &'a [u8],
         start: usize,
-    ) -> Option<(To, Range<usize>, usize)> {
-        match &mut self.last {
-            Last::None => None,
-            Last::Inline(sample) => {
-                let (literal, goal, len) = sample.read(bytes, start)?;
-                let text = start + sample.indent..start + len - sample.trailing;
-                Some((To::Inline(literal, goal), text, start + len))
+    ) -> Option<(To<'_>, Range<usize>, usize)> {
+        match self {
+            Self::None => None,
+            Self::Inline(sample) => {
+                let (indent, trailing) = (sample.indent, sample.trailing);
+                let (found, len) = sample.read(bytes, start)?;
+                Some((To::Inline(found), start + indent..start + len - trailing, start + len))
             }
-            Last::Named(named) => {
+            Self::Named(named) => {
                 let (name, len) = named.read(bytes, start)?;
                 let target = declarations.find(&bytes[name.clone()])?;
                 let text = start + named.indent..start + len - named.trailing;
-                (Some(declarations.way(target)) == self.way).then_some((To::Named(target, name), text, start + len))
+                (Some(declarations.way(target)) == way).then_some((To::Named(target, name), text, start + len))
             }
         }
     }
@@ -199,14 +202,18 @@ impl Read {
         like: &Target,
         line: usize,
         text: Range<usize>,
-        to: To,
+        to: To<'_>,
     ) -> Option<()> {
-        let mut target = like.clone();
+        let ordinal = piece.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
+        // Put together where it stays.
+        self.targets.push(like.clone());
+        let target = self.targets.last_mut()?;
         let site = match to {
             To::Nowhere => Site::None,
-            To::Inline(literal, goal) => {
-                target.goal = goal;
-                self.literals.push(literal);
+            To::Inline(found) => {
+                target.goal = found.goal();
+                self.literals.push(*found.literal);
+                self.literals.last_mut()?.move_to(found.start);
                 Site::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
             }
             To::Named(declared, name) => {
@@ -217,11 +224,10 @@ impl Read {
             }
         };
         self.sites.push(site);
-        target.ordinal = piece.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
+        target.ordinal = ordinal;
         target.mark = self.mark;
         target.span = Span::new(text.start, text.end);
         target.line = u32::try_from(line).ok()?;
-        self.targets.push(target);
         Some(())
     }
 

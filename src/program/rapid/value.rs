@@ -77,10 +77,17 @@ pub(super) fn rotate(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     [x, y, z]
 }
 
+/// A square of the length that rounding makes of 1.
+const UNIT: f64 = 4.0 * f64::EPSILON;
+
 /// `q` at length 1; zero stays zero, readers refuse it by its norm.
 pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
-    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if norm > 0.0 { q.map(|c| c / norm) } else { q }
+    let square = q.iter().map(|c| c * c).sum::<f64>();
+    if (square - 1.0).abs() <= UNIT || square <= 0.0 {
+        return q;
+    }
+    let norm = square.sqrt();
+    q.map(|c| c / norm)
 }
 
 impl Value {
