@@ -7,7 +7,7 @@ use super::spin;
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Cutting, Situation, ToolFrame};
-use crate::equilibrium::{Setting, Site};
+use crate::equilibrium::{Cut, Setting, Site};
 use crate::lanes::WIDTH;
 use crate::program::{Conf, Goal, Motion, Program, Role, Target};
 use crate::robot::{Eight, EightFound, Joints, Place, Pose, StartedFrom};
@@ -76,7 +76,12 @@ impl Point {
 
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
         let leaned = matches!(self.load, PointLoad::Law { leaned: true, .. });
-        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cutting: self.cutting(laws), leaned }
+        let cut = match &self.load {
+            PointLoad::Air => Cut::Air,
+            PointLoad::Constant(force) => Cut::Constant(force),
+            PointLoad::Law { law, wobj_from_feed, .. } => Cut::Law { law: &laws[*law], wobj_from_feed },
+        };
+        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cut, leaned }
     }
 
     pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {

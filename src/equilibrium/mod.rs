@@ -10,7 +10,7 @@ pub use arm::Arm;
 pub(crate) use arm::Near;
 pub use command::Command;
 pub(crate) use command::{Aim, Start};
-pub(crate) use eight::{EightArm, Given, Room, Setting, Site};
+pub(crate) use eight::{Cut, EightArm, Given, Room, Setting, Site};
 pub use predict::Equilibrium;
 pub(crate) use predict::{Foreseen, Landing, Rounds};
 

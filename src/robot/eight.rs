@@ -111,11 +111,9 @@ impl EightFound {
     }
 
     /// Rotation vector from that orientation, rad.
+    #[inline(always)]
     pub(crate) fn turn(&self, lane: usize) -> Vector3<f64> {
-        if self.small.lane(lane) {
-            return self.turn.lane(lane);
-        }
-        turn_between(&self.from.rotation(lane), &self.wobj_from_tcp.rotation(lane))
+        turn_of(lane, (&self.turn, self.small), &self.from, &self.wobj_from_tcp)
     }
 
     /// A target's motor angles, where they are surely the nearest to others (rad).
@@ -123,6 +121,18 @@ impl EightFound {
         let motor = one(&self.motor, lane);
         ((motor - near).norm_squared() < self.reach.lane(lane)).then_some(motor)
     }
+}
+
+/// Rotation vector of a lane from one orientation to another, rad, given those of all lanes and where they are right.
+#[inline(always)]
+pub(crate) fn turn_of(lane: usize, (turn, right): (&Vector, Mask), from: &Frame, to: &Frame) -> Vector3<f64> {
+    // In numbers: as a whole it would be put in memory and read again.
+    let [x, y, z] = if right.lane(lane) {
+        [turn.x.lane(lane), turn.y.lane(lane), turn.z.lane(lane)]
+    } else {
+        turn_between(&from.rotation(lane), &to.rotation(lane)).into()
+    };
+    Vector3::new(x, y, z)
 }
 
 impl<'a> Eight<'a> {

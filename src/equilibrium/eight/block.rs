@@ -1,4 +1,4 @@
-use crate::effects::{Cutting, ForceLaw, ToolFrame};
+use crate::effects::{ForceLaw, ToolFrame};
 use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Rotation3, Vector3};
@@ -14,16 +14,28 @@ pub(crate) struct Setting {
 }
 
 /// Where a target is, and what acts on it there: as much of a [`Situation`](crate::effects::Situation) as simple effects ask.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct Site<'a> {
     pub(crate) setting: &'a Setting,
     /// Where the TCP should be, m.
     pub(crate) wobj_from_tcp: &'a Pose,
     /// kg
     pub(crate) payload: f64,
-    pub(crate) cutting: Cutting<'a>,
+    pub(crate) cut: Cut<'a>,
     /// Whether the tool leans against the surface as the law of the cut has it.
     pub(crate) leaned: bool,
+}
+
+/// [`Cutting`](crate::effects::Cutting) where it stands: it is copied into lanes alone.
+#[derive(Clone, Copy)]
+pub(crate) enum Cut<'a> {
+    Air,
+    /// N, work object axes.
+    Constant(&'a Vector3<f64>),
+    Law {
+        law: &'a dyn ForceLaw,
+        wobj_from_feed: &'a Rotation3<f64>,
+    },
 }
 
 /// The sites of eight targets.
@@ -62,14 +74,14 @@ impl<'a> Block<'a> {
         self.run_with(lane, site.setting);
         self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
         self.payload.set(lane, site.payload);
-        match &site.cutting {
-            Cutting::Air => self.cut(lane, &NOWHERE, None),
+        match site.cut {
+            Cut::Air => self.cut(lane, &NOWHERE, None),
             // As a law whose frame is the force's own: along its first axis.
-            Cutting::Constant(force) => {
+            Cut::Constant(force) => {
                 self.cut(lane, &NOWHERE, None);
                 self.wobj_from_feed.x.set(lane, force);
             }
-            Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
+            Cut::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(law)),
         }
         self.rests[lane] = self.has_rest[lane] && (site.leaned || self.laws[lane].is_none());
     }

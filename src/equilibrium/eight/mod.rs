@@ -6,7 +6,7 @@ mod block;
 mod look;
 mod rounds;
 
-pub(crate) use block::{Setting, Site};
+pub(crate) use block::{Cut, Setting, Site};
 
 use super::arm::Arm;
 use super::command::{Aim, Feedback};
@@ -329,7 +329,12 @@ mod tests {
             }).collect();
             let setting = Setting { base_from_wobj: wobj, tool };
             let sites: Vec<Site<'_>> = situations.iter().map(|s| Site {
-                setting: &setting, wobj_from_tcp: &s.wobj_from_tcp, payload, cutting: s.cutting, leaned,
+                setting: &setting, wobj_from_tcp: &s.wobj_from_tcp, payload, leaned,
+                cut: match &s.cutting {
+                    Cutting::Air => Cut::Air,
+                    Cutting::Constant(force) => Cut::Constant(force),
+                    Cutting::Law { law, wobj_from_feed } => Cut::Law { law: *law, wobj_from_feed },
+                },
             }).collect();
             let (mut room, travel) = (Room::default(), Joints::from(travel));
 

@@ -6,8 +6,8 @@ use crate::equilibrium::Foreseen;
 use crate::equilibrium::Landing;
 use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
-use crate::robot::{EightJoints, EightTurns, NUDGE, turn_between, turns_between};
-use nalgebra::Vector3;
+use crate::robot::eight::turn_of;
+use crate::robot::{EightJoints, EightTurns, NUDGE, turns_between};
 
 /// Rounds before the plain way is asked: with the secant real arms take four.
 const ROUNDS: usize = 8;
@@ -142,16 +142,9 @@ impl Rounds {
     pub(super) fn landing(&self, landings: &EightLanding, lane: usize) -> Option<Landing> {
         (self.done.lane(lane) && self.close.lane(lane)).then(|| {
             let most = self.most.lane(lane);
-            // In numbers: as a whole it would be put in memory and read again.
-            let [x, y, z] = if landings.small.lane(lane) {
-                let turn = &landings.turn;
-                [turn.x.lane(lane), turn.y.lane(lane), turn.z.lane(lane)]
-            } else {
-                turn_between(&landings.wanted.rotation(lane), &landings.seen.rotation(lane)).into()
-            };
             Landing {
                 shift: landings.shift.lane(lane),
-                turn: Vector3::new(x, y, z),
+                turn: turn_of(lane, (&landings.turn, landings.small), &landings.wanted, &landings.seen),
                 axis: -landings.seen.z.lane(lane),
                 cut: landings.cut.lane(lane),
                 share: self.share.lane(lane),

@@ -83,7 +83,7 @@ impl<'a> Sample<'a> {
     }
 
     /// Reads the line at `start`, if it is like this one, and takes its place: its robtarget, and its length with its end.
-    #[inline]
+    #[inline(always)]
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(Found<'_>, usize)> {
         let soon = self.shape.as_mut().is_some_and(|shape| shape.read(bytes, start));
         let len = if soon {
@@ -97,6 +97,7 @@ impl<'a> Sample<'a> {
     }
 
     /// Number by number; the line's length with its end.
+    #[inline(never)]
     fn read_closer(&mut self, bytes: &'a [u8], start: usize) -> Option<usize> {
         let line = bytes.get(start..)?;
         let mut rest = line.strip_prefix(self.before)?;

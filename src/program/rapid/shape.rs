@@ -87,6 +87,7 @@ impl Shape {
 
     /// Whether the line at `start` is like this one, and its [pose](Self::pose) known; not so either where there is too little
     /// text behind it to see that. Asked of one text alone.
+    #[inline]
     pub(super) fn read(&mut self, text: &[u8], start: usize) -> bool {
         let step = start.wrapping_sub(std::mem::replace(&mut self.ahead.last, start));
         if self.ahead.next == self.ahead.count || self.ahead.step != step {
@@ -106,6 +107,7 @@ impl Shape {
     }
 
     /// Reads the line at `start` and those behind it, as long as they are like this one.
+    #[inline(never)]
     fn read_ahead(&mut self, text: &[u8], start: usize) {
         let mut digits = [[[0; 8]; 2]; AHEAD];
         (self.ahead.next, self.ahead.count) = (0, 0);
