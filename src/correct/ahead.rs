@@ -1,6 +1,7 @@
 //! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
 
-use super::path::{CHORD, Carried, Point};
+use super::path::{CHORD, Carried};
+use super::point::Point;
 use super::spin;
 use crate::cell::{Cell, Spin};
 use crate::cutting::Lean;

@@ -1,10 +1,11 @@
 //! Long programs judged as they are, a piece at a time: what [`predict`](super::predict) says of the whole.
 
+use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, Way};
 use super::line::{self, Carried};
 use super::messages::Messages;
-use super::path::{self, Point};
+use super::path;
+use super::point::Point;
 use super::spread::Spread;
-use super::stream::{self, Sinks, StreamError, Streamed, Unsolved, Way};
 use super::turns::Turns;
 use super::{Corrected, Options, Prepared, Row};
 use crate::cell::Cell;
@@ -118,7 +119,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
         }
         Ok(())
     };
-    let mut streamed = stream::run(&way, threads, &mut told, sinks)?;
+    let mut streamed = flow::run(&way, threads, &mut told, sinks)?;
     let warnings = way.pieces.into_inner().map(|(_, pieces)| pieces.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()

@@ -1,7 +1,8 @@
 //! The line from targets to rows: compensate and predict.
 
 use super::collected::{Collected, check_limits};
-use super::path::{self, Point};
+use super::path;
+use super::point::Point;
 use super::row::{Row, Status};
 use super::solve::{self, Last, Reached, Solved, Solver, Wish};
 use super::spread::Spread;

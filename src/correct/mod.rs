@@ -11,6 +11,7 @@
 mod ahead;
 mod arcs;
 mod collected;
+mod flow;
 mod forces;
 mod frames;
 mod judge;
@@ -18,6 +19,7 @@ mod laws;
 mod line;
 mod messages;
 mod path;
+mod point;
 mod post;
 mod row;
 mod sigma;
@@ -29,16 +31,17 @@ mod stream;
 mod subdivide;
 mod turns;
 
+pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
 pub use judge::{Judge, Judged, predict_pieces};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use messages::Messages;
-pub use path::Point;
+pub use point::Point;
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
-pub use stream::{Sinks, StreamError, Streamed, compensate_declared, compensate_pieces, count_pieces, post_pieces};
+pub use stream::{compensate_declared, compensate_pieces, count_pieces, post_pieces};
 
 use crate::cell::Cell;
 use crate::effects::{Situation, ToolFrame};
@@ -143,7 +146,7 @@ impl Prepared {
     pub(crate) fn normal_error(&self, i: usize, actual: &Pose) -> f64 {
         let point = &self.points[i];
         let shift = actual.translation.vector - point.reference.translation.vector;
-        point.normal_error(&self.laws, &shift, &path::tool_axis(actual))
+        point.normal_error(&self.laws, &shift, &point::tool_axis(actual))
     }
 
     /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.

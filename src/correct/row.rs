@@ -1,5 +1,5 @@
 use super::Stiffness;
-use super::path::Point;
+use super::point::Point;
 use crate::equilibrium::Landing;
 use crate::program::{Editable, Target};
 use nalgebra::Vector3;

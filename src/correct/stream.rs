@@ -1,69 +1,18 @@
-//! Long programs in constant memory: pieces through the line on several threads, written in order.
-//!
-//! A thread takes a piece from its reading to its writing; what depends on the pieces before stands in the line's ordered
-//! passes (see [`Turns`]). So any number of threads gives the same bytes, and those of [`compensate`](super::compensate).
+//! Long programs in constant memory: pieces through the [line](line::piece), and what their texts become. The same bytes as
+//! [`compensate`](super::compensate) gives on the whole.
 
+use super::flow::{Sinks, StreamError, Streamed, Unsolved, Way, run};
 use super::line::{self, Carried};
 use super::messages::Messages;
-use super::row::Tally;
 use super::spread::Spread;
-use super::turns::Turns;
-use super::{Corrected, Options, Outline, Poster, Row, Summary};
+use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
-use crate::program::piece::leaves_its_start;
 use crate::program::post::Text;
-use crate::program::{Next, StraightPiece, cl, rapid};
-use crate::text::{Diagnostic, Patch, apply_within};
+use crate::program::{StraightPiece, cl, rapid};
+use crate::text::{Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
-use std::sync::{Mutex, PoisonError};
-
-/// Where goes what a streamed program comes to.
-pub struct Sinks<'a> {
-    /// Report rows, as a format of [`report`](crate::report) writes them; flushed behind the last.
-    pub report: &'a mut (dyn Write + Send),
-    /// Report rows to text.
-    pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
-    /// Given the report rows in running order, a piece at a time.
-    pub each: &'a mut (dyn FnMut(&[Row]) + Send),
-    /// Told the targets and the bytes of input done so far.
-    pub progress: &'a (dyn Fn(usize, u64) + Sync),
-}
-
-/// A program that went through.
-#[derive(Debug)]
-pub struct Streamed {
-    /// Counts and sizes.
-    pub summary: Summary,
-    /// Ordinal of the last target.
-    pub last: u32,
-    /// Why there is no answer for the program as a whole, as from [`Prepared::new`](super::Prepared::new): none but where it
-    /// is only judged.
-    pub refused: Messages,
-    /// Targets that have no answer or pass a limit: what was written is then no program to use.
-    pub failures: Vec<Diagnostic>,
-    /// Notes and warnings.
-    pub notes: Vec<Diagnostic>,
-}
-
-impl Streamed {
-    pub(super) fn answered(self) -> Result<Self, StreamError> {
-        if self.refused.is_empty() { Ok(self) } else { Err(StreamError::Refused(self.refused.all())) }
-    }
-}
-
-/// Why a program did not go through.
-#[derive(Debug)]
-pub enum StreamError {
-    /// Something in it only [`compensate`](super::compensate) on the whole can tell the meaning of.
-    NotStraight,
-    /// What [`compensate`](super::compensate) refuses.
-    Refused(Vec<Diagnostic>),
-    /// The input cannot be read.
-    Read(io::Error),
-    /// An output cannot be written.
-    Write(io::Error),
-}
+use std::sync::Mutex;
 
 /// Corrects a RAPID program piece by piece on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
 /// rewrite, in memory that does not grow with the program.
@@ -231,137 +180,6 @@ pub fn count_pieces<R: Read + Send>(
     Ok(())
 }
 
-/// How a language comes in, and what is made of it.
-pub(super) struct Way<'a, S, P, T> {
-    /// The next piece's number, and where it comes from.
-    pub(super) pieces: Mutex<(usize, S)>,
-    pub(super) take: fn(&mut S) -> io::Result<Next<P>>,
-    pub(super) read: fn(P) -> Option<StraightPiece>,
-    /// What a piece, of this number, comes to, and what is written of it; `None` where one before it died.
-    pub(super) solve: &'a Solve<'a, T>,
-    /// Lets no piece wait for one that died.
-    pub(super) break_off: &'a (dyn Fn() + Sync),
-    /// Where refusals go: none yet.
-    pub(super) refusals: Messages,
-}
-
-type Solve<'a, T> = dyn Fn(usize, &StraightPiece) -> Option<Result<(T, Corrected), Unsolved>> + Sync + 'a;
-
-/// Why a piece comes to nothing.
-pub(super) enum Unsolved {
-    /// The program has no answer; the others are looked at all the same.
-    Refused(Vec<Diagnostic>),
-    /// All stop.
-    Stop(StreamError),
-}
-
-impl From<Vec<Diagnostic>> for Unsolved {
-    fn from(refused: Vec<Diagnostic>) -> Self {
-        Self::Refused(refused)
-    }
-}
-
-/// Takes all pieces through; what they come to is written in order.
-pub(super) fn run<'a, S: Send, P, T: Send>(
-    way: &'a Way<'a, S, P, T>,
-    threads: usize,
-    program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
-    sinks: &'a mut Sinks<'_>,
-) -> Result<Streamed, StreamError> {
-    let (rows, progress) = (sinks.rows, sinks.progress);
-    let writer = Writer { refused: way.refusals.clone(), ..Writer::new(program, sinks) };
-    let run = Run { way, writer: Turns::new(writer), stop: Mutex::new(None) };
-    std::thread::scope(|scope| {
-        for _ in 0..threads.max(1) {
-            scope.spawn(|| run.work(rows, progress));
-        }
-    });
-    if let Some(why) = run.stop.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        return Err(why);
-    }
-    run.writer.into_inner().done().map_err(StreamError::Write)
-}
-
-struct Run<'a, S, P, T> {
-    way: &'a Way<'a, S, P, T>,
-    writer: Turns<Writer<'a, T>>,
-    /// Why all stop.
-    stop: Mutex<Option<StreamError>>,
-}
-
-/// A piece, ready to be written.
-struct Done<T> {
-    /// The program's text, the report's and what both are made from; or why there is none.
-    outcome: Result<(T, Vec<u8>, Corrected), Vec<Diagnostic>>,
-    /// Ordinal of its last target, where it has any.
-    last: Option<u32>,
-    bytes: u64,
-}
-
-impl<S, P, T> Run<'_, S, P, T> {
-    fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
-        // Also where this thread dies: nobody is left waiting.
-        let _others = BreakOff(self);
-        while let Some((n, piece)) = self.next() {
-            // The feed out of the first target lies in the first piece, or else what follows would have to be looked at.
-            let own_start = |piece: &StraightPiece| n > 0 || piece.last || leaves_its_start(&piece.program.targets);
-            let Some(piece) = (self.way.read)(piece).filter(own_start) else {
-                return self.stop(StreamError::NotStraight);
-            };
-            let Some(solved) = (self.way.solve)(n, &piece) else { return };
-            let outcome = match solved {
-                Ok((program, corrected)) => Ok((program, rows(&corrected.rows), corrected)),
-                Err(Unsolved::Refused(refused)) => Err(refused),
-                Err(Unsolved::Stop(why)) => return self.stop(why),
-            };
-            let last = piece.program.targets.last().map(|t| t.ordinal);
-            let bytes = (piece.own.len() + piece.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
-            let done = Done { outcome, last, bytes };
-            match self.writer.take(n, |writer| writer.write(done, progress)) {
-                Some(Ok(())) => {}
-                Some(Err(error)) => return self.stop(StreamError::Write(error)),
-                None => return,
-            }
-        }
-    }
-
-    fn next(&self) -> Option<(usize, P)> {
-        let mut pieces = self.way.pieces.lock().unwrap_or_else(PoisonError::into_inner);
-        let (n, pieces) = &mut *pieces;
-        match (self.way.take)(pieces) {
-            Ok(Next::Piece(piece)) => {
-                *n += 1;
-                return Some((*n - 1, piece));
-            }
-            Ok(Next::End) => {}
-            Ok(Next::NotStraight) => self.stop(StreamError::NotStraight),
-            Err(error) => self.stop(StreamError::Read(error)),
-        }
-        None
-    }
-
-    fn stop(&self, why: StreamError) {
-        self.stop.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(why);
-        self.break_off();
-    }
-
-    fn break_off(&self) {
-        (self.way.break_off)();
-        self.writer.break_off();
-    }
-}
-
-/// Frees the other threads when one dies.
-struct BreakOff<'a, 'r, S, P, T>(&'a Run<'r, S, P, T>);
-
-impl<S, P, T> Drop for BreakOff<'_, '_, S, P, T> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.break_off();
-        }
-    }
-}
-
 /// The piece's own bytes with its edits.
 fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
     let edits = corrected.rewritten.as_ref().and_then(|r| r.edits.first()).map_or(&[][..], Vec::as_slice);
@@ -405,70 +223,4 @@ fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>>
         out.push(Changed { start: at + (from - own.start) as u64, old: (to - from) as u32, text, shared });
     }
     Some(out)
-}
-
-/// What comes out, in order.
-struct Writer<'a, T> {
-    program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
-    report: &'a mut (dyn Write + Send),
-    each: &'a mut (dyn FnMut(&[Row]) + Send),
-    tally: Tally,
-    /// Ordinal of the last target.
-    last: u32,
-    targets: usize,
-    bytes: u64,
-    refused: Messages,
-    failures: Messages,
-    notes: Vec<Diagnostic>,
-}
-
-impl<'a, T> Writer<'a, T> {
-    fn new(program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send), sinks: &'a mut Sinks<'_>) -> Self {
-        Self {
-            program,
-            report: &mut *sinks.report,
-            each: &mut *sinks.each,
-            tally: Tally::default(),
-            last: 0,
-            targets: 0,
-            bytes: 0,
-            refused: Messages::default(),
-            failures: Messages::default(),
-            notes: Vec::new(),
-        }
-    }
-
-    fn write(&mut self, done: Done<T>, progress: &(dyn Fn(usize, u64) + Sync)) -> io::Result<()> {
-        self.last = done.last.unwrap_or(self.last);
-        self.bytes += done.bytes;
-        let (program, report, corrected) = match done.outcome {
-            Ok(outcome) => outcome,
-            Err(refused) => {
-                self.refused.add_once(refused);
-                return Ok(());
-            }
-        };
-        self.failures.add(corrected.failures);
-        self.notes.extend(corrected.notes);
-        self.tally.add(&corrected.rows);
-        (self.each)(&corrected.rows);
-        self.targets += corrected.rows.len();
-        progress(self.targets, self.bytes);
-        if self.refused.is_empty() && self.failures.is_empty() {
-            (self.program)(program)?;
-            self.report.write_all(&report)?;
-        }
-        Ok(())
-    }
-
-    fn done(self) -> io::Result<Streamed> {
-        self.report.flush()?;
-        Ok(Streamed {
-            summary: self.tally.summary(),
-            last: self.last,
-            refused: self.refused,
-            failures: self.failures.all(),
-            notes: self.notes,
-        })
-    }
 }
