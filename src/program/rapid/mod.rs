@@ -8,6 +8,7 @@
 //! instructions run, through calls and loops, until the next mark; one before the first routine
 //! holds from the start.
 
+mod changes;
 mod clone;
 mod data;
 mod declared;
