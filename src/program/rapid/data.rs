@@ -10,6 +10,8 @@ use super::value::Value;
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
+const CHANGED: &str = "target changed at run time";
+
 impl<'a> Runner<'a> {
     /// The variable that a name means.
     pub(super) fn find(&self, scope: Scope, key: &[u8]) -> Option<usize> {
@@ -20,6 +22,41 @@ impl<'a> Runner<'a> {
     /// Whether a variable belongs to the running routine.
     pub(super) fn local_data(&self, at: usize) -> bool {
         self.frames.last().is_some_and(|f| f.names.values().any(|v| *v == at))
+    }
+
+    /// What a variable holds now.
+    pub(super) fn content(&mut self, at: usize) -> Value {
+        let variable = &self.symbols.variables[at];
+        let span = match &variable.content {
+            Content::Is(value) => return value.clone(),
+            Content::Busy => return Value::Unknown("initial value needs itself"),
+            Content::Declared(span) => *span,
+        };
+        let (source, module, kind) = (variable.source, variable.module, Arc::clone(&variable.kind));
+        let (assigned, volatile, storage) = (variable.assigned, variable.volatile, variable.storage);
+        self.symbols.variables[at].content = Content::Busy;
+        let mut value = self.evaluate(
+            Scope { source, module, local: self.symbols.variables[at].declared.is_some() && self.local_data(at) },
+            span,
+        );
+        if *kind == *b"ROBTARGET"
+            && let Value::List(..) = value
+            && let Some(pose) = self.as_target(&value)
+        {
+            value = Value::Target(pose);
+        } else if *kind != *b"ROBTARGET" {
+            value = value.without_tokens();
+        }
+        if volatile {
+            value = Value::Unknown(CHANGED);
+        } else if assigned {
+            // PERS data keep what the last run left: the text is not what is there.
+            let lost =
+                storage == Storage::Pers && *kind != *b"TOOLDATA" && *kind != *b"WOBJDATA" && *kind != *b"ROBTARGET";
+            value = if lost { Value::Unknown(CHANGED) } else { value.detached(CHANGED) };
+        }
+        self.symbols.variables[at].content = Content::Is(value.clone());
+        value
     }
 
     pub(super) fn new_variable(

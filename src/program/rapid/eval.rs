@@ -1,13 +1,16 @@
 //! Expressions: read and worked out in one walk, as far as every value is known when reading.
 
+mod functions;
+mod operators;
+
 use super::lex::{Cursor, Kind, Lexeme};
 use super::literal::{Literal, Written};
 use super::motion::{self, Call};
-use super::run::{ABSENT, NOT_KNOWN, Runner};
-use super::symbols::{Content, Upper};
-use super::tree::Storage;
-use super::value::{self, NO_TURN, Place, Pose, Step, Value, multiply};
+use super::run::Runner;
+use super::symbols::Upper;
+use super::value::{self, Place, Pose, Value};
 use crate::text::{self, Span};
+use operators::{apply, operator};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -18,7 +21,6 @@ pub(super) const RUN_TIME: &str = "target computed at run time";
 /// What no controller loads.
 pub(super) const NOT_A_NUMBER: &str = "not a number";
 pub(super) const BROKEN_AGGREGATE: &str = "aggregate is not understood";
-const CHANGED: &str = "target changed at run time";
 
 /// Where an expression stands: decides what its names mean.
 #[derive(Clone, Copy, Debug)]
@@ -194,41 +196,6 @@ impl Runner<'_> {
         }
     }
 
-    /// What a variable holds now.
-    pub(super) fn content(&mut self, at: usize) -> Value {
-        let variable = &self.symbols.variables[at];
-        let span = match &variable.content {
-            Content::Is(value) => return value.clone(),
-            Content::Busy => return Value::Unknown("initial value needs itself"),
-            Content::Declared(span) => *span,
-        };
-        let (source, module, kind) = (variable.source, variable.module, Arc::clone(&variable.kind));
-        let (assigned, volatile, storage) = (variable.assigned, variable.volatile, variable.storage);
-        self.symbols.variables[at].content = Content::Busy;
-        let mut value = self.evaluate(
-            Scope { source, module, local: self.symbols.variables[at].declared.is_some() && self.local_data(at) },
-            span,
-        );
-        if *kind == *b"ROBTARGET"
-            && let Value::List(..) = value
-            && let Some(pose) = self.as_target(&value)
-        {
-            value = Value::Target(pose);
-        } else if *kind != *b"ROBTARGET" {
-            value = strip(value);
-        }
-        if volatile {
-            value = Value::Unknown(CHANGED);
-        } else if assigned {
-            // PERS data keep what the last run left: the text is not what is there.
-            let lost =
-                storage == Storage::Pers && *kind != *b"TOOLDATA" && *kind != *b"WOBJDATA" && *kind != *b"ROBTARGET";
-            value = if lost { Value::Unknown(CHANGED) } else { value.detached(CHANGED) };
-        }
-        self.symbols.variables[at].content = Content::Is(value.clone());
-        value
-    }
-
     /// `{index}` and `.component` behind a value.
     fn component(
         &mut self,
@@ -270,7 +237,7 @@ impl Runner<'_> {
                         kind.clear();
                         continue;
                     };
-                    let item = value.list().and_then(|items| items.get(at)).map(strip_ref);
+                    let item = value.list().and_then(|items| items.get(at)).map(Value::without_tokens);
                     value = item.unwrap_or(Value::Unknown(RUN_TIME));
                     kind = next.to_vec();
                 }
@@ -296,192 +263,6 @@ impl Runner<'_> {
         }
         value::component(kind, name).map(|(at, kind)| (at, Arc::from(kind)))
     }
-
-    fn function(&mut self, scope: Scope, call: &Call, depth: usize) -> Value {
-        let sources = self.symbols.sources;
-        let bytes: &[u8] = &sources[scope.source as usize].bytes;
-        let name = Upper::new(&bytes[call.name.range()]);
-        if depth > MAX_DEPTH {
-            return Value::Unknown(TOO_DEEP);
-        }
-        let mut values = Vec::new();
-        for span in call.positional() {
-            let mut cursor = Cursor::new(bytes, *span);
-            values.push(self.expression(scope, &mut cursor, 0, depth + 1));
-        }
-        self.forget_what_a_function_changes(scope, call);
-        if self.symbols.find_routine(scope.module, &bytes[call.name.range()]).is_some() {
-            values.iter().for_each(|v| self.pin_value(v));
-            return Value::Unknown(RUN_TIME);
-        }
-        let num = |i: usize| values.get(i).and_then(Value::num);
-        let known = match (&*name, values.len()) {
-            (b"PRESENT", 1) => {
-                return match &values[0] {
-                    Value::Unknown(ABSENT) => Value::Bool(false),
-                    Value::Unknown(NOT_KNOWN) => Value::Unknown(RUN_TIME),
-                    _ => Value::Bool(true),
-                };
-            }
-            (b"OFFS", 4) => return self.shifted(&values, false, NO_TURN),
-            (b"RELTOOL", 4) => {
-                let Some(turn) = self.turn(scope, call, depth) else {
-                    self.pin_value(&values[0]);
-                    return Value::Unknown(RUN_TIME);
-                };
-                return self.shifted(&values, true, turn);
-            }
-            (b"ABS", 1) => num(0).map(f64::abs),
-            (b"SQRT", 1) => num(0).map(f64::sqrt),
-            (b"SIN", 1) => num(0).map(|v| v.to_radians().sin()),
-            (b"COS", 1) => num(0).map(|v| v.to_radians().cos()),
-            (b"TAN", 1) => num(0).map(|v| v.to_radians().tan()),
-            (b"ASIN", 1) => num(0).map(|v| v.asin().to_degrees()),
-            (b"ACOS", 1) => num(0).map(|v| v.acos().to_degrees()),
-            (b"ATAN", 1) => num(0).map(|v| v.atan().to_degrees()),
-            (b"ATAN2", 2) => num(0).zip(num(1)).map(|(y, x)| y.atan2(x).to_degrees()),
-            (b"POW", 2) => num(0).zip(num(1)).map(|(a, b)| a.powf(b)),
-            (b"EXP", 1) => num(0).map(f64::exp),
-            (b"ROUND", 1) if call.optional().is_empty() => num(0).map(f64::round),
-            (b"TRUNC", 1) if call.optional().is_empty() => num(0).map(f64::trunc),
-            (b"NUMTOSTR", 2) => {
-                if let (Some(value), Some(decimals)) = (num(0), num(1)) {
-                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                    let decimals = decimals.clamp(0.0, 9.0) as usize;
-                    let mut text = Vec::new();
-                    text::number::write_fixed(&mut text, value, decimals);
-                    return Value::Text(text.into());
-                }
-                None
-            }
-            (b"DIM", 2) => dimension(&values[0], num(1)),
-            _ => None,
-        };
-        if known.is_none() {
-            values.iter().for_each(|v| self.pin_value(v));
-        }
-        known.filter(|v| v.is_finite()).map_or(Value::Unknown(RUN_TIME), |v| Value::Num(v, None))
-    }
-
-    /// `\Rx`, `\Ry`, `\Rz` of `RelTool`: turns about x, then the new y, then the new z.
-    fn turn(&mut self, scope: Scope, call: &Call, depth: usize) -> Option<[f64; 4]> {
-        let sources = self.symbols.sources;
-        let bytes: &[u8] = &sources[scope.source as usize].bytes;
-        let mut turn = NO_TURN;
-        for (axis, name) in [&b"Rx"[..], b"Ry", b"Rz"].into_iter().enumerate() {
-            let Some(span) = call.option(bytes, name) else { continue };
-            let mut cursor = Cursor::new(bytes, span);
-            let half = self.expression(scope, &mut cursor, 0, depth + 1).num()?.to_radians() / 2.0;
-            let mut q = [half.cos(), 0.0, 0.0, 0.0];
-            q[axis + 1] = half.sin();
-            turn = multiply(turn, q);
-        }
-        Some(turn)
-    }
-
-    /// `Offs` or `RelTool` of known values.
-    fn shifted(&mut self, values: &[Value], in_tool: bool, turn: [f64; 4]) -> Value {
-        let Some(base) = self.as_target(&values[0]) else {
-            return Value::Unknown(values[0].unknown().unwrap_or(RUN_TIME));
-        };
-        let [Value::Num(x, tx), Value::Num(y, ty), Value::Num(z, tz)] = &values[1..4] else {
-            self.pin(base.root);
-            return Value::Unknown(RUN_TIME);
-        };
-        let tokens = match (tx, ty, tz) {
-            (Some(x), Some(y), Some(z)) => Some([*x, *y, *z]),
-            _ => None,
-        };
-        let step = Step { offset_mm: [*x, *y, *z], tokens, in_tool, turn };
-        let mut pose = (*base).clone();
-        (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
-        if pose.root.is_some() {
-            pose.steps.push(step);
-        }
-        Value::Target(Rc::new(pose))
-    }
-}
-
-/// Level and sign of the operator that a lexeme is.
-fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
-    Some(match lexeme.kind {
-        Kind::Mark(b'=') => (3, "="),
-        Kind::Mark(b'<') => (3, "<"),
-        Kind::Mark(b'>') => (3, ">"),
-        Kind::Unequal => (3, "<>"),
-        Kind::AtMost => (3, "<="),
-        Kind::AtLeast => (3, ">="),
-        Kind::Mark(b'+') => (4, "+"),
-        Kind::Mark(b'-') => (4, "-"),
-        Kind::Mark(b'*') => (5, "*"),
-        Kind::Mark(b'/') => (5, "/"),
-        Kind::Word => match &*Upper::new(cursor.text(lexeme)) {
-            b"OR" => (0, "OR"),
-            b"XOR" => (0, "XOR"),
-            b"AND" => (1, "AND"),
-            b"DIV" => (5, "DIV"),
-            b"MOD" => (5, "MOD"),
-            _ => return None,
-        },
-        _ => return None,
-    })
-}
-
-fn apply(operator: &str, left: &Value, right: &Value) -> Value {
-    let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(RUN_TIME));
-    // One side can be enough.
-    match (operator, left.bool(), right.bool()) {
-        ("OR", Some(true), _) | ("OR", _, Some(true)) => return Value::Bool(true),
-        ("AND", Some(false), _) | ("AND", _, Some(false)) => return Value::Bool(false),
-        _ => {}
-    }
-    match (left, right) {
-        (Value::Num(a, _), Value::Num(b, _)) => number_operation(operator, *a, *b).unwrap_or_else(unknown),
-        (Value::Bool(a), Value::Bool(b)) => match operator {
-            "OR" => Value::Bool(a | b),
-            "AND" => Value::Bool(a & b),
-            "XOR" | "<>" => Value::Bool(a != b),
-            "=" => Value::Bool(a == b),
-            _ => unknown(),
-        },
-        (Value::Text(a), Value::Text(b)) => match operator {
-            "+" => Value::Text([&**a, &**b].concat().into()),
-            "=" => Value::Bool(a == b),
-            "<>" => Value::Bool(a != b),
-            _ => unknown(),
-        },
-        // pos + pos, pos * num
-        (Value::List(a, _), Value::List(b, _)) if matches!(operator, "+" | "-") && a.len() == b.len() => {
-            Value::List(a.iter().zip(b.iter()).map(|(a, b)| apply(operator, a, b)).collect(), None)
-        }
-        (Value::List(a, _), Value::Num(..)) if matches!(operator, "*" | "/") => {
-            Value::List(a.iter().map(|a| apply(operator, a, right)).collect(), None)
-        }
-        (Value::Num(..), Value::List(b, _)) if operator == "*" => {
-            Value::List(b.iter().map(|b| apply(operator, left, b)).collect(), None)
-        }
-        _ => unknown(),
-    }
-}
-
-#[allow(clippy::float_cmp)] // RAPID's own comparison
-fn number_operation(operator: &str, a: f64, b: f64) -> Option<Value> {
-    let number = |v: f64| v.is_finite().then_some(Value::Num(v, None));
-    match operator {
-        "+" => number(a + b),
-        "-" => number(a - b),
-        "*" => number(a * b),
-        "/" => number(a / b),
-        "DIV" => number((a / b).trunc()),
-        "MOD" => number(a % b),
-        "=" => Some(Value::Bool(a == b)),
-        "<>" => Some(Value::Bool(a != b)),
-        "<" => Some(Value::Bool(a < b)),
-        ">" => Some(Value::Bool(a > b)),
-        "<=" => Some(Value::Bool(a <= b)),
-        ">=" => Some(Value::Bool(a >= b)),
-        _ => None,
-    }
 }
 
 /// An element by an index counted from 1.
@@ -492,29 +273,6 @@ fn element(value: &Value, index: &Value) -> Value {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let at = if index >= 1.0 { Some(index.round() as usize - 1) } else { None };
     at.and_then(|at| items.get(at)).cloned().unwrap_or(Value::Unknown("index outside the array"))
-}
-
-fn dimension(value: &Value, number: Option<f64>) -> Option<f64> {
-    let mut items = value.list()?;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    for _ in 1..number?.clamp(1.0, 3.0) as usize {
-        items = items.first()?.list()?;
-    }
-    #[allow(clippy::cast_precision_loss)]
-    Some(items.len() as f64)
-}
-
-/// Numbers without their tokens: a variable's number is not the text at its use. Robtargets keep theirs.
-fn strip(value: Value) -> Value {
-    match value {
-        Value::Num(v, _) => Value::Num(v, None),
-        Value::List(items, _) => Value::List(items.iter().map(strip_ref).collect(), None),
-        other => other,
-    }
-}
-
-fn strip_ref(value: &Value) -> Value {
-    strip(value.clone())
 }
 
 /// `12`, `1.5E3`, `0x1F`, `0b101`, `0o17`.

@@ -57,7 +57,7 @@ impl Step {
     }
 }
 
-/// The target as used: work done by the runner, stored per target.
+/// The quaternion that turns nothing.
 pub(super) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// Hamilton product, scalar first.
@@ -141,6 +141,15 @@ impl Value {
             Value::Target(pose) => {
                 Value::Target(Rc::new(Pose { written: pose.written, root: None, steps: Vec::new(), fixed: Some(why) }))
             }
+            other => other.clone(),
+        }
+    }
+
+    /// Numbers without their tokens: a variable's number is not the text at its use. Robtargets keep theirs.
+    pub(super) fn without_tokens(&self) -> Self {
+        match self {
+            Value::Num(value, _) => Value::Num(*value, None),
+            Value::List(items, _) => Value::List(items.iter().map(Value::without_tokens).collect(), None),
             other => other.clone(),
         }
     }

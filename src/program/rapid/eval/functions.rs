@@ -1,0 +1,145 @@
+//! Predefined functions, as far as their arguments are known when reading.
+
+use super::super::lex::Cursor;
+use super::super::motion::Call;
+use super::super::run::{ABSENT, NOT_KNOWN, Runner};
+use super::super::symbols::Upper;
+use super::super::value::{NO_TURN, Step, Value, multiply};
+use super::{MAX_DEPTH, RUN_TIME, Scope, TOO_DEEP};
+use crate::text::number::write_fixed;
+use std::rc::Rc;
+
+impl Runner<'_> {
+    /// A call in an expression.
+    pub(super) fn function(&mut self, scope: Scope, call: &Call, depth: usize) -> Value {
+        let sources = self.symbols.sources;
+        let bytes: &[u8] = &sources[scope.source as usize].bytes;
+        let name = Upper::new(&bytes[call.name.range()]);
+        if depth > MAX_DEPTH {
+            return Value::Unknown(TOO_DEEP);
+        }
+        let mut values = Vec::new();
+        for span in call.positional() {
+            let mut cursor = Cursor::new(bytes, *span);
+            values.push(self.expression(scope, &mut cursor, 0, depth + 1));
+        }
+        self.forget_what_a_function_changes(scope, call);
+        if self.symbols.find_routine(scope.module, &bytes[call.name.range()]).is_some() {
+            values.iter().for_each(|v| self.pin_value(v));
+            return Value::Unknown(RUN_TIME);
+        }
+        let known = match (&*name, values.len()) {
+            (b"PRESENT", 1) => return present(&values[0]),
+            (b"OFFS", 4) => return self.shifted(&values, false, NO_TURN),
+            (b"RELTOOL", 4) => {
+                let Some(turn) = self.turn(scope, call, depth) else {
+                    self.pin_value(&values[0]);
+                    return Value::Unknown(RUN_TIME);
+                };
+                return self.shifted(&values, true, turn);
+            }
+            (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
+            (b"DIM", 2) => dimension(&values[0], &values[1]),
+            _ => arithmetic(&name, &values, call.optional().is_empty()),
+        };
+        known.unwrap_or_else(|| {
+            values.iter().for_each(|v| self.pin_value(v));
+            Value::Unknown(RUN_TIME)
+        })
+    }
+
+    /// `\Rx`, `\Ry`, `\Rz` of `RelTool`: turns about x, then the new y, then the new z.
+    fn turn(&mut self, scope: Scope, call: &Call, depth: usize) -> Option<[f64; 4]> {
+        let sources = self.symbols.sources;
+        let bytes: &[u8] = &sources[scope.source as usize].bytes;
+        let mut turn = NO_TURN;
+        for (axis, name) in [&b"Rx"[..], b"Ry", b"Rz"].into_iter().enumerate() {
+            let Some(span) = call.option(bytes, name) else { continue };
+            let mut cursor = Cursor::new(bytes, span);
+            let half = self.expression(scope, &mut cursor, 0, depth + 1).num()?.to_radians() / 2.0;
+            let mut q = [half.cos(), 0.0, 0.0, 0.0];
+            q[axis + 1] = half.sin();
+            turn = multiply(turn, q);
+        }
+        Some(turn)
+    }
+
+    /// `Offs` or `RelTool` of known values.
+    fn shifted(&mut self, values: &[Value], in_tool: bool, turn: [f64; 4]) -> Value {
+        let Some(base) = self.as_target(&values[0]) else {
+            return Value::Unknown(values[0].unknown().unwrap_or(RUN_TIME));
+        };
+        let [Value::Num(x, tx), Value::Num(y, ty), Value::Num(z, tz)] = &values[1..4] else {
+            self.pin(base.root);
+            return Value::Unknown(RUN_TIME);
+        };
+        let tokens = match (tx, ty, tz) {
+            (Some(x), Some(y), Some(z)) => Some([*x, *y, *z]),
+            _ => None,
+        };
+        let step = Step { offset_mm: [*x, *y, *z], tokens, in_tool, turn };
+        let mut pose = (*base).clone();
+        (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
+        if pose.root.is_some() {
+            pose.steps.push(step);
+        }
+        Value::Target(Rc::new(pose))
+    }
+}
+
+/// `Present`: whether an optional parameter is given.
+fn present(value: &Value) -> Value {
+    match value {
+        Value::Unknown(ABSENT) => Value::Bool(false),
+        Value::Unknown(NOT_KNOWN) => Value::Unknown(RUN_TIME),
+        _ => Value::Bool(true),
+    }
+}
+
+/// Functions of numbers, angles in degrees; those that round are known where they round to `whole` numbers.
+fn arithmetic(name: &[u8], values: &[Value], whole: bool) -> Option<Value> {
+    let value = match values {
+        [Value::Num(v, _)] => match name {
+            b"ABS" => v.abs(),
+            b"SQRT" => v.sqrt(),
+            b"SIN" => v.to_radians().sin(),
+            b"COS" => v.to_radians().cos(),
+            b"TAN" => v.to_radians().tan(),
+            b"ASIN" => v.asin().to_degrees(),
+            b"ACOS" => v.acos().to_degrees(),
+            b"ATAN" => v.atan().to_degrees(),
+            b"EXP" => v.exp(),
+            b"ROUND" if whole => v.round(),
+            b"TRUNC" if whole => v.trunc(),
+            _ => return None,
+        },
+        [Value::Num(a, _), Value::Num(b, _)] => match name {
+            b"ATAN2" => a.atan2(*b).to_degrees(),
+            b"POW" => a.powf(*b),
+            _ => return None,
+        },
+        _ => return None,
+    };
+    value.is_finite().then_some(Value::Num(value, None))
+}
+
+/// `NumToStr`.
+fn printed(value: &Value, decimals: &Value) -> Option<Value> {
+    let (value, decimals) = (value.num()?, decimals.num()?);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let decimals = decimals.clamp(0.0, 9.0) as usize;
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    Some(Value::Text(text.into()))
+}
+
+/// `Dim`: how many elements an array has in a dimension, counted from 1.
+fn dimension(array: &Value, number: &Value) -> Option<Value> {
+    let mut items = array.list()?;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    for _ in 1..number.num()?.clamp(1.0, 3.0) as usize {
+        items = items.first()?.list()?;
+    }
+    #[allow(clippy::cast_precision_loss)]
+    Some(Value::Num(items.len() as f64, None))
+}
