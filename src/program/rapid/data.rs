@@ -3,10 +3,10 @@
 use super::eval::{RUN_TIME, Scope};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
-use super::run::{Bound, Runner, replaced};
-use super::symbols::{Content, RoutineId, Upper, Variable, first_word};
+use super::run::Runner;
+use super::symbols::{Content, Upper, Variable, first_word};
 use super::tree::{Statement, Storage};
-use super::value::Value;
+use super::value::{Value, parts};
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
@@ -81,31 +81,6 @@ impl<'a> Runner<'a> {
             declared: None,
         });
         self.symbols.variables.len() - 1
-    }
-
-    pub(super) fn assigned_in(&self, id: RoutineId, name: Span) -> bool {
-        let key = Upper::new(&self.bytes(id.file)[name.range()]);
-        self.symbols.changed_by(id).iter().any(|n| **n == *key)
-    }
-
-    pub(super) fn bind(&mut self, scope: Scope, argument: Span) -> Bound {
-        let bytes = self.bytes(scope.source as usize);
-        let word = first_word(bytes, argument);
-        if word == argument
-            && let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()]))
-        {
-            return Bound::Variable(at);
-        }
-        let value = match self.evaluate(scope, argument) {
-            Value::Num(v, _) => Value::Num(v, None),
-            other => other,
-        };
-        if word == argument {
-            // A name that the files do not declare, or a predefined one: it goes along with its value.
-            let none = Span { start: word.start, end: word.start };
-            return Bound::Variable(self.new_variable(bytes, scope.source as usize, scope.module, none, word, value));
-        }
-        Bound::Value(value)
     }
 
     pub(super) fn assign(&mut self, scope: Scope, target: Span, value: Span) {
@@ -238,4 +213,17 @@ impl<'a> Runner<'a> {
         let value = new.map_or(Value::Unknown(RUN_TIME), |v| Value::Num(v, None));
         self.symbols.variables[at].content = Content::Is(value);
     }
+}
+
+/// `value` with the item at `path` replaced.
+fn replaced(value: &Value, path: &[usize], new: &Value) -> Option<Value> {
+    let Some((first, rest)) = path.split_first() else { return Some(new.clone()) };
+    let list = match value {
+        Value::Target(pose) => parts(pose),
+        other => other.clone(),
+    };
+    let mut items = list.list()?.to_vec();
+    let item = items.get_mut(*first)?;
+    *item = replaced(item, rest, new)?;
+    Some(Value::List(items.into(), None))
 }

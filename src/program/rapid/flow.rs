@@ -3,42 +3,25 @@
 use super::eval::{RUN_TIME, Scope};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
-use super::run::{Flow, MAX_ROUNDS, Marker, Runner, State, late_name};
-use super::symbols::{Content, RoutineId, Upper, first_word};
+use super::run::{Flow, Runner, State};
+use super::symbols::{Content, Upper};
 use super::tree::Statement;
 use super::value::Value;
 use crate::text::Span;
-use std::collections::HashSet;
+
+/// A WHILE that goes round more often is taken for one whose end is known only at run time.
+const MAX_ROUNDS: usize = 100_000;
+
+/// A place in what is found.
+#[derive(Clone, Copy)]
+struct Marker {
+    targets: usize,
+    offsets: usize,
+    motions: u32,
+    arcs: usize,
+}
 
 impl<'a> Runner<'a> {
-    /// Routines that a block calls by name.
-    pub(super) fn calls(&self, id: RoutineId, block: &[Statement], out: &mut Vec<RoutineId>) {
-        for statement in block {
-            match statement {
-                Statement::Simple(span) => {
-                    let bytes = &self.symbols.sources[id.file].bytes;
-                    let word = first_word(bytes, *span);
-                    let module = self.symbols.module_of(id);
-                    if !word.is_empty() {
-                        out.extend(self.symbols.find_routine(module, &bytes[word.range()]));
-                    } else if let Some(name) = late_name(&bytes[span.range()]) {
-                        out.extend(self.symbols.find_routine(module, name));
-                    }
-                }
-                Statement::If { arms, otherwise, .. } => {
-                    arms.iter().for_each(|(_, b)| self.calls(id, b, out));
-                    self.calls(id, otherwise, out);
-                }
-                Statement::For { body, .. } | Statement::While { body, .. } => self.calls(id, body, out),
-                Statement::Test { cases, otherwise, .. } => {
-                    cases.iter().for_each(|(_, b)| self.calls(id, b, out));
-                    self.calls(id, otherwise, out);
-                }
-                Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
-            }
-        }
-    }
-
     pub(super) fn condition(
         &mut self,
         arms: &'a [(Span, Vec<Statement>)],
@@ -204,29 +187,13 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Routines that a block calls, directly or through others.
-    pub(super) fn reached(&self, id: RoutineId, block: &[Statement]) -> Vec<RoutineId> {
-        let mut reached = Vec::new();
-        self.calls(id, block, &mut reached);
-        let mut seen = HashSet::new();
-        reached.retain(|callee| seen.insert(*callee));
-        let mut at = 0;
-        while let Some(&callee) = reached.get(at) {
-            let mut calls = Vec::new();
-            self.calls(callee, &self.symbols.routine(callee).body, &mut calls);
-            reached.extend(calls.into_iter().filter(|c| seen.insert(*c)));
-            at += 1;
-        }
-        reached
-    }
-
     /// How much was found so far.
-    pub(super) fn marker(&self) -> Marker {
+    fn marker(&self) -> Marker {
         Marker { targets: self.targets.len(), offsets: self.offsets.len(), motions: self.motions, arcs: self.arcs }
     }
 
     /// Forgets what was found since.
-    pub(super) fn back_to(&mut self, marker: Marker) {
+    fn back_to(&mut self, marker: Marker) {
         self.targets.truncate(marker.targets);
         self.sites.truncate(marker.targets);
         self.on_axes.truncate(marker.targets);

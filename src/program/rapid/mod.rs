@@ -8,6 +8,7 @@
 //! instructions run, through calls and loops, until the next mark; one before the first routine
 //! holds from the start.
 
+mod calls;
 mod changes;
 mod clone;
 mod data;
@@ -23,6 +24,7 @@ mod literal;
 mod motion;
 mod moves;
 mod named;
+mod outcome;
 mod own;
 mod piece;
 mod pieces;

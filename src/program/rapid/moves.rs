@@ -3,7 +3,7 @@
 use super::eval::{RUN_TIME, Scope};
 use super::literal::{Literal, UNUSED_AXIS};
 use super::motion::{Call, Shape, ToolAt, Zone};
-use super::run::{CONTEXT, Cached, MAX_NORM_ERROR, Runner};
+use super::run::{Cached, MAX_NORM_ERROR, Runner};
 use super::symbols::{self, Content, Upper, first_word};
 use super::tree::Storage;
 use super::value::{Place, Pose, Value, axes_in_use, predefined, unit};
@@ -12,6 +12,8 @@ use crate::program::{Editable, Goal, Motion, Role, Target, Tool, ToolData, Wobj}
 use crate::text::{Span, decode};
 use std::rc::Rc;
 use std::sync::Arc;
+
+const CONTEXT: &str = "declared in a context module";
 
 impl<'a> Runner<'a> {
     /// An instruction that is neither a known motion nor in the files.

@@ -1,8 +1,9 @@
 //! Predefined functions, as far as their arguments are known when reading.
 
+use super::super::calls::{ABSENT, NOT_KNOWN};
 use super::super::lex::Cursor;
 use super::super::motion::Call;
-use super::super::run::{ABSENT, NOT_KNOWN, Runner};
+use super::super::run::Runner;
 use super::super::symbols::Upper;
 use super::super::value::{NO_TURN, Step, Value, multiply};
 use super::{MAX_DEPTH, RUN_TIME, Scope, TOO_DEEP};

@@ -1,0 +1,144 @@
+//! What a run comes to: which targets may be edited after all, and whether the program means the same wherever it is cut.
+
+use super::run::Runner;
+use super::tree::{File, RoutineKind, Statement};
+use super::value::Place;
+use super::{Layout, Site};
+use crate::program::{Editable, Goal, Kept, Motion, Target, Tool, Wobj};
+use crate::text::Diagnostic;
+use std::collections::HashSet;
+
+/// What a run gives.
+pub(super) struct Outcome {
+    pub(super) tools: Vec<Tool>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) targets: Vec<Target>,
+    pub(super) kept: Vec<Kept>,
+    pub(super) arcs: usize,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    pub(super) layout: Layout,
+}
+
+impl Runner<'_> {
+    /// The end of the run.
+    pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+        let plain = self.plain(files);
+        let straight = plain && self.inline();
+        self.refuse_what_axes_move();
+        self.refuse_shared_offsets();
+        self.refuse_shared_declarations();
+        self.keep_what_is_refused();
+        self.kept.sort_by_key(|k| (k.source, k.span.start));
+        let layout = Layout {
+            literals: self.literals,
+            sites: self.sites,
+            offsets: self.offsets,
+            motions: self.motions as usize,
+            unknown: self.unknown,
+            straight,
+            plain,
+            mark_behind: self.state.mark,
+        };
+        Outcome {
+            tools: self.tools,
+            wobjs: self.wobjs,
+            targets: self.targets,
+            kept: self.kept,
+            arcs: self.arcs,
+            diagnostics: self.diagnostics,
+            layout,
+        }
+    }
+
+    fn refuse_what_axes_move(&mut self) {
+        if !self.external_moves {
+            return;
+        }
+        for (target, _) in self.targets.iter_mut().zip(&self.on_axes).filter(|(_, on)| **on) {
+            if !matches!(target.editable, Editable::No(_)) {
+                target.editable = Editable::No("external axes move the robot or the part");
+            }
+        }
+    }
+
+    /// An offset does not change where it is run again and cannot be edited then.
+    fn refuse_shared_offsets(&mut self) {
+        let offset = |site: &Site| match *site {
+            Site::Offset(at) => self.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
+            _ => None,
+        };
+        let of_kept =
+            |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
+        let held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
+        for (target, site) in self.targets.iter_mut().zip(&self.sites) {
+            let shared = offset(site).is_some_and(|place| held.contains(&place));
+            if shared && target.editable == Editable::Position {
+                target.editable = Editable::No("its offset is also used where it cannot be edited");
+            }
+        }
+    }
+
+    /// What cannot be edited must not move with its base.
+    fn refuse_shared_declarations(&mut self) {
+        for i in 0..self.targets.len() {
+            if matches!(self.targets[i].editable, Editable::No(_)) {
+                let root = self.root(&self.sites[i]);
+                self.pin(root);
+            }
+        }
+        for i in 0..self.targets.len() {
+            let pinned = self.root(&self.sites[i]).is_some_and(|r| self.pinned.contains(&r));
+            let target = &mut self.targets[i];
+            if pinned && target.editable == Editable::Pose {
+                target.editable = Editable::No("its declaration is also used where it cannot be edited");
+            }
+        }
+    }
+
+    fn keep_what_is_refused(&mut self) {
+        for i in 0..self.targets.len() {
+            let target = &self.targets[i];
+            if let (Editable::No(reason), true) = (target.editable, target.motion != Motion::AbsoluteJoint) {
+                let (source, span) = (target.source as usize, target.span);
+                self.keep(source, span, reason);
+            }
+        }
+    }
+
+    /// Whether each statement was a motion to a literal target or one that leaves nothing behind.
+    fn plain(&self, files: &[File]) -> bool {
+        // Entering and leaving the one procedure; assignments and unknown calls count on.
+        const EPOCH: u64 = 3;
+        let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
+        let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
+        let [module] = &file.modules[..] else { return false };
+        let [proc] = &module.routines[..] else { return false };
+        let literal = |site: &Site| matches!(site, Site::Literal { .. } | Site::None);
+        let known = |target: &Target| match target.goal {
+            Goal::Joints { .. } => true,
+            _ => target.editable == Editable::Pose,
+        };
+        proc.kind == RoutineKind::Proc
+            && context.iter().all(only_data)
+            && proc.params.is_empty()
+            && proc.handlers.is_empty()
+            && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
+            && file.odd.is_empty()
+            && self.steps == proc.body.len()
+            && (self.epoch, self.changes) == (EPOCH, 0)
+            && !self.state.program_displacement
+            && !self.state.axis_offset
+            && self.external.is_none()
+            && self.pinned.is_empty()
+            && self.unknown.is_empty()
+            && self.arcs == 0
+            && self.sites.iter().all(literal)
+            && self.targets.iter().all(known)
+    }
+
+    /// Whether each motion of a plain program is to an inline target.
+    fn inline(&self) -> bool {
+        let inline = |site: &Site| matches!(site, Site::Literal { argument: None, .. } | Site::None);
+        self.sites.iter().all(inline) && self.targets.iter().all(|target| target.name.is_none())
+    }
+}
