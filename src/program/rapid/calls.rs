@@ -4,7 +4,7 @@ use super::eval::Scope;
 use super::motion::Call;
 use super::run::{Flow, Frame, Runner};
 use super::symbols::{Names, RoutineId, Upper, declared, first_word};
-use super::tree::{Param, Statement};
+use super::tree::{Param, Statement, simple_statements};
 use super::value::Value;
 use crate::text::Span;
 use std::collections::HashSet;
@@ -25,44 +25,23 @@ enum Bound {
 
 impl<'a> Runner<'a> {
     /// Routines that a block calls by name.
-    fn calls(&self, id: RoutineId, block: &[Statement], out: &mut Vec<RoutineId>) {
-        for statement in block {
-            match statement {
-                Statement::Simple(span) => {
-                    let bytes = &self.symbols.sources[id.file].bytes;
-                    let word = first_word(bytes, *span);
-                    let module = self.symbols.module_of(id);
-                    if !word.is_empty() {
-                        out.extend(self.symbols.find_routine(module, &bytes[word.range()]));
-                    } else if let Some(name) = late_name(&bytes[span.range()]) {
-                        out.extend(self.symbols.find_routine(module, name));
-                    }
-                }
-                Statement::If { arms, otherwise, .. } => {
-                    arms.iter().for_each(|(_, b)| self.calls(id, b, out));
-                    self.calls(id, otherwise, out);
-                }
-                Statement::For { body, .. } | Statement::While { body, .. } => self.calls(id, body, out),
-                Statement::Test { cases, otherwise, .. } => {
-                    cases.iter().for_each(|(_, b)| self.calls(id, b, out));
-                    self.calls(id, otherwise, out);
-                }
-                Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
-            }
-        }
+    fn calls(&self, id: RoutineId, block: &[Statement]) -> impl Iterator<Item = RoutineId> {
+        let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
+        simple_statements(block).into_iter().filter_map(move |span| {
+            let word = first_word(bytes, span);
+            let name = if word.is_empty() { late_name(&bytes[span.range()])? } else { &bytes[word.range()] };
+            self.symbols.find_routine(module, name)
+        })
     }
 
     /// Routines that a block calls, directly or through others.
     pub(super) fn reached(&self, id: RoutineId, block: &[Statement]) -> Vec<RoutineId> {
-        let mut reached = Vec::new();
-        self.calls(id, block, &mut reached);
         let mut seen = HashSet::new();
-        reached.retain(|callee| seen.insert(*callee));
+        let mut reached: Vec<RoutineId> = self.calls(id, block).filter(|callee| seen.insert(*callee)).collect();
         let mut at = 0;
         while let Some(&callee) = reached.get(at) {
-            let mut calls = Vec::new();
-            self.calls(callee, &self.symbols.routine(callee).body, &mut calls);
-            reached.extend(calls.into_iter().filter(|c| seen.insert(*c)));
+            let calls = self.calls(callee, &self.symbols.routine(callee).body);
+            reached.extend(calls.filter(|callee| seen.insert(*callee)));
             at += 1;
         }
         reached
@@ -70,12 +49,11 @@ impl<'a> Runner<'a> {
 
     /// Those of `procs` that no other calls.
     pub(super) fn uncalled(&self, procs: &[RoutineId]) -> Vec<RoutineId> {
-        let mut called = HashSet::new();
-        for &id in procs {
-            let mut calls = Vec::new();
-            self.calls(id, &self.symbols.routine(id).body, &mut calls);
-            called.extend(calls.into_iter().filter(|c| *c != id));
-        }
+        let calls = |id: &RoutineId| {
+            let caller = *id;
+            self.calls(caller, &self.symbols.routine(caller).body).filter(move |callee| *callee != caller)
+        };
+        let called: HashSet<RoutineId> = procs.iter().flat_map(calls).collect();
         let entries: Vec<RoutineId> = procs.iter().filter(|id| !called.contains(*id)).copied().collect();
         // Where each calls another in a ring: the first.
         if entries.is_empty() { procs.iter().copied().take(1).collect() } else { entries }

@@ -3,7 +3,7 @@
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call, Simple};
 use super::symbols::{RoutineId, Symbols, Upper, first_word, harmless};
-use super::tree::{Param, RoutineKind, Statement};
+use super::tree::{Param, RoutineKind, Statement, simple_statements};
 use crate::text::Span;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -189,43 +189,22 @@ impl<'a> Symbols<'a> {
         let bytes = &self.sources[id.file].bytes;
         let routine = self.routine(id);
         let mut names = Vec::new();
-        let mut walk = vec![&routine.body[..], &routine.handlers[..]];
-        while let Some(block) = walk.pop() {
-            for statement in block {
-                match statement {
-                    Statement::Simple(span) => {
-                        #[allow(clippy::cast_possible_truncation)]
-                        match motion::split(bytes, id.file as u16, *span) {
-                            Some(Simple::Assignment { target, .. }) => {
-                                names.push(Box::from(&*Upper::new(&bytes[first_word(bytes, target).range()])));
-                            }
-                            // Handed on: taken as changed unless to a motion or a harmless instruction.
-                            Some(Simple::Call(call)) => {
-                                let name = &bytes[call.name.range()];
-                                let known = motion::shape(name).is_some()
-                                    || harmless(name)
-                                    || self.find_routine(self.module_of(id), name).is_some();
-                                if !known {
-                                    names.extend(
-                                        call.given()
-                                            .map(|a| Box::from(&*Upper::new(&bytes[first_word(bytes, a).range()]))),
-                                    );
-                                }
-                            }
-                            None => {}
-                        }
+        let mut add = |argument: Span| names.push(Box::from(&*Upper::new(&bytes[first_word(bytes, argument).range()])));
+        for span in [&routine.body, &routine.handlers].into_iter().flat_map(|block| simple_statements(block)) {
+            #[allow(clippy::cast_possible_truncation)]
+            match motion::split(bytes, id.file as u16, span) {
+                Some(Simple::Assignment { target, .. }) => add(target),
+                // Handed on: taken as changed unless to a motion or a harmless instruction.
+                Some(Simple::Call(call)) => {
+                    let name = &bytes[call.name.range()];
+                    let known = motion::shape(name).is_some()
+                        || harmless(name)
+                        || self.find_routine(self.module_of(id), name).is_some();
+                    if !known {
+                        call.given().for_each(&mut add);
                     }
-                    Statement::If { arms, otherwise, .. } => {
-                        walk.extend(arms.iter().map(|(_, b)| &b[..]));
-                        walk.push(otherwise);
-                    }
-                    Statement::For { body, .. } | Statement::While { body, .. } => walk.push(body),
-                    Statement::Test { cases, otherwise, .. } => {
-                        walk.extend(cases.iter().map(|(_, b)| &b[..]));
-                        walk.push(otherwise);
-                    }
-                    Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
                 }
+                None => {}
             }
         }
         let names = list(names);

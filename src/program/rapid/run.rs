@@ -178,9 +178,8 @@ impl<'a> Runner<'a> {
     fn keep_what_is_not_run(&mut self) {
         let idle = |id: &RoutineId| id.file < self.written && !self.entered.contains(id);
         for id in self.symbols.all().filter(idle).collect::<Vec<_>>() {
-            let routine = self.symbols.routine(id);
-            if self.symbols.moves(id, &routine.body) {
-                self.keep(id.file, routine.name, "routine that nothing in the files runs");
+            if self.symbols.moves(id) {
+                self.keep(id.file, self.symbols.routine(id).name, "routine that nothing in the files runs");
             }
         }
     }

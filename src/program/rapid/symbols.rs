@@ -3,7 +3,7 @@
 use super::changes::Changes;
 use super::lex::{Cursor, Kind};
 use super::motion;
-use super::tree::{Data, File, Routine, Statement, Storage};
+use super::tree::{Data, File, Routine, Storage, simple_statements};
 use super::value::Value;
 use crate::text::{Source, Span, decode};
 use std::collections::HashMap;
@@ -179,22 +179,11 @@ impl<'a> Symbols<'a> {
         })
     }
 
-    /// Whether a known motion instruction stands in a block.
-    pub(super) fn moves(&self, id: RoutineId, block: &[Statement]) -> bool {
-        block.iter().any(|statement| match statement {
-            Statement::Simple(span) => {
-                let bytes = &self.sources[id.file].bytes;
-                motion::shape(&bytes[first_word(bytes, *span).range()]).is_some()
-            }
-            Statement::If { arms, otherwise, .. } => {
-                arms.iter().any(|(_, b)| self.moves(id, b)) || self.moves(id, otherwise)
-            }
-            Statement::For { body, .. } | Statement::While { body, .. } => self.moves(id, body),
-            Statement::Test { cases, otherwise, .. } => {
-                cases.iter().any(|(_, b)| self.moves(id, b)) || self.moves(id, otherwise)
-            }
-            Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => false,
-        })
+    /// Whether a known motion instruction stands in a routine.
+    pub(super) fn moves(&self, id: RoutineId) -> bool {
+        let bytes = &self.sources[id.file].bytes;
+        let is_motion = |span: &Span| motion::shape(&bytes[first_word(bytes, *span).range()]).is_some();
+        simple_statements(&self.routine(id).body).iter().any(is_motion)
     }
 }
 

@@ -112,3 +112,28 @@ pub(super) enum Statement {
     Goto(Span),
     Mark(Mark),
 }
+
+/// Calls and assignments of a block, and of the branches and loops in it, in text order.
+pub(super) fn simple_statements(block: &[Statement]) -> Vec<Span> {
+    let mut all = Vec::new();
+    collect(block, &mut all);
+    all
+}
+
+fn collect(block: &[Statement], all: &mut Vec<Span>) {
+    for statement in block {
+        match statement {
+            Statement::Simple(span) => all.push(*span),
+            Statement::If { arms, otherwise, .. } => {
+                arms.iter().for_each(|(_, block)| collect(block, all));
+                collect(otherwise, all);
+            }
+            Statement::For { body, .. } | Statement::While { body, .. } => collect(body, all),
+            Statement::Test { cases, otherwise, .. } => {
+                cases.iter().for_each(|(_, block)| collect(block, all));
+                collect(otherwise, all);
+            }
+            Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
+        }
+    }
+}
