@@ -1,0 +1,189 @@
+//! Blocks: statements up to the word that ends them, and the branches and loops among them.
+
+use super::super::lex::{Key, Kind};
+use super::super::statement::Scan;
+use super::super::tree::{Data, Statement};
+use super::{MAX_DEPTH, Parser, TooDeep, storage};
+use crate::text::Span;
+
+impl Parser<'_> {
+    /// Statements up to a word that this level does not know; that word is left.
+    pub(super) fn block(&mut self, data: &mut Vec<Data>, depth: usize) -> Result<Vec<Statement>, TooDeep> {
+        if depth > MAX_DEPTH {
+            let here = self.cursor.peek().span();
+            return Err(TooDeep(here));
+        }
+        let mut block = Vec::new();
+        loop {
+            let start = self.cursor.peek();
+            if let Some(mark) = self.cursor.mark.take() {
+                block.push(Statement::Mark(mark));
+            }
+            let at = start.start;
+            match self.key_of(start) {
+                None if start.kind == Kind::End => return Ok(block),
+                None => {
+                    if let Some(statement) = self.simple(start) {
+                        block.push(statement);
+                    }
+                }
+                Some(Key::Var | Key::Pers | Key::Const | Key::Task) => {
+                    self.cursor.pass(start);
+                    if let Some(k) = self.key_of(start).filter(|k| *k != Key::Task)
+                        && let Some(found) = self.data(at, storage(k), false)
+                    {
+                        data.push(found);
+                    }
+                }
+                Some(Key::If) => {
+                    self.cursor.pass(start);
+                    let statement = self.condition(data, at, depth)?;
+                    block.extend(statement);
+                }
+                Some(Key::For) => {
+                    self.cursor.pass(start);
+                    let statement = self.counted(data, at, depth)?;
+                    block.extend(statement);
+                }
+                Some(Key::While) => {
+                    self.cursor.pass(start);
+                    let statement = self.repeated(data, at, depth)?;
+                    block.push(statement);
+                }
+                Some(Key::Test) => {
+                    self.cursor.pass(start);
+                    let statement = self.test(data, at, depth)?;
+                    block.push(statement);
+                }
+                Some(
+                    k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto | Key::Connect),
+                ) => {
+                    self.cursor.pass(start);
+                    let name = self.cursor.peek().span();
+                    if let Scan::Broken(reason) = self.scan() {
+                        self.odd(at, reason);
+                    }
+                    block.extend(leaving(k, name));
+                }
+                Some(_) => return Ok(block),
+            }
+        }
+    }
+
+    fn close(&mut self, wanted: Key, head: Span) {
+        let lexeme = self.cursor.peek();
+        if self.key_of(lexeme) == Some(wanted) {
+            self.cursor.pass(lexeme);
+            // `ENDIF;` is not RAPID, yet there.
+            self.cursor.accept(Kind::Mark(b';'));
+        } else {
+            self.file.odd.push((head, "block without an end"));
+        }
+    }
+
+    /// Behind IF: the block form, or the compact form with one statement and no THEN.
+    fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
+        let condition = self.operand_run();
+        let head = Span::new(at, self.cursor.behind);
+        if self.cursor.accept_word(b"THEN") {
+            let mut arms = vec![(condition, self.block(data, depth + 1)?)];
+            let mut otherwise = Vec::new();
+            loop {
+                match self.peek_key() {
+                    Some(Key::ElseIf) => {
+                        self.cursor.next();
+                        let condition = self.expression(&[b"THEN"]);
+                        self.cursor.accept_word(b"THEN");
+                        arms.push((condition, self.block(data, depth + 1)?));
+                    }
+                    Some(Key::Else) => {
+                        self.cursor.next();
+                        otherwise = self.block(data, depth + 1)?;
+                    }
+                    _ => break,
+                }
+            }
+            self.close(Key::EndIf, head);
+            return Ok(Some(Statement::If { arms, otherwise, at: head }));
+        }
+        let start = self.cursor.peek();
+        let inner = match self.key_of(start) {
+            Some(k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto)) => {
+                self.cursor.pass(start);
+                let name = self.cursor.peek().span();
+                self.scan();
+                leaving(k, name)
+            }
+            None if start.kind != Kind::End => self.simple(start),
+            _ => {
+                self.odd(at, "IF without THEN or statement");
+                None
+            }
+        };
+        Ok(inner.map(|s| Statement::If { arms: vec![(condition, vec![s])], otherwise: Vec::new(), at: head }))
+    }
+
+    /// Behind FOR.
+    fn counted(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
+        let variable = self.cursor.accept(Kind::Word);
+        let from_word = self.cursor.accept_word(b"FROM");
+        let from = self.expression(&[b"TO", b"STEP", b"DO"]);
+        let to_word = self.cursor.accept_word(b"TO");
+        let to = self.expression(&[b"STEP", b"DO"]);
+        let step = self.cursor.accept_word(b"STEP").then(|| self.expression(&[b"DO"]));
+        self.cursor.accept_word(b"DO");
+        let head = Span::new(at, self.cursor.behind);
+        let body = self.block(data, depth + 1)?;
+        self.close(Key::EndFor, head);
+        let (Some(variable), true, true) = (variable, from_word, to_word) else {
+            self.file.odd.push((head, "FOR without variable, FROM or TO"));
+            return Ok(None);
+        };
+        Ok(Some(Statement::For { variable: variable.span(), from, to, step, body, at: head }))
+    }
+
+    /// Behind WHILE.
+    fn repeated(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
+        let condition = self.expression(&[b"DO"]);
+        self.cursor.accept_word(b"DO");
+        let head = Span::new(at, self.cursor.behind);
+        let body = self.block(data, depth + 1)?;
+        self.close(Key::EndWhile, head);
+        Ok(Statement::While { condition, body, at: head })
+    }
+
+    /// Behind TEST.
+    fn test(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
+        let subject = self.expression(&[]);
+        let head = Span::new(at, self.cursor.behind);
+        let (mut cases, mut otherwise) = (Vec::new(), Vec::new());
+        loop {
+            match self.peek_key() {
+                Some(Key::Case) => {
+                    self.cursor.next();
+                    let values = self.expression(&[]);
+                    self.cursor.accept(Kind::Mark(b':'));
+                    cases.push((values, self.block(data, depth + 1)?));
+                }
+                Some(Key::Default) => {
+                    self.cursor.next();
+                    self.cursor.accept(Kind::Mark(b':'));
+                    otherwise = self.block(data, depth + 1)?;
+                }
+                _ => break,
+            }
+        }
+        self.close(Key::EndTest, head);
+        Ok(Statement::Test { subject, cases, otherwise, at: head })
+    }
+}
+
+/// RETURN, EXIT, RAISE and GOTO; what else leaves its place is no statement here.
+fn leaving(word: Key, label: Span) -> Option<Statement> {
+    match word {
+        Key::Return => Some(Statement::Return),
+        Key::Exit | Key::Raise => Some(Statement::Exit),
+        Key::Goto => Some(Statement::Goto(label)),
+        _ => None,
+    }
+}
