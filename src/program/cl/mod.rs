@@ -2,7 +2,7 @@
 //!
 //! | file | from | to |
 //! |---|---|---|
-//! | `lex`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
+//! | `lex`, `number`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
 //! | `read`, `setup`, `motion`, `modal`, `frame`, `arc`, `dialect`, `words` | statements | targets |
 //! | [`Pieces`] | bytes of a long file | targets, a stretch at a time |
@@ -17,6 +17,7 @@ mod layout;
 mod lex;
 mod modal;
 mod motion;
+mod number;
 mod pieces;
 mod plain;
 mod read;

@@ -5,6 +5,7 @@ use super::frame::Frame;
 use super::lex::{Kind, Lexer, Record, RecordKind, Token};
 use super::modal::Modal;
 use super::motion::PendingArc;
+use super::number::number;
 use super::setup::unit_at_start;
 use super::statement::Statement;
 use super::words::{decides_motion, is_source, is_without_motion};
@@ -380,7 +381,7 @@ fn kept(record: Record, reason: &'static str, fault: bool) -> Kept {
 }
 
 fn numbers_in(text: &[u8]) -> Vec<f64> {
-    text.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b'/' | b'$')).filter_map(super::lex::number).collect()
+    text.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b'/' | b'$')).filter_map(number).collect()
 }
 
 fn first_of<const N: usize>(values: &[f64]) -> Option<[f64; N]> {

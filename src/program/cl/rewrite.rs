@@ -1,8 +1,9 @@
 //! Wanted positions to edits on number tokens.
 
 use super::layout::{Layout, Slot};
-use super::lex::{number, pieces};
+use super::lex::pieces;
 use super::modal::Xyz;
+use super::number::number;
 use super::vector::{add, norm, scale, sub};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Source, Span, number as text_number};
