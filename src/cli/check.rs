@@ -1,12 +1,14 @@
 //! `check`: is each target within tolerance, reachable and convergent?
 
+use super::against::Originals;
 use super::args::{Check, CheckFormat, Format};
 use super::foresee::{self, Batch, Foreseen, Question};
-use super::input::{Context, Job};
-use super::output::Outputs;
+use super::input::{Context, both};
+use super::job::Job;
+use super::output::{Outputs, one_thing};
+use super::piped::{Piped, jobs};
 use super::report::{self, Rows};
-use super::run::{Originals, Setup, both, each, one_thing};
-use super::stream::{self, Piped};
+use super::run::{Setup, each};
 use super::{Answer, Outcome, message};
 use deflex::correct::{Judged, Messages, Row, Summary, compensate, predict};
 use deflex::program::{Program, Role, Target};
@@ -23,7 +25,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(&args.format)?;
     let context = Context::of(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = stream::jobs(piped.as_ref(), &args.inputs, kind);
+    let jobs = jobs(piped.as_ref(), &args.inputs, kind);
     let (mut setup, jobs) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
     if let Some(most) = args.max_correction {
         setup.cell.cell.limits.max_correction = 1e-3 * most;

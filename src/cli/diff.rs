@@ -1,10 +1,10 @@
 //! `diff`: what changed between two programs.
 
 use super::args::Diff;
-use super::input::{self, Context};
-use super::output::{Outputs, is_stdout};
+use super::input::{self, Context, both};
+use super::job::Job;
+use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
-use super::run::{both, one_thing};
 use super::{Answer, Outcome};
 use deflex::report::html::diff_page;
 use deflex::report::{diff_csv, diff_text, difference};
@@ -13,7 +13,7 @@ use std::path::Path;
 
 pub(super) fn run(args: &Diff) -> Outcome {
     let context = Context::read(&args.reading)?;
-    let read = |path: &Path| input::program_alone(input::job(path, args.reading.format)?, &context);
+    let read = |path: &Path| input::program_alone(Job::of(path, args.reading.format)?, &context);
     let (original, corrected) = both(read(&args.original), read(&args.corrected))?;
     let found = difference(&original, &corrected);
     let printed = [&args.report, &args.json, &args.html].into_iter().flatten().filter(|path| is_stdout(path)).count();

@@ -1,9 +1,11 @@
 //! `predict` and `check` on long programs, in constant memory.
 
-use super::input::{Job, Text, cannot_read};
-use super::output::Outputs;
+use super::against::Originals;
+use super::input::cannot_read;
+use super::job::{Job, Text};
+use super::output::{Outputs, cannot_write};
 use super::report::{ProgramReports, Rows};
-use super::run::{Originals, Setup};
+use super::run::Setup;
 use super::{progress, stream};
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_pieces};
 use deflex::program::{AnyPieces, Language};
@@ -26,6 +28,17 @@ pub(super) struct Batch<'a> {
     pub(super) path: Option<PathTrace>,
     /// How many they are.
     pub(super) programs: usize,
+}
+
+impl Batch<'_> {
+    /// Rows as the run's report needs them.
+    pub(super) fn rows(&self, rows: Option<Rows>) -> Result<Option<Rows>, Vec<Diagnostic>> {
+        let (Some(mut rows), Some(path)) = (rows, self.report) else { return Ok(None) };
+        if self.programs > 1 {
+            rows.spool().map_err(|error| cannot_write(path, &error))?;
+        }
+        Ok(Some(rows))
+    }
 }
 
 /// What a check asks of each piece.

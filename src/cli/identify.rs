@@ -1,10 +1,10 @@
 //! `identify`: which effect the cell lacks, and the cell with it.
 
 use super::args::Identify;
-use super::input::{self, CellFile, Context, all};
-use super::output::{Outputs, is_stdout};
+use super::input::{self, CellFile, Context, all, both};
+use super::job::Job;
+use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
-use super::run::{both, one_thing};
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::{examples_left, extended};
 use deflex::identify::{Input, identify};
@@ -70,7 +70,7 @@ fn run_of(
     program: &Path,
     measured: &Path,
 ) -> Result<(Program, Table), Vec<Diagnostic>> {
-    let job = input::job(program, args.reading.format);
+    let job = Job::of(program, args.reading.format);
     let program = job.and_then(|job| input::program(job, context, cell, args.tool.as_deref()));
     both(program, input::table(measured))
 }

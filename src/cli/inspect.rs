@@ -1,7 +1,8 @@
 //! `inspect`: what is understood of programs.
 
 use super::args::{Format, Inspect};
-use super::input::{self, Context, Job, all};
+use super::input::{self, Context, all};
+use super::job::Job;
 use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
@@ -101,7 +102,7 @@ fn one(
         let path = path.display().to_string();
         (InspectFile::refused(&path, language, &errors), errors)
     };
-    let job: Job = match input::job(path, format) {
+    let job = match Job::of(path, format) {
         Ok(job) => job,
         Err(errors) if errors.iter().any(|error| error.code == "io.read") => return Err(errors),
         Err(errors) => return Ok(refused(None, errors)),

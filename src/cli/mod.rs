@@ -1,18 +1,24 @@
 //! Arguments to ready objects to one file per command: the only code that reads, writes and prints.
 
+mod against;
 mod args;
 mod blocks;
 mod check;
+mod compensate;
 mod diff;
+mod forces;
 mod foresee;
 mod generate;
 mod identify;
 mod init;
 mod input;
 mod inspect;
+mod job;
 mod lines;
 mod message;
 mod output;
+mod piped;
+mod predict;
 mod progress;
 mod report;
 mod run;
@@ -47,8 +53,8 @@ pub(crate) fn main() -> ExitCode {
     };
     output::clean_up_when_interrupted();
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {
-        Command::Compensate(args) => run::run_compensate(args),
-        Command::Predict(args) => run::run_predict(args),
+        Command::Compensate(args) => compensate::run(args),
+        Command::Predict(args) => predict::run(args),
         Command::Diff(args) => diff::run(args),
         Command::Check(args) => check::run(args),
         Command::Identify(args) => identify::run(args),

@@ -249,6 +249,17 @@ pub(super) fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// Stdout carries one result.
+pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
+    if count > 1 {
+        let message = "more than one result would go to stdout";
+        return Err(vec![
+            Diagnostic::error("usage.stdout", "", message).help("give -o, --report, --json or --html a file"),
+        ]);
+    }
+    Ok(())
+}
+
 /// The file that a path means: through symbolic links, so that the file behind one is replaced, not the link.
 fn resolved(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,10 +1,12 @@
 //! `compensate` on long programs: from file to file in constant memory.
 
-use super::args::{Compensate, Format};
-use super::input::{self, Job, Text, cannot_read};
-use super::output::{Outputs, Temporary, is_stdout};
+use super::args::Compensate;
+use super::compensate::{Batch, in_one_file, post_options, report_beside};
+use super::input::cannot_read;
+use super::job::{Job, Text};
+use super::output::{Outputs, Temporary};
 use super::report::ProgramReports;
-use super::run::{Batch, Done, in_one_file, post_options, report_beside};
+use super::run::Done;
 use super::{lines, progress, report};
 use deflex::correct::{self, Outline, Poster, StreamError, compensate_declared, compensate_pieces, post_pieces};
 use deflex::program::cl::ClOptions;
@@ -14,51 +16,9 @@ use deflex::report::html::PathTrace;
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufReader, Seek};
 use std::path::{Path, PathBuf};
-
-/// What came through a pipe, in a temporary file, so that it can be read twice.
-pub(super) struct Piped {
-    /// As the user typed it.
-    path: PathBuf,
-    spooled: Temporary,
-}
-
-impl Piped {
-    /// Takes in the program where it is the one input.
-    pub(super) fn new(inputs: &[PathBuf]) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let [path] = inputs else { return Ok(None) };
-        // A named pipe, or one of the shell's own.
-        let pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
-        if !is_stdout(path) && !pipe {
-            return Ok(None);
-        }
-        let spooled = Temporary::spool().and_then(|(spooled, mut file)| {
-            if is_stdout(path) {
-                io::copy(&mut io::stdin().lock(), &mut file)?;
-            } else {
-                io::copy(&mut File::open(path)?, &mut file)?;
-            }
-            Ok(Self { path: path.clone(), spooled })
-        });
-        spooled.map(Some).map_err(|error| cannot_read(&path.display().to_string(), &error))
-    }
-
-    fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
-        let path = self.spooled.path().unwrap_or(&self.path).to_owned();
-        input::job_of(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
-    }
-}
-
-/// Looks into the inputs, of which one may have been taken in already.
-pub(super) fn jobs(
-    piped: Option<&Piped>,
-    inputs: &[PathBuf],
-    format: Option<Format>,
-) -> Result<Vec<Job>, Vec<Diagnostic>> {
-    piped.map_or_else(|| input::jobs(inputs, format), |piped| piped.job(format).map(|job| vec![job]))
-}
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {

@@ -1,0 +1,44 @@
+//! `--against`: the programs as they were before a correction.
+
+use super::args::Format;
+use super::job::{Job, jobs};
+use super::run::Setup;
+use deflex::program::Program;
+use deflex::text::Diagnostic;
+use std::path::{Path, PathBuf};
+
+/// `--against`: one original, or a folder with an original of each program's name.
+pub(super) struct Originals<'a> {
+    against: Option<&'a Path>,
+    format: Option<Format>,
+}
+
+impl<'a> Originals<'a> {
+    pub(super) fn new(
+        against: Option<&'a Path>,
+        jobs: &[Job],
+        format: Option<Format>,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        if against.is_some_and(|path| !path.is_dir()) && jobs.len() > 1 {
+            let message = "--against is one program, but there are several inputs";
+            let help = "give the folder of originals, with the same file names";
+            return Err(vec![Diagnostic::error("usage.against", "", message).help(help)]);
+        }
+        Ok(Self { against, format })
+    }
+
+    /// The original of a program.
+    pub(super) fn of(&self, job: &Job, setup: &Setup) -> Result<Option<Program>, Vec<Diagnostic>> {
+        self.job(job)?.map(|original| setup.program(original)).transpose()
+    }
+
+    /// The same, not yet parsed.
+    pub(super) fn job(&self, job: &Job) -> Result<Option<Job>, Vec<Diagnostic>> {
+        let Some(path) = self.against else { return Ok(None) };
+        if path.is_dir() {
+            let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
+            return Ok(jobs(&files, self.format)?.into_iter().next());
+        }
+        Job::of(path, self.format).map(Some)
+    }
+}

@@ -1,0 +1,172 @@
+//! `compensate`: programs with the correction in them.
+
+use super::Outcome;
+use super::args::Compensate;
+use super::input::{Context, both};
+use super::job::Job;
+use super::output::{Outputs, cannot_write, is_stdout, one_thing};
+use super::piped::{Piped, jobs};
+use super::run::{Done, Setup, each, finish};
+use super::stream;
+use deflex::correct::{self, Corrected, PostOptions};
+use deflex::program::{Language, Program};
+use deflex::report::html::{PathKind, PathTrace};
+use deflex::text::{Diagnostic, Source, apply};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+pub(super) fn run(args: &Compensate) -> Outcome {
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
+    let piped = Piped::new(&args.inputs)?;
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format);
+    let (mut setup, jobs) = both(setup, jobs)?;
+    setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
+    setup.options.allow_clones = args.allow_clones;
+    one_stdout(args, &jobs)?;
+    let outputs = outputs(args, &jobs);
+    let batch = Batch {
+        args,
+        setup: &setup,
+        outputs: &outputs,
+        path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len())),
+        programs: jobs.len(),
+    };
+    let done = each(jobs, args.common.quiet, |job, bar| match stream::compensate(&batch, &job, bar)? {
+        Some(done) => Ok(done),
+        None => batch.whole(job),
+    })?;
+    finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
+}
+
+/// What all programs of a `compensate` have in common.
+pub(super) struct Batch<'a> {
+    pub(super) args: &'a Compensate,
+    pub(super) setup: &'a Setup,
+    /// What none may write over.
+    pub(super) outputs: &'a Outputs,
+    /// An empty path, for `--html`.
+    pub(super) path: Option<PathTrace>,
+    /// How many they are.
+    pub(super) programs: usize,
+}
+
+impl Batch<'_> {
+    /// Corrects a program that is held whole.
+    fn whole(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
+        let (args, setup) = (self.args, self.setup);
+        let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
+        let program = setup.program(job)?;
+        let corrected =
+            correct::compensate(&program, &setup.cell.cell, &setup.options).map_err(|e| setup.cell.own(e))?;
+        if !corrected.failures.is_empty() {
+            return Err(corrected.failures);
+        }
+        let mut outputs = self.outputs.sibling();
+        let mut notes = Vec::new();
+        let written = match program.language {
+            Language::Rapid => edited(&program, &corrected, &files),
+            Language::Cl => {
+                let options = post_options(args, &files[0]);
+                let posted = correct::post(&program, &setup.cell.cell, &corrected, &options)?;
+                notes = posted.notes;
+                posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
+            }
+        };
+        let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
+        place(args, &mut outputs, written.into_iter().chain(companions))?;
+        let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone())?;
+        done.notes.extend(notes);
+        if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
+            let mut file = done.outputs.open_report(&path)?;
+            rows.write(&mut file).and_then(|()| file.flush()).map_err(|error| cannot_write(&path, &error))?;
+        }
+        match (&args.reports.report, &mut done.rows) {
+            (Some(path), Some(rows)) if self.programs > 1 => {
+                rows.spool().map_err(|error| cannot_write(path, &error))?
+            }
+            (Some(_), _) => {}
+            (None, rows) => *rows = None,
+        }
+        Ok(done)
+    }
+}
+
+/// Outputs that take no input's place.
+fn outputs(args: &Compensate, jobs: &[Job]) -> Outputs {
+    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
+    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.texts).map(|text| PathBuf::from(text.name())).collect();
+    Outputs::new(read.chain(&listed))
+}
+
+/// Only one thing goes to stdout, and several programs go to a folder.
+fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
+    if args.out_dir.is_none() && (jobs.len() > 1 || jobs.iter().any(|job| job.texts.len() > 1)) {
+        let message = format!("{} inputs are several files, which need a folder", args.inputs.len());
+        return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
+    }
+    let program = args.out_dir.is_none() && args.output.as_deref().is_none_or(is_stdout);
+    one_thing(usize::from(program) + args.reports.to_stdout())
+}
+
+/// Bytes of each corrected source.
+fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
+    let none = Vec::new();
+    let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
+    let write = |(i, (source, file)): (usize, (&Source, &PathBuf))| {
+        let mut bytes = Vec::with_capacity(source.bytes.len());
+        // Writing to a Vec cannot fail.
+        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
+        (file.clone(), bytes)
+    };
+    program.sources.iter().take(program.written).zip(files).enumerate().map(write).collect()
+}
+
+/// Puts the files of one program where they belong.
+fn place(
+    args: &Compensate,
+    outputs: &mut Outputs,
+    written: impl Iterator<Item = (PathBuf, Vec<u8>)>,
+) -> Result<(), Vec<Diagnostic>> {
+    let written: Vec<_> = written.collect();
+    in_one_file(args, written.len())?;
+    for (file, bytes) in &written {
+        match &args.out_dir {
+            Some(dir) => outputs.add(&dir.join(file), bytes)?,
+            None => outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), bytes)?,
+        }
+    }
+    Ok(())
+}
+
+/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout.
+pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
+    match (&args.out_dir, &args.output) {
+        (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),
+        (None, Some(output)) if args.reports.report.is_none() && !is_stdout(output) => {
+            Some(output.with_extension("report.csv"))
+        }
+        _ => None,
+    }
+}
+
+/// What the RAPID program made of CL input has that CL data do not say.
+pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
+    let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
+    let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
+    PostOptions {
+        name: if stem == "-" { "program".to_owned() } else { stem },
+        title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
+        max_targets: args.max_targets.map(|most| most as usize),
+        rapid_mm_s: args.rapid_speed,
+        feed_mm_s: args.feed,
+    }
+}
+
+/// A program of several files needs a folder.
+pub(super) fn in_one_file(args: &Compensate, files: usize) -> Result<(), Vec<Diagnostic>> {
+    if args.out_dir.is_none() && files > 1 {
+        let message = format!("the program is written as {files} files, which need a folder");
+        return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
+    }
+    Ok(())
+}

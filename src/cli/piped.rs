@@ -1,0 +1,52 @@
+//! A program that comes through a pipe, and can be read once only.
+
+use super::args::Format;
+use super::input::cannot_read;
+use super::job::{self, Job, Text};
+use super::output::{Temporary, is_stdout};
+use deflex::text::Diagnostic;
+use std::fs::{self, File};
+use std::io;
+use std::path::PathBuf;
+
+/// What came through a pipe, in a temporary file, so that it can be read twice.
+pub(super) struct Piped {
+    /// As the user typed it.
+    path: PathBuf,
+    spooled: Temporary,
+}
+
+impl Piped {
+    /// Takes in the program where it is the one input.
+    pub(super) fn new(inputs: &[PathBuf]) -> Result<Option<Self>, Vec<Diagnostic>> {
+        let [path] = inputs else { return Ok(None) };
+        // A named pipe, or one of the shell's own.
+        let pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir());
+        if !is_stdout(path) && !pipe {
+            return Ok(None);
+        }
+        let spooled = Temporary::spool().and_then(|(spooled, mut file)| {
+            if is_stdout(path) {
+                io::copy(&mut io::stdin().lock(), &mut file)?;
+            } else {
+                io::copy(&mut File::open(path)?, &mut file)?;
+            }
+            Ok(Self { path: path.clone(), spooled })
+        });
+        spooled.map(Some).map_err(|error| cannot_read(&path.display().to_string(), &error))
+    }
+
+    fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
+        let path = self.spooled.path().unwrap_or(&self.path).to_owned();
+        Job::of_text(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
+    }
+}
+
+/// Looks into the inputs, of which one may have been taken in already.
+pub(super) fn jobs(
+    piped: Option<&Piped>,
+    inputs: &[PathBuf],
+    format: Option<Format>,
+) -> Result<Vec<Job>, Vec<Diagnostic>> {
+    piped.map_or_else(|| job::jobs(inputs, format), |piped| piped.job(format).map(|job| vec![job]))
+}
