@@ -6,6 +6,7 @@ use super::super::value::Value;
 use super::RUN_TIME;
 
 /// Level and sign of the operator that a lexeme is.
+#[inline]
 pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
     Some(match lexeme.kind {
         Kind::Mark(b'=') => (3, "="),
