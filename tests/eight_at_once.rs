@@ -32,11 +32,25 @@ kind = \"force_scale\"
 factor = 1.3
 ";
 
+const WEAR_AND_FRAMES: &str = "
+[[effect]]
+kind = \"tool_wear\"
+per_m = 0.4
+[[effect]]
+kind = \"tool_frame\"
+d_mm = [0.05, -0.03, 0.1]
+d_rad = [0.0, 5e-4, -1e-3]
+[[effect]]
+kind = \"work_object_frame\"
+d_mm = [-0.2, 0.3, 0.05]
+d_rad = [2e-4, 0.0, 1e-3]
+";
+
 /// An effect that does nothing, but is not simple: every target is solved by itself.
 const ONE_BY_ONE: &str = "
 [[effect]]
-kind = \"tool_wear\"
-per_m = 0.0
+kind = \"hysteresis\"
+fraction = [0, 0, 0, 0, 0, 0]
 ";
 
 /// Numbers of a thousand that may be rounded to the other neighbour: both ways end a hundredth of a digit from the truth.
@@ -88,7 +102,7 @@ proptest! {
         (mode, width) in prop::sample::select(vec![("slot", "20.0"), ("down", "8.0"), ("up", "5.0")]),
         lead in prop::sample::select(vec!["5.0", "0.3", "15.0"]),
         soft in 1.0..8.0_f64,
-        effects in prop::sample::select(vec!["", WEIGHTS_AND_GAPS, ZEROS_AND_FORCE]),
+        effects in prop::sample::select(vec!["", WEIGHTS_AND_GAPS, ZEROS_AND_FORCE, WEAR_AND_FRAMES]),
     ) {
         let springs = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5].map(|stiffness| stiffness / soft);
         let cell = CELL

@@ -72,7 +72,8 @@ impl Point {
             PointLoad::Constant(force) => Cut::Constant(force),
             PointLoad::Law { law, wobj_from_feed, .. } => Cut::Law { law: &laws[*law], wobj_from_feed },
         };
-        Site { setting, wobj_from_tcp: &self.reference, payload: self.payload, cut, leaned }
+        let Self { reference: wobj_from_tcp, payload, cut_length, .. } = self;
+        Site { setting, wobj_from_tcp, payload: *payload, cut_length: *cut_length, cut, leaned }
     }
 
     pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {

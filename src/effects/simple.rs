@@ -1,3 +1,4 @@
+use super::Twist;
 use crate::robot::Joints;
 use nalgebra::Vector3;
 
@@ -18,6 +19,8 @@ pub enum Simple {
     },
     /// The cutting force is off by a factor.
     ForceFactor(f64),
+    /// It grows by this share with the length cut, 1/m.
+    ForceGrowth(f64),
     /// Weights on the links.
     Weights(Weights),
     /// Joints trail their motors.
@@ -25,6 +28,10 @@ pub enum Simple {
         /// Half of what a joint loses when its motor turns back, rad.
         half_gap: Joints,
     },
+    /// Where the actual TCP is in the declared one.
+    Tool(Twist),
+    /// Where the actual work object is in the declared one.
+    WorkObject(Twist),
 }
 
 /// Weights on the links.

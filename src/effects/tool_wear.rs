@@ -1,6 +1,7 @@
 //! A tool that grows dull: its force rises with the length cut.
 
-use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, checked, scalar, table_of, take};
+use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Simple, State, checked, scalar, table_of, take};
+use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -24,6 +25,10 @@ impl Effect for ToolWear {
 
     fn load(&self, state: &State, load: &mut Load) {
         load.cut *= 1.0 + self.per_m * state.situation.cut_length;
+    }
+
+    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
+        Some(Simple::ForceGrowth(self.per_m))
     }
 
     fn needs(&self) -> &'static [Need] {

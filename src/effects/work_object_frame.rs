@@ -1,6 +1,7 @@
 //! A work object that does not lie where it was declared; a base that stands wrong looks the same.
 
-use super::{ANY, Distortion, Effect, Kind, Load, Parameter, State, Twist, checked, indexed, table_of, take};
+use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Simple, State, Twist, checked, indexed, table_of, take};
+use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -20,13 +21,23 @@ pub(super) struct WorkObjectFrame {
     d_rad: [f64; 3],
 }
 
+impl WorkObjectFrame {
+    fn twist(&self) -> Twist {
+        Twist { shift: 1e-3 * Vector3::from(self.d_mm), turn: Vector3::from(self.d_rad) }
+    }
+}
+
 impl Effect for WorkObjectFrame {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
     fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        out.wobj += Twist { shift: 1e-3 * Vector3::from(self.d_mm), turn: Vector3::from(self.d_rad) };
+        out.wobj += self.twist();
+    }
+
+    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
+        Some(Simple::WorkObject(self.twist()))
     }
 
     fn parameters(&self) -> Vec<Parameter> {

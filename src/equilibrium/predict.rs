@@ -35,6 +35,10 @@ const EXACT: Enough = Enough { left: 3e-13, foreseen: false };
 const PRINTED: Enough = Enough { left: PRINTED_LEFT, foreseen: true };
 pub(in crate::equilibrium) const PRINTED_LEFT: f64 = 2e-12;
 
+/// What a round is trusted to leave of what it finds, at least: a secant gains three digits, until what it did not see is all that
+/// is left.
+pub(in crate::equilibrium) const TRUSTED: f64 = 0.03;
+
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
 
@@ -192,7 +196,7 @@ impl Arm {
                 distortion.go_towards(&before.look.distortion, back, *parts);
                 // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
                 *gain = *size / before.size;
-                let foreseen = *size * gain.max(before.gain);
+                let foreseen = *size * gain.max(before.gain).max(TRUSTED);
                 sure = enough.foreseen && foreseen < enough.left && same_lost && *parts == Parts::Joints;
             }
             let moved = motor_commanded + distortion.joints - travel.component_mul(&distortion.lost);

@@ -242,6 +242,14 @@ impl<'a> Eight<'a> {
         [first, second, third, fourth, fifth, sixth]
     }
 
+    /// Motor angles at flange poses near others, rad, and where they are surely the nearest.
+    #[inline(always)]
+    pub(crate) fn nearest(&self, base_from_flange: &Frame, near: &EightJoints) -> (EightJoints, Mask) {
+        let (motor, reach) = self.inverse(base_from_flange, near);
+        let [a, b, c, d, e, f] = six!(i => (motor[i] - near[i]) * (motor[i] - near[i]));
+        (motor, (a + b + c + d + e + f).lt(reach))
+    }
+
     /// Motor angles at flange poses in the branch that others are in, rad: which turn of an axis is nearest to these too. And
     /// from how close they are surely the nearest of all, square of rad; 0 where limits are passed or digits lost.
     #[inline(always)]

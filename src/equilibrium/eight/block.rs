@@ -1,3 +1,4 @@
+use super::EightArm;
 use crate::effects::{ForceLaw, ToolFrame};
 use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH};
 use crate::robot::Pose;
@@ -21,6 +22,8 @@ pub(crate) struct Site<'a> {
     pub(crate) wobj_from_tcp: &'a Pose,
     /// kg
     pub(crate) payload: f64,
+    /// Length cut up to there, m.
+    pub(crate) cut_length: f64,
     pub(crate) cut: Cut<'a>,
     /// Whether the tool leans against the surface as the law of the cut has it.
     pub(crate) leaned: bool,
@@ -38,19 +41,36 @@ pub(crate) enum Cut<'a> {
     },
 }
 
+/// Work object and TCP of eight targets.
+#[derive(Default)]
+pub(super) struct Frames {
+    pub(super) base_from_wobj: Frame,
+    pub(super) flange_from_tcp: Frame,
+}
+
+impl Frames {
+    fn set(&mut self, lane: usize, base_from_wobj: &Pose, flange_from_tcp: &Pose) {
+        self.base_from_wobj.set(lane, base_from_wobj);
+        self.flange_from_tcp.set(lane, flange_from_tcp);
+    }
+}
+
 /// The sites of eight targets.
 #[derive(Default)]
 pub(super) struct Block<'a> {
-    pub(super) base_from_wobj: Frame,
+    pub(super) declared: Frames,
+    /// Where work object and TCP really are.
+    pub(super) actual: Frames,
     /// Where the TCP should be, work object axes, m.
     pub(super) wanted: Vector,
-    pub(super) flange_from_tcp: Frame,
     /// kg
     pub(super) tool_mass: Lanes,
     /// Flange frame, m.
     pub(super) tool_cog: Vector,
     /// kg
     pub(super) payload: Lanes,
+    /// Of the cutting force on its law's.
+    pub(super) factor: Lanes,
     /// Axes only.
     pub(super) wobj_from_feed: Frame,
     /// See [`ForceLaw::slope`].
@@ -70,8 +90,9 @@ pub(super) struct Block<'a> {
 
 impl<'a> Block<'a> {
     /// Puts another site into a lane.
-    pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
-        self.run_with(lane, site.setting);
+    pub(super) fn set(&mut self, arm: &EightArm<'_>, lane: usize, site: &Site<'a>) {
+        self.run_with(arm, lane, site.setting);
+        self.factor.set(lane, arm.force_factor(site.cut_length));
         self.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
         self.payload.set(lane, site.payload);
         match site.cut {
@@ -106,13 +127,14 @@ impl<'a> Block<'a> {
     }
 
     /// Puts another setting into a lane.
-    pub(super) fn run_with(&mut self, lane: usize, setting: &'a Setting) {
+    pub(super) fn run_with(&mut self, arm: &EightArm<'_>, lane: usize, setting: &'a Setting) {
         if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
             return;
         }
         self.settings[lane] = Some(setting);
-        self.base_from_wobj.set(lane, &setting.base_from_wobj);
-        self.flange_from_tcp.set(lane, &setting.tool.flange_from_tcp);
+        let Setting { base_from_wobj, tool } = setting;
+        self.declared.set(lane, base_from_wobj, &tool.flange_from_tcp);
+        self.actual.set(lane, &arm.work_object.after(base_from_wobj), &arm.tcp.after(&tool.flange_from_tcp));
         self.tool_mass.set(lane, setting.tool.mass);
         self.tool_cog.set(lane, &setting.tool.cog);
     }

@@ -1,5 +1,5 @@
 use super::EightArm;
-use super::block::Block;
+use super::block::{Block, Frames};
 use super::rounds::dot;
 use crate::equilibrium::predict::TAME;
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
@@ -38,11 +38,12 @@ impl Look {
     pub(super) fn place(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
         let frames = arm.robot.chain(&self.turns);
         let flange = &frames[5];
-        self.tip = flange.point(block.flange_from_tcp.origin);
-        let seen = block.base_from_wobj.turn_back(self.tip - block.base_from_wobj.origin);
+        let Frames { base_from_wobj, flange_from_tcp } = &block.actual;
+        self.tip = flange.point(flange_from_tcp.origin);
+        let seen = base_from_wobj.turn_back(self.tip - base_from_wobj.origin);
         self.shift = block.wobj_from_feed.turn_back(seen - block.wanted);
         // The tool axis, tip to spindle, is −z of the TCP frame.
-        let axis = block.base_from_wobj.turn_back(flange.turn(block.flange_from_tcp.z));
+        let axis = base_from_wobj.turn_back(flange.turn(flange_from_tcp.z));
         self.axis = block.wobj_from_feed.turn_back(axis) * -1.0;
         self.frames = frames;
     }
@@ -56,7 +57,7 @@ impl Look {
     #[inline(always)]
     pub(super) fn bear(&mut self, arm: &EightArm<'_>, block: &Block<'_>) {
         let frames = &self.frames;
-        let cut = block.base_from_wobj.turn(block.wobj_from_feed.turn(self.force)) * arm.force_factor;
+        let cut = block.declared.base_from_wobj.turn(block.wobj_from_feed.turn(self.force)) * block.factor;
         // Moments are about the centre of the wrist, where the last three axes meet, then about each joint.
         let mut about = frames[4].origin;
         let (mut force, mut moment) = (cut, (self.tip - about).cross(cut));
@@ -88,11 +89,12 @@ impl Look {
         self.cut = cut;
     }
 
-    /// How the depth of cut feeds back here, where the tip should be.
+    /// How the depth of cut feeds back here, where the tip should be, to which the nominal arm comes `aside` of these motor
+    /// angles, rad.
     #[inline(always)]
-    pub(super) fn feedback(&self, arm: &EightArm<'_>, block: &Block<'_>) -> EightFeedback {
-        let in_base = |v: Vector| block.base_from_wobj.turn(v);
-        let slope = in_base(block.wobj_from_feed.turn(block.slope)) * arm.force_factor;
+    pub(super) fn feedback(&self, arm: &EightArm<'_>, block: &Block<'_>, aside: &EightJoints) -> EightFeedback {
+        let in_base = |v: Vector| block.declared.base_from_wobj.turn(v);
+        let slope = in_base(block.wobj_from_feed.turn(block.slope)) * block.factor;
         let normal = in_base(block.wobj_from_feed.z);
         // What the tip does as a joint turns, along the normal, and its torque as the tip is lifted.
         let levers = six!(i => self.frames[i].z.cross(self.tip - self.frames[i].origin));
@@ -103,11 +105,11 @@ impl Look {
         let share = around / (around - 1.0);
         let tame = share.ge(TAME.start) & share.lt(TAME.end);
         let share = tame.select(share, Lanes::ZERO);
-        let lift = dot(&lifts, &self.give) * (Lanes::of(1.0) - share);
+        let lift = dot(&lifts, &six!(i => self.give[i] + aside[i])) * (Lanes::of(1.0) - share);
         EightFeedback { yielding: six!(i => tame.select(yielding[i], Lanes::ZERO)), share, lift }
     }
 
-    /// All of it at the nominal arm's motor angles (rad) at the wanted poses.
+    /// All of it at motor angles (rad), those of the wanted poses.
     pub(super) fn at(&mut self, arm: &EightArm<'_>, block: &Block<'_>, motor: &EightJoints) {
         widest!(<'a, 'b> (
             arm: &'a EightArm<'b> = arm,
@@ -131,13 +133,13 @@ impl Look {
         });
     }
 
-    /// The TCP in the work object at `turns`.
+    /// The TCP in the work object at `turns`, of these frames.
     #[inline(always)]
-    pub(super) fn seen(&self, arm: &EightArm<'_>, block: &Block<'_>) -> Frame {
-        seen(arm, block, &self.turns)
+    pub(super) fn seen(&self, arm: &EightArm<'_>, frames: &Frames) -> Frame {
+        seen(arm, frames, &self.turns)
     }
 
-    /// The same where the joints are back by as much as they yield, and whether that is surely so.
+    /// As the controller believes, where the joints are back by as much as they yield, and whether that is surely so.
     #[inline(always)]
     pub(super) fn relieved(&self, arm: &EightArm<'_>, block: &Block<'_>) -> (Frame, Mask) {
         let steps = arm.robot.serial_from_motor(&six!(i => -self.give[i]));
@@ -145,12 +147,12 @@ impl Look {
         for step in &steps[1..] {
             close = close & step.abs().lt(NUDGE);
         }
-        (seen(arm, block, &six!(i => self.turns[i].nudged(steps[i]))), close)
+        (seen(arm, &block.declared, &six!(i => self.turns[i].nudged(steps[i]))), close)
     }
 }
 
 /// The TCP in the work object.
 #[inline(always)]
-fn seen(arm: &EightArm<'_>, block: &Block<'_>, turns: &EightTurns) -> Frame {
-    block.base_from_wobj.back_to(&arm.robot.chain(turns)[5].then(&block.flange_from_tcp))
+fn seen(arm: &EightArm<'_>, frames: &Frames, turns: &EightTurns) -> Frame {
+    frames.base_from_wobj.back_to(&arm.robot.chain(turns)[5].then(&frames.flange_from_tcp))
 }

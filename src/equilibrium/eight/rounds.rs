@@ -4,7 +4,7 @@ use super::look::Look;
 #[cfg(doc)]
 use crate::equilibrium::Foreseen;
 use crate::equilibrium::Landing;
-use crate::equilibrium::predict::{PRINTED_LEFT, TAME};
+use crate::equilibrium::predict::{PRINTED_LEFT, TAME, TRUSTED};
 use crate::lanes::{Frame, Lanes, Mask, Vector, six, widest};
 use crate::robot::eight::turn_of;
 use crate::robot::{EightJoints, EightTurns, NUDGE, turns_between};
@@ -80,9 +80,8 @@ impl Rounds {
         (self.start, self.start_turns) = (*start, *turns);
     }
 
-    /// Rounds until all of the first lanes are done.
-    pub(super) fn run(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, count: usize) {
-        let wanted = Mask::first(count);
+    /// Rounds until all of the wanted lanes are done.
+    pub(super) fn run(&mut self, arm: &EightArm<'_>, block: &Block<'_>, look: &mut Look, wanted: Mask) {
         (self.done, self.close, self.first_share, self.most) = (wanted.not(), wanted, self.share, Lanes::ZERO);
         for number in 0..ROUNDS {
             self.round(number, arm, block, look);
@@ -130,10 +129,10 @@ impl Rounds {
             landings: &'a mut EightLanding = landings,
         ) {
             rounds.nudge(arm, look);
-            landings.seen = look.seen(arm, block);
+            landings.seen = look.seen(arm, &block.actual);
             landings.shift = landings.seen.origin - block.wanted;
             (landings.turn, landings.small) = turns_between(&landings.wanted, &landings.seen);
-            landings.cut = block.base_from_wobj.turn_back(rounds.cut);
+            landings.cut = block.declared.base_from_wobj.turn_back(rounds.cut);
         });
     }
 
@@ -198,6 +197,7 @@ impl Rounds {
     fn go(&mut self, look: &Look, left: EightJoints, size: Lanes, next: EightJoints, gain: Lanes, before: Lanes) {
         // The next round would leave too little to be looked at, if it gains as much as the worse of the last two.
         let worse = gain.lt(before).select(before, gain);
+        let worse = worse.lt(TRUSTED * TRUSTED).select(Lanes::of(TRUSTED * TRUSTED), worse);
         let sure = (size * worse).lt(PRINTED_LEFT * PRINTED_LEFT);
         self.cut = Vector::new(
             self.done.select(self.cut.x, look.cut.x),

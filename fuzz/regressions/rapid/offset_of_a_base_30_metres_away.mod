@@ -1,0 +1,6 @@
+MODULE M
+  CONST robtarget p1:=[[120,-5.5,30013.5497],[0.0063049,0.70713,0.70704,0.001],[-1,-1,0,1],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  PROC main()
+    MoveL RelTool(p1,0,0,-5),v100,fine,tool0;
+  ENDPROC
+ENDMODULE
