@@ -153,6 +153,31 @@ kind = "backlash"
 half_gap_rad = [2e-5, 3e-5, 2e-5, 5e-5, 4e-5, 6e-5]
 "#;
 
+#[test]
+fn a_step_of_the_force_is_no_running_away() {
+    /// A millionth less below where the tip would come to rest.
+    struct Stepped {
+        at: f64,
+    }
+    impl deflex::effects::ForceLaw for Stepped {
+        fn force(&self, shift: &Vector3<f64>, _: &Vector3<f64>) -> Vector3<f64> {
+            Vector3::new(0.0, 0.0, if shift.z < self.at { -300.0 * 0.999_999 } else { -300.0 })
+        }
+    }
+    let arm = arm(&[]);
+    let motor = deg([0.0, 20.0, 15.0, 10.0, 40.0, 0.0]);
+    let sag = |cutting: Cutting<'_>| {
+        let situation = Situation { cutting, ..situation(&arm, &motor, Vector3::zeros()) };
+        let there = arm.predict(&situation, &motor, &Joints::zeros()).unwrap();
+        there.wobj_from_tcp.translation.z - situation.wobj_from_tcp.translation.z
+    };
+    let [deeper, less] = [1.0, 0.999_999].map(|share| sag(Cutting::Constant(Vector3::new(0.0, 0.0, -300.0 * share))));
+    assert!(deeper < less);
+    let law = Stepped { at: 0.5 * (deeper + less) };
+    let shift = sag(Cutting::Law { law: &law, wobj_from_feed: Rotation3::identity() });
+    assert!((deeper - SAME_POSE..=less + SAME_POSE).contains(&shift), "{deeper} {shift} {less}");
+}
+
 /// Any built-in robot; at times with a wrist that is off, so that its inverse is a search.
 fn any_robot() -> impl Strategy<Value = Robot> {
     (0..BUILTIN.len(), prop::bool::weighted(0.3)).prop_map(|(which, off)| {

@@ -42,6 +42,10 @@ pub(in crate::equilibrium) const TRUSTED: f64 = 0.03;
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
 
+/// Steps of the TCP that go on and on and are this small, m or rad, are no running away: the force itself has steps of a
+/// millionth where its table ends, and the tool goes to and fro over one. A hundredth of a micrometre.
+const RESTLESS: f64 = 1e-8;
+
 /// Secants that are used: loop gains of ±0.9.
 pub(in crate::equilibrium) const TAME: std::ops::Range<f64> = -9.0..0.475;
 
@@ -208,6 +212,10 @@ impl Arm {
             axis = (moved - motor).iamax() + 1;
             motor = moved;
             std::mem::swap(&mut now, &mut before);
+        }
+        if share >= 1.0 && step < RESTLESS {
+            known.deflection = distortion.joints;
+            return Ok(Settled { motor, seen: before.look.seen, last: (ROUNDS - 1) % 2, known });
         }
         Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * step, axis })
     }
