@@ -6,13 +6,14 @@ use std::f64::consts::TAU;
 /// An arc from a start to an end, counter-clockwise about its axis (right-hand rule).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arc {
+    /// Of the circle that the start is on: how far along the axis the text has its centre says nothing.
     centre: [f64; 3],
     /// Unit vectors: towards the start, a quarter turn on, and the axis.
     frame: [[f64; 3]; 3],
     /// Distance from the axis at the start and at the end.
     radius: [f64; 2],
-    /// Height along the axis at the start and at the end.
-    height: [f64; 2],
+    /// Height of the end over the start, along the axis.
+    height: f64,
     /// Angle travelled, radians.
     pub(super) sweep: f64,
 }
@@ -45,8 +46,8 @@ impl Arc {
     pub(super) fn new(circle: &Circle, start: [f64; 3], end: [f64; 3]) -> Result<Self, &'static str> {
         let n = unit(circle.axis).ok_or("arc without an axis")?;
         let (a, b) = (sub(start, circle.centre), sub(end, circle.centre));
-        let (height_a, height_b) = (dot(a, n), dot(b, n));
-        let (flat_a, flat_b) = (sub(a, scale(n, height_a)), sub(b, scale(n, height_b)));
+        let flat = |v: [f64; 3]| sub(v, scale(n, dot(v, n)));
+        let (flat_a, flat_b) = (flat(a), flat(b));
         let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
         let x = unit(flat_a).ok_or("arc of no radius")?;
         let y = cross(n, x);
@@ -61,10 +62,10 @@ impl Arc {
         }
         sweep += TAU * (circle.turns.max(1.0) - 1.0);
         Ok(Self {
-            centre: circle.centre,
+            centre: sub(start, flat_a),
             frame: [x, y, n],
             radius: [radius_a, radius_b],
-            height: [height_a, height_b],
+            height: dot(sub(end, start), n),
             sweep,
         })
     }
@@ -84,11 +85,11 @@ impl Arc {
 
     /// The point at the part `t` of the way; radius and height change evenly (helix, spiral).
     pub(super) fn point(&self, t: f64) -> [f64; 3] {
-        let between = |[a, b]: [f64; 2]| a + (b - a) * t;
         let (sin, cos) = (self.sweep * t).sin_cos();
-        let r = between(self.radius);
+        let [a, b] = self.radius;
+        let r = a + (b - a) * t;
         let [x, y, n] = self.frame;
-        add(add(self.centre, scale(n, between(self.height))), add(scale(x, r * cos), scale(y, r * sin)))
+        add(add(self.centre, scale(n, self.height * t)), add(scale(x, r * cos), scale(y, r * sin)))
     }
 }
 
