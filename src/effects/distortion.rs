@@ -24,6 +24,11 @@ impl std::ops::AddAssign for Twist {
 }
 
 impl Twist {
+    /// Shift in mm and rotation vector in rad, as cells have them.
+    pub(super) fn of_mm(shift_mm: [f64; 3], turn: [f64; 3]) -> Self {
+        Self { shift: 1e-3 * Vector3::from(shift_mm), turn: Vector3::from(turn) }
+    }
+
     /// Whether it moves nothing.
     #[must_use]
     pub fn is_zero(&self) -> bool {

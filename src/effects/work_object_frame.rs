@@ -2,7 +2,6 @@
 
 use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Simple, State, Twist, checked, indexed, table_of, take};
 use crate::robot::Joints;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
@@ -21,23 +20,17 @@ pub(super) struct WorkObjectFrame {
     d_rad: [f64; 3],
 }
 
-impl WorkObjectFrame {
-    fn twist(&self) -> Twist {
-        Twist { shift: 1e-3 * Vector3::from(self.d_mm), turn: Vector3::from(self.d_rad) }
-    }
-}
-
 impl Effect for WorkObjectFrame {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
     fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        out.wobj += self.twist();
+        out.wobj += Twist::of_mm(self.d_mm, self.d_rad);
     }
 
     fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::WorkObject(self.twist()))
+        Some(Simple::WorkObject(Twist::of_mm(self.d_mm, self.d_rad)))
     }
 
     fn parameters(&self) -> Vec<Parameter> {

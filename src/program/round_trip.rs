@@ -30,7 +30,7 @@ const SHIFT_MM: [f64; 3] = [0.25, -0.5, 0.125];
 /// again for what was read.
 const TOLERANCE_MM: f64 = 2e-4;
 
-/// What single precision, in which an offset's base is held, leaves of a position.
+/// What single precision leaves of a position, a share of it.
 const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 
 /// Writes `program` unchanged and with every target shifted, reads the second back with `reread`
@@ -99,7 +99,9 @@ fn difference(
             return fault(&format!("editable, yet not written: {reason}"));
         }
         let change = changes[at].as_ref().filter(|_| unwritten[at].is_none());
-        if !same(&was.goal, &is.goal, change) {
+        // An offset is counted from its base as the controller holds that.
+        let single = if was.editable == Editable::Position { SINGLE } else { 0.0 };
+        if !same(&was.goal, &is.goal, change, single) {
             return fault(&format!("wanted {:?} with {change:?}, read back {:?}", was.goal, is.goal));
         }
         if (was.role, was.ordinal, was.motion, was.rapid) != (is.role, is.ordinal, is.motion, is.rapid) {
@@ -109,8 +111,8 @@ fn difference(
     None
 }
 
-/// Whether `is` is `was`, moved as `change` says.
-fn same(was: &Goal, is: &Goal, change: Option<&Change>) -> bool {
+/// Whether `is` is `was`, moved as `change` says, within a share `single` of what is far away.
+fn same(was: &Goal, is: &Goal, change: Option<&Change>, single: f64) -> bool {
     let near = |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
     match (was, is) {
         (
@@ -118,7 +120,7 @@ fn same(was: &Goal, is: &Goal, change: Option<&Change>) -> bool {
             Goal::Pose { position_mm: again, quat: q_again, conf: c_again },
         ) => {
             let wanted = change.map_or(p, |c| &c.position_mm);
-            let tolerance = TOLERANCE_MM + SINGLE * wanted.iter().fold(0.0, |most, v| v.abs().max(most));
+            let tolerance = TOLERANCE_MM + single * wanted.iter().fold(0.0, |most, v| v.abs().max(most));
             near(wanted, again, tolerance) && near(q, q_again, 0.0) && c == c_again
         }
         (Goal::Axis { position_mm: p, axis }, Goal::Axis { position_mm: again, axis: axis_again }) => {

@@ -122,12 +122,6 @@ impl Literal {
         Some(like)
     }
 
-    /// The same literal elsewhere.
-    #[inline]
-    pub(super) fn moved(&self, start: u32) -> Self {
-        Self { start, ..*self }
-    }
-
     /// Moves it.
     #[inline]
     pub(super) fn move_to(&mut self, start: u32) {

@@ -40,7 +40,9 @@ pub(super) struct Found<'s> {
 
 impl Found<'_> {
     pub(super) fn literal(&self) -> Literal {
-        self.literal.moved(self.start)
+        let mut literal = *self.literal;
+        literal.move_to(self.start);
+        literal
     }
 
     #[inline]
