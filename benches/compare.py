@@ -26,7 +26,7 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent
-DEFLEX = ROOT / "target/release/deflex"
+DEFLEX = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "release/deflex"
 
 HEAD = """MODULE Mill
   PERS tooldata tMill:=[TRUE,[[321.5,0,148.25],[0.70710678,0,0.70710678,0]],[38,[90,0,60],[1,0,0,0],0,0,0]];

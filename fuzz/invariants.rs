@@ -1,4 +1,4 @@
-//! What must hold for any bytes at all. The fuzz targets ask it of made-up bytes, `tests/fuzz_regressions.rs` of those that
+//! What must hold for any bytes at all. The fuzz targets ask it of made-up bytes, `tests/suite/fuzz_regressions.rs` of those that
 //! once broke it.
 
 #![allow(dead_code)] // each fuzz target asks one of the questions
@@ -23,7 +23,7 @@ const TARGETS_OF_LOOPS: usize = 200_000;
 
 fn cl_options() -> ClOptions {
     ClOptions {
-        tool: "tMill".into(),
+        tool: Some("tMill".into()),
         wobj: "wPart".into(),
         units: Some(Units::Millimetre),
         arc_tolerance_mm: 0.01,

@@ -4,8 +4,10 @@
 set -eu
 cd "$(dirname "$0")"
 mkdir -p out
-cargo build --release --quiet
-deflex=$PWD/../target/release/deflex
+cargo build --release
+# Where cargo puts it: CARGO_TARGET_DIR or a configuration may say.
+target=$(cargo metadata --no-deps --format-version 1 | sed -n 's/.*"target_directory":"\([^"]*\)".*/\1/p')
+deflex=$target/release/deflex
 
 for program in slot/slot.mod blade/blade.mod blade/blade.aptsource; do
     folder=$(dirname "$program")
@@ -16,6 +18,12 @@ for program in slot/slot.mod blade/blade.mod blade/blade.aptsource; do
         --report "out/$name.report.csv" --html "out/$name.html"
     "$deflex" check "out/$name.corrected.mod" --cell "$folder/cell.toml" --against "$program" --max-error 0.001
 done
+
+echo
+echo "== stock/part.mod: from the block, with two tools"
+"$deflex" compensate stock/part.mod --cell stock/cell.toml -o out/stock.corrected.mod --report out/stock.report.csv
+"$deflex" simulate out/stock.corrected.mod --cell stock/cell.toml --against stock/part.mod \
+    --html out/stock.html --stl out/stock.stl --json out/stock.json
 
 echo
 echo "== closed-loop: which effect does the cell lack?"

@@ -10,6 +10,7 @@
 //! | [`program`] | program bytes | targets, and corrected poses back into the same bytes |
 //! | [`robot`] | motor angles | poses, and back; Jacobian |
 //! | [`cutting`] | engagement | mean cutting force, contact point |
+//! | [`stock`] | moves of a cutter | what is left of the blank, and what of the cutter is in it |
 //! | [`effects`] | state of the arm | loads, yields and offsets, one file per physical effect |
 //! | [`equilibrium`] | command | actual pose (`predict`), and back (`compensate`) |
 //! | [`cell`] | cell file | robot, tools, cut and effects, and back with the user's comments |
@@ -24,11 +25,10 @@
 //! use deflex::cell::Cell;
 //! use deflex::correct::{Options, compensate};
 //! use deflex::program::rapid;
-//! use deflex::text::{Diagnostic, Source, apply};
+//! use deflex::text::{Diagnostics, Source, apply};
 //!
-//! # fn main() -> Result<(), Vec<Diagnostic>> {
+//! # fn main() -> Result<(), Diagnostics> {
 //! let read = |path: &str| std::fs::read(path).map(|bytes| Source::new(path, bytes));
-//! # let read = |path: &str| read(path).map_err(|e| vec![Diagnostic::error("io", path, e.to_string())]);
 //! let cell = Cell::read(&read("samples/slot/cell.toml")?)?;
 //! let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
 //! let corrected = compensate(&program, &cell, &Options::default())?;
@@ -36,7 +36,7 @@
 //! assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
 //! let mut written = Vec::new();
 //! for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
-//!     apply(&source.bytes, &edits, &mut written).unwrap();
+//!     apply(&source.bytes, &edits, &mut written)?;
 //! }
 //! assert!(written.starts_with(b"%%%"));
 //! # Ok(())
@@ -50,14 +50,13 @@
 //! use deflex::identify::{Input, identify};
 //! use deflex::measured::Table;
 //! use deflex::program::rapid;
-//! use deflex::text::{Diagnostic, Source};
+//! use deflex::text::{Diagnostics, Source};
 //!
-//! # fn main() -> Result<(), Vec<Diagnostic>> {
+//! # fn main() -> Result<(), Diagnostics> {
 //! let read = |name: &str| {
 //!     let path = format!("samples/closed-loop/{name}");
 //!     std::fs::read(&path).map(|bytes| Source::new(path, bytes))
 //! };
-//! # let read = |name: &str| read(name).map_err(|e| vec![Diagnostic::error("io", name, e.to_string())]);
 //! let text = read("cell.toml")?;
 //! let cell = Cell::read(&text)?;
 //! let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
@@ -85,6 +84,9 @@
 //! Inside the library lengths are metres, angles radians, forces newtons; millimetres and degrees
 //! live in [`program`], in the cell file and in [`report`] only, and stand in the names there.
 
+/// The versions of two crates whose types stand in signatures here.
+pub use {nalgebra, toml};
+
 pub mod cell;
 pub mod correct;
 pub mod cutting;
@@ -96,4 +98,5 @@ pub mod measured;
 pub mod program;
 pub mod report;
 pub mod robot;
+pub mod stock;
 pub mod text;

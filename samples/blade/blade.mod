@@ -1,5 +1,5 @@
 MODULE blade
-  ! posted by deflex 0.1.0 from blade.aptsource
+  ! the poses of blade.aptsource as programmed, uncorrected
   PERS tooldata tMill:=[TRUE,[[0.0000,0.0000,310.0000],[1.00000000,0.00000000,0.00000000,0.00000000]],[18.0000,[0.0000,0.0000,120.0000],[1,0,0,0],0,0,0]];
   PERS wobjdata wPart:=[FALSE,TRUE,"",[[1150.0000,-110.0000,650.0000],[1.00000000,0.00000000,0.00000000,0.00000000]],[[0.0000,0.0000,0.0000],[1.00000000,0.00000000,0.00000000,0.00000000]]];
 

@@ -1,7 +1,7 @@
 //! Checks of values with messages at the key's place in the file.
 
 use super::nearest;
-use crate::text::{Diagnostic, Source, Span};
+use crate::text::{Diagnostic, Severity, Source, Span};
 use toml_edit::{Document, Item, TableLike};
 
 /// How far a declared quaternion's norm may be off before it is refused: 4 printed decimals.
@@ -12,11 +12,13 @@ pub(super) struct Check<'a> {
     pub(super) source: &'a Source,
     document: Option<Document<String>>,
     pub(super) errors: Vec<Diagnostic>,
+    /// What is possible and yet seldom meant.
+    pub(super) warnings: Vec<Diagnostic>,
 }
 
 impl<'a> Check<'a> {
     pub(super) fn new(source: &'a Source, text: &str) -> Self {
-        Self { source, document: Document::parse(text.to_owned()).ok(), errors: Vec::new() }
+        Self { source, document: Document::parse(text.to_owned()).ok(), errors: Vec::new(), warnings: Vec::new() }
     }
 
     /// An error at a key such as `cut.engagement.depth_mm`; `effect.2.kind` counts from 0. The nearest parent that
@@ -28,6 +30,12 @@ impl<'a> Check<'a> {
             None => diagnostic,
         };
         self.errors.push(diagnostic);
+    }
+
+    /// The same as a warning.
+    pub(super) fn warn(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
+        self.error(key, message, help);
+        self.warnings.extend(self.errors.pop().map(|error| error.severity(Severity::Warning)));
     }
 
     fn span(&self, key: &str) -> Option<Span> {

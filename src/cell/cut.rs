@@ -1,10 +1,168 @@
-//! `[cut]`: from typed keys to a force.
+//! `[cut]` and the cutting parts of `[tools.X]`: from typed keys to what mills with each tool.
 
 use super::check::Check;
-use super::{Cut, CutForce, ForceFrame, raw};
+use super::{Cell, ForceFrame, raw};
 use crate::cutting::{Coefficients, Cutter, Engagement, Milling, Mode, materials};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
-pub(super) fn cut(check: &mut Check, raw: &raw::Cut) -> Option<Cut> {
+/// `[cut]`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Cut {
+    /// The force.
+    pub force: CutForce,
+    /// Faster moves are air, m/s.
+    pub max_cutting_feed: Option<f64>,
+    /// `[cut.cutter]`, `[cut.engagement]` and `[cut.coefficients]`: for tools that have none of their own.
+    pub milling: MillingParts,
+}
+
+/// `[cut] force`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum CutForce {
+    /// No force.
+    None,
+    /// The same force on every cutting target, N.
+    Constant {
+        /// Force on the tool.
+        force: Vector3<f64>,
+        /// Axes it is given in.
+        frame: ForceFrame,
+    },
+    /// A force per target from a table.
+    Table,
+    /// The milling force integral, of each tool with its own parts: [`Cell::milling`].
+    Mechanistic,
+}
+
+/// What is declared of milling with a tool, or with all of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct MillingParts {
+    /// The cutter.
+    pub cutter: Option<Cutter>,
+    /// Spindle speed of the cutter where the program does not say, 1/min.
+    pub spindle_rpm: Option<f64>,
+    /// How it meets the material.
+    pub engagement: Option<DeclaredEngagement>,
+    /// Cutting force coefficients, as numbers or by the material's name.
+    pub coefficients: Option<Coefficients>,
+}
+
+/// An `engagement` section, before it is known which cutter it is for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct DeclaredEngagement {
+    /// Where it follows from.
+    pub mode: EngagementMode,
+    /// Depth along the surface normal, m; 0 with [`EngagementMode::Stock`].
+    pub depth: f64,
+    /// Stepover, m; a slot needs none.
+    pub width: Option<f64>,
+    /// m; from feed, spindle speed and teeth without it.
+    pub feed_per_tooth: Option<f64>,
+    /// Spindle speed where neither program nor cutter says, 1/min.
+    pub spindle_rpm: Option<f64>,
+    /// Lead, rad.
+    pub lead: f64,
+    /// Tilt, rad.
+    pub tilt: f64,
+}
+
+/// What an engagement follows from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum EngagementMode {
+    /// Depth and width as declared.
+    Declared(Mode),
+    /// `mode = "stock"`: what is left of the blank.
+    Stock,
+}
+
+/// All that is needed to mill with a tool.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct MillingCut {
+    /// The cutter.
+    pub cutter: Cutter,
+    /// How it meets the material.
+    pub engagement: Engaged,
+    /// m; `None` where it is left to feed, spindle speed and teeth.
+    pub feed_per_tooth: Option<f64>,
+    /// Spindle speed where the program does not say, 1/min.
+    pub spindle_rpm: Option<f64>,
+    /// Cutting force coefficients.
+    pub coefficients: Coefficients,
+}
+
+/// How the cutter of a [`MillingCut`] meets the material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Engaged {
+    /// As declared, everywhere; its feed per tooth is any positive one where the program gives the feed.
+    Declared(Engagement),
+    /// As follows from the stock.
+    Stock,
+}
+
+/// A key that a run needs and does not find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("neither [tools.X.{part}] nor [cut.{part}] is there")]
+pub struct MissingCutKey {
+    /// `cutter`, `engagement` or `coefficients`.
+    pub part: &'static str,
+}
+
+impl Cell {
+    /// What mills with a tool, by its name: its own parts, else those of `[cut]`.
+    ///
+    /// # Errors
+    /// The first part that neither has.
+    pub fn milling(&self, tool: &str) -> Result<MillingCut, MissingCutKey> {
+        let none = MillingParts::default();
+        let shared = self.cut.as_ref().map_or(&none, |cut| &cut.milling);
+        let own = self.tool_milling.get(&tool.to_ascii_uppercase()).unwrap_or(&none);
+        own.over(shared)
+    }
+}
+
+impl MillingParts {
+    /// These parts where they are declared, else the `shared` ones.
+    fn over(&self, shared: &Self) -> Result<MillingCut, MissingCutKey> {
+        let missing = |part| MissingCutKey { part };
+        let cutter = self.cutter.or(shared.cutter).ok_or(missing("cutter"))?;
+        let declared = self.engagement.or(shared.engagement).ok_or(missing("engagement"))?;
+        let coefficients = self.coefficients.or(shared.coefficients).ok_or(missing("coefficients"))?;
+        let engagement = match declared.mode {
+            EngagementMode::Stock => Engaged::Stock,
+            EngagementMode::Declared(mode) => Engaged::Declared(Engagement {
+                mode,
+                depth: declared.depth,
+                // A slot is as wide as its cutter.
+                width: declared.width.unwrap_or(cutter.diameter),
+                feed_per_tooth: declared.feed_per_tooth.unwrap_or(ANY_FEED),
+                lead: declared.lead,
+                tilt: declared.tilt,
+            }),
+        };
+        // A cutter brings its speed along.
+        let rpm = if self.cutter.is_some() { self.spindle_rpm } else { self.spindle_rpm.or(shared.spindle_rpm) };
+        Ok(MillingCut {
+            cutter,
+            engagement,
+            feed_per_tooth: declared.feed_per_tooth,
+            spindle_rpm: rpm.or(declared.spindle_rpm),
+            coefficients,
+        })
+    }
+}
+
+/// Feed per tooth of an engagement whose targets have their own, m.
+const ANY_FEED: f64 = 1e-4;
+
+pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> Option<Cut> {
     let force =
         match check.word("cut.force", &raw.force, &[("none", 0), ("constant", 1), ("table", 2), ("mechanistic", 3)])? {
             0 => CutForce::None,
@@ -21,80 +179,147 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut) -> Option<Cut> {
                 CutForce::Constant { force: force.into(), frame: check.word("cut.frame", frame, &frames)? }
             }
             2 => CutForce::Table,
-            _ => mechanistic(check, raw)?,
+            _ => CutForce::Mechanistic,
         };
     if let Some(feed) = raw.max_cutting_feed_mm_s {
         check.positive("cut.max_cutting_feed_mm_s", &[feed]);
     }
-    Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed) })
+    let milling = if force == CutForce::Mechanistic { mechanistic(check, raw, tools) } else { MillingParts::default() };
+    Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed), milling })
 }
 
-fn mechanistic(check: &mut Check, raw: &raw::Cut) -> Option<CutForce> {
-    let why = "force = \"mechanistic\" needs it";
-    let keys = check.need("cut", "cutter", raw.cutter.as_ref(), why);
-    let engaged = check.need("cut", "engagement", raw.engagement.as_ref(), why);
-    let coefficients = coefficients(check, raw);
-    let (keys, engaged, coefficients) = (keys?, engaged?, coefficients?);
-    let cutter = Cutter {
-        diameter: 1e-3 * keys.diameter_mm,
-        corner_radius: 1e-3 * keys.corner_radius_mm,
-        teeth: keys.teeth,
-        helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
-    };
-    let modes = [("slot", Mode::Slot), ("up", Mode::Up), ("down", Mode::Down)];
-    let mode = check.word("cut.engagement.mode", &engaged.mode, &modes)?;
-    let width_mm = match (mode, engaged.width_mm) {
-        (Mode::Slot, width) => width.unwrap_or(keys.diameter_mm),
-        (_, width) => check.need("cut.engagement", "width_mm", width, "up and down milling need the radial width")?,
-    };
-    let feed_from_program = engaged.feed_per_tooth_mm.is_none();
-    if let Some(rpm) = engaged.spindle_rpm {
-        check.positive("cut.engagement.spindle_rpm", &[rpm]);
+fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> MillingParts {
+    let errors = check.errors.len();
+    if tools.is_empty() {
+        // No tool has anything of its own: all of it has to be here.
+        let why = "force = \"mechanistic\" needs it";
+        check.need("cut", "cutter", raw.cutter.as_ref(), why);
+        check.need("cut", "engagement", raw.engagement.as_ref(), why);
+        if raw.coefficients.is_none() && raw.material.is_none() {
+            check.error(
+                "cut",
+                "[cut.coefficients] is missing: force = \"mechanistic\" needs it",
+                "give the six coefficients, or material = \"al7075\"",
+            );
+        }
     }
-    let engagement = Engagement {
+    let (cutter, engagement) = (raw.cutter.as_ref(), raw.engagement.as_ref());
+    let shared = milling_parts(check, "cut", cutter, engagement, (raw.material.as_deref(), raw.coefficients.as_ref()));
+    if check.errors.len() == errors {
+        let own = tools.iter().map(|(name, own)| (format!("tools.{name}"), own));
+        for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
+            // What is missing is said where it is needed.
+            let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
+                parts.over(&shared)
+            else {
+                continue;
+            };
+            if let Err(error) = Milling::new(cutter, engagement, coefficients) {
+                let message = format!("[{key}] {}: {}", error.field, error.message);
+                let help = format!("check [{key}.cutter], [{key}.engagement] and [{key}.coefficients]");
+                check.error(&key, message, help);
+            }
+        }
+    }
+    shared
+}
+
+/// The cutting parts of a section, `cut` or `tools.X`.
+pub(super) fn milling_parts(
+    check: &mut Check,
+    section: &str,
+    cutter: Option<&raw::CutterKeys>,
+    engagement: Option<&raw::EngagementKeys>,
+    (material, coefficients): (Option<&str>, Option<&raw::CoefficientKeys>),
+) -> MillingParts {
+    let spindle_rpm = cutter.and_then(|keys| keys.spindle_rpm);
+    if let Some(rpm) = spindle_rpm {
+        check.positive(&format!("{section}.cutter.spindle_rpm"), &[rpm]);
+    }
+    MillingParts {
+        cutter: cutter.map(|keys| Cutter {
+            diameter: 1e-3 * keys.diameter_mm,
+            corner_radius: 1e-3 * keys.corner_radius_mm,
+            teeth: keys.teeth,
+            helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
+        }),
+        spindle_rpm,
+        engagement: engagement.and_then(|keys| self::engagement(check, &format!("{section}.engagement"), keys)),
+        coefficients: self::coefficients(check, &format!("{section}.coefficients"), material, coefficients),
+    }
+}
+
+fn engagement(check: &mut Check, key: &str, keys: &raw::EngagementKeys) -> Option<DeclaredEngagement> {
+    let modes = [
+        ("slot", EngagementMode::Declared(Mode::Slot)),
+        ("up", EngagementMode::Declared(Mode::Up)),
+        ("down", EngagementMode::Declared(Mode::Down)),
+        ("stock", EngagementMode::Stock),
+    ];
+    let mode = check.word(&format!("{key}.mode"), &keys.mode, &modes)?;
+    if let Some(rpm) = keys.spindle_rpm {
+        check.positive(&format!("{key}.spindle_rpm"), &[rpm]);
+    }
+    let (feed_per_tooth, spindle_rpm) = (keys.feed_per_tooth_mm.map(|mm| 1e-3 * mm), keys.spindle_rpm);
+    if mode == EngagementMode::Stock {
+        let declared = [
+            ("depth_mm", keys.depth_mm),
+            ("width_mm", keys.width_mm),
+            ("lead_deg", keys.lead_deg),
+            ("tilt_deg", keys.tilt_deg),
+        ];
+        for (name, _) in declared.iter().filter(|(_, value)| value.is_some()) {
+            check.error(
+                &format!("{key}.{name}"),
+                format!("{name} is declared, but mode = \"stock\" finds it from the stock"),
+                "remove it, or declare mode = \"slot\", \"up\" or \"down\"",
+            );
+        }
+        let none =
+            DeclaredEngagement { mode, depth: 0.0, width: None, feed_per_tooth, spindle_rpm, lead: 0.0, tilt: 0.0 };
+        return Some(none);
+    }
+    let why = "a declared engagement needs it";
+    let depth = check.need(key, "depth_mm", keys.depth_mm, why);
+    let lead = check.need(key, "lead_deg", keys.lead_deg, why);
+    let tilt = check.need(key, "tilt_deg", keys.tilt_deg, why);
+    if mode != EngagementMode::Declared(Mode::Slot) {
+        check.need(key, "width_mm", keys.width_mm, "up and down milling need the stepover")?;
+    }
+    Some(DeclaredEngagement {
         mode,
-        depth: 1e-3 * engaged.depth_mm,
-        width: 1e-3 * width_mm,
-        // Any positive value: replaced per target where the program gives the feed.
-        feed_per_tooth: 1e-3 * engaged.feed_per_tooth_mm.unwrap_or(0.1),
-        lead: engaged.lead_deg.to_radians(),
-        tilt: engaged.tilt_deg.to_radians(),
-    };
-    if let Err(error) = Milling::new(cutter, engagement, coefficients) {
-        check.error(
-            "cut",
-            format!("[cut] {}: {}", error.field, error.message),
-            "check [cut.cutter], [cut.engagement] and [cut.coefficients]",
-        );
-    }
-    Some(CutForce::Mechanistic {
-        cutter,
-        engagement,
-        feed_from_program,
-        spindle_rpm: engaged.spindle_rpm,
-        coefficients,
+        depth: 1e-3 * depth?,
+        width: keys.width_mm.map(|mm| 1e-3 * mm),
+        feed_per_tooth,
+        spindle_rpm,
+        lead: lead?.to_radians(),
+        tilt: tilt?.to_radians(),
     })
 }
 
-fn coefficients(check: &mut Check, raw: &raw::Cut) -> Option<Coefficients> {
-    let keys = raw.coefficients.as_ref();
-    let material = raw.material.as_deref().or_else(|| keys.and_then(|k| k.material.as_deref()));
+fn coefficients(
+    check: &mut Check,
+    key: &str,
+    material: Option<&str>,
+    keys: Option<&raw::CoefficientKeys>,
+) -> Option<Coefficients> {
+    let material = material.or_else(|| keys.and_then(|k| k.material.as_deref()));
     let own = keys.is_some_and(|k| {
         [k.ktc_n_mm2, k.krc_n_mm2, k.kac_n_mm2, k.kte_n_mm, k.kre_n_mm, k.kae_n_mm].iter().any(Option::is_some)
     });
     match (material, keys) {
         (Some(_), _) if own => {
-            check.error("cut.coefficients", "both a material and coefficients are given", "keep one of them");
+            check.error(key, "both a material and coefficients are given", "keep one of them");
             None
         }
         (Some(name), _) => {
             let known: Vec<(&str, usize)> = materials::MATERIALS.iter().enumerate().map(|(i, m)| (m.name, i)).collect();
-            check.word("cut.coefficients.material", name, &known).map(|i| materials::MATERIALS[i].coefficients)
+            check.word(&format!("{key}.material"), name, &known).map(|i| materials::MATERIALS[i].coefficients)
         }
         (None, Some(keys)) => {
-            let mut get = |key: &str, value: Option<f64>, to_si: f64| {
-                let value = check.need("cut.coefficients", key, value, "all six coefficients are needed")?;
-                check.finite(&format!("cut.coefficients.{key}"), &[value]);
+            let mut get = |name: &str, value: Option<f64>, to_si: f64| {
+                let value = check.need(key, name, value, "all six coefficients are needed")?;
+                check.finite(&format!("{key}.{name}"), &[value]);
                 Some(value * to_si)
             };
             let (area, edge) = (1e6, 1e3);
@@ -107,13 +332,6 @@ fn coefficients(check: &mut Check, raw: &raw::Cut) -> Option<Coefficients> {
                 kae: get("kae_n_mm", keys.kae_n_mm, edge)?,
             })
         }
-        (None, None) => {
-            check.error(
-                "cut",
-                "[cut.coefficients] is missing: force = \"mechanistic\" needs it",
-                "give the six coefficients, or material = \"al7075\"",
-            );
-            None
-        }
+        (None, None) => None,
     }
 }

@@ -3,24 +3,32 @@
 //! Numbers here are as the file has them converted to SI; the file's own units stand in its keys.
 
 mod check;
+mod cl;
 mod cut;
 mod extend;
 mod nearest;
+mod plausible;
 mod raw;
 mod read;
+mod stock;
 mod syntax;
 mod template;
 mod uncertainty;
+mod urdf;
 
+pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;
-pub use template::{examples_left, template};
+pub use stock::StockSection;
+pub use template::{described_template, examples_left, template};
+pub use urdf::{Described, described};
 
-use crate::cutting::{Coefficients, Cutter, Engagement};
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
 use crate::program::cl::ClOptions;
+use crate::program::post::Templates;
 use crate::robot::{Joints, Pose};
+use crate::text::Diagnostic;
 use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
 
@@ -35,8 +43,10 @@ pub struct Cell {
     pub covariances: Vec<Option<DMatrix<f64>>>,
     /// Where `[robot] start_deg` starts, rad.
     pub start: Option<Joints>,
-    /// Tools by name, upper case (RAPID names are case-insensitive).
+    /// Tools by name, upper case (RAPID names are case-insensitive); those whose frame the program has to declare are not here.
     pub tools: BTreeMap<String, ToolFrame>,
+    /// `[tools.X.cutter]`, `[tools.X.engagement]` and `[tools.X.coefficients]` of the tools that have any, by name, upper case.
+    pub tool_milling: BTreeMap<String, MillingParts>,
     /// Work objects by name, upper case: the object frame in the world.
     pub wobjs: BTreeMap<String, Pose>,
     /// `[limits]`.
@@ -47,6 +57,10 @@ pub struct Cell {
     pub cl: Option<Cl>,
     /// `[cut]`, where present.
     pub cut: Option<Cut>,
+    /// Warnings about values that are possible and yet seldom meant, mostly another unit: each with its usual range.
+    pub notes: Vec<Diagnostic>,
+    /// `[stock]`, where present.
+    pub stock: Option<StockSection>,
 }
 
 /// `[limits]`: what would surprise the machine, m.
@@ -56,6 +70,8 @@ pub struct CorrectionLimits {
     pub max_correction: f64,
     /// Largest difference between the corrections of neighbouring targets.
     pub max_step: f64,
+    /// What may be left on the way between targets without being said.
+    pub max_path_error: f64,
 }
 
 /// `[controller]`.
@@ -78,6 +94,8 @@ pub struct Controller {
 pub struct Cl {
     /// What the front end needs.
     pub options: ClOptions,
+    /// `[cl.post]`: lines that call the cell's own routines.
+    pub post: Templates,
     /// Turn about the tool axis.
     pub spin: Spin,
 }
@@ -100,46 +118,6 @@ pub enum SpinRule {
     Feed,
     /// A point in the work object, m.
     Towards(Vector3<f64>),
-}
-
-/// `[cut]`.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Cut {
-    /// The force.
-    pub force: CutForce,
-    /// Faster moves are air, m/s.
-    pub max_cutting_feed: Option<f64>,
-}
-
-/// `[cut] force`.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum CutForce {
-    /// No force.
-    None,
-    /// The same force on every cutting target, N.
-    Constant {
-        /// Force on the tool.
-        force: Vector3<f64>,
-        /// Axes it is given in.
-        frame: ForceFrame,
-    },
-    /// A force per target from a table.
-    Table,
-    /// The milling force integral.
-    Mechanistic {
-        /// `[cut.cutter]`.
-        cutter: Cutter,
-        /// `[cut.engagement]`.
-        engagement: Engagement,
-        /// Whether the feed per tooth is left to feed, spindle speed and teeth.
-        feed_from_program: bool,
-        /// Spindle speed where the program does not say, 1/min.
-        spindle_rpm: Option<f64>,
-        /// `[cut.coefficients]` or the named material.
-        coefficients: Coefficients,
-    },
 }
 
 /// Axes of a constant force.

@@ -11,7 +11,8 @@ pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     let rank = |candidate: &str| {
         let begins = word.len() >= BEGINNING && candidate.starts_with(&word);
         let part = begins || word.len() >= PART && candidate.contains(&word);
-        let distance = distance(&word, candidate);
+        // Swaps of neighbours are counted once.
+        let distance = strsim::osa_distance(&word, candidate);
         (part || 3 * distance <= candidate.len().max(word.len()) + 1).then_some((!part, distance))
     };
     let candidates = known.into_iter().filter_map(|known| Some((rank(&letters(known))?, known)));
@@ -20,25 +21,6 @@ pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
 
 fn letters(word: &str) -> String {
     word.chars().filter(|c| !matches!(c, ' ' | '-' | '_' | '/')).map(|c| c.to_ascii_lowercase()).collect()
-}
-
-/// Edit distance with swaps of neighbours counted once.
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let change = rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-            let mut best = change.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                best = best.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(best);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The cell file as it is typed: keys of INTERFACE.md, units in the names.
+//! The cell file as it is typed: keys of `docs/formats.md`, units in the names.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -15,6 +15,7 @@ pub(super) struct Cell {
     pub(super) wobjs: BTreeMap<String, Wobj>,
     pub(super) cl: Option<Cl>,
     pub(super) cut: Option<Cut>,
+    pub(super) stock: Option<Stock>,
     #[serde(default)]
     pub(super) effect: Vec<toml::Table>,
 }
@@ -33,10 +34,16 @@ pub(super) struct Robot {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Kinematics {
+    #[serde(default)]
     pub(super) parallelogram: bool,
-    pub(super) links: Vec<Link>,
-    pub(super) axis_min_deg: [f64; 6],
-    pub(super) axis_max_deg: [f64; 6],
+    pub(super) axis_sign: Option<[f64; 6]>,
+    pub(super) axis_offset_deg: Option<[f64; 6]>,
+    #[serde(default)]
+    pub(super) coupled_23: bool,
+    // These three are needed, and looked for by the reader: it names all that are missing at once.
+    pub(super) links: Option<Vec<Link>>,
+    pub(super) axis_min_deg: Option<[f64; 6]>,
+    pub(super) axis_max_deg: Option<[f64; 6]>,
     pub(super) elbow_min_deg: Option<f64>,
     pub(super) elbow_max_deg: Option<f64>,
 }
@@ -44,10 +51,19 @@ pub(super) struct Kinematics {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Link {
-    pub(super) alpha_deg: f64,
-    pub(super) a_mm: f64,
-    pub(super) d_mm: f64,
-    pub(super) theta_deg: f64,
+    pub(super) alpha_deg: Option<f64>,
+    pub(super) a_mm: Option<f64>,
+    pub(super) d_mm: Option<f64>,
+    pub(super) theta_deg: Option<f64>,
+}
+
+impl Link {
+    pub(super) const KEYS: [&str; 4] = ["alpha_deg", "a_mm", "d_mm", "theta_deg"];
+
+    /// In the order of [`Link::KEYS`].
+    pub(super) fn values(&self) -> [Option<f64>; 4] {
+        [self.alpha_deg, self.a_mm, self.d_mm, self.theta_deg]
+    }
 }
 
 #[derive(Deserialize)]
@@ -61,6 +77,7 @@ pub(super) struct Stiffness {
 pub(super) struct Limits {
     pub(super) max_correction_mm: Option<f64>,
     pub(super) max_step_mm: Option<f64>,
+    pub(super) max_path_error_mm: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -72,12 +89,15 @@ pub(super) struct Controller {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tool {
-    pub(super) tcp_mm: [f64; 3],
-    pub(super) tcp_quat: [f64; 4],
+    pub(super) tcp_mm: Option<[f64; 3]>,
+    pub(super) tcp_quat: Option<[f64; 4]>,
     #[serde(default)]
     pub(super) mass_kg: f64,
     #[serde(default)]
     pub(super) cog_mm: [f64; 3],
+    pub(super) cutter: Option<CutterKeys>,
+    pub(super) engagement: Option<EngagementKeys>,
+    pub(super) coefficients: Option<CoefficientKeys>,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +112,13 @@ pub(super) struct Wobj {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Cl {
-    pub(super) tool: String,
+    pub(super) tool: Option<String>,
+    #[serde(default)]
+    pub(super) tools: BTreeMap<String, String>,
+    #[serde(default)]
+    pub(super) harmless: Vec<String>,
+    #[serde(default)]
+    pub(super) post: BTreeMap<String, String>,
     pub(super) wobj: String,
     pub(super) units: Option<String>,
     pub(super) point: Option<String>,
@@ -122,18 +148,19 @@ pub(super) struct CutterKeys {
     pub(super) corner_radius_mm: f64,
     pub(super) teeth: u32,
     pub(super) helix_deg: Option<f64>,
+    pub(super) spindle_rpm: Option<f64>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct EngagementKeys {
     pub(super) mode: String,
-    pub(super) depth_mm: f64,
+    pub(super) depth_mm: Option<f64>,
     pub(super) width_mm: Option<f64>,
     pub(super) feed_per_tooth_mm: Option<f64>,
     pub(super) spindle_rpm: Option<f64>,
-    pub(super) lead_deg: f64,
-    pub(super) tilt_deg: f64,
+    pub(super) lead_deg: Option<f64>,
+    pub(super) tilt_deg: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -146,4 +173,12 @@ pub(super) struct CoefficientKeys {
     pub(super) kte_n_mm: Option<f64>,
     pub(super) kre_n_mm: Option<f64>,
     pub(super) kae_n_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Stock {
+    pub(super) wobj: Option<String>,
+    pub(super) box_mm: Option<[[f64; 3]; 2]>,
+    pub(super) resolution_mm: Option<f64>,
 }

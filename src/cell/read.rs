@@ -1,20 +1,24 @@
 //! From the file to a checked [`Cell`].
 
 use super::check::Check;
-use super::cut::cut;
+use super::cl::cl;
+use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
-use super::{Cell, Cl, Controller, CorrectionLimits, Spin, SpinRule, nearest, raw, uncertainty};
+use super::{Cell, Controller, CorrectionLimits, nearest, plausible, raw, uncertainty};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
-use crate::program::cl::{ClOptions, Point, Units};
-use crate::robot::{BUILTIN, DhRow, Joints, Limits, Pose, Robot};
+use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{DMatrix, Quaternion, Translation3, UnitQuaternion, Vector3};
+use std::collections::BTreeMap;
 
 /// Without `[limits]`: what a correction of a sane cell never reaches, mm.
 const MAX_CORRECTION_MM: f64 = 5.0;
 /// Without `[limits]`: the step between neighbours is not limited by default beyond this, mm.
 const MAX_STEP_MM: f64 = 2.0;
+
+/// Without `[limits]`: what is left on the way between targets is said beyond this, mm; a robot repeats to about as much.
+const MAX_PATH_ERROR_MM: f64 = 0.05;
 
 impl Cell {
     /// Reads and checks a cell file.
@@ -43,9 +47,22 @@ impl Cell {
             check.positive("robot.stiffness.joint_nm_per_rad", &s.joint_nm_per_rad);
             Joints::from(s.joint_nm_per_rad)
         });
-        let tools =
-            raw.tools.iter().map(|(name, tool)| (name.to_ascii_uppercase(), self::tool(&mut check, name, tool)));
-        let tools = tools.collect();
+        let (mut tools, mut tool_milling) = (BTreeMap::new(), BTreeMap::new());
+        for (name, tool) in &raw.tools {
+            let key = format!("tools.{name}");
+            tools.extend(self::tool(&mut check, &key, tool).map(|frame| (name.to_ascii_uppercase(), frame)));
+            let parts = [tool.cutter.is_some(), tool.engagement.is_some(), tool.coefficients.is_some()];
+            if parts.contains(&true) {
+                let parts = milling_parts(
+                    &mut check,
+                    &key,
+                    tool.cutter.as_ref(),
+                    tool.engagement.as_ref(),
+                    (None, tool.coefficients.as_ref()),
+                );
+                tool_milling.insert(name.to_ascii_uppercase(), parts);
+            }
+        }
         let wobjs =
             raw.wobjs.iter().map(|(name, wobj)| (name.to_ascii_uppercase(), self::wobj(&mut check, name, wobj)));
         let wobjs = wobjs.collect();
@@ -53,28 +70,37 @@ impl Cell {
         one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
         let mut controller = controller(&mut check, raw.controller.as_ref());
-        let cut = raw.cut.as_ref().and_then(|keys| cut(&mut check, keys));
-        let corner = raw.cut.as_ref().and_then(|cut| cut.cutter.as_ref()).map(|cutter| cutter.corner_radius_mm);
-        let cl = raw.cl.as_ref().and_then(|cl| self::cl(&mut check, cl, corner));
+        let cut = raw.cut.as_ref().and_then(|keys| cut(&mut check, keys, &tool_milling));
+        let shared = raw.cut.as_ref().and_then(|cut| cut.cutter.as_ref()).map(|cutter| cutter.corner_radius_mm);
+        let own = |(name, tool): (&String, &raw::Tool)| {
+            Some((name.to_ascii_uppercase(), tool.cutter.as_ref()?.corner_radius_mm))
+        };
+        let own = raw.tools.iter().filter_map(own).collect();
+        let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own));
+        let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
         let (effects, covariances) = effects(&mut check, &raw.effect, stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
-            Joints::from(deg.map(f64::to_radians))
+            robot.as_ref().map_or_else(Joints::zeros, |robot| robot.motor_from_axes_deg(&deg))
         });
         if let Some(violation) = robot.as_ref().zip(start).and_then(|(robot, start)| robot.limit_violation(&start)) {
             check.error("robot.start_deg", format!("robot.start_deg: {violation}"), "start within the axis limits");
         }
+        plausible::check(&mut check, &raw, robot.as_ref());
         match robot {
             Some(robot) if check.errors.is_empty() => Ok(Self {
                 arm: Arm { robot, stiffness, effects },
                 covariances,
                 start,
                 tools,
+                tool_milling,
                 wobjs,
                 limits,
                 controller,
                 cl,
                 cut,
+                notes: check.warnings,
+                stock,
             }),
             _ => {
                 check.errors.sort_by_key(|error| (error.line, error.column));
@@ -101,24 +127,19 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
     let (base_mm, base_quat) = (raw.base_mm.unwrap_or_default(), raw.base_quat.unwrap_or(identity));
     let world_from_base = checked_frame(check, "robot", ["base_mm", "base_quat"], base_mm, base_quat);
     let Some(own) = &raw.kinematics else {
-        let known: Vec<(&str, usize)> = BUILTIN.iter().enumerate().map(|(i, robot)| (robot.model, i)).collect();
+        let known: Vec<(&str, usize)> = BUILTIN.iter().enumerate().map(|(i, robot)| (&robot.model[..], i)).collect();
         let index = check.word("robot.model", &raw.model, &known)?;
         return Some(BUILTIN[index].robot().standing_at(world_from_base));
     };
     let key = "robot.kinematics";
-    if own.links.len() != 6 {
-        check.error(
-            &format!("{key}.links"),
-            format!("{} links, expected 6", own.links.len()),
-            "one modified-DH row a joint",
-        );
-        return None;
-    }
-    for link in &own.links {
-        check.finite(&format!("{key}.links"), &[link.alpha_deg, link.a_mm, link.d_mm, link.theta_deg]);
-    }
+    let why = "[robot.kinematics] replaces the built-in geometry as a whole";
+    let links = check.need(key, "links", own.links.as_deref(), why);
+    let links = links.and_then(|links| self::links(check, links));
+    let axis_min_deg = check.need(key, "axis_min_deg", own.axis_min_deg, why);
+    let axis_max_deg = check.need(key, "axis_max_deg", own.axis_max_deg, why);
+    let (links, axis_min_deg, axis_max_deg) = (links?, axis_min_deg?, axis_max_deg?);
     for i in 0..6 {
-        let (min, max) = (own.axis_min_deg[i], own.axis_max_deg[i]);
+        let (min, max) = (axis_min_deg[i], axis_max_deg[i]);
         if min.is_nan() || max.is_nan() || min >= max {
             check.error(
                 &format!("{key}.axis_min_deg"),
@@ -146,34 +167,86 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
             None
         }
     };
+    let sign = own.axis_sign.unwrap_or(Axes::SERIAL.sign);
+    if sign.iter().any(|sign| ![1.0, -1.0].contains(sign)) {
+        check.error(
+            &format!("{key}.axis_sign"),
+            format!("{sign:?}: a sign is 1 or -1"),
+            "1 where the axis turns as its link's z axis does, -1 where it turns the other way",
+        );
+    }
+    let offset_deg = own.axis_offset_deg.unwrap_or_default();
+    check.finite(&format!("{key}.axis_offset_deg"), &offset_deg);
+    if own.parallelogram && own.coupled_23 {
+        check.error(
+            &format!("{key}.coupled_23"),
+            "an arm has a parallelogram, or its controller counts axis 3 against the ground, not both",
+            "parallelogram: motor 3 sits at axis 2; coupled_23: motor 3 sits on link 2 (FANUC)",
+        );
+    }
+    let axes = Axes { sign, parallelogram: own.parallelogram, coupled_23: own.coupled_23 };
     let rows = std::array::from_fn(|i| {
-        let link = &own.links[i];
+        let [alpha_deg, a_mm, d_mm, theta_deg] = links[i];
         DhRow {
-            alpha: link.alpha_deg.to_radians(),
-            a: 1e-3 * link.a_mm,
-            d: 1e-3 * link.d_mm,
-            theta: link.theta_deg.to_radians(),
+            alpha: alpha_deg.to_radians(),
+            a: 1e-3 * a_mm,
+            d: 1e-3 * d_mm,
+            theta: (theta_deg + offset_deg[i]).to_radians(),
         }
     });
-    let limits = Limits {
-        min: own.axis_min_deg.map(f64::to_radians).into(),
-        max: own.axis_max_deg.map(f64::to_radians).into(),
-        elbow,
-    };
-    Some(Robot::new(raw.model.clone(), rows, own.parallelogram, limits).standing_at(world_from_base))
+    let limits =
+        Limits { min: axis_min_deg.map(f64::to_radians).into(), max: axis_max_deg.map(f64::to_radians).into(), elbow };
+    Some(Robot::new(raw.model.clone(), rows, axes, limits).standing_at(world_from_base))
 }
 
-fn tool(check: &mut Check, name: &str, raw: &raw::Tool) -> ToolFrame {
-    let key = format!("tools.{name}");
+/// The rows of `links`, complete and finite.
+fn links(check: &mut Check, raw: &[raw::Link]) -> Option<[[f64; 4]; 6]> {
+    let key = "robot.kinematics.links";
+    let Ok(rows) = <&[raw::Link; 6]>::try_from(raw) else {
+        check.error(key, format!("{} links, expected 6", raw.len()), "one modified-DH row a joint");
+        return None;
+    };
+    let mut values = [[0.0; 4]; 6];
+    let mut missing = Vec::new();
+    for (i, row) in rows.iter().enumerate() {
+        for (at, value) in row.values().into_iter().enumerate() {
+            match value {
+                Some(value) => values[i][at] = value,
+                None => missing.push(format!("`{}` of row {}", raw::Link::KEYS[at], i + 1)),
+            }
+        }
+        check.finite(key, &values[i]);
+    }
+    if missing.is_empty() {
+        return Some(values);
+    }
+    let message = format!("{key}: missing {}", missing.join(", "));
+    check.error(key, message, format!("each row has {}; 0.0 where there is none", raw::Link::KEYS.join(", ")));
+    None
+}
+
+/// The frame of a tool; `None` where the program has to declare it.
+fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
     if raw.mass_kg.is_nan() || raw.mass_kg < 0.0 {
         check.error(&format!("{key}.mass_kg"), "a mass is not negative", "kg");
     }
     check.finite(&format!("{key}.cog_mm"), &raw.cog_mm);
-    ToolFrame {
-        flange_from_tcp: checked_frame(check, &key, ["tcp_mm", "tcp_quat"], raw.tcp_mm, raw.tcp_quat),
+    let (tcp_mm, tcp_quat) = match (raw.tcp_mm, raw.tcp_quat) {
+        (Some(tcp_mm), Some(tcp_quat)) => (tcp_mm, tcp_quat),
+        (None, None) => return None,
+        (given, _) => {
+            let (missing, why) = match given {
+                Some(_) => ("tcp_quat", "a tool with tcp_mm needs its orientation"),
+                None => ("tcp_mm", "a tool with tcp_quat needs its place"),
+            };
+            return check.need(key, missing, None, why);
+        }
+    };
+    Some(ToolFrame {
+        flange_from_tcp: checked_frame(check, key, ["tcp_mm", "tcp_quat"], tcp_mm, tcp_quat),
         mass: raw.mass_kg,
         cog: Vector3::from(raw.cog_mm) * 1e-3,
-    }
+    })
 }
 
 fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj) -> Pose {
@@ -200,53 +273,27 @@ fn limits(check: &mut Check, raw: Option<&raw::Limits>) -> CorrectionLimits {
     let step = raw.and_then(|l| l.max_step_mm).unwrap_or(MAX_STEP_MM);
     check.positive("limits.max_correction_mm", &[correction]);
     check.positive("limits.max_step_mm", &[step]);
-    CorrectionLimits { max_correction: 1e-3 * correction, max_step: 1e-3 * step }
+    let path = raw.and_then(|l| l.max_path_error_mm);
+    if let Some(path) = path {
+        check.positive("limits.max_path_error_mm", &[path]);
+    }
+    CorrectionLimits {
+        max_correction: 1e-3 * correction,
+        max_step: 1e-3 * step,
+        max_path_error: 1e-3 * path.unwrap_or(MAX_PATH_ERROR_MM),
+    }
 }
 
 fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
     let mut controller = Controller { declared: raw.is_some(), ..Controller::default() };
     for word in raw.map_or(&[][..], |c| &c.compensates[..]) {
-        match check.word(
-            "controller.compensates",
-            word,
-            &[("gravity", Covered::Gravity), ("geometry", Covered::Geometry)],
-        ) {
+        match check.word("controller.compensates", word, &Covered::WORDS) {
             Some(Covered::Gravity) => controller.gravity = true,
             Some(Covered::Geometry) => controller.geometry = true,
             None => {}
         }
     }
     controller
-}
-
-fn cl(check: &mut Check, raw: &raw::Cl, corner_radius_mm: Option<f64>) -> Option<Cl> {
-    let units = match &raw.units {
-        Some(units) => Some(check.word("cl.units", units, &[("mm", Units::Millimetre), ("inch", Units::Inch)])?),
-        None => None,
-    };
-    let point = check.word(
-        "cl.point",
-        raw.point.as_deref().unwrap_or("tip"),
-        &[("tip", Point::Tip), ("centre", Point::Centre)],
-    )?;
-    let rule = match check.word("cl.spin", &raw.spin, &[("fixed", 0), ("feed", 1), ("towards", 2)])? {
-        0 => SpinRule::Fixed,
-        1 => SpinRule::Feed,
-        _ => {
-            let point = check.need("cl", "towards_mm", raw.towards_mm, "spin = \"towards\" needs a point")?;
-            SpinRule::Towards(Vector3::from(point) * 1e-3)
-        }
-    };
-    if point == Point::Centre && corner_radius_mm.is_none() {
-        check.error("cl.point", "point = \"centre\" needs the corner radius", "add [cut.cutter] corner_radius_mm");
-    }
-    let arc_tolerance_mm = raw.arc_tolerance_mm.unwrap_or(ClOptions::default().arc_tolerance_mm);
-    check.positive("cl.arc_tolerance_mm", &[arc_tolerance_mm]);
-    let turn = raw.spin_deg.unwrap_or(0.0);
-    check.finite("cl.spin_deg", &[turn]);
-    let options =
-        ClOptions { tool: raw.tool.clone(), wobj: raw.wobj.clone(), units, point, corner_radius_mm, arc_tolerance_mm };
-    Some(Cl { options, spin: Spin { rule, turn: turn.to_radians() } })
 }
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>);
@@ -298,8 +345,7 @@ fn effects(check: &mut Check, raw: &[toml::Table], stiffness: bool, controller: 
         covariances.push(covariance(check, &key, uncertainty, effect.parameters().len()));
         effects.push(effect);
     }
-    if stiffness && !effects.iter().any(|effect| effect.kind() == "joint_stiffness") {
-        effects.insert(0, effects::declared_springs());
+    if stiffness && effects::add_implied(&mut effects) {
         covariances.insert(0, None);
     }
     (effects, covariances)

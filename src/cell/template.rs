@@ -1,5 +1,7 @@
+use super::Described;
 use crate::effects::KINDS;
-use crate::robot::Builtin;
+use crate::program::orientation::quaternion;
+use crate::robot::{Builtin, Joints, Pose};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use std::fmt::Write;
 
@@ -9,6 +11,70 @@ const MARK: &str = "# <<";
 /// A commented cell file to start from: it is the cell's once every value marked `# <<` is the cell's own.
 #[must_use]
 pub fn template(robot: &Builtin) -> String {
+    let head = format!(
+        r#"[robot]
+model = "{model}"     # geometry from: {source}
+# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say
+# base_mm = [0, 0, 0]               # where the base stands in the world
+# base_quat = [1, 0, 0, 0]
+
+# The model's geometry, for a robot that is like it: uncommented, it counts, and `model` is just a name.
+{kinematics}"#,
+        model = robot.model,
+        source = robot.source,
+        kinematics = kinematics(robot),
+    );
+    cell(&head, &stiffness(robot.stiffness_nm_per_rad), "")
+}
+
+/// The same for a robot that a description (URDF) tells of; `file` is named in it.
+#[must_use]
+pub fn described_template(described: &Described, file: &str) -> String {
+    let robot = &described.robot;
+    let mut head = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        head,
+        "[robot]\nmodel = {:?}     # a name; geometry from {}, up to link {}",
+        described.name,
+        comment(file),
+        comment(&described.tip)
+    );
+    head += "# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say\n";
+    let base = &robot.world_from_base;
+    let at = if *base == Pose::identity() { "# " } else { "" };
+    let (mm, quat) = ((base.translation.vector * 1e3).as_slice().to_vec(), quaternion(&base.rotation));
+    let _ = writeln!(
+        head,
+        "{at}base_mm = {mm:?}   # where axis 1 stands in the description's base, and that in the world\n{at}base_quat = {quat:?}\n"
+    );
+    head += "[robot.kinematics]               # modified DH (Craig): Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)\nparallelogram = false             # << true: motor 3 sets the forearm's angle to link 1, not to link 2\nlinks = [\n";
+    for row in robot.links.rows() {
+        let (alpha, a, d, theta) = (row.alpha.to_degrees(), 1e3 * row.a, 1e3 * row.d, row.theta.to_degrees());
+        let _ = writeln!(head, "  {{ alpha_deg = {alpha:?}, a_mm = {a:?}, d_mm = {d:?}, theta_deg = {theta:?} }},");
+    }
+    let deg = |limits: &Joints| limits.map(f64::to_degrees).as_slice().to_vec();
+    let _ = writeln!(
+        head,
+        "]\naxis_sign = {:?}   # joint = sign * axis\naxis_min_deg = {:?}\naxis_max_deg = {:?}",
+        robot.axes.sign,
+        deg(&robot.limits.min),
+        deg(&robot.limits.max),
+    );
+    let tool = described.flange_from_tip.map_or_else(String::new, |tip| {
+        let (mm, quat) = ((tip.translation.vector * 1e3).as_slice().to_vec(), quaternion(&tip.rotation));
+        format!("\n# Link {} of the description, on the flange of the rows above.\n[tools.tip]\ntcp_mm = {mm:?}\ntcp_quat = {quat:?}\n", comment(&described.tip))
+    });
+    cell(&head, &stiffness(None), &tool)
+}
+
+/// Text of somebody else's in one line of a comment.
+fn comment(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).collect()
+}
+
+/// The whole file from what is known of the robot.
+fn cell(head: &str, stiffness: &str, tool: &str) -> String {
     let mut text = String::new();
     let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
     let kinds: Vec<String> = names.chunks(7).map(|line| line.join(", ")).collect();
@@ -19,16 +85,8 @@ pub fn template(robot: &Builtin) -> String {
 # As long as one is left, each run says so. What a cell does not need (CL input, tools that programs declare) can go.
 # Units are in the names. Quaternions are [q1, q2, q3, q4], scalar first, as RAPID writes them.
 
-[robot]
-model = "{model}"     # geometry from: {source}
-# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say
-# base_mm = [0, 0, 0]               # where the base stands in the world
-# base_quat = [1, 0, 0, 0]
-
-# The model's geometry, for a robot that is like it: uncommented, it counts, and `model` is just a name.
-{kinematics}
-[robot.stiffness]               # at the motors, axes 1 to 6: hang a known weight on the flange, read the deflection
-joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]   # << example: an IRB 6660-205/1.9
+{head}
+{stiffness}
 
 [limits]
 max_correction_mm = 5.0         # a larger correction stops the run
@@ -43,7 +101,7 @@ tcp_mm = [0.0, 0.0, 310.0]      # << tooldata, tframe
 tcp_quat = [1.0, 0.0, 0.0, 0.0] # << tooldata, tframe
 mass_kg = 18.0                  # << tooldata, tload
 cog_mm = [0.0, 0.0, 120.0]      # << tooldata, tload
-
+{tool}
 [wobjs.wPart]
 uframe_mm = [1000.0, -400.0, 700.0]   # << wobjdata, uframe
 uframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, uframe
@@ -52,11 +110,16 @@ oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe
 
 [cl]                            # CL input only
 tool = "tMill"                  # of [tools]
+# tools = {{ "1" = "tRough", "2" = "tFinish" }}   # LOADTL numbers to [tools]; needed where the file has several
 wobj = "wPart"                  # of [wobjs]
 units = "mm"                    # << where the file does not say: mm | inch
 point = "tip"                   # << what GOTO names: tip | centre
 spin = "fixed"                  # the TCP's x axis: fixed | feed | towards
 spin_deg = 0.0
+# harmless = ["RETRCT"]           # words that do nothing on your machine: listed instead of refused
+# [cl.post]                       # lines of the posted program; what has no line is listed, a tool change is an error
+# tool_change = "rToolChange {{number}};"
+# spindle_on = "rSpindle {{rpm}};"
 
 [cut]
 force = "mechanistic"           # none | constant | table | mechanistic
@@ -79,18 +142,35 @@ tilt_deg = 10.0                 # << and sideways
 [cut.coefficients]
 material = "al7075"             # << a literature value is a start only: calibrate with a dynamometer
 
+# What the cutters meet, where `mode = "stock"` in [cut.engagement] (or in [tools.X.engagement]): the blank, less all that is cut before.
+# [stock]
+# wobj = "wPart"                # in whose axes; left out: the first work object that cuts
+# box_mm = [[0.0, 0.0, -40.0], [300.0, 200.0, 0.0]]
+# resolution_mm = 0.5           # left out: from the smallest cutter
+
 # Effects that make the real arm differ; `deflex identify` appends them from measured data. Their kinds:
 # {kinds}.
 # [[effect]]
 # kind = "backlash"
 # half_gap_rad = [6e-5, 0, 0, 1.2e-4, 0, 0]
 "#,
-        model = robot.model,
-        source = robot.source,
-        kinematics = kinematics(robot),
         kinds = kinds.join(",\n# "),
     );
     text
+}
+
+/// `[robot.stiffness]`: published for one robot; that of another arm is not this one's.
+fn stiffness(published: Option<[f64; 6]>) -> String {
+    const HOW: &str = "at the motors, axes 1 to 6: hang a known weight on the flange, read the deflection";
+    match published {
+        Some(stiffness) => format!(
+            "[robot.stiffness]               # {HOW}\njoint_nm_per_rad = {stiffness:?}   # << published for this model; yours differs"
+        ),
+        None => format!(
+            "# Needed as soon as a force acts. None is published for this robot, and another robot's is not its own: measure it.\n\
+             # [robot.stiffness]             # {HOW}\n# joint_nm_per_rad = [ , , , , , ]"
+        ),
+    }
 }
 
 /// `[robot.kinematics]` of a built-in robot, commented out.
@@ -103,9 +183,16 @@ fn kinematics(robot: &Builtin) -> String {
         format!("# elbow_min_deg = {min:?}             # motor 3 − motor 2\n# elbow_max_deg = {max:?}\n")
     });
     let (parallelogram, min, max) = (robot.parallelogram, robot.min_deg, robot.max_deg);
+    let mut counting = String::new();
+    if robot.axis_sign.contains(&-1.0) {
+        counting += &format!("# axis_sign = {:?}   # joint = sign * axis + axis_offset_deg\n", robot.axis_sign);
+    }
+    if robot.coupled_23 {
+        counting += "# coupled_23 = true                # the controller counts axis 3 against the ground\n";
+    }
     format!(
         "# [robot.kinematics]\n# parallelogram = {parallelogram}          # true: motor 3 sets the forearm's angle to link 1, not to link 2\n\
-         # links = [                       # modified DH (Craig): Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)\n{rows}# ]\n\
+         # links = [                       # modified DH (Craig): Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)\n{rows}# ]\n{counting}\
          # axis_min_deg = {min:?}\n# axis_max_deg = {max:?}\n{elbow}"
     )
 }

@@ -1,6 +1,9 @@
 //! What was typed.
 
+use super::job::Job;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use deflex::report::Origin;
+use deflex::text::Diagnostic;
 use std::path::PathBuf;
 
 /// Makes a robot mill where the program says, and finds out why it does not.
@@ -31,6 +34,9 @@ pub(super) enum Command {
     /// Report what the cell would cut, without a correction
     #[command(after_help = PREDICT)]
     Predict(Predict),
+    /// Cut the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation
+    #[command(after_help = SIMULATE)]
+    Simulate(Simulate),
     /// Say what changed between two programs, target by target
     #[command(
         after_help = "Exit code 1 where anything differs. Quaternions of opposite sign are the same orientation."
@@ -50,6 +56,9 @@ pub(super) enum Command {
         after_help = "Put your own values in where `# <<` stands behind one; as long as one is left, each run says so."
     )]
     Init(Init),
+    /// Joints to TCP and back: a check of the cell's robot against the pendant
+    #[command(after_help = POSE)]
+    Pose(Pose),
     /// Completions for a shell, and manual pages
     #[command(after_help = GENERATE)]
     Generate(Generate),
@@ -68,6 +77,14 @@ const PREDICT: &str = "\
 Examples:
   deflex predict part.mod --cell cell.toml                       report on stdout
   deflex predict out.mod --cell cell.toml --against part.mod     judges a corrected program";
+
+const SIMULATE: &str = "\
+Examples:
+  deflex simulate part.mod --cell cell.toml --html part.html                    where the part will be off
+  deflex simulate out.mod --cell cell.toml --against part.mod --html part.html  before and after a correction
+  deflex simulate part.mod --cell cell.toml --probe points.csv                  a virtual CMM
+
+The cell needs [stock], and a cutter for each tool that cuts it. Points are in the axes of the stock's work object.";
 
 const CHECK: &str = "\
 Examples:
@@ -89,6 +106,14 @@ Examples:
   deflex inspect part.mod
   deflex inspect programs/ --json found.json     every program of a folder
   deflex inspect part.mod --json                 JSON on stdout";
+
+const POSE: &str = "\
+Examples:
+  deflex pose --cell cell.toml --joints 0,0,0,0,30,0 --tool tMill
+  deflex pose --cell cell.toml --target 1200,0,900,0,0,1,0 --tool tMill   every way to reach it
+  deflex pose --cell cell.toml --target 1200,0,900,90,0,180               x, y, z, A, B, C as KUKA counts them
+
+Angles are those of the pendant (axis signs and couplings of the maker), poses those of the TCP in the world, or in --wobj.";
 
 const GENERATE: &str = "\
 Where shells and man look (make the folders first):
@@ -162,9 +187,17 @@ pub(super) struct Reports {
     /// Page with the toolpath in 3-D and the errors along it, complete in one file; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) html: Option<PathBuf>,
+    /// Several programs: do those that can be done, name the others, and end with exit code 2 where there is one
+    #[arg(long)]
+    pub(super) keep_going: bool,
 }
 
 impl Reports {
+    /// Files of a program with their hashes, where something names them.
+    pub(super) fn origins(&self, job: &Job) -> Result<Vec<Origin>, Vec<Diagnostic>> {
+        if self.json.is_some() || self.html.is_some() { job.origins() } else { Ok(Vec::new()) }
+    }
+
     /// How many of them go to stdout.
     pub(super) fn to_stdout(&self) -> usize {
         [&self.report, &self.json, &self.html].into_iter().flatten().filter(|path| path.as_os_str() == "-").count()
@@ -189,12 +222,15 @@ pub(super) struct Compensate {
     /// What is corrected
     #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
     pub(super) correct: Corrected,
-    /// Insert targets where the correction bends by more than this between two
+    /// Insert targets until no more than this is left on the way between two
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(super) subdivide: Option<f64>,
     /// Give a declared target that is used with different corrections a clone for each
     #[arg(long)]
     pub(super) allow_clones: bool,
+    /// Correct a program that `compensate` has written once more; without it, such a program is refused
+    #[arg(long)]
+    pub(super) again: bool,
     /// CL input: split into modules of at most this many targets, loaded one after the other
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) max_targets: Option<u32>,
@@ -231,6 +267,44 @@ pub(super) struct Predict {
     pub(super) correct: Corrected,
 }
 
+#[derive(Debug, Args)]
+pub(super) struct Simulate {
+    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(super) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) model: Model,
+    /// The original of a corrected program (or the folder of originals): the part is held against what it programs
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(super) against: Option<PathBuf>,
+    /// The part as it will be cut, as binary STL; `-` for stdout
+    #[arg(long, value_name = "OUT.stl", value_hint = ValueHint::FilePath)]
+    pub(super) stl: Option<PathBuf>,
+    /// Page with the part in 3-D, coloured by its deviation, complete in one file; `-` for stdout
+    #[arg(long, value_name = "OUT.html", value_hint = ValueHint::FilePath)]
+    pub(super) html: Option<PathBuf>,
+    /// Points of the surface with their deviation; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) report: Option<PathBuf>,
+    /// Figures as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+    /// Nominal points (x_mm, y_mm, z_mm; nx, ny, nz for their normals) to tell the deviation at, in --report or on stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(super) probe: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+impl Simulate {
+    /// None of them is one row a target.
+    pub(super) fn reports(&self) -> Reports {
+        Reports { report: None, json: None, html: None, keep_going: false }
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum CheckFormat {
     #[default]
@@ -253,9 +327,12 @@ pub(super) struct Check {
     pub(super) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) model: Model,
-    /// Largest error of a target
+    /// Largest error of a target, and of the way into it
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(super) max_error: f64,
+    /// Judge the targets alone, not the ways between them
+    #[arg(long)]
+    pub(super) at_targets: bool,
     /// Largest correction of a target
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(super) max_correction: Option<f64>,
@@ -350,14 +427,43 @@ pub(super) struct Inspect {
 #[derive(Debug, Args)]
 pub(super) struct Init {
     /// Built-in robot to start from
-    #[arg(long, value_name = "MODEL")]
+    #[arg(long, value_name = "MODEL", conflicts_with = "urdf")]
     pub(super) robot: Option<String>,
+    /// Robot description to take the kinematics from (xacro expanded)
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) urdf: Option<PathBuf>,
+    /// Its last link; without it `tool0`, `flange`, or the end of the only chain of six joints
+    #[arg(long, value_name = "LINK", requires = "urdf")]
+    pub(super) tip: Option<String>,
     /// Name the built-in robots
     #[arg(long)]
     pub(super) list: bool,
     /// Where to; stdout without it
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) output: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("which").required(true).args(["joints", "target"]))]
+pub(super) struct Pose {
+    /// Cell file
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(super) cell: PathBuf,
+    /// Axis angles, degrees: prints the TCP
+    #[arg(long, value_name = "J1,…,J6", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    pub(super) joints: Vec<f64>,
+    /// TCP as x,y,z,q1,q2,q3,q4 or x,y,z,A,B,C (mm, degrees): prints all axis angles that reach it
+    #[arg(long, value_name = "X,Y,Z,…", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    pub(super) target: Vec<f64>,
+    /// Tool of the cell; without it the flange
+    #[arg(long, value_name = "NAME")]
+    pub(super) tool: Option<String>,
+    /// Work object of the cell in which the TCP counts; without it the world
+    #[arg(long, value_name = "NAME")]
+    pub(super) wobj: Option<String>,
+    /// The answer as JSON; `-` or nothing for stdout
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

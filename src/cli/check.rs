@@ -7,10 +7,10 @@ use super::input::{Context, both};
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
-use super::report::{self, Rows};
+use super::report::{self, Noticed, Rows};
 use super::run::{Setup, each};
 use super::{Answer, Outcome, message};
-use deflex::correct::{Judged, Messages, Row, Summary, compensate, predict};
+use deflex::correct::{Judged, Messages, Row, Summary, compensate, contradictions, predict};
 use deflex::program::{Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif, shift_mm};
@@ -25,8 +25,8 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(&args.format)?;
     let context = Context::of(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, kind);
-    let (mut setup, jobs) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
+    let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
+    let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
     if let Some(most) = args.max_correction {
         setup.cell.cell.limits.max_correction = 1e-3 * most;
     }
@@ -41,7 +41,9 @@ pub(super) fn run(args: &Check) -> Outcome {
         path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Check, jobs.len())),
         programs: jobs.len(),
     };
-    let checked = each(jobs, args.common.quiet, |job, bar| one(args, &batch, job, bar))?;
+    let (checked, failed) =
+        each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| one(args, &batch, job, bar))
+            .map_err(|errors| setup.failed(errors))?;
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     let mut said = setup.notes();
     for Checked { file, outputs: staged, rows: report, path, notes } in checked {
@@ -53,25 +55,36 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
 
     let text = match form {
-        CheckFormat::Json => report::pretty(&check_json(&files))?,
+        CheckFormat::Json => report::pretty(&told(&setup, &files))?,
         CheckFormat::Junit => junit(&files),
         CheckFormat::Sarif => report::pretty(&sarif(&files))?,
         _ => text(&files),
     };
     outputs.add(Path::new("-"), text.as_bytes())?;
     if let Some(path) = &args.reports.json {
-        outputs.add_report(path, report::pretty(&check_json(&files))?.as_bytes())?;
+        outputs.add_report(path, report::pretty(&told(&setup, &files))?.as_bytes())?;
     }
     if let Some(path) = args.reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &args.reports.html {
-        let page = PathPage { kind: PathKind::Check, cell: &setup.cell.name, programs: &paths };
+        let cell = setup.cell.origin();
+        let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;
     message::print(&setup.cell.own(said), args.common.quiet);
+    if !failed.is_empty() {
+        return Err(failed);
+    }
     Ok(if files.iter().all(|file| file.findings.is_empty()) { Answer::Yes } else { Answer::No })
+}
+
+/// The answer for scripts, with what it was made from.
+fn told(setup: &Setup, files: &[CheckFile]) -> serde_json::Value {
+    let mut all = check_json(files);
+    all["cell"] = serde_json::json!(setup.cell.origin());
+    all
 }
 
 /// `--format` names the form of the answer, and the kind of the input as everywhere else.
@@ -107,11 +120,19 @@ struct Checked {
 
 fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
     let findings = |judged: Judged<'_>| findings(args, judged);
+    let named = args.reports.json.is_some() || args.reports.html.is_some() || args.format.contains(&CheckFormat::Json);
+    let origins = if named { job.origins()? } else { Vec::new() };
+    job.marked()?;
     let question = Question { corrects: corrects(args), findings: &findings };
-    match foresee::streamed(batch, &job, bar, Some(question))? {
+    let mut checked = match foresee::streamed(batch, &job, bar, Some(question))? {
         Some(foreseen) => streamed(batch, &job.name, foreseen),
         None => whole(args, batch, job),
+    }?;
+    if let Some((summary, _)) = &mut checked.path {
+        summary.sources.clone_from(&origins);
     }
+    checked.file.sources = origins;
+    Ok(checked)
 }
 
 /// Whether the correction that would be made is judged, there being no other.
@@ -167,18 +188,23 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
     let mut found = Findings::default();
     found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, original }));
     let file = CheckFile::new(&name, targets, found.into_parts());
+    let rows = Rows::new(&program, &predicted.rows);
     let path = batch.path.clone().map(|mut path| {
-        path.extend(&predicted.rows);
+        rows.draw(&mut path, &predicted.rows);
         path.quote(|target, _| program.line_of(target));
         (FileSummary::new(&name, &program, &predicted).with_findings(&file), path)
     });
-    let rows = batch.rows(Some(Rows::new(&program, &predicted.rows)))?;
+    let rows = batch.rows(Some(rows))?;
     let not_judged = program.unknown_targets().iter().map(|(reason, count)| {
         Diagnostic::error("check.not-judged", &name, format!("not judged: {count} {reason}"))
             .severity(Severity::Warning)
             .help("`deflex inspect` names their lines")
     });
-    let notes = predicted.notes.into_iter().chain(not_judged).collect();
+    let mut noticed = Noticed::new(setup.options.forces.as_ref(), None);
+    noticed.take(&predicted.rows);
+    let left_out = noticed.notes(&name)?;
+    let contradicted = contradictions(&program, cell);
+    let notes = predicted.notes.into_iter().chain(contradicted).chain(left_out).chain(not_judged).collect();
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
@@ -188,6 +214,13 @@ fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     let place = Places::new(program);
     let over = rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
     let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
+    if !args.at_targets {
+        // A target that is off itself has been found already.
+        let way = |row: &&Row| {
+            row.error_norm_mm() <= args.max_error && row.remaining_path_mm().is_some_and(|left| left > args.max_error)
+        };
+        findings.extend(rows.iter().filter(way).map(|row| place.path(row, args.max_error)));
+    }
     findings.extend(failures);
     if let Some(most) = args.max_correction {
         let moved = original.iter().zip(&program.targets).map(|(a, b)| (b.ordinal, shift_mm(&a.goal, &b.goal)));
@@ -212,6 +245,17 @@ impl<'a> Places<'a> {
         let message =
             format!("target {}: error of {:.4} mm, more than the {most} mm allowed", row.target, row.error_norm_mm());
         self.at(row.target, "check.max-error", message, "correct the program with `deflex compensate`")
+    }
+
+    fn path(&self, row: &Row, most: f64) -> Diagnostic {
+        let left = row.remaining_path_mm().unwrap_or_default();
+        let message = format!(
+            "target {}: on the way into it the tip is {left:.4} mm off the programmed path, more than the {most} mm allowed",
+            row.target
+        );
+        let help =
+            "correct the program with `deflex compensate --subdivide MM`; `--at-targets` judges the targets alone";
+        self.at(row.target, "check.max-path-error", message, help)
     }
 
     fn correction(&self, target: u32, mm: f64, most: f64) -> Diagnostic {

@@ -1,11 +1,13 @@
 //! `compensate`: programs with the correction in them.
 
 use super::Outcome;
+use super::again::Again;
 use super::args::Compensate;
 use super::input::{Context, both};
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
+use super::report::Noticed;
 use super::run::{Done, Setup, each, finish};
 use super::stream;
 use deflex::correct::{self, Corrected, PostOptions};
@@ -18,11 +20,12 @@ use std::path::{Path, PathBuf};
 pub(super) fn run(args: &Compensate) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format);
-    let (mut setup, jobs) = both(setup, jobs)?;
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
+    let (mut setup, (jobs, failed)) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
     one_stdout(args, &jobs)?;
+    named_as_written(args, &jobs)?;
     let outputs = outputs(args, &jobs);
     let batch = Batch {
         args,
@@ -31,10 +34,16 @@ pub(super) fn run(args: &Compensate) -> Outcome {
         path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len())),
         programs: jobs.len(),
     };
-    let done = each(jobs, args.common.quiet, |job, bar| match stream::compensate(&batch, &job, bar)? {
-        Some(done) => Ok(done),
-        None => batch.whole(job),
-    })?;
+    let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
+        job.marked()?;
+        let origins = args.reports.origins(&job)?;
+        let done = match stream::compensate(&batch, &job, bar)? {
+            Some(done) => done,
+            None => batch.whole(job)?,
+        };
+        Ok(done.made_from(origins))
+    });
+    let done = done.map_err(|errors| setup.failed(errors))?;
     finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
 }
 
@@ -51,10 +60,18 @@ pub(super) struct Batch<'a> {
 }
 
 impl Batch<'_> {
+    /// What is watched for in the rows of a program.
+    pub(super) fn noticed(&self, job: &Job) -> Noticed<'_> {
+        let files = job.texts.iter().filter(|_| !self.args.again);
+        let again = (!self.args.again).then(|| Again::beside(files.map(|text| Path::new(text.name()))));
+        Noticed::new(self.setup.options.forces.as_ref(), again)
+    }
+
     /// Corrects a program that is held whole.
     fn whole(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
         let (args, setup) = (self.args, self.setup);
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
+        let noticed = self.noticed(&job);
         let program = setup.program(job)?;
         let corrected =
             correct::compensate(&program, &setup.cell.cell, &setup.options).map_err(|e| setup.cell.own(e))?;
@@ -72,10 +89,12 @@ impl Batch<'_> {
                 posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
             }
         };
+        let contradictions = correct::contradictions(&program, &setup.cell.cell);
         let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
         place(args, &mut outputs, written.into_iter().chain(companions))?;
-        let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone())?;
+        let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
+        done.notes.extend(contradictions);
         if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
             let mut file = done.outputs.open_report(&path)?;
             rows.write(&mut file).and_then(|()| file.flush()).map_err(|error| cannot_write(&path, &error))?;
@@ -106,6 +125,22 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     }
     let program = args.out_dir.is_none() && args.output.as_deref().is_none_or(is_stdout);
     one_thing(usize::from(program) + args.reports.to_stdout())
+}
+
+/// Endings of CL data: what is written for it is RAPID.
+const CL_ENDINGS: [&str; 13] =
+    ["cl", "cls", "clsf", "cldata", "cld", "apt", "aptsource", "ncl", "clt", "cutloc", "aptcl", "aut", "nci"];
+
+/// RAPID under the name of CL data would be taken for it by whoever reads it next.
+fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
+    let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
+    let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());
+    if !CL_ENDINGS.contains(&&*ending) || !jobs.iter().any(|job| job.language == Language::Cl) {
+        return Ok(());
+    }
+    let message = format!("is not written: `.{ending}` is for CL data, but what is posted is RAPID");
+    let help = format!("write it to {}", output.with_extension("mod").display());
+    Err(Diagnostic::error("usage.output", &output.display().to_string(), message).help(help).into())
 }
 
 /// Bytes of each corrected source.

@@ -1,10 +1,11 @@
 //! The table of forces, and whether it is that of a program.
 
 use super::input::cannot_read;
-use deflex::correct::Forces;
+use super::watch::watch;
+use deflex::correct::{Forces, Row, Status};
 use deflex::measured::{Rows, TargetRef};
 use deflex::program::Program;
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, Severity};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -16,6 +17,85 @@ pub(super) struct ForceFile {
     /// As many as the program has targets.
     ordinals: Vec<(u32, u32)>,
     names: Vec<(String, u32)>,
+    /// Size of the largest force, N.
+    largest: Option<f64>,
+}
+
+/// The first of some lines, in words; `None` of none.
+fn lines_of(lines: &[u32]) -> Option<String> {
+    const SHOWN: usize = 5;
+    let shown: Vec<String> = lines.iter().take(SHOWN).map(ToString::to_string).collect();
+    let more = if lines.len() > SHOWN { ", …" } else { "" };
+    match lines.len() {
+        0 => None,
+        1 => Some(format!("line {}", shown[0])),
+        _ => Some(format!("lines {}{more}", shown.join(", "))),
+    }
+}
+
+fn at_line(file: &str, line: u32, message: String) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error("forces.target", file, message);
+    (diagnostic.line, diagnostic.column) = (line as usize, 1);
+    diagnostic
+}
+
+/// An error for targets with several rows: which of them counts is not for us to say.
+fn twice<T: Ord>(file: &str, mut rows: Vec<(T, u32)>, name: impl Fn(&T) -> String) -> Option<Diagnostic> {
+    rows.sort();
+    let mut again: Vec<(&T, u32)> =
+        rows.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| (&pair[1].0, pair[1].1)).collect();
+    again.sort_by_key(|(_, line)| *line);
+    let lines: Vec<u32> = again.iter().map(|(_, line)| *line).collect();
+    let (first, line) = again.first()?;
+    let message = match again.len() {
+        1 => format!("target {} has a row already", name(first)),
+        n => format!(
+            "{n} rows are of targets that have one already, target {} first: {}",
+            name(first),
+            lines_of(&lines)?
+        ),
+    };
+    Some(at_line(file, *line, message).help("keep one row a target; of repeated measurements, their mean"))
+}
+
+/// Targets of a program that the table of forces has no row for.
+#[derive(Debug, Default)]
+pub(super) struct LeftOut {
+    targets: usize,
+    count: usize,
+    /// Of the first of them, in the program.
+    lines: Vec<u32>,
+}
+
+impl LeftOut {
+    /// Takes in rows of the program's report.
+    pub(super) fn take(&mut self, forces: Option<&Forces>, rows: &[Row]) {
+        const LINES: usize = 6;
+        let Some(forces) = forces.filter(|forces| forces.forces_given) else { return };
+        for row in rows.iter().filter(|row| !matches!(row.status, Status::Kept(_))) {
+            self.targets += 1;
+            if forces.of(row.target, row.name.as_deref()).is_none() {
+                self.count += 1;
+                if self.lines.len() < LINES && self.lines.last() != Some(&row.line) {
+                    self.lines.push(row.line);
+                }
+            }
+        }
+    }
+
+    /// What is said of them, about the program `name`.
+    pub(super) fn note(&self, name: &str) -> Option<Diagnostic> {
+        let lines = lines_of(&self.lines)?;
+        let message = format!(
+            "{} of {} targets have no row in the table of forces and are taken for air: {lines}",
+            self.count, self.targets
+        );
+        Some(
+            Diagnostic::error("forces.left-out", name, message)
+                .severity(Severity::Warning)
+                .help("a target that cuts needs a row; a row of zeros says that one does not"),
+        )
+    }
 }
 
 impl ForceFile {
@@ -25,12 +105,21 @@ impl ForceFile {
         let input: Box<dyn Read> = if file == "-" {
             Box::new(std::io::stdin().lock())
         } else {
+            watch(path);
             Box::new(File::open(path).map_err(|error| cannot_read(&file, &error))?)
         };
         let (mut errors, mut ordinals, mut names) = (Vec::new(), Vec::new(), Vec::new());
-        let forces = Rows::new(&file, input)?.filter_map(|row| match row {
+        let (mut nameless, mut largest) = (Vec::new(), None);
+        let forces = Rows::of_forces(&file, input)?.filter_map(|row| match row {
             Ok(row) => {
                 let line = u32::try_from(row.line).unwrap_or(u32::MAX);
+                if row.target.is_none() {
+                    nameless.push(line);
+                }
+                if let Some(force) = row.force_n {
+                    let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
+                    largest = Some(largest.map_or(size, |most: f64| most.max(size)));
+                }
                 match row.target.as_ref()? {
                     TargetRef::Ordinal(ordinal) => ordinals.push((*ordinal, line)),
                     TargetRef::Name(name) => names.push((name.clone(), line)),
@@ -49,7 +138,31 @@ impl ForceFile {
             let message = "no row names a target: expected a column `target` with ordinals or names";
             errors.push(Diagnostic::error("forces.target", &file, message).help("number the motion targets from 1"));
         }
-        if errors.is_empty() { Ok((Self { file, ordinals, names }, forces)) } else { Err(errors) }
+        errors.extend(lines_of(&nameless).map(|lines| {
+            let message = format!("{} of the rows name no target: {lines}", nameless.len());
+            at_line(&file, nameless[0], message).help("a row belongs to a target: give its ordinal, or remove the row")
+        }));
+        errors.extend(twice(&file, ordinals.clone(), |ordinal| ordinal.to_string()));
+        let upper = names.iter().map(|(name, line)| (name.to_ascii_uppercase(), *line)).collect();
+        errors.extend(twice(&file, upper, |name: &String| format!("`{name}`")));
+        if errors.is_empty() { Ok((Self { file, ordinals, names, largest }, forces)) } else { Err(errors) }
+    }
+
+    /// A warning where the forces look as if they were in another unit.
+    pub(super) fn doubt(&self) -> Option<Diagnostic> {
+        /// Mean milling forces of robots are tens to some thousands of newtons (Tlusty, Altintas: a chip of 0.1 mm² of
+        /// aluminium takes 80 N, of steel 250 N).
+        const LEAST_N: f64 = 2.0;
+        let largest = self.largest.filter(|most| *most > 0.0 && *most < LEAST_N)?;
+        let message = format!(
+            "the largest of the forces is {largest} N; milling forces are usually 10 to 10,000 N (0.1 mm² of chip take 80 N in \
+             aluminium, 250 N in steel): it looks like kN"
+        );
+        Some(
+            Diagnostic::error("forces.unit", &self.file, message)
+                .severity(Severity::Warning)
+                .help("fx_n, fy_n and fz_n are newtons"),
+        )
     }
 
     /// Rows that belong to no target of a program: the table is another program's.

@@ -4,7 +4,7 @@ use super::against::Originals;
 use super::input::cannot_read;
 use super::job::{Job, Text};
 use super::output::{Outputs, cannot_write};
-use super::report::{ProgramReports, Rows};
+use super::report::{Noticed, ProgramReports, Rows};
 use super::run::Setup;
 use super::{progress, stream};
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_pieces};
@@ -88,7 +88,14 @@ pub(super) fn streamed(
         }
         let names = [pieces.names(), before.as_ref().and_then(AnyPieces::names)];
         let mut outputs = batch.outputs.sibling();
-        let mut reports = ProgramReports::open(None, batch.report, batch.programs, batch.path.clone(), &mut outputs)?;
+        let mut reports = ProgramReports::open(
+            None,
+            batch.report,
+            batch.programs,
+            batch.path.clone(),
+            Noticed::new(batch.setup.options.forces.as_ref(), None),
+            &mut outputs,
+        )?;
         let (cell, options) = (&batch.setup.cell.cell, &batch.setup.options);
         let threads = rayon::current_num_threads().div_ceil(batch.programs);
         let mut findings = Findings::default();
@@ -114,6 +121,8 @@ pub(super) fn streamed(
         if !streamed.refused.is_empty() {
             reports = reports.emptied(batch.path.clone())?;
         }
+        let mut streamed = streamed;
+        streamed.notes.extend(reports.notes(name)?);
         let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
         let (rows, mut trace) = reports.done(name, rows);
         if let Some(trace) = &mut trace {

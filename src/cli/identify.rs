@@ -7,11 +7,11 @@ use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::{examples_left, extended};
-use deflex::identify::{Input, identify};
+use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
 use deflex::program::Program;
 use deflex::report::html::identification_page;
-use deflex::report::{identify_text, residual_csv};
+use deflex::report::{Origin, VERSION, identify_text, residual_csv};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +27,11 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let poses = all(args.poses.iter().map(|path| input::table(path)));
     let (runs, poses) = both(runs, poses)?;
     let read: Vec<&PathBuf> = args.run.iter().chain(&args.poses).chain([&args.cell]).collect();
-    let hash = hash(&input::sources(&read.iter().map(|path| (*path).clone()).collect::<Vec<_>>())?);
+    let sources = input::sources(&read.iter().map(|path| (*path).clone()).collect::<Vec<_>>())?;
+    let hash = hash(&sources);
+    let mut of_data: Vec<Origin> = sources.iter().map(|source| Origin::of(&source.name, &source.bytes)).collect();
+    of_data.pop();
+    let of_cell = cell.origin();
 
     let bar = progress::bar(1, args.common.quiet);
     bar.set_message("identifying");
@@ -43,14 +47,22 @@ pub(super) fn run(args: &Identify) -> Outcome {
         outputs.add(path, text.as_bytes())?;
     }
     if let Some(path) = &args.json {
-        outputs.add_report(path, pretty(&found)?.as_bytes())?;
+        #[derive(serde::Serialize)]
+        struct Told<'a> {
+            #[serde(flatten)]
+            found: &'a Identification,
+            deflex: &'static str,
+            cell: &'a Origin,
+            sources: &'a [Origin],
+        }
+        let told = Told { found: &found, deflex: VERSION, cell: &of_cell, sources: &of_data };
+        outputs.add_report(path, pretty(&told)?.as_bytes())?;
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;
     }
     if let Some(path) = &args.html {
-        let data: Vec<String> = args.run.iter().chain(&args.poses).map(|path| path.display().to_string()).collect();
-        outputs.add_report(path, identification_page(&found, &cell.name, &data).as_bytes())?;
+        outputs.add_report(path, identification_page(&found, &of_cell, &of_data).as_bytes())?;
     }
     if printed == 0 {
         outputs.add(Path::new("-"), identify_text(&found).as_bytes())?;
@@ -58,7 +70,8 @@ pub(super) fn run(args: &Identify) -> Outcome {
         message::say(&[identify_text(&found)]);
     }
     outputs.commit()?;
-    message::print(examples_left(&cell.source).as_slice(), args.common.quiet);
+    let notes: Vec<Diagnostic> = examples_left(&cell.source).into_iter().chain(cell.cell.notes.clone()).collect();
+    message::print(&notes, args.common.quiet);
     Ok(Answer::Yes)
 }
 

@@ -3,7 +3,7 @@
 use super::args::Init;
 use super::output::{Outputs, print};
 use super::{Answer, Outcome};
-use deflex::cell::{nearest, template};
+use deflex::cell::{described, described_template, nearest, template};
 use deflex::robot::BUILTIN;
 use deflex::text::Diagnostic;
 use std::path::Path;
@@ -15,8 +15,13 @@ pub(super) fn run(args: &Init) -> Outcome {
         print(BUILTIN.iter().map(line).collect::<String>().as_bytes())?;
         return Ok(Answer::Yes);
     }
+    if let Some(path) = &args.urdf {
+        let source = super::input::source(path)?;
+        let described = described(&source, args.tip.as_deref())?;
+        return write(args, &described_template(&described, &source.name));
+    }
     let Some(model) = args.robot.as_deref() else {
-        let models: Vec<&str> = BUILTIN.iter().map(|robot| robot.model).collect();
+        let models: Vec<&str> = BUILTIN.iter().map(|robot| &robot.model[..]).collect();
         let help = format!(
             "give --robot with one of {}; any other robot starts from one of them and gets its own [robot.kinematics]",
             models.join(", ")
@@ -24,15 +29,20 @@ pub(super) fn run(args: &Init) -> Outcome {
         return Err(Diagnostic::error("init.robot", "", "which robot is it?").help(help).into());
     };
     let Some(robot) = BUILTIN.iter().find(|robot| robot.model.eq_ignore_ascii_case(model)) else {
-        let near = nearest(model, BUILTIN.iter().map(|robot| robot.model));
+        let near = nearest(model, BUILTIN.iter().map(|robot| &robot.model[..]));
         let help = near.map_or_else(
             || "`deflex init --list` names the built-in robots; any other goes into [robot.kinematics]".to_owned(),
             |near| format!("did you mean `{near}`? `deflex init --list` names them all"),
         );
         return Err(Diagnostic::error("init.robot", "", format!("no built-in robot `{model}`")).help(help).into());
     };
+    write(args, &template(robot))
+}
+
+/// Writes the cell file.
+fn write(args: &Init, cell: &str) -> Outcome {
     let mut outputs = Outputs::default();
-    outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), template(robot).as_bytes())?;
+    outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), cell.as_bytes())?;
     outputs.commit()?;
     Ok(Answer::Yes)
 }

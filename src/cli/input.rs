@@ -2,10 +2,12 @@
 
 use super::args::Reading;
 use super::job::{Job, Text};
+use super::watch::watch;
 use deflex::cell::Cell;
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
 use deflex::program::{Language, Program, detect, rapid};
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -23,6 +25,7 @@ pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
         let mut bytes = Vec::new();
         std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
     } else {
+        watch(path);
         std::fs::read(path)
     };
     read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| cannot_read(&name, &error))
@@ -35,6 +38,12 @@ pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>>
 
 /// Every value, or every error.
 pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
+    let (values, errors) = parted(results);
+    if errors.is_empty() { Ok(values) } else { Err(errors) }
+}
+
+/// Every value, and every error.
+pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
     let (mut values, mut errors) = (Vec::new(), Vec::new());
     for result in results {
         match result {
@@ -42,7 +51,7 @@ pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>
             Err(more) => errors.extend(more),
         }
     }
-    if errors.is_empty() { Ok(values) } else { Err(errors) }
+    (values, errors)
 }
 
 /// Both values, or the errors of both.
@@ -58,7 +67,7 @@ pub(super) fn both<A, B>(
 
 /// How CL is read where no cell says it: only what is independent of it is asked for then.
 fn without_cell() -> ClOptions {
-    ClOptions { units: Some(Units::Millimetre), ..ClOptions::default() }
+    ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() }
 }
 
 /// Parses a program for a run with a cell.
@@ -163,11 +172,17 @@ impl CellFile {
         Ok(Self { name: source.name.clone(), cell, source })
     }
 
+    /// The file itself, for what is made from it.
+    pub(super) fn origin(&self) -> Origin {
+        Origin::of(&self.name, &self.source.bytes)
+    }
+
     /// How CL input is read, with a tool given besides; `None` where the cell does not say.
     pub(super) fn cl_options(&self, tool: Option<&str>) -> Option<ClOptions> {
         let mut options = self.cell.cl.as_ref()?.options.clone();
         if let Some(tool) = tool {
-            tool.clone_into(&mut options.tool);
+            options.tool = Some(tool.to_owned());
+            options.any_tool = true;
         }
         Some(options)
     }

@@ -8,7 +8,7 @@ use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
 use deflex::program::{Language, detect, round_trip};
 use deflex::report::{InspectFile, InspectFiles, inspect_table};
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, printable_line};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Inspect) -> Outcome {
     let inspected: Vec<_> = paths
         .par_iter()
         .map(|path| {
-            bar.set_message(path.display().to_string());
+            bar.set_message(printable_line(&path.display().to_string()).into_owned());
             let file = one(path, args.reading.format, &context);
             bar.inc(1);
             file

@@ -1,8 +1,10 @@
 //! Which files are one program, and in which language; not yet parsed.
 
 use super::args::Format;
-use super::input::{all, cannot_read, source};
-use deflex::program::{Language, ModuleNames, detect, group_modules};
+use super::input::{all, cannot_read, parted, source};
+use super::watch::watch;
+use deflex::program::{Language, ModuleNames, detect, group_modules, unknown_marks};
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span};
 use rayon::prelude::*;
 use std::fs::File;
@@ -33,6 +35,27 @@ impl Job {
             return Self::listed(path);
         }
         Self::of_text(Text::of(path)?, path, format)
+    }
+
+    /// Refuses marks that mean nothing.
+    pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
+        let marks = |text: &Text| {
+            let found = match text {
+                Text::Held(source) => unknown_marks(&source.name, self.language, &source.bytes[..]),
+                Text::File { name, path } => File::open(path).and_then(|file| unknown_marks(name, self.language, file)),
+            };
+            match found {
+                Ok(errors) if errors.is_empty() => Ok(()),
+                Ok(errors) => Err(errors),
+                Err(error) => Err(cannot_read(text.name(), &error)),
+            }
+        };
+        all(self.texts.iter().map(marks)).map(drop)
+    }
+
+    /// Its files with their hashes.
+    pub(super) fn origins(&self) -> Result<Vec<Origin>, Vec<Diagnostic>> {
+        all(self.texts.iter().map(Text::origin))
     }
 
     /// One input whose text is at hand.
@@ -114,6 +137,7 @@ const HEAD: u64 = 64 * 1024;
 
 impl Text {
     fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+        watch(path);
         let long = |metadata: std::fs::Metadata| metadata.is_file() && metadata.len() > HEAD;
         if std::fs::metadata(path).is_ok_and(long) {
             return Ok(Self::File { name: path.display().to_string(), path: path.to_owned() });
@@ -134,6 +158,16 @@ impl Text {
             Self::File { name, path } => {
                 let bytes = std::fs::read(path).map_err(|error| cannot_read(&name, &error))?;
                 Ok(Source::new(name, bytes))
+            }
+        }
+    }
+
+    fn origin(&self) -> Result<Origin, Vec<Diagnostic>> {
+        match self {
+            Self::Held(source) => Ok(Origin::of(&source.name, &source.bytes)),
+            Self::File { name, path } => {
+                let origin = File::open(path).and_then(|file| Origin::read(name, file));
+                origin.map_err(|error| cannot_read(name, &error))
             }
         }
     }
@@ -161,8 +195,20 @@ impl Text {
 
 /// Looks into inputs and finds out which belong to one program.
 pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job>, Vec<Diagnostic>> {
-    let jobs = all(inputs.iter().map(|path| Job::of(path, format)))?;
-    if jobs.len() == 1 {
+    grouped(all(inputs.iter().map(|path| Job::of(path, format)))?)
+}
+
+/// The same for the inputs that can be looked into, and what is wrong with the others.
+pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Format>) -> Result<Looked, Vec<Diagnostic>> {
+    let (jobs, failed) = parted(inputs.iter().map(|path| Job::of(path, format)));
+    Ok((grouped(jobs)?, failed))
+}
+
+/// Programs, and what is wrong with inputs that are none.
+pub(super) type Looked = (Vec<Job>, Vec<Diagnostic>);
+
+fn grouped(jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+    if jobs.len() <= 1 {
         return Ok(jobs);
     }
     let is_single = |job: &Job| job.language == Language::Rapid && !job.listed;

@@ -1,8 +1,10 @@
 //! Diagnostics on stderr, with the source line and a caret.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
-use deflex::text::{Diagnostic, Severity};
+use deflex::text::{Diagnostic, Severity, printable, printable_line};
+use std::collections::HashMap;
 use std::io::{self, IsTerminal, Write};
+use std::ops::Range;
 
 /// More messages than this of one run are only counted.
 const MOST: usize = 50;
@@ -12,7 +14,8 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let no_color = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let color = io::stderr().is_terminal() && !no_color;
     let mut stderr = io::stderr().lock();
-    let shown: Vec<&Diagnostic> = diagnostics.iter().filter(|d| !quiet || d.severity == Severity::Error).collect();
+    let shown = diagnostics.iter().filter(|d| !quiet || d.severity == Severity::Error);
+    let shown = once(shown);
     for diagnostic in shown.iter().take(MOST) {
         // Nobody is left to tell where stderr is closed.
         let _ = writeln!(stderr, "{}", render(diagnostic, color));
@@ -22,11 +25,71 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     }
 }
 
+/// Messages that are the same but for their place, said once with a count and the first lines; those that differ in their
+/// numbers only, so often that the others still count for something.
+fn once<'a>(diagnostics: impl Iterator<Item = &'a Diagnostic>) -> Vec<Diagnostic> {
+    /// Of messages that differ in numbers.
+    const ALIKE: usize = 5;
+    const LINES: usize = 8;
+    type Group<'a> = (Diagnostic, Vec<usize>, bool);
+    let mut groups: Vec<Group<'a>> = Vec::new();
+    let mut exact = HashMap::new();
+    let mut alike: HashMap<_, Vec<usize>> = HashMap::new();
+    for found in diagnostics {
+        let key = (found.code, found.severity, &found.file, &found.message, &found.help);
+        if let Some(&at) = exact.get(&key) {
+            let (_, lines, _): &mut Group<'_> = &mut groups[at];
+            lines.push(found.line);
+            continue;
+        }
+        let kin = alike.entry((found.code, found.severity, &found.file, without_numbers(&found.message))).or_default();
+        if kin.len() > ALIKE {
+            let (_, lines, more): &mut Group<'_> = &mut groups[kin[ALIKE]];
+            lines.push(found.line);
+            *more = true;
+            continue;
+        }
+        exact.insert(key, groups.len());
+        kin.push(groups.len());
+        groups.push((found.clone(), vec![found.line], false));
+    }
+    let told = |(mut first, lines, alike): Group<'_>| {
+        let count = lines.len();
+        let mut at: Vec<usize> = lines.into_iter().filter(|line| *line > 0).collect();
+        at.dedup();
+        let shown: Vec<String> = at.iter().take(LINES).map(ToString::to_string).collect();
+        let at = match at.len() {
+            0 | 1 => String::new(),
+            n => format!(", lines {}{}", shown.join(", "), if n > LINES { ", …" } else { "" }),
+        };
+        first.message += &match (count, alike) {
+            (1, _) => String::new(),
+            (_, true) => format!(" (and {} more like it{at})", count - 1),
+            (_, false) => format!(" ({count} times{at})"),
+        };
+        first
+    };
+    groups.into_iter().map(told).collect()
+}
+
+/// A message but for its numbers.
+fn without_numbers(message: &str) -> String {
+    let mut text = String::with_capacity(message.len());
+    for c in message.chars().filter(|c| !matches!(c, '.' | '-' | '+')) {
+        match c.is_ascii_digit() {
+            true if text.ends_with('#') => {}
+            true => text.push('#'),
+            false => text.push(c),
+        }
+    }
+    text
+}
+
 /// Lines for people, to stderr.
 pub(super) fn say(lines: &[String]) {
     let mut stderr = io::stderr().lock();
     for line in lines {
-        let _ = writeln!(stderr, "{line}");
+        let _ = writeln!(stderr, "{}", printable(line));
     }
 }
 
@@ -37,13 +100,17 @@ pub(super) fn render(diagnostic: &Diagnostic, color: bool) -> String {
         Severity::Warning => Level::WARNING,
         Severity::Error => Level::ERROR,
     };
-    let title = level.primary_title(&diagnostic.message).id(diagnostic.code);
+    // Not all that the renderer takes is made harmless by it.
+    let (message, file) = (printable_line(&diagnostic.message), printable_line(&diagnostic.file));
+    let help = diagnostic.help.as_deref().map(printable_line);
+    let title = level.primary_title(&*message).id(diagnostic.code);
     let mut group = Group::with_title(title);
-    let snippet = diagnostic.snippet.as_ref().filter(|(line, _)| !line.is_empty());
+    let snippet = diagnostic.snippet.as_ref().filter(|(line, _)| !line.is_empty()).map(shown);
+    let snippet = snippet.as_ref();
     // The renderer counts columns in the snippet: right only where it starts with the line.
     let whole = snippet.is_some_and(|(line, marked)| line[..marked.start].chars().count() + 1 == diagnostic.column);
     if !diagnostic.file.is_empty() && !whole {
-        let mut origin = Origin::path(&diagnostic.file);
+        let mut origin = Origin::path(&*file);
         if diagnostic.line > 0 {
             origin = origin.line(diagnostic.line).char_column(diagnostic.column);
         }
@@ -53,20 +120,27 @@ pub(super) fn render(diagnostic: &Diagnostic, color: bool) -> String {
         let mark = AnnotationKind::Primary.span(marked.clone());
         let mut text = Snippet::source(line.as_str()).line_start(diagnostic.line).annotation(mark);
         if whole {
-            text = text.path(&diagnostic.file);
+            text = text.path(&*file);
         }
         group = group.element(text);
     }
-    if let Some(help) = &diagnostic.help {
-        group = group.element(Level::HELP.message(help));
+    if let Some(help) = &help {
+        group = group.element(Level::HELP.message(&**help));
     }
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     renderer.render(&[group])
 }
 
+/// A source line without what steers a terminal, and the mark where it is then.
+fn shown((line, marked): &(String, Range<usize>)) -> (String, Range<usize>) {
+    let [before, mark, after] = [&line[..marked.start], &line[marked.clone()], &line[marked.end..]].map(printable);
+    let at = before.len()..before.len() + mark.len();
+    ([before, mark, after].concat(), at)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::render;
+    use super::{once, render};
     use deflex::text::{Diagnostic, Source, Span};
 
     #[test]
@@ -77,6 +151,33 @@ mod tests {
             .at(&source, Span::new(at, at + 3))
             .help("declare it");
         insta::assert_snapshot!(render(&diagnostic, false));
+    }
+
+    #[test]
+    fn repeated_messages_are_said_once_with_a_count() {
+        let mut all = Vec::new();
+        for line in 1..=20 {
+            for message in ["fx_n is `a`".to_owned(), format!("target {line} is not reached")] {
+                let mut diagnostic = Diagnostic::error("x", "a.csv", message);
+                diagnostic.line = line;
+                all.push(diagnostic);
+            }
+        }
+        let said: Vec<String> = once(all.iter()).into_iter().map(|diagnostic| diagnostic.message).collect();
+        assert_eq!(said.len(), 7);
+        assert_eq!(said[0], "fx_n is `a` (20 times, lines 1, 2, 3, 4, 5, 6, 7, 8, …)");
+        assert_eq!(said[6], "target 6 is not reached (and 14 more like it, lines 6, 7, 8, 9, 10, 11, 12, 13, …)");
+    }
+
+    #[test]
+    fn nothing_in_a_program_or_its_name_steers_the_terminal() {
+        let source = Source::new("\u{1b}[2Jx\u{202e}.mod", "  MoveL \u{1b}]0;t\u{7}p10\u{9b}2J;\n");
+        let diagnostic = Diagnostic::error("rapid.unknown", "", "`\u{9b}2J` is not declared")
+            .at(&source, Span::new(8, 14))
+            .help("declare `\u{1b}c`");
+        let said = render(&diagnostic, false);
+        assert!(!said.contains(['\u{1b}', '\u{7}', '\u{9b}', '\u{202e}']), "{said:?}");
+        assert!(!diagnostic.to_string().contains(|c: char| c.is_control()));
     }
 
     #[test]

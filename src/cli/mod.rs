@@ -1,5 +1,6 @@
 //! Arguments to ready objects to one file per command: the only code that reads, writes and prints.
 
+mod again;
 mod against;
 mod args;
 mod blocks;
@@ -18,11 +19,14 @@ mod lines;
 mod message;
 mod output;
 mod piped;
+mod pose;
 mod predict;
 mod progress;
 mod report;
 mod run;
+mod simulate;
 mod stream;
+mod watch;
 
 use args::{Cli, Command, Common};
 use clap::Parser;
@@ -41,7 +45,7 @@ enum Answer {
 /// An answer, or why there is none; nothing is written then.
 type Outcome = Result<Answer, Vec<Diagnostic>>;
 
-/// Runs the command line (INTERFACE: exit codes 0, 1 and 2).
+/// Runs the command line; exit codes are those of `docs/reference.md`.
 pub(crate) fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -52,14 +56,17 @@ pub(crate) fn main() -> ExitCode {
         }
     };
     output::clean_up_when_interrupted();
+    let _clean = output::AtTheEnd;
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {
         Command::Compensate(args) => compensate::run(args),
         Command::Predict(args) => predict::run(args),
+        Command::Simulate(args) => simulate::run(args),
         Command::Diff(args) => diff::run(args),
         Command::Check(args) => check::run(args),
         Command::Identify(args) => identify::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Init(args) => init::run(args),
+        Command::Pose(args) => pose::run(args),
         Command::Generate(args) => generate::run(args),
     });
     match outcome {
@@ -72,20 +79,28 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
+/// As much as the main thread has: equilibria of eight targets at once stand on the stack, in unoptimised builds several times
+/// over.
+const STACK_BYTES: usize = 8 << 20;
+
 /// `--jobs`.
 fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
     let common: Option<&Common> = match command {
         Command::Compensate(args) => Some(&args.common),
         Command::Predict(args) => Some(&args.common),
+        Command::Simulate(args) => Some(&args.common),
         Command::Check(args) => Some(&args.common),
         Command::Identify(args) => Some(&args.common),
         Command::Inspect(args) => Some(&args.common),
-        Command::Diff(_) | Command::Init(_) | Command::Generate(_) => None,
+        Command::Diff(_) | Command::Init(_) | Command::Pose(_) | Command::Generate(_) => None,
     };
-    let Some(jobs) = common.and_then(|common| common.jobs) else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs)).build_global().map_err(|error| {
+    let jobs = common.and_then(|common| common.jobs);
+    // 0 is as many as there are cores.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from)).stack_size(STACK_BYTES);
+    pool.build_global().map_err(|error| {
+        let threads = jobs.map_or_else(|| "the".to_owned(), |jobs| jobs.to_string());
         vec![
-            Diagnostic::error("io.threads", "", format!("{jobs} threads cannot be started: {error}"))
+            Diagnostic::error("io.threads", "", format!("{threads} threads cannot be started: {error}"))
                 .help("give fewer --jobs"),
         ]
     })

@@ -2,7 +2,7 @@
 
 use super::args::Format;
 use super::input::cannot_read;
-use super::job::{self, Job, Text};
+use super::job::{self, Job, Looked, Text};
 use super::output::{Temporary, is_stdout};
 use deflex::text::Diagnostic;
 use std::fs::{self, File};
@@ -37,7 +37,7 @@ impl Piped {
     }
 
     fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
-        let path = self.spooled.path().unwrap_or(&self.path).to_owned();
+        let path = self.spooled.path().to_owned();
         Job::of_text(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
     }
 }
@@ -47,6 +47,11 @@ pub(super) fn jobs(
     piped: Option<&Piped>,
     inputs: &[PathBuf],
     format: Option<Format>,
-) -> Result<Vec<Job>, Vec<Diagnostic>> {
-    piped.map_or_else(|| job::jobs(inputs, format), |piped| piped.job(format).map(|job| vec![job]))
+    keep_going: bool,
+) -> Result<Looked, Vec<Diagnostic>> {
+    match piped {
+        Some(piped) => piped.job(format).map(|job| (vec![job], Vec::new())),
+        None if keep_going => job::jobs_that_can_be(inputs, format),
+        None => job::jobs(inputs, format).map(|jobs| (jobs, Vec::new())),
+    }
 }

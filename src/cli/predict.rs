@@ -8,6 +8,7 @@ use super::input::{Context, both};
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
+use super::report::Noticed;
 use super::run::{Done, Setup, each, finish};
 use deflex::correct;
 use deflex::report::html::{PathKind, PathTrace};
@@ -17,7 +18,8 @@ use std::path::PathBuf;
 pub(super) fn run(args: &Predict) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
-    let (setup, jobs) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format))?;
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
+    let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
     if reports.report.is_none() && reports.to_stdout() == 0 {
         reports.report = Some(PathBuf::from("-"));
@@ -34,10 +36,16 @@ pub(super) fn run(args: &Predict) -> Outcome {
         path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Predict, jobs.len())),
         programs: jobs.len(),
     };
-    let done = each(jobs, args.common.quiet, |job, bar| match foresee::streamed(&batch, &job, bar, None)? {
-        Some(foreseen) => Done::streamed(&job.name, foreseen),
-        None => whole(&batch, job),
-    })?;
+    let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
+        job.marked()?;
+        let origins = args.reports.origins(&job)?;
+        let done = match foresee::streamed(&batch, &job, bar, None)? {
+            Some(foreseen) => Done::streamed(&job.name, foreseen)?,
+            None => whole(&batch, job)?,
+        };
+        Ok(done.made_from(origins))
+    });
+    let done = done.map_err(|errors| setup.failed(errors))?;
     finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)
 }
 
@@ -48,7 +56,9 @@ fn whole(batch: &Batch<'_>, job: Job) -> Result<Done, Vec<Diagnostic>> {
     let program = setup.program(job)?;
     let predicted = correct::predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
-    let mut done = Done::new(&name, &program, predicted, batch.outputs.sibling(), batch.path.clone())?;
+    let noticed = Noticed::new(setup.options.forces.as_ref(), None);
+    let mut done = Done::new(&name, &program, predicted, batch.outputs.sibling(), batch.path.clone(), noticed)?;
+    done.notes.extend(correct::contradictions(&program, &setup.cell.cell));
     done.rows = batch.rows(done.rows)?;
     Ok(done)
 }

@@ -1,13 +1,15 @@
 //! Report rows of several programs in one file.
 
+use super::again::Again;
 use super::blocks::Blocks;
+use super::forces::LeftOut;
 use super::output::{Outputs, Temporary, cannot_write};
 use super::{progress, stream};
-use deflex::correct::{Row, Sinks};
+use deflex::correct::{Forces, Row, Sinks};
 use deflex::program::{Program, Role};
 use deflex::report::html::PathTrace;
-use deflex::report::{CSV_HEADER, FileSummary, csv_rows, write_csv};
-use deflex::text::Diagnostic;
+use deflex::report::{CSV_HEADER, FileSummary, Origin, VERSION, csv_field, csv_rows, write_csv};
+use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use std::io::{self, BufRead, BufReader, Seek, Write};
@@ -21,7 +23,7 @@ pub(super) struct Rows {
     files: Vec<(String, usize)>,
 }
 
-/// A report as INTERFACE.md has it.
+/// A report, as `docs/reference.md` has it.
 enum Csv {
     Held(Vec<u8>),
     Spooled(Temporary),
@@ -49,6 +51,19 @@ impl Rows {
             }
         }
         Self { csv: Csv::Held(csv), files }
+    }
+
+    /// Draws the rows that these were made of, file by file.
+    pub(super) fn draw(&self, path: &mut PathTrace, rows: &[Row]) {
+        let mut rest = rows;
+        for (file, count) in &self.files {
+            let (now, behind) = rest.split_at((*count).min(rest.len()));
+            if self.files.len() > 1 {
+                path.continue_in(file);
+            }
+            path.extend(now);
+            rest = behind;
+        }
     }
 
     /// Rows of one file that were written to a temporary one.
@@ -79,22 +94,55 @@ impl Rows {
     }
 }
 
+/// What a run notices in the rows of one program.
+#[derive(Debug, Default)]
+pub(super) struct Noticed<'a> {
+    pub(super) forces: Option<&'a Forces>,
+    /// Where the program is to be corrected.
+    pub(super) again: Option<Again>,
+    left_out: LeftOut,
+}
+
+impl<'a> Noticed<'a> {
+    pub(super) fn new(forces: Option<&'a Forces>, again: Option<Again>) -> Self {
+        Self { forces, again, left_out: LeftOut::default() }
+    }
+
+    /// Takes in rows in running order.
+    pub(super) fn take(&mut self, rows: &[Row]) {
+        self.left_out.take(self.forces, rows);
+        if let Some(again) = &mut self.again {
+            again.take(rows);
+        }
+    }
+
+    /// What is said of the program `name`; an error where it is not to be corrected.
+    pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+        match self.again.as_ref().and_then(|again| again.refusal(name)) {
+            Some(refusal) => Err(refusal.into()),
+            None => Ok(self.left_out.note(name).into_iter().collect()),
+        }
+    }
+}
+
 /// Reports of a program that are written as it goes through.
-pub(super) struct ProgramReports {
+pub(super) struct ProgramReports<'a> {
     rows: Copies,
     /// Rows for the report of a batch, which is put together when all are done.
     spooled: Option<Temporary>,
     /// For `--html`.
     path: Option<PathTrace>,
+    noticed: Noticed<'a>,
 }
 
-impl ProgramReports {
+impl<'a> ProgramReports<'a> {
     /// `own` is the program's own report, `joined` that of all `programs`.
     pub(super) fn open(
         own: Option<PathBuf>,
         joined: Option<&Path>,
         programs: usize,
         path: Option<PathTrace>,
+        noticed: Noticed<'a>,
         outputs: &mut Outputs,
     ) -> Result<Self, Vec<Diagnostic>> {
         let own = own.as_deref().into_iter().chain(joined.filter(|_| programs == 1));
@@ -107,16 +155,19 @@ impl ProgramReports {
         }
         let mut rows = Copies(rows);
         rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| stream::cannot_write(&error))?;
-        Ok(Self { rows, spooled, path })
+        Ok(Self { rows, spooled, path, noticed })
     }
 
     /// Fills them with what `run` comes to.
     pub(super) fn filled<T>(&mut self, bar: Option<&ProgressBar>, run: impl FnOnce(&mut Sinks<'_>) -> T) -> T {
-        let (wanted, path) = (!self.rows.0.is_empty(), &mut self.path);
+        let (wanted, path, noticed) = (!self.rows.0.is_empty(), &mut self.path, &mut self.noticed);
         run(&mut Sinks {
             report: &mut self.rows,
             rows: &|rows| if wanted { csv_rows(rows) } else { Vec::new() },
-            each: &mut |rows| path.iter_mut().for_each(|path| path.extend(rows)),
+            each: &mut |rows| {
+                noticed.take(rows);
+                path.iter_mut().for_each(|path| path.extend(rows));
+            },
             progress: &|targets, bytes| bar.into_iter().for_each(|bar| progress::at(bar, targets, bytes)),
         })
     }
@@ -132,6 +183,11 @@ impl ProgramReports {
         };
         self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| stream::cannot_write(&error))?;
         Ok(Self { path, ..self })
+    }
+
+    /// What was noticed in the program `name`.
+    pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+        self.noticed.notes(name)
     }
 
     /// So many rows of the program `name` for the report of a batch, and its path.
@@ -183,25 +239,27 @@ fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
         };
         next(out, (i == 0).then_some("file"))?;
         for (file, count) in &rows.files {
-            let file = cell(file);
+            let file = csv_field(file);
             (0..*count).try_for_each(|_| next(out, Some(&file)))?;
         }
     }
     Ok(())
 }
 
-/// Text as a CSV cell.
-fn cell(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
-}
-
 /// Adds the JSON summary of a run.
-pub(super) fn json(outputs: &mut Outputs, path: &Path, files: &[FileSummary]) -> Result<(), Vec<Diagnostic>> {
+pub(super) fn json(
+    outputs: &mut Outputs,
+    path: &Path,
+    cell: &Origin,
+    files: &[FileSummary],
+) -> Result<(), Vec<Diagnostic>> {
     #[derive(Serialize)]
     struct Files<'a> {
+        deflex: &'static str,
+        cell: &'a Origin,
         files: &'a [FileSummary],
     }
-    outputs.add_report(path, pretty(&Files { files })?.as_bytes())
+    outputs.add_report(path, pretty(&Files { deflex: VERSION, cell, files })?.as_bytes())
 }
 
 /// JSON for people and scripts, keys in their own order, with a final line end.
@@ -214,7 +272,7 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
 
 /// The sentence about one program, for stderr.
 pub(super) fn line(summary: &FileSummary, written: bool) -> String {
-    let mut line = format!("{}: {}", summary.path, deflex::report::summary_line(summary));
+    let mut line = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary));
     if summary.max_error_mm > 0.0 {
         line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
     }
@@ -225,6 +283,10 @@ pub(super) fn line(summary: &FileSummary, written: bool) -> String {
             }
             _ => format!("; remaining max {:.6} mm", summary.max_remaining_mm),
         };
+        if summary.remaining_path_max_mm > 0.0 {
+            let (rms, max) = (summary.remaining_path_rms_mm, summary.remaining_path_max_mm);
+            line += &format!(", on the path rms {rms:.4} mm, max {max:.4} mm");
+        }
     }
     line
 }

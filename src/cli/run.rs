@@ -7,14 +7,14 @@ use super::foresee::Foreseen;
 use super::input::{self, CellFile, Context, both};
 use super::job::Job;
 use super::output::Outputs;
-use super::report::{self, Rows};
+use super::report::{self, Noticed, Rows};
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::examples_left;
 use deflex::correct::{Correct, Corrected, Options};
 use deflex::program::Program;
-use deflex::report::FileSummary;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::text::Diagnostic;
+use deflex::report::{FileSummary, Origin};
+use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
@@ -56,6 +56,12 @@ impl Setup {
         Ok(program)
     }
 
+    /// Why a run failed, after what is doubtful about its numbers: often that is why.
+    pub(super) fn failed(&self, errors: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        self.cell.cell.notes.iter().cloned().chain(doubt).chain(errors).collect()
+    }
+
     /// What a run says about the cell, once.
     pub(super) fn notes(&self) -> Vec<Diagnostic> {
         let cell = &self.cell.cell;
@@ -69,7 +75,9 @@ impl Setup {
                 .severity(deflex::text::Severity::Note)
                 .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
         });
-        examples_left(&self.cell.source).into_iter().chain(silent).collect()
+        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        let notes = examples_left(&self.cell.source).into_iter().chain(silent).chain(doubt);
+        notes.chain(cell.notes.iter().cloned()).collect()
     }
 }
 
@@ -87,24 +95,35 @@ pub(super) struct Done {
 }
 
 impl Done {
+    /// The same with the program's files and their hashes, where a summary or a page names them.
+    pub(super) fn made_from(mut self, origins: Vec<Origin>) -> Self {
+        self.summary.sources = origins;
+        self
+    }
+
     pub(super) fn new(
         name: &str,
         program: &Program,
         corrected: Corrected,
         outputs: Outputs,
         mut path: Option<PathTrace>,
+        mut noticed: Noticed<'_>,
     ) -> Result<Self, Vec<Diagnostic>> {
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }
+        noticed.take(&corrected.rows);
+        let said = noticed.notes(name)?;
         let summary = FileSummary::new(name, program, &corrected);
         let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
+        let rows = Rows::new(program, &corrected.rows);
         if let Some(path) = &mut path {
-            path.extend(&corrected.rows);
+            rows.draw(path, &corrected.rows);
             path.quote(|target, _| program.line_of(target));
         }
-        let rows = Some(Rows::new(program, &corrected.rows));
-        Ok(Self { outputs, rows, summary, line, notes: corrected.notes, path })
+        let rows = Some(rows);
+        let notes = corrected.notes.into_iter().chain(said).collect();
+        Ok(Self { outputs, rows, summary, line, notes, path })
     }
 
     /// A program that was predicted a piece at a time.
@@ -119,24 +138,49 @@ impl Done {
     }
 }
 
-/// Runs every program; all that fail are told.
+/// Runs every program: what those that can be done came to, and what is wrong with the others; nothing of any where there is one
+/// of these, unless the run goes on.
 pub(super) fn each<T: Send>(
     jobs: Vec<Job>,
-    quiet: bool,
+    (quiet, keep_going): (bool, bool),
+    failed: Vec<Diagnostic>,
     one: impl Fn(Job, &ProgressBar) -> Result<T, Vec<Diagnostic>> + Sync,
-) -> Result<Vec<T>, Vec<Diagnostic>> {
+) -> Result<(Vec<T>, Vec<Diagnostic>), Vec<Diagnostic>> {
     let bar = progress::bar(jobs.len(), quiet);
     let done: Vec<_> = jobs
         .into_par_iter()
         .map(|job| {
-            bar.set_message(job.name.clone());
+            bar.set_message(printable_line(&job.name).into_owned());
             let done = one(job, &bar);
             bar.inc(1);
             done
         })
         .collect();
     bar.finish_and_clear();
-    input::all(done)
+    let (done, more) = input::parted(done);
+    let failed = [failed, more].concat();
+    let go_on = keep_going && !done.is_empty();
+    if failed.is_empty() || go_on { Ok((done, failed)) } else { Err(failed) }
+}
+
+/// What corrected programs leave between their targets, where that is more than the cell's limit: said once.
+fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnostic> {
+    let most = 1e3 * setup.cell.cell.limits.max_path_error;
+    let over = || summaries.iter().filter(|sum| sum.remaining_path_max_mm > most);
+    let worst = over().max_by(|a, b| a.remaining_path_max_mm.total_cmp(&b.remaining_path_max_mm))?;
+    let others = match over().count() {
+        1 => String::new(),
+        count => format!(", the most of {count} programs"),
+    };
+    let message = format!(
+        "up to {:.4} mm are left on the way between targets (rms {:.4} mm){others}, more than max_path_error_mm = {most}",
+        worst.remaining_path_max_mm, worst.remaining_path_rms_mm
+    );
+    Some(
+        Diagnostic::error("limits.max-path-error", &worst.path, message)
+            .severity(deflex::text::Severity::Note)
+            .help("`--subdivide MM` inserts targets; remaining_path_mm of the report tells where"),
+    )
 }
 
 /// Gathers what the programs came to, writes it, and says so.
@@ -144,7 +188,7 @@ pub(super) fn finish(
     mut outputs: Outputs,
     setup: &Setup,
     kind: PathKind,
-    done: Vec<Done>,
+    (done, failed): (Vec<Done>, Vec<Diagnostic>),
     reports: &Reports,
     quiet: bool,
 ) -> Outcome {
@@ -158,14 +202,16 @@ pub(super) fn finish(
         summaries.push(program.summary);
         lines.push(program.line);
     }
+    notes.extend(left_on_the_way(setup, &summaries).filter(|_| kind == PathKind::Compensate));
     if let Some(path) = reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
     }
     if let Some(path) = &reports.json {
-        report::json(&mut outputs, path, &summaries)?;
+        report::json(&mut outputs, path, &setup.cell.origin(), &summaries)?;
     }
     if let Some(path) = &reports.html {
-        let page = PathPage { kind, cell: &setup.cell.name, programs: &paths };
+        let cell = setup.cell.origin();
+        let page = PathPage { kind, cell: &cell, programs: &paths };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;
@@ -173,5 +219,6 @@ pub(super) fn finish(
     if !quiet {
         message::say(&lines);
     }
-    Ok(Answer::Yes)
+    // What could be done is written; the others were named and make it exit code 2.
+    if failed.is_empty() { Ok(Answer::Yes) } else { Err(failed) }
 }

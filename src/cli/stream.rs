@@ -53,7 +53,7 @@ struct Long<'a> {
     bar: Option<&'a ProgressBar>,
 }
 
-impl Long<'_> {
+impl<'a> Long<'a> {
     /// RAPID, edited in place.
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();
@@ -142,7 +142,7 @@ impl Long<'_> {
     }
 
     /// Reports of the program, whose own name one beside it takes.
-    fn reports(&mut self, file: &Path) -> Result<ProgramReports, Vec<Diagnostic>> {
+    fn reports(&mut self, file: &Path) -> Result<ProgramReports<'a>, Vec<Diagnostic>> {
         let (args, programs) = (self.batch.args, self.batch.programs);
         let beside = report_beside(args, file);
         ProgramReports::open(
@@ -150,6 +150,7 @@ impl Long<'_> {
             args.reports.report.as_deref(),
             programs,
             self.batch.path.clone(),
+            self.batch.noticed(self.job),
             &mut self.outputs,
         )
     }
@@ -173,7 +174,7 @@ impl Long<'_> {
     fn done(
         mut self,
         done: Result<correct::Streamed, StreamError>,
-        reports: ProgramReports,
+        reports: ProgramReports<'_>,
         named: impl Fn(&str) -> bool,
     ) -> Result<Option<Done>, Vec<Diagnostic>> {
         let done = match done {
@@ -186,13 +187,15 @@ impl Long<'_> {
         if !done.failures.is_empty() {
             return Err(done.failures);
         }
+        let noticed = reports.notes(self.name)?;
         let (rows, mut path) = reports.done(self.name, done.summary.targets);
         if let Some(path) = &mut path {
             quote(path, self.reread()?);
         }
         let summary = FileSummary::of(self.name, &done.summary, &[]);
         let line = report::line(&summary, true);
-        Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes: done.notes, path }))
+        let notes = done.notes.into_iter().chain(noticed).collect();
+        Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes, path }))
     }
 
     fn refused(&self, why: StreamError) -> Result<Option<Done>, Vec<Diagnostic>> {

@@ -1,12 +1,12 @@
 //! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
 
-use super::path::{CHORD, Carried};
+use super::path::{CHORD, Carried, RunWith};
 use super::point::Point;
 use super::spin;
 use crate::cell::{Cell, Spin};
 use crate::cutting::Lean;
 use crate::equilibrium::Setting;
-use crate::lanes::{Frame, Lanes, Mask, Vector, WIDTH, widest};
+use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use crate::program::{Goal, Target};
 use crate::robot::{Eight, EightFound, Joints, Place, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
@@ -34,7 +34,7 @@ struct Chords {
     size: Lanes,
     direction: Vector,
     feed_frame: Frame,
-    fed: Mask,
+    fed: LaneMask,
 }
 
 /// The way into a target, work object axes; out of it at the first.
@@ -62,17 +62,18 @@ impl Ahead {
     pub(super) fn look(
         &mut self,
         robot: Option<&Eight<'_>>,
-        (targets, settings): (&[Target], &[u32]),
+        (targets, settings): (&[Target], &[RunWith]),
         carried: &Carried<'_>,
         before: Option<&Point>,
     ) {
         (self.posed, self.stretch) = (false, false);
         let Some(robot) = robot else { return };
         let near = carried.near.unwrap_or_else(Joints::zeros);
-        let before = before.filter(|before| settings.iter().all(|setting| *setting == before.setting));
+        let first = settings[0];
+        let before = before.filter(|before| before.setting == first.setting && settings.iter().all(|s| *s == first));
         let is_pose = |target: &Target| matches!(target.goal, Goal::Pose { .. });
         if targets.iter().any(is_pose) {
-            let place = |lane: usize| place(&targets[lane], &carried.settings[settings[lane] as usize], &near);
+            let place = |lane: usize| place(&targets[lane], &carried.settings[settings[lane].setting as usize], &near);
             robot.find(targets.len(), place, &mut self.found);
             self.posed = true;
             self.stretch = before.is_some() && targets.iter().all(is_pose);
@@ -84,7 +85,8 @@ impl Ahead {
             (self.posed, self.stretch) = (true, true);
         }
         if let Some(before) = before.filter(|_| self.stretch) {
-            self.chords.find(&before.wobj_from_tcp.translation.vector, &self.found.wobj_from_tcp, carried.laws.lean());
+            let lean = carried.laws.lean(first.tool);
+            self.chords.find(&before.wobj_from_tcp.translation.vector, &self.found.wobj_from_tcp, lean);
         }
     }
 
@@ -92,7 +94,7 @@ impl Ahead {
     fn turn(&mut self, targets: &[Target], before: &Point, mut held: Option<Vector3<f64>>) -> Option<()> {
         let mut from = before.wobj_from_tcp.translation.vector;
         for (lane, target) in targets.iter().enumerate() {
-            let Goal::Axis { position_mm, axis } = target.goal else { return None };
+            let Goal::Axis { position_mm, axis, .. } = target.goal else { return None };
             let here = Vector3::from(position_mm) * 1e-3;
             let pose = spin::pose(&self.spin, position_mm, axis, here - from, &mut held)?;
             self.found.wobj_from_tcp.set(lane, &pose);
@@ -166,7 +168,7 @@ impl Chords {
             chords.chord = poses.origin - chords.from;
             chords.size = chords.chord.dot(chords.chord).sqrt();
             chords.direction = chords.chord * (Lanes::of(1.0) / chords.size);
-            (chords.feed_frame, chords.fed) = lean.feed_frames(poses.z * -1.0, chords.direction);
+            (chords.feed_frame, chords.fed) = lean.feed_frames(-poses.z, chords.direction);
         });
     }
 

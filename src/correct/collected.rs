@@ -1,12 +1,12 @@
 //! Rows and failures of a run as they come, and the limits that make a failure of a correction.
 
-use super::Prepared;
 use super::line::{Corrected, Posted};
 use super::path;
 use super::row::Row;
+use super::{PathDeviation, Prepared};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, Landing};
-use crate::program::{Change, Language, Program, Rewritten};
+use crate::program::{Change, Language, Program, Rewritten, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
@@ -37,6 +37,26 @@ impl<'a> Collected<'a> {
         self.rows.push(Row::BLANK);
         if let Some(row) = self.rows.last_mut() {
             row.fill(target, point, there, normal);
+        }
+    }
+
+    /// What is left on the way into every point: a row has that of all points up to its end.
+    pub(super) fn paths(&mut self, paths: &[Option<PathDeviation>]) {
+        let mut rows = self.rows.iter_mut().peekable();
+        let mut way: Option<Option<PathDeviation>> = None;
+        for (target, path) in self.program.targets.iter().zip(paths) {
+            if target.role != Role::Via {
+                way = Some(match way {
+                    None => *path,
+                    Some(before) => before.zip(*path).map(|(before, path)| before.and(path)),
+                });
+            }
+            if path::is_end(target) {
+                let whole = way.take().flatten();
+                if let Some(row) = rows.next_if(|row| row.target == target.ordinal) {
+                    row.path = whole;
+                }
+            }
         }
     }
 
@@ -72,7 +92,7 @@ impl<'a> Collected<'a> {
     ) -> Corrected {
         self.failures.sort_by_key(|(i, _)| *i);
         let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
-        Corrected { rows: self.rows, failures, notes, rewritten, posted }
+        Corrected { rows: self.rows, failures, notes, rewritten, posted, ..Corrected::default() }
     }
 }
 

@@ -3,7 +3,7 @@
 //! A thread takes a piece all the way; what depends on the pieces before stands in ordered passes (see [`Turns`]), of which the
 //! last is the writing. So any number of threads gives the same bytes.
 
-use super::messages::Messages;
+use super::messages::{Messages, Repeated};
 use super::row::Tally;
 use super::turns::Turns;
 use super::{Corrected, Row, Summary};
@@ -204,6 +204,7 @@ struct Writer<'a, T> {
     refused: Messages,
     failures: Messages,
     notes: Vec<Diagnostic>,
+    repeated: Repeated,
 }
 
 impl<'a, T> Writer<'a, T> {
@@ -219,6 +220,7 @@ impl<'a, T> Writer<'a, T> {
             refused: Messages::default(),
             failures: Messages::default(),
             notes: Vec::new(),
+            repeated: Repeated::default(),
         }
     }
 
@@ -234,6 +236,7 @@ impl<'a, T> Writer<'a, T> {
         };
         self.failures.add(corrected.failures);
         self.notes.extend(corrected.notes);
+        self.repeated.add(corrected.repeated);
         self.tally.add(&corrected.rows);
         (self.each)(&corrected.rows);
         self.targets += corrected.rows.len();
@@ -252,7 +255,7 @@ impl<'a, T> Writer<'a, T> {
             last: self.last,
             refused: self.refused,
             failures: self.failures.all(),
-            notes: self.notes,
+            notes: self.notes.into_iter().chain(self.repeated.once()).collect(),
         })
     }
 }

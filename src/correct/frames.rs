@@ -21,7 +21,7 @@ pub(super) fn millimetres(pose: &Pose) -> ([f64; 3], [f64; 4]) {
     ((pose.translation.vector * 1e3).into(), [quat.w, quat.i, quat.j, quat.k])
 }
 
-fn tool_frame(data: &ToolData) -> ToolFrame {
+pub(super) fn tool_frame(data: &ToolData) -> ToolFrame {
     ToolFrame {
         flange_from_tcp: pose(data.tcp_mm, data.tcp_quat),
         mass: data.mass_kg,
@@ -29,7 +29,7 @@ fn tool_frame(data: &ToolData) -> ToolFrame {
     }
 }
 
-fn object_frame(data: &WobjData) -> Pose {
+pub(super) fn object_frame(data: &WobjData) -> Pose {
     pose(data.uframe_mm, data.uframe_quat) * pose(data.oframe_mm, data.oframe_quat)
 }
 
@@ -105,6 +105,14 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Pose>>,
     });
     let wobjs = wobjs.collect();
     if errors.is_empty() { Ok(wobjs) } else { Err(errors) }
+}
+
+/// A work object by its name, in the base.
+pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<Pose> {
+    let declared = program.wobjs.iter().find(|wobj| wobj.name.eq_ignore_ascii_case(name));
+    let frame = declared.and_then(|wobj| wobj.data.as_ref()).map(object_frame);
+    let frame = frame.or_else(|| cell.wobjs.get(&name.to_ascii_uppercase()).copied());
+    frame.map(|world_from_wobj| cell.arm.robot.world_from_base.inverse() * world_from_wobj)
 }
 
 /// A maker of diagnostics at the first target that uses something; `None` where nothing does.

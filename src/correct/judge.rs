@@ -55,14 +55,15 @@ pub fn predict_pieces<R: Read + Seek + Send>(
     judge: Option<Judge<'_>>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let new = || path::Carried::new(cell).map_err(StreamError::Refused);
-    let path = Turns::new(new()?);
-    let original = match original {
-        Some(pieces) => Some(Turns::new(Original::new(pieces, new()?))),
-        None => None,
-    };
+    // A stock is cut by the program as a whole.
+    if cell.stock.is_some() {
+        return Err(StreamError::NotStraight);
+    }
+    let path = Turns::new(path::Carried::new(cell));
+    let ends = Turns::new(None);
+    let original = original.map(|pieces| Turns::new(Original::new(pieces, path::Carried::new(cell))));
     let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
-    let carried = if corrects { Some(Carried::new(cell).map_err(StreamError::Refused)?) } else { None };
+    let carried = corrects.then(|| Carried::new(cell));
     let (refusals, findings, found) = match judge {
         Some(judge) => (Messages::with_room(judge.refusals), Some(judge.findings), Some(judge.found)),
         None => (Messages::default(), None, None),
@@ -74,21 +75,24 @@ pub fn predict_pieces<R: Read + Seek + Send>(
             Some(original) => Some(original.take(n, |o| o.next(program, cell, options))?),
             None => None,
         };
-        let mut prepared = match prepared {
-            Ok(prepared) => prepared,
-            Err(refused) => return Some(Err(refused.into())),
-        };
-        let before = match before {
-            None => None,
-            Some(Ok(Some((original, targets)))) => match prepared.judge_against(&original, program) {
-                Ok(()) => Some(targets),
-                Err(refused) => return Some(Err(refused.into())),
-            },
+        let judged = prepared.map_err(Unsolved::from).and_then(|mut prepared| match before {
+            None => Ok((prepared, None)),
+            Some(Ok(Some((original, targets)))) => {
+                prepared.judge_against(&original, program)?;
+                Ok((prepared, Some(targets)))
+            }
             // Why is said when all has been looked at.
-            Some(Ok(None)) => return Some(Err(Vec::new().into())),
-            Some(Err(why)) => return Some(Err(Unsolved::Stop(why))),
+            Some(Ok(None)) => Err(Vec::new().into()),
+            Some(Err(why)) => Err(Unsolved::Stop(why)),
+        });
+        let (prepared, before) = match judged {
+            Ok(judged) => judged,
+            Err(why) => {
+                ends.take(n, |_| ())?;
+                return Some(Err(why));
+            }
         };
-        let mut predicted = line::foreseen(program, cell, options, &prepared, n, Spread::Here);
+        let mut predicted = line::foreseen(program, cell, options, (&prepared, &ends), n, Spread::Here)?;
         let Some(findings) = findings else { return Some(Ok((Vec::new(), predicted))) };
         let mut failures = std::mem::take(&mut predicted.failures);
         if let Some(correction) = correction {
@@ -107,6 +111,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
         solve: &|n, piece| solve(n, &piece.program),
         break_off: &|| {
             path.break_off();
+            ends.break_off();
             carried.iter().for_each(Carried::break_off);
             original.iter().for_each(Turns::break_off);
         },
@@ -186,9 +191,12 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         let (targets, points) = self.targets.drain(..count).unzip();
         let prepared = Prepared {
             points,
+            before: None,
             started: prepared.started,
             settings: prepared.settings.clone(),
             laws: prepared.laws.clone(),
+            fronts: prepared.fronts.clone(),
+            notes: Vec::new(),
         };
         Ok(Some((prepared, targets)))
     }

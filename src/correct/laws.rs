@@ -1,20 +1,23 @@
 //! The cutting forces of a cell along a path: which moves cut, and by what law.
 
-use crate::cell::{Cell, Cut, CutForce, ForceFrame};
+use super::point::{Follows, PointLoad, Through};
+use crate::cell::{Cell, CutForce, Engaged, ForceFrame, MillingCut};
 use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
 use crate::effects::ForceLaw;
-use crate::lanes::{Mask, Vector};
+use crate::lanes::{LaneMask, Vector};
 use crate::program::{Mark, Motion, Target};
 use crate::robot::Pose;
-use crate::text::Diagnostic;
+use crate::stock::Front;
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
-/// A mechanistic force law for one feed per tooth.
+/// A mechanistic force law for one tool at one feed per tooth.
 #[derive(Clone, Debug)]
 pub(super) struct Law {
     pub(super) milling: Arc<Milling>,
     table: Arc<FeedTable>,
+    /// Of the tool against the surface.
+    pub(super) lean: Lean,
     /// N/m, feed frame.
     slope: Vector3<f64>,
     /// At rest: N, feed frame, and the height of the contact point over the tip, m.
@@ -27,7 +30,7 @@ impl ForceLaw for Law {
         self.table.mean_force(shift, &Unit::new_unchecked(*axis))
     }
 
-    fn forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
+    fn forces(&self, wanted: LaneMask, shift: &Vector, axis: &Vector, force: &mut Vector) {
         self.table.mean_forces(wanted, shift, axis, force);
     }
 
@@ -40,105 +43,167 @@ impl ForceLaw for Law {
     }
 }
 
-/// The force laws of a cell, made as feeds turn up.
+/// The force laws of a cell, made as tools and feeds turn up.
 pub(super) struct Laws<'a> {
-    cut: Option<&'a Cut>,
-    milling: Option<(Arc<Milling>, Arc<ForceTable>)>,
-    lean: Lean,
+    cell: &'a Cell,
+    /// Of each tool met, by its name in upper case.
+    tools: Vec<(String, ToolCut)>,
     pub(super) laws: Vec<Law>,
+    /// Cutters that go through the stock.
+    pub(super) fronts: Vec<Arc<Front>>,
 }
 
-/// What cuts at a target.
-pub(super) enum Load {
-    Air,
-    /// N, work object axes.
-    Constant(Vector3<f64>),
-    /// Index into the laws; in the feed frame.
-    Law(usize),
+/// How one tool cuts.
+#[derive(Clone, Debug)]
+struct ToolCut {
+    lean: Lean,
+    /// Where its force is a milling force.
+    milling: Option<MillingCut>,
+    /// Where that is declared engagement: found when it first cuts.
+    table: Option<(Arc<Milling>, Arc<ForceTable>)>,
+    /// Index into the fronts, once it has moved through the stock.
+    front: Option<u32>,
 }
 
 /// Code, message, help.
-type Refusal = (&'static str, String, String);
+pub(super) type Refusal = (&'static str, String, String);
 
 impl<'a> Laws<'a> {
-    pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
-        let cut = cell.cut.as_ref();
-        let milling = match cut.map(|cut| &cut.force) {
-            Some(CutForce::Mechanistic { cutter, engagement, coefficients, .. }) => {
-                Some(Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
-                    vec![Diagnostic::error("cell.cut", "", format!("[cut] {}: {}", error.field, error.message))]
-                })?)
-            }
-            _ => None,
-        };
-        let lean = milling.as_ref().map(Milling::engagement).map_or((0.0, 0.0), |e| (e.lead, e.tilt));
-        let milling = milling.map(|milling| (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling))));
-        Ok(Self { cut, milling, lean: Lean::new(lean.0, lean.1), laws: Vec::new() })
+    pub(super) fn new(cell: &'a Cell) -> Self {
+        Self { cell, tools: Vec::new(), laws: Vec::new(), fronts: Vec::new() }
     }
 
-    pub(super) fn has_engagement(&self) -> bool {
-        self.milling.is_some()
+    /// Index of a tool, by its name. Programs have few: a linear search.
+    pub(super) fn tool(&mut self, name: &str) -> usize {
+        let known = self.tools.iter().position(|(known, _)| known.eq_ignore_ascii_case(name));
+        known.unwrap_or_else(|| {
+            let mechanistic = self.cell.cut.as_ref().is_some_and(|cut| cut.force == CutForce::Mechanistic);
+            // What is missing is said where it is needed.
+            let milling = self.cell.milling(name).ok().filter(|_| mechanistic);
+            let lean = match milling.as_ref().map(|milling| milling.engagement) {
+                Some(Engaged::Declared(engagement)) => Lean::new(engagement.lead, engagement.tilt),
+                Some(Engaged::Stock) | None => Lean::new(0.0, 0.0),
+            };
+            self.tools.push((name.to_ascii_uppercase(), ToolCut { lean, milling, table: None, front: None }));
+            self.tools.len() - 1
+        })
     }
 
-    /// Of the tool against the surface, where a law asks for it.
-    pub(super) fn lean(&self) -> &Lean {
-        &self.lean
+    /// Whether the surface that a tool cuts is known from its engagement.
+    pub(super) fn has_engagement(&self, tool: usize) -> bool {
+        self.tools[tool].1.milling.is_some()
     }
 
+    /// Of a tool against the surface, where a law asks for it.
+    pub(super) fn lean(&self, tool: usize) -> &Lean {
+        &self.tools[tool].1.lean
+    }
+
+    /// What acts at a target: the force at the end of the segment into it.
     pub(super) fn load(
         &mut self,
-        target: &Target,
+        (target, tool): (&Target, usize),
         given: Option<Vector3<f64>>,
-        frame: Option<&Rotation3<f64>>,
+        (frame, leaned): (Option<&Rotation3<f64>>, bool),
         wobj_from_tcp: &Pose,
         has_table: bool,
-    ) -> Result<Load, Refusal> {
+    ) -> Result<PointLoad, Refusal> {
         if !self.may_cut(target) {
-            return Ok(Load::Air);
+            return Ok(PointLoad::Air);
         }
+        let constant = |force, follows| PointLoad::Constant { force, follows };
         // A table overrides [cut]: a nonzero row cuts, a zero or absent row is air.
         if has_table {
-            return Ok(given.filter(|f| *f != Vector3::zeros()).map_or(Load::Air, Load::Constant));
+            let given = given.filter(|f| *f != Vector3::zeros());
+            return Ok(given.map_or(PointLoad::Air, |force| constant(force, Follows::WorkObject)));
         }
-        match self.cut.map(|cut| &cut.force) {
+        match self.cell.cut.as_ref().map(|cut| &cut.force) {
             None => Err((
                 "cell.no-cut",
                 "the cell has no [cut] section, and no table of forces was given".to_owned(),
                 "add [cut] to the cell (force = \"none\" for no force), or give --forces".to_owned(),
             )),
-            Some(CutForce::None) => Ok(Load::Air),
+            Some(CutForce::None) => Ok(PointLoad::Air),
             Some(CutForce::Table) => Err((
                 "cell.no-forces",
                 "[cut] force = \"table\" needs a table of forces".to_owned(),
                 "give --forces CSV with `target` and `fx_n,fy_n,fz_n`".to_owned(),
             )),
             Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
-                (ForceFrame::Wobj, _) => Load::Constant(*force),
-                (ForceFrame::Tool, _) => Load::Constant(wobj_from_tcp.rotation * force),
-                (ForceFrame::Feed, Some(frame)) => Load::Constant(frame * force),
-                (ForceFrame::Feed, None) => Load::Air,
+                (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),
+                (ForceFrame::Tool, _) => constant(wobj_from_tcp.rotation * force, Follows::Tool),
+                (ForceFrame::Feed, Some(frame)) => constant(frame * force, Follows::Feed(*force)),
+                (ForceFrame::Feed, None) => PointLoad::Air,
             }),
-            Some(CutForce::Mechanistic { feed_from_program, spindle_rpm, engagement, cutter, .. }) => {
-                if frame.is_none() {
-                    return Ok(Load::Air);
-                }
-                let feed_per_tooth = if *feed_from_program {
-                    let rpm = target.spindle_rpm.or(*spindle_rpm).filter(|rpm| *rpm > 0.0);
-                    let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
-                        return Err((
-                            "cell.no-feed-per-tooth",
-                            "the feed per tooth is not known: the target has no feed, or nobody says the spindle speed"
-                                .to_owned(),
-                            "give feed_per_tooth_mm or spindle_rpm in [cut.engagement]".to_owned(),
-                        ));
-                    };
-                    1e-3 * feed * 60.0 / (rpm * f64::from(cutter.teeth))
-                } else {
-                    engagement.feed_per_tooth
-                };
-                Ok(Load::Law(self.law(feed_per_tooth)))
+            // Found when the stock is cut.
+            Some(CutForce::Mechanistic) if self.follows_stock(tool) => {
+                Ok(constant(Vector3::zeros(), Follows::WorkObject))
+            }
+            Some(CutForce::Mechanistic) => {
+                let Some(frame) = frame else { return Ok(PointLoad::Air) };
+                let feed_per_tooth = self.feed_per_tooth(target, tool)?;
+                let law = self.law(tool, feed_per_tooth)?;
+                Ok(PointLoad::Law { law, wobj_from_feed: *frame, leaned })
             }
         }
+    }
+
+    /// Whether a tool's force follows from the stock.
+    fn follows_stock(&self, tool: usize) -> bool {
+        let milling = self.tools[tool].1.milling.as_ref();
+        self.cell.stock.is_some() && milling.is_some_and(|milling| milling.engagement == Engaged::Stock)
+    }
+
+    /// Which cutter a move leads through the stock; `None` without a stock, or where nobody declares the cutter.
+    pub(super) fn through(
+        &mut self,
+        (target, tool): (&Target, usize),
+        has_table: bool,
+    ) -> Result<Option<Through>, Refusal> {
+        if self.cell.stock.is_none() {
+            return Ok(None);
+        }
+        let Ok(milling) = self.cell.milling(&self.tools[tool].0) else { return Ok(None) };
+        let cuts = self.may_cut(target);
+        let feed_per_tooth = if cuts && !has_table && self.follows_stock(tool) {
+            Some(self.feed_per_tooth(target, tool)?)
+        } else {
+            None
+        };
+        let known = self.tools[tool].1.front;
+        let front = known.unwrap_or_else(|| {
+            self.fronts.push(Arc::new(Front::new(&milling.cutter, &milling.coefficients)));
+            u32::try_from(self.fronts.len() - 1).unwrap_or(u32::MAX)
+        });
+        self.tools[tool].1.front = Some(front);
+        Ok(Some(Through { front, cuts, feed_per_tooth }))
+    }
+
+    /// Feed per tooth of a move, m: as declared, else from feed, spindle speed and teeth.
+    fn feed_per_tooth(&self, target: &Target, tool: usize) -> Result<f64, Refusal> {
+        let (name, cut) = &self.tools[tool];
+        let Some(milling) = &cut.milling else {
+            let missing = self.cell.milling(name).err().map_or_else(String::new, |missing| missing.to_string());
+            return Err((
+                "cell.no-milling",
+                format!("tool `{name}` cuts here, and {}", missing.replace(".X.", &format!(".{name}."))),
+                "declare it for the tool, or for all tools in [cut]".to_owned(),
+            ));
+        };
+        if let Some(feed_per_tooth) = milling.feed_per_tooth {
+            return Ok(feed_per_tooth);
+        }
+        let rpm = target.spindle_rpm.or(milling.spindle_rpm).filter(|rpm| *rpm > 0.0);
+        let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
+            return Err((
+                "cell.no-feed-per-tooth",
+                "the feed per tooth is not known: the target has no feed, or nobody says the spindle speed".to_owned(),
+                format!(
+                    "give feed_per_tooth_mm or spindle_rpm in [cut.engagement], or spindle_rpm in [tools.{name}.cutter]"
+                ),
+            ));
+        };
+        Ok(1e-3 * feed * 60.0 / (rpm * f64::from(milling.cutter.teeth)))
     }
 
     /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
@@ -147,29 +212,61 @@ impl<'a> Laws<'a> {
             Some(Mark::Air) => false,
             Some(Mark::Cut) => true,
             None => {
-                let limit = self.cut.and_then(|cut| cut.max_cutting_feed);
+                let limit = self.cell.cut.as_ref().and_then(|cut| cut.max_cutting_feed);
                 let fast = limit.is_some_and(|limit| target.feed_mm_s.is_none_or(|feed| 1e-3 * feed > limit));
                 !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint) && !fast
             }
         }
     }
 
-    /// Index of the law of a feed per tooth. Programs have few feeds: a linear search.
-    fn law(&mut self, feed_per_tooth: f64) -> usize {
-        let same = |law: &Law| law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits();
+    /// Index of the law of a tool and a feed per tooth. Programs have few: a linear search.
+    fn law(&mut self, tool: usize, feed_per_tooth: f64) -> Result<usize, Refusal> {
+        let (milling, table) = self.table(tool)?;
+        let same = |law: &Law| {
+            Arc::ptr_eq(&law.milling, &milling) && law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits()
+        };
         if let Some(index) = self.laws.iter().position(same) {
-            return index;
+            return Ok(index);
         }
-        if let Some((milling, table)) = &self.milling {
-            /// Small against a depth of cut, large against rounding, m.
-            const LIFT: f64 = 1e-6;
-            let table = Arc::new(table.at_feed(feed_per_tooth));
-            let axis = milling.axis_in_feed();
-            let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &axis);
-            let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
-            let (force, height) = (force(0.0), milling.contact_height(&axis));
-            self.laws.push(Law { milling: milling.clone(), table, slope, force, height });
+        /// Small against a depth of cut, large against rounding, m.
+        const LIFT: f64 = 1e-6;
+        let table = Arc::new(table.at_feed(feed_per_tooth));
+        let axis = milling.axis_in_feed();
+        let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &axis);
+        let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
+        let (force, height) = (force(0.0), milling.contact_height(&axis));
+        let lean = *self.lean(tool);
+        self.laws.push(Law { milling, table, lean, slope, force, height });
+        Ok(self.laws.len() - 1)
+    }
+
+    /// The table of a tool's milling force; tools with the same parts share one.
+    fn table(&mut self, tool: usize) -> Result<(Arc<Milling>, Arc<ForceTable>), Refusal> {
+        if let Some(table) = &self.tools[tool].1.table {
+            return Ok(table.clone());
         }
-        self.laws.len() - 1
+        let (name, cut) = &self.tools[tool];
+        let same = |other: &ToolCut| other.milling == cut.milling;
+        let shared = self.tools.iter().find_map(|(_, other)| other.table.clone().filter(|_| same(other)));
+        let table = match (shared, &cut.milling) {
+            (Some(shared), _) => shared,
+            (None, Some(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. })) => {
+                let milling = Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
+                    let message = format!("the cut of tool `{name}`: {}: {}", error.field, error.message);
+                    ("cell.cut", message, "check cutter, engagement and coefficients of the tool".to_owned())
+                })?;
+                (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling)))
+            }
+            (None, _) => {
+                return Err((
+                    "cell.no-stock",
+                    format!("tool `{name}` cuts here with mode = \"stock\", which needs the stock"),
+                    "add [stock] with its box_mm, or declare mode = \"slot\", \"up\" or \"down\" with its depth"
+                        .to_owned(),
+                ));
+            }
+        };
+        self.tools[tool].1.table = Some(table.clone());
+        Ok(table)
     }
 }

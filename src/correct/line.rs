@@ -1,15 +1,18 @@
 //! The line from targets to rows: compensate and predict.
 
 use super::collected::{Collected, check_limits};
+use super::deviation::Commanded;
+use super::messages::Repeated;
 use super::path;
 use super::point::Point;
 use super::row::{Row, Status};
-use super::solve::{self, Last, Reached, Solved, Solver, Wish};
+use super::segment::Start;
+use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
 use super::spread::Spread;
 use super::turns::Turns;
-use super::{Options, Prepared, arcs, frames, sigma, stiffness, subdivide};
+use super::{Cuts, Options, Prepared, deviation, frames, removal, segment, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, Foreseen};
+use crate::equilibrium::{Aim, EquilibriumError, Foreseen};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -17,7 +20,7 @@ use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
 /// A corrected program.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 #[non_exhaustive]
 pub struct Corrected {
     /// One row an executed motion, in running order. Targets that failed have none.
@@ -30,6 +33,8 @@ pub struct Corrected {
     pub rewritten: Option<Rewritten>,
     /// CL input: what to post, one a point of the program.
     pub posted: Vec<Posted>,
+    /// Warnings that many targets share; in `notes` when all of the program is through.
+    pub(super) repeated: Repeated,
 }
 
 /// A corrected point for a program that is written anew (CL to RAPID).
@@ -44,7 +49,7 @@ pub struct Posted {
     pub quat: [f64; 4],
     /// Configuration of the commanded joints.
     pub conf: Conf,
-    /// Commanded motor angles, degrees.
+    /// Commanded angles as the controller counts them, degrees.
     pub motor_deg: [f64; 6],
 }
 
@@ -72,33 +77,46 @@ pub fn predict(
         let original = &Prepared::new(original, cell, options)?;
         prepared.judge_against(original, program)?;
     }
-    Ok(foreseen(program, cell, options, &prepared, 0, Spread::Threads))
+    removal::run(program, cell, &mut prepared, Cuts::Deflected)?;
+    let ends = Turns::new(None);
+    // Nobody else has a piece that could break off.
+    Ok(foreseen(program, cell, options, (&prepared, &ends), 0, Spread::Threads).unwrap_or_default())
 }
 
-/// What becomes of piece `n` of a program as it is, prepared.
+/// What becomes of piece `n` of a program as it is, prepared, where `ends` has those of the pieces before; `None` where one of
+/// these died.
 pub(super) fn foreseen(
     program: &Program,
     cell: &Cell,
     options: &Options,
-    prepared: &Prepared,
+    (prepared, ends): (&Prepared, &Turns<Option<Start>>),
     n: usize,
     spread: Spread,
-) -> Corrected {
+) -> Option<Corrected> {
     let solver = Solver::new(&cell.arm, prepared, spread);
     let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| Foreseen::default());
     let mut out = Collected::new(program, prepared);
-    for (i, there) in there.into_iter().enumerate() {
+    for (i, there) in there.iter().enumerate() {
         match there {
-            Ok(there) => out.row(i, &there),
-            Err(error) => out.fail(i, &error),
+            Ok(there) => out.row(i, there),
+            Err(error) => out.fail(i, error),
         }
     }
+    let commanded = Commanded {
+        poses: &|i| prepared.points[i].wobj_from_tcp,
+        motors: &|i| Some((prepared.points[i].motor, prepared.points[i].travel)),
+        landings: &there,
+        near: &|_| Foreseen::default(),
+        nodes: &[],
+    };
+    let before = ends.take(n, |last| deviation::pass_end(program, prepared, &commanded, last))?;
+    out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
     sigma::fill(&mut out.rows, program, cell, prepared, spread);
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, prepared, spread);
     }
     let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
-    out.finish(notes, None, Vec::new())
+    Some(out.finish(notes, None, Vec::new()))
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -108,9 +126,11 @@ pub(super) fn foreseen(
 /// # Errors
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
-    let carried = Carried::new(cell)?;
+    let carried = Carried::new(cell);
     // Nobody else has a piece that could break off.
-    piece(program, cell, options, &carried, 0, Spread::Threads).unwrap_or(Err(Vec::new()))
+    let mut corrected = piece(program, cell, options, &carried, 0, Spread::Threads).unwrap_or(Err(Vec::new()))?;
+    corrected.notes.extend(std::mem::take(&mut corrected.repeated).once());
+    Ok(corrected)
 }
 
 /// What goes from piece to piece of a program, each through its own ordered pass.
@@ -125,20 +145,23 @@ pub(super) struct Carried<'a> {
     /// How far the program is posted (CL input).
     pub(super) posted: Turns<Place>,
     /// Where the way to the next piece begins.
-    end: Turns<Option<subdivide::Start>>,
+    end: Turns<Option<Start>>,
+    /// The same as written.
+    written: Turns<Option<Start>>,
 }
 
 impl<'a> Carried<'a> {
     /// Before the first piece.
-    pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
-        Ok(Self {
-            path: Turns::new(path::Carried::new(cell)?),
+    pub(super) fn new(cell: &'a Cell) -> Self {
+        Self {
+            path: Turns::new(path::Carried::new(cell)),
             commanded: Turns::new(None),
             reached: Turns::new(None),
             shift: Turns::new(None),
             posted: Turns::new(Place::default()),
             end: Turns::new(None),
-        })
+            written: Turns::new(None),
+        }
     }
 
     /// Lets no piece wait for one that died.
@@ -149,6 +172,7 @@ impl<'a> Carried<'a> {
         self.shift.break_off();
         self.posted.break_off();
         self.end.break_off();
+        self.written.break_off();
     }
 
     /// Passes on what a piece that is refused does not change.
@@ -158,6 +182,7 @@ impl<'a> Carried<'a> {
             self.end.take(n, |_| ());
         }
         self.reached.take(n, |_| ());
+        self.written.take(n, |_| ());
         self.shift.take(n, |_| ());
     }
 }
@@ -171,19 +196,48 @@ pub(super) fn piece(
     n: usize,
     spread: Spread,
 ) -> Option<Result<Corrected, Vec<Diagnostic>>> {
-    let prepared = match carried.path.take(n, |path| path::prepare(program, cell, options, path))? {
+    let prepared = carried.path.take(n, |path| path::prepare(program, cell, options, path))?;
+    let prepared = prepared.and_then(|mut prepared| {
+        removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
+        Ok(prepared)
+    });
+    let mut prepared = match prepared {
         Ok(prepared) => prepared,
         Err(refused) => {
             carried.skip(n, options);
             return Some(Err(refused));
         }
     };
+    if options.subdivide.is_some() {
+        segment::follow_arcs(program, &mut prepared);
+    }
     let arm = &cell.arm;
-    let wishes: Vec<Wish> = program.targets.iter().map(|t| Wish::of(t.editable, options.correct)).collect();
+    let modes: Vec<CorrectionMode> =
+        program.targets.iter().map(|t| CorrectionMode::of(t.editable, options.correct)).collect();
     let solver = Solver::new(arm, &prepared, spread);
-    let first = solver.first(&wishes);
+    let first = solver.first(&modes);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
-    let solved = solver.commands(&wishes, &first, &travels);
+    let mut solved = solver.commands(&modes, &first, &travels);
+    let (mut nodes, mut vias) = (Vec::new(), Vec::new());
+    if let Some(tolerance) = options.subdivide {
+        let commanded = Commanded {
+            poses: &|i| solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |solved| solved.wobj_from_tcp),
+            motors: &|i| solved[i].as_ref().ok().map(|solved| (solved.motor, travels[i])),
+            landings: &[],
+            near: &|_| Foreseen::default(),
+            nodes: &[],
+        };
+        let before = carried.end.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
+        let found = subdivide::subdivide(program, &solver, &commanded, &modes, before.as_ref(), tolerance);
+        nodes = found.nodes;
+        vias = found.vias;
+    }
+    drop(solver);
+    for (via, point, command) in vias {
+        (prepared.points[via], solved[via]) = (point, Ok(command));
+    }
+    let inserts = subdivide::inserts(program, cell, &prepared, &nodes);
+    let solver = Solver::new(arm, &prepared, spread);
 
     let mut out = Collected::new(program, &prepared);
     let mut changes: Vec<Option<Change>> = Vec::with_capacity(program.targets.len());
@@ -191,11 +245,13 @@ pub(super) fn piece(
     for (i, solved) in solved.iter().enumerate() {
         changes.push(match solved {
             Ok(solved) => {
-                if let Some(violation) = arm.robot.limit_violation(&solved.motor).filter(|_| wishes[i] != Wish::Keep) {
+                if let Some(violation) =
+                    arm.robot.limit_violation(&solved.motor).filter(|_| modes[i] != CorrectionMode::Keep)
+                {
                     out.fail(i, &EquilibriumError::Unreachable(violation.into()));
                 }
                 motors[i] = solved.motor;
-                change(&program.targets[i], &prepared.points[i], solved, wishes[i], cell)
+                change(&program.targets[i], &prepared.points[i], solved, modes[i], cell)
             }
             Err(error) => {
                 out.fail(i, error);
@@ -203,16 +259,6 @@ pub(super) fn piece(
             }
         });
     }
-    let inserts = match options.subdivide {
-        Some(tolerance) => {
-            let solved = subdivide::Solved { program, cell, prepared: &prepared, motors: &motors, wishes: &wishes };
-            let last = solved.last();
-            let before =
-                carried.end.take(n, |end| if last.is_some() { std::mem::replace(end, last) } else { end.clone() })?;
-            solved.inserts(before.as_ref(), tolerance, spread)
-        }
-        None => Vec::new(),
-    };
     let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
     let (rewritten, printed) = if program.language == Language::Rapid {
         (Some(program.rewrite(&changes, &inserts, &rewrite)), Vec::new())
@@ -224,10 +270,17 @@ pub(super) fn piece(
         (None, spread.map(prepared.points.len(), printed))
     };
     let written = rewritten.as_ref().map_or(&printed, |rewritten| &rewritten.written);
+    let nodes = match &rewritten {
+        Some(rewritten) => subdivide::as_written(nodes, |k| rewritten.inserted[k]),
+        None => subdivide::as_written(nodes, |k| {
+            let pose = frames::pose(inserts[k].position_mm, inserts[k].quat);
+            Some(solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1))
+        }),
+    };
 
     // What the controller will really hold, run forward.
     let changed = |i: usize| changes[i].is_some() || program.language == Language::Cl;
-    let reached = solver.reached(written, (&wishes, &first), &motors, changed);
+    let reached = solver.reached(written, (&modes, &first), &motors, changed);
     for (i, reached) in reached.iter().enumerate() {
         if let Err(error) = reached {
             out.fail(i, error);
@@ -279,6 +332,15 @@ pub(super) fn piece(
             out.fail(i, error);
         }
     }
+    let commanded = Commanded {
+        poses: &|i| frames::pose(written[i].0, written[i].1),
+        motors: &|i| reached[i].is_ok().then_some(travels[i]),
+        landings: &after,
+        near: &|i| first[i].aim().map_or_else(|_| Foreseen::default(), Aim::nearby),
+        nodes: &nodes,
+    };
+    let before = carried.written.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
+    out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;
     sigma::fill(&mut out.rows, program, cell, &prepared, spread);
     if options.stiffness {
@@ -289,9 +351,31 @@ pub(super) fn piece(
     } else {
         Vec::new()
     };
-    let mut notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
-    notes.extend(arcs::note(program, cell, &prepared, &motors, &changes, written));
-    Some(Ok(out.finish(notes, rewritten, posted)))
+    let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
+    let repeated = rewritten.as_ref().map_or_else(Repeated::default, |rewritten| insertions(program, rewritten));
+    Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))
+}
+
+/// Warnings about what was to be inserted.
+fn insertions(program: &Program, rewritten: &Rewritten) -> Repeated {
+    let mut repeated = Repeated::default();
+    let mut say = |i: usize, code, message: String, help: &str| {
+        let target = &program.targets[i];
+        let source = &program.sources[usize::from(target.source)];
+        let said = Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help);
+        repeated.say(said.severity(Severity::Warning));
+    };
+    for &(i, reason) in &rewritten.not_inserted {
+        let message = format!("no target can be inserted here: {reason}");
+        say(i, "subdivide.not-inserted", message, "what is left on the way stays: see remaining_path_mm");
+    }
+    for &i in &rewritten.wide_zones {
+        let message =
+            "the zone here, or at the target before, is wider than the distance to the target inserted beside it";
+        let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
+        say(i, "subdivide.zone", message.to_owned(), help);
+    }
+    repeated
 }
 
 /// Targets and the points inserted before them, in the order that they are posted in.
@@ -308,7 +392,7 @@ fn posted(
         position_mm,
         quat,
         conf: conf_of(robot, motor),
-        motor_deg: motor.map(f64::to_degrees).into(),
+        motor_deg: robot.axes_deg_from_motor(motor),
     };
     let mut out = Vec::with_capacity(written.len() + inserts.len());
     let mut inserts = inserts.iter().peekable();
@@ -327,12 +411,12 @@ fn posted(
 }
 
 /// The change of a target, or `None` where nothing is to be changed.
-fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Cell) -> Option<Change> {
+fn change(target: &Target, point: &Point, solved: &Solved, mode: CorrectionMode, cell: &Cell) -> Option<Change> {
     let (from, to) = (&point.wobj_from_tcp, &solved.wobj_from_tcp);
     let shifted = (to.translation.vector - from.translation.vector).norm_squared() >= NO_CHANGE_M * NO_CHANGE_M;
     // Twice the angle's square.
     let turned = (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
-    if wish == Wish::Keep || !(shifted || turned) {
+    if mode == CorrectionMode::Keep || !(shifted || turned) {
         return None;
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
@@ -340,12 +424,13 @@ fn change(target: &Target, point: &Point, solved: &Solved, wish: Wish, cell: &Ce
     // confdata follow only where they were true: posts write dummies.
     let was = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|_| conf_of(robot, &solved.motor));
-    Some(Change { position_mm, quat: (wish == Wish::Pose && turned).then_some(quat), conf })
+    Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
 }
 
 /// What is said of a run, once.
 fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
     let mut notes = program.diagnostics.clone();
+    notes.extend(prepared.notes.iter().cloned());
     if prepared.started == crate::robot::StartedFrom::NearestHome
         && let Some(first) = program.targets.first()
     {
@@ -387,9 +472,7 @@ impl Prepared {
         }
         self.settings.clone_from(&original.settings);
         self.laws.clone_from(&original.laws);
+        self.fronts.clone_from(&original.fronts);
         Ok(())
     }
 }
-
-/// Inserted points keep the type in one place.
-pub(super) type Inserts = Vec<Insert>;

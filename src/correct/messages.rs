@@ -63,3 +63,32 @@ impl Messages {
         self.first
     }
 }
+
+/// What is said of many targets in the same words: once, where it is first so, with how many there are besides.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Repeated(Vec<(Diagnostic, usize)>);
+
+impl Repeated {
+    pub(super) fn say(&mut self, said: Diagnostic) {
+        self.say_often(said, 1);
+    }
+
+    fn say_often(&mut self, said: Diagnostic, count: usize) {
+        match self.0.iter_mut().find(|(known, _)| known.code == said.code && known.message == said.message) {
+            Some((_, known)) => *known += count,
+            None => self.0.push((said, count)),
+        }
+    }
+
+    /// Takes in what is said of targets behind these.
+    pub(super) fn add(&mut self, later: Self) {
+        later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
+    }
+
+    pub(super) fn once(self) -> impl Iterator<Item = Diagnostic> {
+        self.0.into_iter().map(|(said, count)| match count {
+            1 => said,
+            _ => Diagnostic { message: format!("{}; so at {count} targets", said.message), ..said },
+        })
+    }
+}

@@ -9,8 +9,10 @@
 //! program gives the same bytes for any number of threads.
 
 mod ahead;
-mod arcs;
+mod asked;
 mod collected;
+mod contradictions;
+mod deviation;
 mod flow;
 mod forces;
 mod frames;
@@ -21,7 +23,9 @@ mod messages;
 mod path;
 mod point;
 mod post;
+mod removal;
 mod row;
+mod segment;
 mod sigma;
 mod solve;
 mod spin;
@@ -29,8 +33,11 @@ mod spread;
 mod stiffness;
 mod stream;
 mod subdivide;
+mod track;
 mod turns;
 
+pub use contradictions::contradictions;
+pub use deviation::PathDeviation;
 pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
@@ -39,6 +46,7 @@ pub use line::{Corrected, Posted, compensate, predict};
 pub use messages::Messages;
 pub use point::Point;
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
+pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
 pub use stream::{compensate_declared, compensate_pieces, count_pieces, post_pieces};
@@ -48,7 +56,9 @@ use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::program::Program;
 use crate::robot::{Joints, Pose, StartedFrom};
+use crate::stock::Front;
 use crate::text::Diagnostic;
+use std::sync::Arc;
 
 /// Direction of travel into motor angles from the ones before and the direction there.
 pub(crate) fn travel_into(previous: Option<(Joints, Joints)>, motor: &Joints) -> Joints {
@@ -89,12 +99,18 @@ pub struct Options {
 pub struct Prepared {
     /// One point a target of the program, in running order.
     pub points: Vec<Point>,
+    /// The last point before these, where they are a piece of a program.
+    before: Option<Point>,
     /// How the first target's branch was chosen.
     pub started: StartedFrom,
     /// What the points are run with.
     settings: Vec<Setting>,
     /// Laws that the points' cuts refer to.
     laws: Vec<laws::Law>,
+    /// Cutters that the points lead through the stock.
+    fronts: Vec<Arc<Front>>,
+    /// What the stock has to say, once.
+    notes: Vec<Diagnostic>,
 }
 
 impl Prepared {
@@ -103,13 +119,23 @@ impl Prepared {
     /// # Errors
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        path::prepare(program, cell, options, &mut path::Carried::new(cell)?)
+        let mut prepared = path::prepare(program, cell, options, &mut path::Carried::new(cell))?;
+        removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
+        Ok(prepared)
     }
 
     /// Points that were measured without a program: their work object is the base.
     pub(crate) fn of_points(points: Vec<Point>, tool: ToolFrame) -> Self {
         let base = Setting { base_from_wobj: Pose::identity(), tool };
-        Self { points, started: StartedFrom::JointTarget, settings: vec![base], laws: Vec::new() }
+        Self {
+            points,
+            before: None,
+            started: StartedFrom::JointTarget,
+            settings: vec![base],
+            laws: Vec::new(),
+            fronts: Vec::new(),
+            notes: Vec::new(),
+        }
     }
 
     /// Moves the work objects under points that stay where they are in the base.
@@ -136,6 +162,19 @@ impl Prepared {
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
+    }
+
+    /// Other points with the same settings and laws.
+    fn with_points(&self, points: Vec<Point>) -> Self {
+        Self {
+            points,
+            before: None,
+            started: self.started,
+            settings: self.settings.clone(),
+            laws: self.laws.clone(),
+            fronts: self.fronts.clone(),
+            notes: Vec::new(),
+        }
     }
 
     fn setting(&self, i: usize) -> &Setting {

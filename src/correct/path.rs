@@ -2,7 +2,7 @@
 
 use super::ahead::{Ahead, Way};
 use super::frames::{self, pose};
-use super::laws::{Laws, Load};
+use super::laws::Laws;
 use super::point::{Point, PointLoad, tool_axis};
 use super::spin;
 use super::{Options, Prepared};
@@ -16,7 +16,7 @@ use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
 
-/// Directions of commanded motion smaller than this are stops, rad (INTERFACE.md).
+/// Directions of commanded motion smaller than this are stops, rad (`docs/effects.md`).
 pub(super) const TRAVEL_THRESHOLD: f64 = 1e-7;
 
 /// Direction of travel from one commanded position to the next, held through stops.
@@ -47,16 +47,16 @@ pub(super) struct Carried<'a> {
 
 impl<'a> Carried<'a> {
     /// Before the first target.
-    pub(super) fn new(cell: &'a Cell) -> Result<Self, Vec<Diagnostic>> {
-        Ok(Self {
-            laws: Laws::new(cell)?,
+    pub(super) fn new(cell: &'a Cell) -> Self {
+        Self {
+            laws: Laws::new(cell),
             settings: Vec::new(),
             started: StartedFrom::NearestHome,
             near: None,
             before: None,
             spun: None,
             unsprung: false,
-        })
+        }
     }
 
     /// Index of a setting. Programs have few: a linear search.
@@ -99,19 +99,22 @@ pub(super) fn prepare(
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
     };
-    // Program's indices of tool and work object, and the setting of both.
+    // Program's indices of tool and work object, and what both come to.
     let mut last = None;
-    let mut setting = |carried: &mut Carried<'_>, target: &Target| match last {
-        Some((tool, wobj, setting)) if (tool, wobj) == (target.tool, target.wobj) => setting,
+    let mut run_with = |carried: &mut Carried<'_>, target: &Target| match last {
+        Some((tool, wobj, known)) if (tool, wobj) == (target.tool, target.wobj) => known,
         _ => {
-            let (tool, base_from_wobj) = (tools[usize::from(target.tool)], wobjs[usize::from(target.wobj)]);
-            let setting = carried.setting(Setting { base_from_wobj, tool });
-            last = Some((target.tool, target.wobj, setting));
-            setting
+            let (frame, base_from_wobj) = (tools[usize::from(target.tool)], wobjs[usize::from(target.wobj)]);
+            let name = options.tool.as_deref().unwrap_or(&program.tools[usize::from(target.tool)].name);
+            let setting = carried.setting(Setting { base_from_wobj, tool: frame });
+            let known = RunWith { setting, tool: carried.laws.tool(name) };
+            last = Some((target.tool, target.wobj, known));
+            known
         }
     };
     for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
-        let settings: SmallVec<[u32; WIDTH]> = targets.iter().map(|target| setting(walk.carried, target)).collect();
+        let settings: SmallVec<[RunWith; WIDTH]> =
+            targets.iter().map(|target| run_with(walk.carried, target)).collect();
         let Walk { ahead, many, carried, points, errors, .. } = &mut walk;
         let before = points.last().or(carried.before.as_ref()).filter(|_| errors.is_empty());
         ahead.look(many.as_ref(), (targets, &settings), carried, before);
@@ -134,17 +137,30 @@ pub(super) fn prepare(
         }
     }
     let Walk { points, errors, carried, .. } = walk;
+    let before = carried.before.clone();
     carried.before = points.last().cloned().or_else(|| carried.before.take());
     if errors.is_empty() {
         Ok(Prepared {
             points,
+            before,
             started: carried.started,
             settings: carried.settings.clone(),
             laws: carried.laws.laws.clone(),
+            fronts: carried.laws.fronts.clone(),
+            notes: Vec::new(),
         })
     } else {
         Err(errors)
     }
+}
+
+/// What a target is run with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct RunWith {
+    /// Index of its setting.
+    pub(super) setting: u32,
+    /// Index of its tool among the [`Laws`].
+    pub(super) tool: usize,
 }
 
 /// For kept targets whose tool nobody declares: they are not solved.
@@ -170,7 +186,7 @@ impl Walk<'_, '_> {
         &self.carried.settings[index as usize]
     }
 
-    fn step(&mut self, (i, lane): (usize, usize), target: &Target, setting: u32) {
+    fn step(&mut self, (i, lane): (usize, usize), target: &Target, RunWith { setting, tool }: RunWith) {
         if !self.ahead.knows_ways() {
             let chord = self.chord(i, target, setting);
             self.ahead.set_chord(lane, &chord);
@@ -180,12 +196,12 @@ impl Walk<'_, '_> {
             Goal::Pose { position_mm, quat, .. } => {
                 self.ahead.pose(lane).unwrap_or_else(|| pose(position_mm, quat))
             }
-            Goal::Axis { position_mm, axis } => match self.turned(lane, position_mm, axis, chord) {
+            Goal::Axis { position_mm, axis, .. } => match self.turned(lane, position_mm, axis, chord) {
                 Some(pose) => pose,
                 None => return self.refuse(target, "cl.spin", "the spin rule gives no direction for the TCP's x axis here", "choose another `[cl] spin` rule or `spin_deg`: its direction is parallel to the tool axis at the first target"),
             },
             Goal::Joints { deg } => {
-                let motor = Joints::from(deg.map(f64::to_radians));
+                let motor = self.cell.arm.robot.motor_from_axes_deg(&deg);
                 let Setting { base_from_wobj, tool } = self.setting(setting);
                 base_from_wobj.inv_mul(&(self.cell.arm.robot.forward(&motor) * tool.flange_from_tcp))
             }
@@ -212,7 +228,7 @@ impl Walk<'_, '_> {
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
         let axis = tool_axis(&wobj_from_tcp);
         if !self.ahead.knows_ways() {
-            self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean());
+            self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
         let Way { size, direction, feed_frame } = self.ahead.way(lane);
         let length = if previous.is_some() { size } else { 0.0 };
@@ -220,7 +236,14 @@ impl Walk<'_, '_> {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
         };
-        let leaned = feed_frame.is_some();
+        // A printed surface normal tells better than the lean that the cell declares.
+        let printed = surface_normal(target);
+        let feed_frame = match (printed, direction) {
+            (Some(normal), Some(direction)) => frame_on(normal, direction),
+            (Some(_), None) => None,
+            (None, _) => feed_frame,
+        };
+        let leaned = feed_frame.is_some() && printed.is_none();
         let frame = feed_frame.or_else(|| {
             previous.and_then(|p| match p.load {
                 PointLoad::Law { wobj_from_feed, .. } => Some(wobj_from_feed),
@@ -228,17 +251,17 @@ impl Walk<'_, '_> {
             })
         });
         let load = match self.carried.laws.load(
-            target,
+            (target, tool),
             row.and_then(|r| r.force),
-            frame.as_ref(),
+            (frame.as_ref(), leaned),
             &wobj_from_tcp,
             self.options.forces.is_some(),
         ) {
-            Ok(Load::Air) => PointLoad::Air,
-            Ok(Load::Constant(force)) => PointLoad::Constant(force),
-            Ok(Load::Law(law)) => {
-                frame.map_or(PointLoad::Air, |wobj_from_feed| PointLoad::Law { law, wobj_from_feed, leaned })
-            }
+            Ok(load) => load,
+            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+        };
+        let through = match self.carried.laws.through((target, tool), self.options.forces.is_some()) {
+            Ok(through) => through,
             Err((code, message, help)) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
@@ -248,8 +271,9 @@ impl Walk<'_, '_> {
             reference: wobj_from_tcp,
             motor,
             travel,
-            normal: match (self.carried.laws.has_engagement(), frame) {
-                (true, Some(frame)) => frame.matrix().column(2).into(),
+            normal: match (printed, self.carried.laws.has_engagement(tool), frame) {
+                (Some(normal), ..) => normal,
+                (None, true, Some(frame)) => frame.matrix().column(2).into(),
                 _ => axis,
             },
             velocity: direction.zip(feed).map_or_else(Vector3::zeros, |(d, feed)| d * feed),
@@ -258,6 +282,8 @@ impl Walk<'_, '_> {
             temperature: row.and_then(|r| r.temperature),
             payload: row.and_then(|r| r.payload).unwrap_or(0.0),
             load,
+            through,
+            milled: None,
         };
         self.points.push(point);
     }
@@ -332,7 +358,7 @@ impl Walk<'_, '_> {
                 if self.carried.near.is_none() {
                     self.carried.started = StartedFrom::JointTarget;
                 }
-                return Ok(Joints::from(deg.map(f64::to_radians)));
+                return Ok(robot.motor_from_axes_deg(&deg));
             }
             Goal::Pose { conf, .. } => conf,
             Goal::Axis { .. } => None,
@@ -347,6 +373,22 @@ impl Walk<'_, '_> {
             _ => robot.inverse_near(base_from_flange, &near),
         }
     }
+}
+
+/// The surface normal that a text prints at a target, unit length, work object axes.
+fn surface_normal(target: &Target) -> Option<Vector3<f64>> {
+    match target.goal {
+        Goal::Axis { normal, .. } => normal.map(Vector3::from),
+        Goal::Pose { .. } | Goal::Joints { .. } => None,
+    }
+}
+
+/// The feed frame on a surface: z the normal, x the feed square to it; none where the feed runs along the normal.
+fn frame_on(normal: Vector3<f64>, feed: Vector3<f64>) -> Option<Rotation3<f64>> {
+    /// Sine below which a feed has no direction on the surface.
+    const PARALLEL: f64 = 1e-6;
+    let x = (feed - normal * feed.dot(&normal)).try_normalize(PARALLEL)?;
+    Some(Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, normal.cross(&x), normal])))
 }
 
 /// Whether a target is an executed motion's end: one report row.

@@ -2,9 +2,10 @@
 
 use super::laws::Law;
 use crate::effects::{Cutting, Situation};
-use crate::equilibrium::{Cut, Setting, Site};
+use crate::equilibrium::{Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
+use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
@@ -33,14 +34,58 @@ pub struct Point {
     pub payload: f64,
     /// The cut.
     pub(super) load: PointLoad,
+    /// Which cutter the move into it leads through the stock, where there is one.
+    pub(super) through: Option<Through>,
+    /// What that came to.
+    pub(super) milled: Option<Milled>,
+}
+
+/// A cutter on its way through the stock.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Through {
+    /// Index into the fronts.
+    pub(super) front: u32,
+    /// Whether the move may cut: a rapid move may not.
+    pub(super) cuts: bool,
+    /// m, where the force follows from the stock.
+    pub(super) feed_per_tooth: Option<f64>,
+}
+
+/// What the move into a target removes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Milled {
+    /// Axial depth (m) and arc of engagement (rad) at the target, where the force follows from the stock.
+    pub(super) engaged: Option<[f64; 2]>,
+    /// On the way into the target, m³.
+    pub(super) removed: f64,
+    /// m
+    pub(super) cut_length: f64,
+    /// Shares of the way, rising from 0 to 1, and the force there (N, work object axes).
+    pub(super) forces: Arc<[(f64, Vector3<f64>)]>,
+}
+
+impl Milled {
+    /// The force at a share of the way, N; `None` where it does not follow from the stock.
+    pub(super) fn at(&self, share: f64) -> Option<Vector3<f64>> {
+        let after = self.forces.partition_point(|(at, _)| *at < share);
+        let next = self.forces.get(after).or(self.forces.last())?;
+        let Some(before) = after.checked_sub(1).map(|i| &self.forces[i]) else { return Some(next.1) };
+        let span = next.0 - before.0;
+        Some(if span > 0.0 { before.1.lerp(&next.1, (share - before.0) / span) } else { next.1 })
+    }
 }
 
 /// The cut of a [`Point`], without borrowing.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PointLoad {
     Air,
-    /// N, work object axes.
-    Constant(Vector3<f64>),
+    /// The same force, whatever the deflection.
+    Constant {
+        /// N, work object axes.
+        force: Vector3<f64>,
+        /// What it turns with on the way into the point.
+        follows: Follows,
+    },
     Law {
         /// Index into the laws.
         law: usize,
@@ -51,11 +96,20 @@ pub(super) enum PointLoad {
     },
 }
 
+/// Axes that a constant force keeps to along a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Follows {
+    WorkObject,
+    Tool,
+    /// The force in the feed frame, N.
+    Feed(Vector3<f64>),
+}
+
 impl Point {
     fn cutting<'a>(&self, laws: &'a [Law]) -> Cutting<'a> {
         match self.load {
             PointLoad::Air => Cutting::Air,
-            PointLoad::Constant(force) => Cutting::Constant(force),
+            PointLoad::Constant { force, .. } => Cutting::Constant(force),
             PointLoad::Law { law, wobj_from_feed, .. } => Cutting::Law { law: &laws[law], wobj_from_feed },
         }
     }
@@ -67,13 +121,18 @@ impl Point {
 
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {
         let leaned = matches!(self.load, PointLoad::Law { leaned: true, .. });
-        let cut = match &self.load {
-            PointLoad::Air => Cut::Air,
-            PointLoad::Constant(force) => Cut::Constant(force),
-            PointLoad::Law { law, wobj_from_feed, .. } => Cut::Law { law: &laws[*law], wobj_from_feed },
-        };
-        let Self { reference: wobj_from_tcp, payload, cut_length, .. } = self;
-        Site { setting, wobj_from_tcp, payload: *payload, cut_length: *cut_length, cut, leaned }
+        Site {
+            setting,
+            wobj_from_tcp: &self.reference,
+            cutting: self.cutting(laws),
+            leaned,
+            normal: self.normal,
+            velocity: self.velocity,
+            cut_length: self.cut_length,
+            time: self.time,
+            temperature: self.temperature,
+            payload: self.payload,
+        }
     }
 
     pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
@@ -106,12 +165,14 @@ impl Point {
             temperature: None,
             payload: 0.0,
             load: PointLoad::Air,
+            through: None,
+            milled: None,
         }
     }
 
     /// A measured force, base axes while the point is still placed there, N.
     pub(crate) fn set_force(&mut self, force: Vector3<f64>) {
-        self.load = PointLoad::Constant(force);
+        self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
     }
 
     /// Whether a cutting force acts.

@@ -1,14 +1,17 @@
 //! CL input: corrected points to a RAPID program.
 
+use super::asked::Asked;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
 use crate::program::cl::Pieces;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Text};
-use crate::program::{Goal, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
+use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
+use crate::program::{Action, ActionKind, Goal, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::{Diagnostic, Severity};
+use smallvec::SmallVec;
 use std::io::Read;
+use std::sync::Arc;
 
 /// What the posted program has that CL data do not say.
 #[derive(Clone, Debug)]
@@ -41,6 +44,8 @@ pub struct Outline {
     feeds: Vec<f64>,
     /// Some travel is rapid.
     rapid: bool,
+    /// What is asked of the machine besides motion.
+    asked: Asked,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
     /// What was noticed in the text.
@@ -76,6 +81,7 @@ impl Outline {
 
     /// Takes in a program, or its next piece.
     pub fn add(&mut self, program: &Program) {
+        self.asked.add(program, self.points);
         self.points += program.targets.len();
         self.rapid |= program.targets.iter().any(|target| target.rapid);
         for target in program.targets.iter().filter(|target| !target.rapid) {
@@ -95,9 +101,11 @@ impl Outline {
                 _ => {}
             }
         }
-        // A program's pieces have the same ones.
-        if self.tools.is_empty() {
+        // Later chunks of a program have those of the earlier ones, and maybe more.
+        if self.tools.len() < program.tools.len() {
             self.tools.clone_from(&program.tools);
+        }
+        if self.wobjs.is_empty() {
             self.wobjs.clone_from(&program.wobjs);
         }
     }
@@ -141,7 +149,8 @@ pub fn post(
     outline.add(program);
     outline.points = corrected.posted.len();
     let poster = Poster::new(outline, cell, options)?;
-    let body = poster.post.stretch(&Place::default(), &poster.points(program, corrected), true);
+    let points = poster.points(program, corrected);
+    let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for Text { bytes, files: starts } in [poster.post.head(), &body] {
         let ends = starts.iter().map(|(start, _)| *start).skip(1).chain([bytes.len()]);
@@ -165,6 +174,7 @@ pub struct Poster {
     first_feed: f64,
     /// No force acts anywhere: everything is air, which says nothing about the program.
     no_force: bool,
+    templates: Templates,
     /// What those get then that have no mark of their own: the end of a mark on rapid travel.
     unmarked: Option<Mark>,
 }
@@ -176,7 +186,8 @@ impl Poster {
     /// No feed is known.
     pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
         let first_feed = outline.first_feed.or(options.feed_mm_s);
-        let mut notes = Vec::new();
+        let templates = cell.cl.as_ref().map(|cl| cl.post.clone()).unwrap_or_default();
+        let mut notes = outline.asked.unwritten(&templates)?;
         if let Some(early) = outline.early.take() {
             let Some(feed) = first_feed else {
                 return Err(vec![early.help("add FEDRAT/ to the file, or give --feed MM_S")]);
@@ -203,6 +214,7 @@ impl Poster {
             notes,
             first_feed: first_feed.unwrap_or(options.rapid_mm_s),
             no_force,
+            templates,
             unmarked: (no_force && outline.rapid).then_some(Mark::Cut),
         })
     }
@@ -219,11 +231,15 @@ impl Poster {
         self.post.files()
     }
 
-    /// The points of a program, or of a piece of it.
+    /// The points of a program, or of a chunk of it.
     pub(super) fn points(&self, program: &Program, corrected: &Corrected) -> Vec<PostedPoint> {
+        let mut actions = program.actions.iter().peekable();
         let point = |posted: &super::Posted| {
             let target = &program.targets[posted.target];
             let own = target.mark.or(target.rapid.then_some(Mark::Air));
+            let here: SmallVec<[&Action; 4]> =
+                std::iter::from_fn(|| actions.next_if(|action| action.before <= posted.target)).collect();
+            let leaves = |action: &&Action| matches!(action.kind, ActionKind::ToolChange { .. } | ActionKind::Home);
             PostedPoint {
                 position_mm: posted.position_mm,
                 quat: posted.quat,
@@ -231,12 +247,28 @@ impl Poster {
                 speed_mm_s: target.feed_mm_s.unwrap_or(self.first_feed),
                 rapid: target.rapid,
                 stop: matches!(target.goal, Goal::Joints { .. }),
+                joint: target.rapid && here.iter().any(leaves),
+                lines: self.lines(&here, program, target.tool),
                 mark: own.or_else(|| self.mark(&corrected.rows, target.ordinal)),
                 tool: target.tool,
                 wobj: target.wobj,
             }
         };
         corrected.posted.iter().map(point).collect()
+    }
+
+    /// Instructions behind the last motion.
+    pub(super) fn end(&self, program: &Program) -> String {
+        let behind: SmallVec<[&Action; 4]> =
+            program.actions.iter().filter(|action| action.before >= program.targets.len()).collect();
+        let tool = program.targets.last().map_or(0, |target| target.tool);
+        self.lines(&behind, program, tool).map_or_else(String::new, |lines| lines.to_string())
+    }
+
+    fn lines(&self, actions: &[&Action], program: &Program, tool: u16) -> Option<Arc<str>> {
+        let tool = program.tools.get(usize::from(tool)).map_or("", |tool| &tool.name);
+        let lines: Vec<String> = actions.iter().filter_map(|action| self.templates.lines(&action.kind, tool)).collect();
+        (!lines.is_empty()).then(|| lines.join("\n").into())
     }
 
     /// Whether a motion cuts, for those that have no mark of their own.

@@ -1,5 +1,5 @@
-use super::Stiffness;
 use super::point::Point;
+use super::{PathDeviation, Stiffness};
 use crate::equilibrium::Landing;
 use crate::program::{Editable, Target};
 use nalgebra::Vector3;
@@ -46,6 +46,15 @@ pub struct Row {
     pub force_n: [f64; 3],
     /// Standard uncertainty of the predicted error, per axis, mm.
     pub sigma_mm: Option<f64>,
+    /// What is left on the way into the target, by the forward model on the numbers as written; `None` where that is not known:
+    /// the target is not solved, or there is no equilibrium on its way.
+    pub path: Option<PathDeviation>,
+    /// Axial depth of the cutter in the stock, mm; where the engagement follows from one.
+    pub depth_mm: Option<f64>,
+    /// Arc of engagement at half that depth, degrees.
+    pub engaged_deg: Option<f64>,
+    /// Removed on the way into the target, mm³.
+    pub removed_mm3: Option<f64>,
     /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
     pub stiffness: Option<Stiffness>,
 }
@@ -69,6 +78,17 @@ impl Row {
         Vector3::from(self.remaining_mm).norm()
     }
 
+    /// Largest distance of the tip from the programmed path on the way into the target, mm.
+    #[must_use]
+    pub fn remaining_path_mm(&self) -> Option<f64> {
+        self.path.map(|path| path.max_mm)
+    }
+
+    /// Whether a cutting force acts.
+    fn cuts(&self) -> bool {
+        self.status == Status::Ok || self.force_n.iter().any(|force| force.abs() > 0.0)
+    }
+
     /// One of nothing.
     pub(super) const BLANK: Self = Self {
         target: 0,
@@ -84,6 +104,10 @@ impl Row {
         remaining_mm: [0.0; 3],
         force_n: [0.0; 3],
         sigma_mm: None,
+        path: None,
+        depth_mm: None,
+        engaged_deg: None,
+        removed_mm3: None,
         stiffness: None,
     };
 
@@ -104,6 +128,11 @@ impl Row {
         self.error_normal_mm = 1e3 * error_normal;
         self.remaining_mm = error_mm;
         self.force_n = there.cut.into();
+        if let Some(milled) = &point.milled {
+            self.depth_mm = milled.engaged.map(|[depth, _]| 1e3 * depth);
+            self.engaged_deg = milled.engaged.map(|[_, arc]| arc.to_degrees());
+            self.removed_mm3 = Some(1e9 * milled.removed);
+        }
     }
 }
 
@@ -129,6 +158,12 @@ pub struct Summary {
     pub max_remaining_mm: f64,
     /// Largest error of a kept target, which stays, mm.
     pub max_kept_mm: f64,
+    /// Largest distance of the tip from the programmed path on the way into cutting targets, mm; into all where none cuts.
+    pub remaining_path_max_mm: f64,
+    /// Root mean square of it over their length, mm.
+    pub remaining_path_rms_mm: f64,
+    /// Targets whose way could not be judged.
+    pub paths_unknown: usize,
 }
 
 impl Summary {
@@ -154,6 +189,9 @@ pub(super) struct Tally {
     most: Most,
     cutting: MeanSquare,
     all: MeanSquare,
+    /// On the way into targets that cut, and into all.
+    cutting_path: PathDeviation,
+    path: PathDeviation,
 }
 
 /// Squares of the largest sizes, mm².
@@ -191,6 +229,15 @@ impl Tally {
         for row in rows {
             let (error, correction) = (square(row.error_mm), square(row.correction_mm));
             self.all.add(error);
+            match row.path {
+                Some(path) => {
+                    self.path = self.path.and(path);
+                    if row.cuts() {
+                        self.cutting_path = self.cutting_path.and(path);
+                    }
+                }
+                None => sum.paths_unknown += 1,
+            }
             match row.status {
                 Status::Ok => {
                     most.remaining = most.remaining.max(square(row.remaining_mm));
@@ -199,7 +246,7 @@ impl Tally {
                 Status::Air => sum.air += 1,
                 Status::Kept(reason) => {
                     most.kept = most.kept.max(error);
-                    if row.force_n.iter().any(|force| force.abs() > 0.0) {
+                    if row.cuts() {
                         self.cutting.add(error);
                     }
                     match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
@@ -216,13 +263,16 @@ impl Tally {
     }
 
     pub(super) fn summary(self) -> Summary {
-        let mean = if self.cutting.count > 0 { self.cutting } else { self.all };
+        let cuts = self.cutting.count > 0;
+        let (mean, path) = if cuts { (self.cutting, self.cutting_path) } else { (self.all, self.path) };
         Summary {
             max_error_mm: self.most.error.sqrt(),
             rms_error_mm: mean.root(),
             max_correction_mm: self.most.correction.sqrt(),
             max_remaining_mm: self.most.remaining.sqrt(),
             max_kept_mm: self.most.kept.sqrt(),
+            remaining_path_max_mm: path.max_mm,
+            remaining_path_rms_mm: path.mean_square_mm2.sqrt(),
             ..self.sum
         }
     }
@@ -247,8 +297,8 @@ mod tests {
             correction_deg: [0.0; 3],
             remaining_mm: [0.0, 0.1 * error, 0.0],
             force_n: [force, 0.0, 0.0],
-            sigma_mm: None,
-            stiffness: None,
+            path: None,
+            ..Row::BLANK
         }
     }
 

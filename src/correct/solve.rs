@@ -3,11 +3,9 @@
 use super::path::{TRAVEL_THRESHOLD, travel};
 use super::spread::{Answer, Answers, Rooms, Spread};
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{
-    Aim, Arm, Command, EightArm, EquilibriumError, Foreseen, Given, Landing, Near, Room, Setting, Start,
-};
+use crate::equilibrium::{Aim, Arm, Batch, Command, EquilibriumError, Foreseen, Given, Landing, Room, Setting, Start};
 use crate::program::Editable;
-use crate::robot::{Eight, Joints, Place, Pose, Unreachable, turn_between};
+use crate::robot::{Eight, Joints, Place, Pose, Robot, Unreachable, turn_between};
 use crate::text::number;
 use nalgebra::Vector3;
 
@@ -31,7 +29,7 @@ pub(super) struct Reached {
 
 /// What to solve for at each point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wish {
+pub(super) enum CorrectionMode {
     /// Leave the command as it is.
     Keep,
     /// Land the whole pose.
@@ -40,7 +38,7 @@ pub(super) enum Wish {
     Position,
 }
 
-impl Wish {
+impl CorrectionMode {
     pub(super) fn of(editable: Editable, correct: Correct) -> Self {
         match (editable, correct) {
             (Editable::No(_), _) => Self::Keep,
@@ -94,7 +92,7 @@ impl Answer for First {
 /// Answers for all points of a program or a piece, many at once where the cell allows it.
 pub(super) struct Solver<'a> {
     pub(super) arm: &'a Arm,
-    many: Option<EightArm<'a>>,
+    many: Batch<'a>,
     pub(super) prepared: &'a Prepared,
     pub(super) spread: Spread,
     rooms: Rooms<Room<'a>>,
@@ -102,36 +100,34 @@ pub(super) struct Solver<'a> {
 
 impl<'a> Solver<'a> {
     pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, spread: Spread) -> Self {
-        Self { arm, many: EightArm::of(arm), prepared, spread, rooms: Rooms::default() }
+        Self { arm, many: Batch::new(arm), prepared, spread, rooms: Rooms::default() }
     }
 
     /// Commands of every point with the travel as programmed, which decides first, and where it ends up without them.
-    pub(super) fn first(&self, wishes: &[Wish]) -> Vec<First> {
+    pub(super) fn first(&self, modes: &[CorrectionMode]) -> Vec<First> {
         let prepared = self.prepared;
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             let wanted = |lane: usize| {
                 let point = &prepared.points[asked[lane]];
                 (prepared.site(asked[lane]), &point.motor, &point.travel)
             };
-            if let Some(arm) = &self.many {
-                arm.aim(room, asked.len(), wanted, |lane, aim, nominal, landing| {
-                    out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(landing) });
-                });
-            }
+            self.many.aim(room, asked.len(), wanted, |lane, aim, nominal, landing| {
+                out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(landing) });
+            });
         };
-        let one = |room: &mut Room<'a>, i: usize| {
+        let one = |_: &mut Room<'a>, i: usize| {
             let point = &prepared.points[i];
-            let aim = self.one(i, wishes[i], &point.travel);
+            let aim = self.one(i, modes[i], &point.travel);
             let near = aim.as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected);
-            First { aim, nominal: None, uncorrected: self.land(room, i, point.as_programmed(), near) }
+            First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
         };
-        self.spread.eights(wishes.len(), |i| wishes[i] == Wish::Pose, &self.rooms, many, one)
+        self.spread.eights(modes.len(), |i| modes[i] == CorrectionMode::Pose, &self.rooms, many, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
     pub(super) fn commands(
         &self,
-        wishes: &[Wish],
+        modes: &[CorrectionMode],
         first: &[First],
         travels: &[Joints],
     ) -> Vec<Result<Solved, EquilibriumError>> {
@@ -140,11 +136,9 @@ impl<'a> Solver<'a> {
         let commanded = |i: usize| Some(first[i].aim().ok()?.commanded(&travels[i]));
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             let given = |lane: usize| Some((prepared.setting(asked[lane]), commanded(asked[lane])?));
-            if let Some(arm) = &self.many {
-                arm.nominal(room, asked.len(), given, |lane, motor, wobj_from_tcp| {
-                    out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
-                });
-            }
+            self.many.nominal(room, asked.len(), given, |lane, motor, wobj_from_tcp| {
+                out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
+            });
         };
         let one = |_: &mut Room<'a>, i: usize| {
             let (point, travel) = (&prepared.points[i], &travels[i]);
@@ -152,44 +146,40 @@ impl<'a> Solver<'a> {
             if let Some(wobj_from_tcp) = first[i].nominal {
                 return Ok(Solved { motor: aim.free, wobj_from_tcp });
             }
-            let again = wishes[i] == Wish::Position && aim.lost != Joints::zeros();
+            let again = modes[i] == CorrectionMode::Position && aim.lost != Joints::zeros();
             let motor = if (follows || again) && *travel != point.travel {
-                self.one(i, wishes[i], travel)?.commanded(travel)
+                self.one(i, modes[i], travel)?.commanded(travel)
             } else {
                 aim.commanded(travel)
             };
             let base_from_tcp = arm.robot.forward(&motor) * prepared.tool(i).flange_from_tcp;
             let mut wobj_from_tcp = prepared.base_from_wobj(i).inv_mul(&base_from_tcp);
-            match wishes[i] {
-                Wish::Keep => wobj_from_tcp = point.wobj_from_tcp,
-                Wish::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
-                Wish::Pose => {}
+            match modes[i] {
+                CorrectionMode::Keep => wobj_from_tcp = point.wobj_from_tcp,
+                CorrectionMode::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
+                CorrectionMode::Pose => {}
             }
             Ok(Solved { motor, wobj_from_tcp })
         };
-        let simple = |i: usize| wishes[i] == Wish::Pose && first[i].aim().is_ok() && first[i].nominal.is_none();
-        self.spread.eights(wishes.len(), simple, &self.rooms, many, one)
+        let again = |i: usize| follows && travels[i] != prepared.points[i].travel;
+        let simple = |i: usize| {
+            modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && first[i].nominal.is_none() && !again(i)
+        };
+        self.spread.eights(modes.len(), simple, &self.rooms, many, one)
     }
 
-    fn one(&self, i: usize, wish: Wish, travel: &Joints) -> Result<Aim, EquilibriumError> {
+    fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<Aim, EquilibriumError> {
         let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
-        let command = match wish {
-            Wish::Keep => Command::held(&point.motor),
-            Wish::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
-            Wish::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
+        let command = match mode {
+            CorrectionMode::Keep => Command::held(&point.motor),
+            CorrectionMode::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
+            CorrectionMode::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
         };
         Ok(command.aim())
     }
 
-    fn land(
-        &self,
-        room: &mut Room<'a>,
-        i: usize,
-        (motor, travel): (&Joints, &Joints),
-        Foreseen { deflection, share, .. }: Foreseen,
-    ) -> Result<Landing, EquilibriumError> {
-        let near = Near { share, ..self.arm.near(&(motor + deflection), deflection) };
-        self.arm.land(&self.prepared.situation(i), (motor, travel), &near, &mut room.plain)
+    fn land(&self, i: usize, command: (&Joints, &Joints), near: Foreseen) -> Result<Landing, EquilibriumError> {
+        self.arm.land(&self.prepared.situation(i), command, &near)
     }
 
     /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.
@@ -204,19 +194,17 @@ impl<'a> Solver<'a> {
                 let (motor, travel) = command(i);
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
-            if let Some(arm) = &self.many {
-                arm.land(room, asked.len(), given, |lane, landing| out.put(lane, Ok(landing)));
-            }
+            self.many.land(room, asked.len(), given, |lane, landing| out.put(lane, Ok(landing)));
         };
-        let one = |room: &mut Room<'a>, i: usize| self.land(room, i, command(i), near(i));
-        self.spread.eights(self.prepared.points.len(), |_| self.many.is_some(), &self.rooms, many, one)
+        let one = |_: &mut Room<'a>, i: usize| self.land(i, command(i), near(i));
+        self.spread.eights(self.prepared.points.len(), |_| true, &self.rooms, many, one)
     }
 
     /// What the controller reaches for what is written, near known motor angles (rad).
     pub(super) fn reached(
         &self,
         written: &[([f64; 3], [f64; 4])],
-        (wishes, first): (&[Wish], &[First]),
+        (modes, first): (&[CorrectionMode], &[First]),
         motors: &[Joints],
         changed: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Result<Reached, EquilibriumError>> {
@@ -255,7 +243,7 @@ impl<'a> Solver<'a> {
                 turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
             })
         };
-        let simple = |i: usize| changed(i) && wishes[i] == Wish::Pose && first[i].aim().is_ok();
+        let simple = |i: usize| changed(i) && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok();
         self.spread.eights(motors.len(), simple, &self.rooms, many, one)
     }
 }
@@ -299,6 +287,12 @@ pub(super) fn controller_joints(
 ) -> Result<Joints, Unreachable> {
     let pose = frames::pose(written.0, written.1);
     arm.robot.inverse_near(&(setting.base_from_wobj * pose * setting.tool.flange_from_tcp.inverse()), near)
+}
+
+/// Motor angles that the controller reaches for a pose, near known ones, whatever the axis limits; `None` out of reach.
+pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
+    let base_from_flange = setting.base_from_wobj * pose * setting.tool.flange_from_tcp.inverse();
+    robot.inverse_near_unlimited(&base_from_flange, near).ok()
 }
 
 /// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.

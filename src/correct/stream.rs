@@ -27,7 +27,10 @@ pub fn compensate_pieces<R: Read + Send>(
     program: &mut (dyn Write + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    if cell.stock.is_some() {
+        return Err(StreamError::NotStraight);
+    }
+    let carried = Carried::new(cell);
     let way = Way {
         pieces: Mutex::new((0, pieces)),
         take: rapid::Pieces::take,
@@ -61,7 +64,10 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     if options.allow_clones && pieces.shares() {
         return Err(StreamError::NotStraight);
     }
-    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    if cell.stock.is_some() {
+        return Err(StreamError::NotStraight);
+    }
+    let carried = Carried::new(cell);
     let way = Way {
         pieces: Mutex::new((0, pieces)),
         take: rapid::Declared::take,
@@ -104,7 +110,10 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     mut open: impl FnMut(&str) -> io::Result<W> + Send,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    if cell.stock.is_some() {
+        return Err(StreamError::NotStraight);
+    }
+    let carried = Carried::new(cell);
     let way = Way {
         pieces: Mutex::new((0, pieces)),
         take: cl::Pieces::take,
@@ -119,7 +128,8 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
             };
             let points = poster.points(&piece.program, &corrected);
             let from = carried.posted.take(n, |place| std::mem::replace(place, place.behind(&points)))?;
-            Some(Ok((poster.post.stretch(&from, &points, piece.last), corrected)))
+            let end = piece.last.then(|| poster.end(&piece.program));
+            Some(Ok((poster.post.chunk(&from, &points, end.as_deref()), corrected)))
         },
         break_off: &|| carried.break_off(),
         refusals: Messages::default(),
@@ -157,7 +167,10 @@ pub fn count_pieces<R: Read + Send>(
     outline: &mut Outline,
     progress: &(dyn Fn(usize, u64) + Sync),
 ) -> Result<(), StreamError> {
-    let carried = Carried::new(cell).map_err(StreamError::Refused)?;
+    if cell.stock.is_some() {
+        return Err(StreamError::NotStraight);
+    }
+    let carried = Carried::new(cell);
     let way = Way {
         pieces: Mutex::new((0, pieces)),
         take: cl::Pieces::take,
@@ -203,7 +216,7 @@ struct Changed {
 /// What of the piece's stretch and of its declarations, wherever they stand, has edits; `None` where motions do not agree on
 /// a target.
 fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>> {
-    let rewritten = corrected.rewritten.as_ref().filter(|rewritten| rewritten.kept.is_empty())?;
+    let rewritten = corrected.rewritten.as_ref().filter(|r| r.kept.is_empty() && r.not_inserted.is_empty())?;
     let bytes = &piece.program.sources[0].bytes;
     let mut edits = rewritten.edits.first().map_or(&[][..], Vec::as_slice);
     let declared = piece.elsewhere.iter().map(|target| (&target.own, target.at, target.shared.then_some(target.at)));

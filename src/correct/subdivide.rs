@@ -1,136 +1,304 @@
-//! Extra targets where the correction bends between neighbours.
+//! Targets to insert until no more than a tolerance is left on the way.
 //!
-//! The controller interpolates the correction linearly between targets; the error of that is the correction's
-//! curvature. A stretch is halved while the correction at its middle is off the mean of its ends.
+//! The command that is needed anywhere on a segment is explicit: the inverse equilibrium of the programmed pose there, under
+//! the force of the segment. What the controller makes of the commands at both ends of an interval is held against it at the
+//! quarters and in the middle; where they are apart, the middle becomes a target. At the start of a segment the needed command
+//! may jump, since the force of the next move begins there: the first target inserted is so close behind it that the jump is
+//! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
 
-use super::line::Inserts;
-use super::solve::Wish;
-use super::spread::Spread;
-use super::{Point, Prepared, frames};
+use super::deviation::{Commanded, Node, Way};
+use super::path::travel;
+use super::point::Point;
+use super::segment::{Kind, Segment, Start};
+use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
+use super::track::Track;
+use super::{Prepared, frames, path};
 use crate::cell::Cell;
-use crate::program::{Insert, Motion, Program, Role};
-use crate::robot::{Joints, Pose};
-use nalgebra::{Rotation3, Translation3, Vector3};
-use std::sync::Arc;
+use crate::program::{Insert, Program};
+use crate::robot::{conf_is, conf_of};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
-/// Halvings of one stretch at most: 2⁶ − 1 inserted points.
-const DEEPEST: usize = 6;
+/// Of the tolerance, what may be left where it is looked: for what lies between, and for what the deflection itself feeds back.
+const SHARE: f64 = 0.8;
 
-/// Where a stretch begins: a target as it was solved.
-#[derive(Clone, Debug)]
-pub(super) struct Start {
-    point: Point,
-    motor: Joints,
-    wish: Wish,
-    tool: Arc<str>,
-    wobj: Arc<str>,
+/// Less than this is not told apart in single precision, m.
+const LEAST: f64 = 2e-7;
+
+/// A jump is over within this length of path, m; shorter segments have none inserted for it.
+const JUMP_WITHIN: f64 = 0.5e-3;
+
+/// The least length that a jump is given, m: what a controller still tells from a standstill.
+const JUMP_LEAST: f64 = 0.02e-3;
+
+/// Intervals shorter than this are not halved, m: what jumps inside is a joint that turns back.
+const SHORTEST: f64 = 0.1e-3;
+
+/// Arcs shorter than this are lines, rad: a `MoveC` needs a degree between circle point and end, seen from its start.
+const SHORTEST_ARC: f64 = 8.0 * std::f64::consts::PI / 180.0;
+
+/// Places on a segment are told in ticks, which halve well.
+type Tick = u32;
+const TICKS: Tick = 1 << 20;
+
+/// What is to be inserted, and the circle points that move with it.
+pub(super) struct Subdivision {
+    /// In order.
+    pub(super) nodes: Vec<Node>,
+    /// Circle points of arcs that were split, by index: where they are now.
+    pub(super) vias: Vec<(usize, Point, Solved)>,
 }
 
-/// A program, or a piece of one, with its commands.
-pub(super) struct Solved<'a> {
-    pub(super) program: &'a Program,
-    pub(super) cell: &'a Cell,
-    pub(super) prepared: &'a Prepared,
-    pub(super) motors: &'a [Joints],
-    pub(super) wishes: &'a [Wish],
+/// A segment that is being subdivided.
+struct Plan<'p> {
+    segment: Segment<'p>,
+    /// The command that the controller comes from.
+    from: Solved,
+    to: Solved,
+    mode: CorrectionMode,
+    length: f64,
+    /// Share at which the ticks begin: behind a jump.
+    first: f64,
+    /// Needed commands by tick; `None` where there is none.
+    needed: BTreeMap<Tick, Option<Solved>>,
+    open: Vec<(Tick, Tick)>,
+    /// Intervals that stay, and whether they are arcs.
+    done: Vec<(Tick, Tick, bool)>,
 }
 
-impl Solved<'_> {
-    /// Target `i` as the start of the stretch behind it.
-    fn start(&self, i: usize) -> Start {
-        let target = &self.program.targets[i];
-        Start {
-            point: self.prepared.points[i].clone(),
-            motor: self.motors[i],
-            wish: self.wishes[i],
-            tool: Arc::clone(&self.program.tools[usize::from(target.tool)].name),
-            wobj: Arc::clone(&self.program.wobjs[usize::from(target.wobj)].name),
+/// Targets to insert so that at most `tolerance` (m) is left between them; `last` is the end of the targets before.
+pub(super) fn subdivide(
+    program: &Program,
+    solver: &Solver<'_>,
+    commanded: &Commanded<'_>,
+    modes: &[CorrectionMode],
+    last: Option<&Start>,
+    tolerance: f64,
+) -> Subdivision {
+    let prepared = solver.prepared;
+    let way = Way { program, prepared, commanded, last };
+    let enough = (SHARE * tolerance).max(LEAST);
+    let starts: Vec<(usize, Start)> = (0..prepared.points.len())
+        .filter(|i| matches!(Kind::of(program, *i), Kind::Line | Kind::Arc) && modes[*i] != CorrectionMode::Keep)
+        .filter_map(|i| Some((i, way.before(i)?)))
+        .filter_map(|(i, from)| Some((i, way.start(from)?)))
+        .collect();
+    let mut plans: Vec<Plan<'_>> =
+        starts.iter().filter_map(|(i, start)| Plan::new(&way, *i, start, modes[*i])).collect();
+    // Where the force of each segment begins.
+    let begin = solve(solver, &plans, &(0..plans.len()).map(|at| (at, 0.0)).collect::<Vec<_>>());
+    for (plan, needed) in plans.iter_mut().zip(begin) {
+        plan.begin(needed, enough);
+    }
+    loop {
+        let wanted: Vec<(usize, Tick)> = plans
+            .iter()
+            .enumerate()
+            .flat_map(|(at, plan)| plan.wanted().into_iter().map(move |tick| (at, tick)))
+            .collect();
+        if wanted.is_empty() {
+            break;
+        }
+        let places: Vec<(usize, f64)> = wanted.iter().map(|(at, tick)| (*at, plans[*at].share(*tick))).collect();
+        for ((at, tick), needed) in wanted.iter().zip(solve(solver, &plans, &places)) {
+            plans[*at].needed.insert(*tick, needed);
+        }
+        plans.iter_mut().for_each(|plan| plan.judge(enough));
+    }
+    let mut subdivision = Subdivision { nodes: Vec::new(), vias: Vec::new() };
+    plans.into_iter().for_each(|plan| plan.finish(&mut subdivision));
+    subdivision
+}
+
+/// The commands needed at shares of segments; `None` where there is none.
+fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Vec<Option<Solved>> {
+    let points = solver.spread.map(places.len(), |k| {
+        let (plan, share) = (&plans[places[k].0], places[k].1);
+        plan.point(solver, share)
+    });
+    let reached: Vec<bool> = points.iter().map(Option::is_some).collect();
+    // Something stands in for what is not reached.
+    let points = points
+        .into_iter()
+        .zip(places)
+        .map(|(point, (at, share))| point.unwrap_or_else(|| plans[*at].segment.at(*share)));
+    let batch: Prepared = solver.prepared.with_points(points.collect());
+    let modes: Vec<CorrectionMode> = places.iter().map(|(at, _)| plans[*at].mode).collect();
+    let travels: Vec<_> = batch.points.iter().map(|point| point.travel).collect();
+    let solver = Solver::new(solver.arm, &batch, solver.spread);
+    let first = solver.first(&modes);
+    let solved = solver.commands(&modes, &first, &travels);
+    solved.into_iter().zip(reached).map(|(solved, reached)| solved.ok().filter(|_| reached)).collect()
+}
+
+impl<'p> Plan<'p> {
+    fn new(way: &Way<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
+        let segment = Segment::into(way.program, way.prepared, i, start)?;
+        let (motor, _) = (way.commanded.motors)(i)?;
+        let length = segment.track.length();
+        let from = Solved { motor: start.motor, wobj_from_tcp: start.seen(&start.commanded, way.prepared.setting(i)) };
+        let to = Solved { motor, wobj_from_tcp: (way.commanded.poses)(i) };
+        let plan = Self {
+            segment,
+            from,
+            to,
+            mode,
+            length,
+            first: 0.0,
+            needed: BTreeMap::new(),
+            open: vec![(0, TICKS)],
+            done: Vec::new(),
+        };
+        (length > 2.0 * JUMP_LEAST).then_some(plan)
+    }
+
+    fn share(&self, tick: Tick) -> f64 {
+        self.first + (1.0 - self.first) * f64::from(tick) / f64::from(TICKS)
+    }
+
+    /// Length of an interval, m.
+    fn size(&self, from: Tick, to: Tick) -> f64 {
+        (self.share(to) - self.share(from)) * self.length
+    }
+
+    /// Sees whether the needed command jumps at the start.
+    fn begin(&mut self, needed: Option<Solved>, enough: f64) {
+        let Some(needed) = needed else { return self.open.clear() };
+        let shift = self.from.wobj_from_tcp.translation.vector - needed.wobj_from_tcp.translation.vector;
+        let track = &self.segment.track;
+        let jump = if self.segment.corner { track.across_start(&shift) } else { track.across(0.0, &shift) }.norm();
+        if jump > enough && self.length > JUMP_WITHIN {
+            // On average over the length that it may take, half of what is enough.
+            let over = (JUMP_WITHIN * enough / jump).clamp(JUMP_LEAST, JUMP_WITHIN);
+            self.first = (over / self.length).min(0.5);
+        } else {
+            self.needed.insert(0, Some(self.from.clone()));
+        }
+        if !self.segment.track.is_arc() {
+            self.needed.insert(TICKS, Some(self.to.clone()));
         }
     }
 
-    /// The last target, where there is one.
-    pub(super) fn last(&self) -> Option<Start> {
-        self.program.targets.len().checked_sub(1).map(|last| self.start(last))
+    /// Circumstances at a share of the way; `None` out of reach.
+    fn point(&self, solver: &Solver<'_>, share: f64) -> Option<Point> {
+        /// Of the length, what tells the direction of travel.
+        const STEP: f64 = 1e-3;
+        let mut point = self.segment.at(share);
+        let (robot, setting) = (&solver.arm.robot, solver.prepared.setting(self.segment.end));
+        let near = self.from.motor + (self.to.motor - self.from.motor) * share;
+        let motor = |share: f64| controller_motor(robot, setting, &self.segment.track.pose(share), &near);
+        let here = motor(share)?;
+        point.travel = if share < STEP {
+            travel(&here, &motor(share + STEP)?, &point.travel)
+        } else {
+            travel(&motor(share - STEP)?, &here, &point.travel)
+        };
+        point.motor = here;
+        Some(point)
     }
 
-    /// Points to insert so that the correction is linear to `tolerance` (m) between neighbours; `before` is the last target
-    /// of the pieces before.
-    pub(super) fn inserts(&self, before: Option<&Start>, tolerance: f64, spread: Spread) -> Inserts {
-        let stretches = spread.map(self.program.targets.len(), |i| {
-            let own = i.checked_sub(1).map(|before| self.start(before));
-            let mut found = Vec::new();
-            if let Some(from) = own.as_ref().or(before).filter(|from| self.is_straight(from, i)) {
-                let stretch = Stretch { cell: self.cell, prepared: self.prepared, from: &from.point, i, tolerance };
-                let ends = (stretch.corrected(&from.motor, 0.0), stretch.corrected(&self.motors[i], 1.0));
-                if let (Some(from), Some(to)) = ends {
-                    stretch.halve((0.0, &from), (1.0, &to), DEEPEST, &mut found);
-                }
+    /// Ticks whose commands are to be known next.
+    fn wanted(&self) -> Vec<Tick> {
+        let ticks = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
+        let mut ticks: Vec<Tick> = ticks.filter(|tick| !self.needed.contains_key(tick)).collect();
+        ticks.sort_unstable();
+        ticks.dedup();
+        ticks
+    }
+
+    /// Halves the intervals on which the controller's way between the commands is not the one that is needed.
+    fn judge(&mut self, enough: f64) {
+        let angle_per_length = self.segment.track.angle() / self.length;
+        for (from, to) in std::mem::take(&mut self.open) {
+            let quarter = (to - from) / 4;
+            let known = [0, 1, 2, 3, 4].map(|k| self.needed.get(&(from + k * quarter)).cloned().flatten());
+            let [Some(a), Some(b), Some(c), Some(d), Some(e)] = known else {
+                self.done.push((from, to, false));
+                continue;
+            };
+            let poses = [a, b, c, d, e].map(|solved| solved.wobj_from_tcp);
+            let size = self.size(from, to);
+            // The last part is the instruction that is there: an arc.
+            let arc = self.segment.track.is_arc() && (to == TICKS || size * angle_per_length >= SHORTEST_ARC);
+            let [a, b, c, d, e] = &poses;
+            let between = if arc { Track::arc(a, c, e) } else { Track::line(a, e) };
+            let off = [(1, b), (2, c), (3, d)].map(|(k, needed)| {
+                let share = f64::from(k) / 4.0;
+                let shift: Vector3<f64> = between.pose(share).translation.vector - needed.translation.vector;
+                self.segment.track.across(self.share(from + k * quarter), &shift).norm()
+            });
+            let shortest = if self.segment.track.is_arc() && to == TICKS {
+                2.0 * SHORTEST_ARC / angle_per_length
+            } else {
+                2.0 * SHORTEST
+            };
+            if off.iter().all(|off| *off <= enough) || size < shortest || quarter < 2 {
+                self.done.push((from, to, arc));
+            } else {
+                self.open.extend([(from, from + 2 * quarter), (from + 2 * quarter, to)]);
             }
-            found
-        });
-        stretches.into_iter().flatten().collect()
+        }
     }
 
-    /// Whether the way to target `i` is one that points can be put into.
-    fn is_straight(&self, from: &Start, i: usize) -> bool {
-        let to = &self.program.targets[i];
-        to.motion == Motion::Linear
-            && to.role == Role::End
-            && from.wobj.eq_ignore_ascii_case(&self.program.wobjs[usize::from(to.wobj)].name)
-            && from.tool.eq_ignore_ascii_case(&self.program.tools[usize::from(to.tool)].name)
-            && self.wishes[i] == Wish::Pose
-            && from.wish != Wish::Keep
-    }
-}
-
-/// A corrected point of a stretch.
-struct Corrected {
-    motor: Joints,
-    programmed: Pose,
-    commanded: Pose,
-}
-
-impl Corrected {
-    fn shift(&self) -> Vector3<f64> {
-        self.commanded.translation.vector - self.programmed.translation.vector
-    }
-}
-
-struct Stretch<'a> {
-    cell: &'a Cell,
-    prepared: &'a Prepared,
-    from: &'a Point,
-    i: usize,
-    tolerance: f64,
-}
-
-impl Stretch<'_> {
-    /// The correction at a share of the way, cut and tool as at the stretch's end.
-    fn corrected(&self, near: &Joints, share: f64) -> Option<Corrected> {
-        let (from, to) = (self.from, &self.prepared.points[self.i]);
-        let (a, b) = (&from.wobj_from_tcp, &to.wobj_from_tcp);
-        let way = Rotation3::from_scaled_axis(share * crate::robot::turn_between(&a.rotation, &b.rotation));
-        let programmed = Pose::from_parts(
-            Translation3::from(a.translation.vector.lerp(&b.translation.vector, share)),
-            way * a.rotation,
-        );
-        let mut situation = self.prepared.situation(self.i);
-        situation.wobj_from_tcp = programmed;
-        let command = self.cell.arm.command(&situation, &programmed, near, &to.travel).ok()?;
-        let motor = command.commanded(&to.travel);
-        let base_from_tcp = self.cell.arm.robot.forward(&motor) * self.prepared.tool(self.i).flange_from_tcp;
-        Some(Corrected { motor, programmed, commanded: self.prepared.base_from_wobj(self.i).inv_mul(&base_from_tcp) })
-    }
-
-    fn halve(&self, from: (f64, &Corrected), to: (f64, &Corrected), depth: usize, found: &mut Inserts) {
-        let share = 0.5 * (from.0 + to.0);
-        let Some(middle) = self.corrected(&from.1.motor, share).filter(|_| depth > 0) else { return };
-        if (middle.shift() - 0.5 * (from.1.shift() + to.1.shift())).norm() <= self.tolerance {
+    fn finish(mut self, out: &mut Subdivision) {
+        self.done.sort_unstable();
+        let end = self.segment.end;
+        let known = |tick: Tick| self.needed.get(&tick).cloned().flatten();
+        let node = |tick: Tick, via: Option<Tick>| {
+            Some(Node {
+                before: end,
+                share: self.share(tick),
+                length: self.length,
+                commanded: known(tick)?.wobj_from_tcp,
+                via: via.and_then(known).map(|via| via.wobj_from_tcp),
+            })
+        };
+        let split = self.done.len() > 1 || self.first > 0.0;
+        if !split {
             return;
         }
-        self.halve(from, (share, &middle), depth - 1, found);
-        let (position_mm, quat) = frames::millimetres(&middle.commanded);
-        found.push(Insert { before: self.i, position_mm, quat });
-        self.halve((share, &middle), to, depth - 1, found);
+        if self.first > 0.0 {
+            out.nodes.extend(node(0, None));
+        }
+        for &(from, to, arc) in &self.done {
+            let middle = from + (to - from) / 2;
+            if to < TICKS {
+                out.nodes.extend(node(to, arc.then_some(middle)));
+            } else if arc && let Some(via) = known(middle) {
+                out.vias.push((end - 1, self.segment.at(self.share(middle)), via));
+            }
+        }
     }
+}
+
+/// The motions to insert for nodes.
+pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes: &[Node]) -> Vec<Insert> {
+    let beside =
+        |k: Option<usize>, node: &Node| k.and_then(|k| nodes.get(k)).filter(|other| other.before == node.before);
+    let insert = |(k, node): (usize, &Node)| {
+        let (target, point) = (&program.targets[node.before], &prepared.points[node.before]);
+        let from = beside(k.checked_sub(1), node).map_or(0.0, |before| before.share);
+        let to = beside(Some(k + 1), node).map_or(1.0, |behind| behind.share);
+        let room = (node.share - from).min(to - node.share) * node.length;
+        // confdata follow only where they were true: posts write dummies.
+        let robot = &cell.arm.robot;
+        let honest = path::written_conf(target).is_some_and(|written| conf_is(robot, &point.motor, written));
+        let motor = controller_motor(robot, prepared.setting(node.before), &node.commanded, &point.motor);
+        let (position_mm, quat) = frames::millimetres(&node.commanded);
+        Insert {
+            conf: motor.filter(|_| honest).map(|motor| conf_of(robot, &motor)),
+            via: node.via.as_ref().map(frames::millimetres),
+            ..Insert::line(node.before, (position_mm, quat), 1e3 * room)
+        }
+    };
+    nodes.iter().enumerate().map(insert).collect()
+}
+
+/// Nodes as the controller holds them; those that could not be written are none.
+pub(super) fn as_written(nodes: Vec<Node>, written: impl Fn(usize) -> Option<([f64; 3], [f64; 4])>) -> Vec<Node> {
+    let held = |(k, node): (usize, Node)| {
+        let (position_mm, quat) = written(k)?;
+        Some(Node { commanded: frames::pose(position_mm, quat), ..node })
+    };
+    nodes.into_iter().enumerate().filter_map(held).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::ForceTable;
 use super::table::{FADE, Grid, Place, SMOOTH, TERMS, Values, kinks, parts};
-use crate::lanes::{Lanes, Mask, Vector, WIDTH, widest};
+use crate::lanes::{LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
 
@@ -29,10 +29,10 @@ struct Places {
     at: Lanes,
     cell: Lanes,
     /// Where the table holds, and does not fade.
-    inside: Mask,
+    inside: LaneMask,
     kinks: [Lanes; 2],
     /// Those whose force is wanted and not found yet.
-    left: Mask,
+    left: LaneMask,
 }
 
 impl FeedTable {
@@ -77,8 +77,8 @@ impl FeedTable {
     }
 
     /// The same at those of eight places that are wanted: tips shifted (m) and unit axes, feed frame.
-    pub(crate) fn mean_forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
-        let mut inside = Mask::default();
+    pub(crate) fn mean_forces(&self, wanted: LaneMask, shift: &Vector, axis: &Vector, force: &mut Vector) {
+        let mut inside = LaneMask::default();
         if let Some(grid) = self.table.grid().filter(|_| self.holds) {
             let mut places = Places::default();
             widest!(<'a> (
@@ -213,7 +213,7 @@ mod tests {
                 let turned = axis.into_inner() + Vector3::new(turns[lane][0], turns[lane][1], 0.0) * (2.0 * size);
                 axes.set(lane, &turned.normalize());
             }
-            let wanted = Mask::of(|lane| wanted >> lane & 1 == 1);
+            let wanted = LaneMask::of(|lane| wanted >> lane & 1 == 1);
             let untouched = Vector3::new(1.0, 2.0, 3.0);
             let mut forces = Vector::of(&untouched);
             table.mean_forces(wanted, &shift, &axes, &mut forces);

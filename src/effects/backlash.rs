@@ -1,14 +1,16 @@
 //! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
 
-use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, checked, indexed, table_of, take};
-use crate::robot::Joints;
+use super::{Effect, Kind, Law, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "backlash",
     summary: "lost motion turns with the direction of travel",
+    forms: &["half_gap_rad = [6e-5, 0, 0, 1.2e-4, 0, 0]"],
     read: |table| checked(table.try_into::<Backlash>()?),
     candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6] })],
+    ..Kind::PLAIN
 };
 
 /// Actual = commanded − travel · half gap.
@@ -19,19 +21,22 @@ pub(super) struct Backlash {
     half_gap_rad: [f64; 6],
 }
 
+impl Physics for Backlash {
+    #[inline(always)]
+    fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
+        for i in 0..6 {
+            out.lost[i] = out.lost[i] + self.half_gap_rad[i];
+        }
+    }
+}
+
 impl Effect for Backlash {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        for i in 0..6 {
-            out.lost[i] += self.half_gap_rad[i];
-        }
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::LostMotion { half_gap: Joints::from(self.half_gap_rad) })
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn parameters(&self) -> Vec<Parameter> {

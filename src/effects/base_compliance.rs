@@ -1,14 +1,20 @@
 //! A pedestal or foundation that yields under everything that the arm carries.
 
-use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, Twist, checked, indexed, table_of, take};
-use nalgebra::Vector3;
+use super::{
+    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of,
+    take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "base_compliance",
     summary: "the pedestal or foundation yields",
+    forms: &["mm_per_n = [1e-5, 0, 0]"],
+    bends_under_load: true,
     read: |table| checked(table.try_into::<BaseCompliance>()?),
     candidates: |survey| if survey.is_loaded() { vec![Box::new(BaseCompliance::default())] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Motion of the base along and about its axes, at its origin.
@@ -19,17 +25,26 @@ pub(super) struct BaseCompliance {
     rad_per_nm: [f64; 3],
 }
 
+impl Physics for BaseCompliance {
+    fn parts(&self) -> Parts {
+        Parts::BASE
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let all = load.all(state.base_from_tcp.origin);
+        out.base.shift = out.base.shift + all.force.scaled(self.mm_per_n.map(|compliance| 1e-3 * compliance));
+        out.base.turn = out.base.turn + all.moment.scaled(self.rad_per_nm);
+    }
+}
+
 impl Effect for BaseCompliance {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let wrench = load.beyond(0, &state.base_from_tcp.translation.vector);
-        out.base += Twist {
-            shift: 1e-3 * Vector3::from(self.mm_per_n).component_mul(&wrench.force),
-            turn: Vector3::from(self.rad_per_nm).component_mul(&wrench.moment),
-        };
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn parameters(&self) -> Vec<Parameter> {

@@ -1,15 +1,22 @@
 //! Links and bearings that yield across the joint axes, where the gears' springs do not count.
 
-use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, State, checked, indexed, table_of, take};
+use super::{
+    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of,
+    take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "bearing_compliance",
     summary: "links and bearings yield across the joint axes",
+    forms: &["rad_per_nm = [[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0]]"],
+    bends_under_load: true,
     read: |table| checked(table.try_into::<BearingCompliance>()?),
     candidates: |survey| {
         if survey.is_loaded() { vec![Box::new(BearingCompliance { rad_per_nm: [[0.0; 2]; 6] })] } else { vec![] }
     },
+    ..Kind::PLAIN
 };
 
 /// Turn of each link about x and y of its own frame, under what acts on it and beyond.
@@ -19,21 +26,30 @@ pub(super) struct BearingCompliance {
     rad_per_nm: [[f64; 2]; 6],
 }
 
+impl Physics for BearingCompliance {
+    fn parts(&self) -> Parts {
+        Parts::TILT
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        for i in 0..6 {
+            let link = &state.chain.links[i];
+            let moment = load.moment_about(i, state.chain, state.base_from_tcp.origin);
+            let [about_x, about_y] = self.rad_per_nm[i];
+            out.tilt[i][0] = out.tilt[i][0] + link.x.dot(moment) * about_x;
+            out.tilt[i][1] = out.tilt[i][1] + link.y.dot(moment) * about_y;
+        }
+    }
+}
+
 impl Effect for BearingCompliance {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let tcp = state.base_from_tcp.translation.vector;
-        for (i, compliance) in self.rad_per_nm.iter().enumerate() {
-            let link = &state.frames.base_from_link[i];
-            let wrench = load.beyond(i, &tcp);
-            let moment = wrench.moment - link.translation.vector.cross(&wrench.force);
-            let across = link.rotation.inverse() * moment;
-            out.tilt[i][0] += compliance[0] * across.x;
-            out.tilt[i][1] += compliance[1] * across.y;
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn parameters(&self) -> Vec<Parameter> {

@@ -3,7 +3,10 @@
 //! There the flange is at (1.393, 0, 1.7945) m with x down, y along base y and z along base x; the TCP is at
 //! (1.593, 0, 1.7945) m. The work object lies in the base.
 
-use super::{Cutting, Distortion, Load, Situation, State, ToolFrame, kind};
+use super::physics::{RowOffset, Twist};
+use super::{Cutting, Deflection, Load, Offset, Site, Situation, State, ToolFrame, kind};
+use crate::lanes::{Frame, Vector};
+use crate::robot::kinematics::Chain;
 use crate::robot::{BUILTIN, Joints, Pose};
 use nalgebra::{Translation3, Vector3};
 
@@ -48,29 +51,85 @@ impl Bench {
         Self { force: Vector3::new(x, y, z), ..Self::default() }
     }
 
-    /// Loads and distortion of one effect, given as its `[[effect]]` table.
-    pub(super) fn run(&self, effect: &str) -> (Load, Distortion) {
+    /// Loads and motion by one effect, given as its `[[effect]]` table.
+    pub(super) fn run(&self, effect: &str) -> (Loads, Moved) {
         let mut table: toml::Table = effect.parse().unwrap();
         let name = table.remove("kind").unwrap();
         let effect = (kind(name.as_str().unwrap()).unwrap().read)(table).unwrap();
+        let law = effect.law();
         let robot = BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot();
-        let frames = robot.frames(&self.motor);
-        let base_from_tcp = frames.base_from_flange() * self.situation.tool.flange_from_tcp;
+        let situation = &self.situation;
+        let site = Site {
+            commanded: self.motor.into(),
+            base_from_wobj: Frame::of(&situation.base_from_wobj),
+            wanted: Vector::of(&situation.wobj_from_tcp.translation.vector),
+            normal: Vector::of(&situation.normal),
+            velocity: Vector::of(&situation.velocity),
+            cut_length: situation.cut_length,
+            time: situation.time,
+            temperature: situation.temperature.unwrap_or(f64::NAN),
+            payload: situation.payload,
+            tool_mass: situation.tool.mass,
+            tool_cog: Vector::of(&situation.tool.cog),
+        };
+        let rows = robot.rows::<f64>();
+        let mut chain = Chain::default();
+        rows.chain(&robot.joints(&rows.theta, &site.commanded), None, &mut chain);
+        let base_from_tcp = chain.links[5].then(&Frame::of(&situation.tool.flange_from_tcp));
         let state = State {
-            robot: &robot,
             stiffness: Some(&self.stiffness),
-            motor_commanded: &self.motor,
-            motor: &self.motor,
-            frames: &frames,
+            chain: &chain,
             base_from_tcp: &base_from_tcp,
             gravity: Vector3::new(0.0, 0.0, -10.0),
-            situation: &self.situation,
+            site: &site,
         };
-        let mut load = Load { cut: self.force, ..Load::default() };
-        effect.load(&state, &mut load);
-        load.fill_torque(&robot, &frames, &base_from_tcp.translation.vector);
-        let mut out = Distortion::default();
-        effect.distort(&state, &load, &mut out);
-        (load, out)
+        let mut load = Load::default();
+        load.start(Vector::of(&self.force), law.parts());
+        law.load(&state, &mut load);
+        load.fill_torque(&robot, &chain, base_from_tcp.origin);
+        let (mut offset, mut deflection) = (Offset::default(), Deflection::default());
+        law.offset(&site, &mut offset);
+        law.deflect(&state, &load, &mut deflection);
+        let vector = |v: Vector<f64>| v.lane(0);
+        let twist = |t: Twist<f64>| Motion { shift: vector(t.shift), turn: vector(t.turn) };
+        let moved = Moved {
+            joints: Joints::from(offset.joints) + Joints::from(deflection.joints),
+            lost: Joints::from(offset.lost) + Joints::from(deflection.lost),
+            rows: offset.rows,
+            tilt: deflection.tilt,
+            base: twist(deflection.base),
+            flange: Motion { shift: Vector3::zeros(), turn: vector(deflection.flange) },
+            tcp: Motion { shift: vector(offset.tcp.shift + deflection.tip), turn: vector(offset.tcp.turn) },
+            wobj: twist(offset.wobj),
+            lag: vector(offset.lag),
+            part: vector(deflection.part),
+        };
+        (Loads { cut: vector(load.cut), torque: load.torque.into() }, moved)
     }
+}
+
+/// What acts: cutting force, N, base axes; torques at the motors, N·m.
+pub(super) struct Loads {
+    pub(super) cut: Vector3<f64>,
+    pub(super) torque: Joints,
+}
+
+/// What is elsewhere, offsets and deflections together.
+pub(super) struct Moved {
+    pub(super) joints: Joints,
+    pub(super) lost: Joints,
+    pub(super) rows: [RowOffset<f64>; 6],
+    pub(super) tilt: [[f64; 2]; 6],
+    pub(super) base: Motion,
+    pub(super) flange: Motion,
+    pub(super) tcp: Motion,
+    pub(super) wobj: Motion,
+    pub(super) lag: Vector3<f64>,
+    pub(super) part: Vector3<f64>,
+}
+
+/// Shift, m, and rotation vector, rad.
+pub(super) struct Motion {
+    pub(super) shift: Vector3<f64>,
+    pub(super) turn: Vector3<f64>,
 }

@@ -3,18 +3,27 @@
 //! Over the position in the work object it shifts the TCP in the work object's axes; over the commanded motor angles, in
 //! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
 
-use super::empirical_field::EmpiricalField;
-use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of};
+pub(super) use super::empirical_field::EmpiricalField;
+use super::{
+    ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, Situation, Survey, checked, indexed, table_of,
+};
+use crate::lanes::{Mask, Real, Vector, six};
 use crate::robot::Joints;
-use nalgebra::Vector3;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "empirical",
     summary: "no named effect explains it: a smooth map, only where it holds",
+    forms: &[
+        "domain_mm = [[-2000, 2000], [-2000, 2000], [-2000, 2000]]\ndegree = 1\nx_mm = [0, 0, 0, 0]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]",
+        "domain_deg = [[-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90]]\ndegree = 1\nx_mm = [0, 0, 0, 0, 0, 0, 0]\ny_mm = [0, 0, 0, 0, 0, 0, 0]\nz_mm = [0, 0, 0, 0, 0, 0, 0]",
+        "reach_mm = 50\nwithin_mm = 20\nat_mm = [[900, 0, 400], [950, 0, 400]]\nshift_mm = [[0, 0, 0], [0, 0, 0]]",
+    ],
+    shape: super::Shape::Map,
     read,
     candidates,
+    ..Kind::PLAIN
 };
 
 /// One of two forms: a field has a reach.
@@ -24,6 +33,9 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     }
     checked(Empirical::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?)
 }
+
+/// Degrees a radian.
+const RAD_TO_DEG: f64 = 180.0 / std::f64::consts::PI;
 
 /// Share of the half range, from the middle, where the map acts in full.
 const FULL: f64 = 0.9;
@@ -129,39 +141,84 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
 }
 
 impl Empirical {
-    /// Each variable scaled so that its domain is −1 … 1.
-    fn scaled(&self, motor_commanded: &Joints, situation: &Situation) -> Vec<f64> {
-        let at = match self.over {
-            Over::Position => (1e3 * situation.wobj_from_tcp.translation.vector).as_slice().to_vec(),
-            Over::Motor => motor_commanded.map(f64::to_degrees).as_slice().to_vec(),
-        };
-        at.iter().zip(&self.domain).map(|(x, [min, max])| (2.0 * x - min - max) / (max - min)).collect()
+    /// A variable scaled so that its domain is −1 … 1.
+    #[inline(always)]
+    fn scaled<R: Real>(&self, variable: usize, value: R) -> R {
+        let [min, max] = self.domain[variable];
+        (value * 2.0 - (min + max)) * (1.0 / (max - min))
     }
 
-    /// The terms at scaled variables, in the order of the coefficients.
-    fn basis(&self, scaled: &[f64]) -> Vec<f64> {
-        let powers: Vec<Vec<f64>> = scaled
-            .iter()
-            .map(|u| {
-                let mut chebyshev = vec![1.0, *u];
-                for k in 2..=self.degree {
-                    chebyshev.push(2.0 * u * chebyshev[k - 1] - chebyshev[k - 2]);
-                }
-                chebyshev
-            })
-            .collect();
-        let term = |term: &Vec<usize>| term.iter().zip(&powers).map(|(k, p)| p[*k]).product();
-        self.terms.iter().map(term).collect()
+    /// The variables scaled, in the order of the domain; zeros behind them.
+    #[inline(always)]
+    fn scaled_of<R: Real>(&self, site: &Site<R>) -> [R; 6] {
+        let Vector { x, y, z } = site.wanted;
+        match self.over {
+            Over::Position => {
+                let scaled = |variable: usize, value: R| self.scaled(variable, value * 1e3);
+                [scaled(0, x), scaled(1, y), scaled(2, z), R::ZERO, R::ZERO, R::ZERO]
+            }
+            Over::Motor => six!(i => self.scaled(i, site.commanded[i] * RAD_TO_DEG)),
+        }
+    }
+
+    /// Sums of the terms at scaled variables, each with its coefficient, along x, y and z.
+    #[inline(always)]
+    fn sums<R: Real>(&self, scaled: &[R; 6]) -> [R; 3] {
+        let mut chebyshev = [[R::of(1.0); MAX_DEGREE + 1]; 6];
+        for (powers, u) in chebyshev.iter_mut().zip(scaled) {
+            powers[1] = *u;
+            for k in 2..=self.degree {
+                powers[k] = *u * powers[k - 1] * 2.0 - powers[k - 2];
+            }
+        }
+        let mut sums = [R::ZERO; 3];
+        for (n, term) in self.terms.iter().enumerate() {
+            let mut product = R::of(1.0);
+            for (powers, k) in chebyshev.iter().zip(term).filter(|(_, k)| **k > 0) {
+                product = product * powers[*k];
+            }
+            for (sum, shift) in sums.iter_mut().zip(&self.shift_mm) {
+                *sum = *sum + product * shift[n];
+            }
+        }
+        sums
     }
 }
 
 /// 1 in the full part of the domain, 0 outside, smooth between.
-fn fade(scaled: &[f64]) -> f64 {
-    let of = |u: &f64| {
-        let left = ((1.0 - u.abs()) / (1.0 - FULL)).clamp(0.0, 1.0);
-        left * left * (3.0 - 2.0 * left)
-    };
-    scaled.iter().map(of).product()
+#[inline(always)]
+fn fade<R: Real>(scaled: &[R]) -> R {
+    let (one, mut product) = (R::of(1.0), R::of(1.0));
+    for u in scaled {
+        let left = (one - u.abs()) * (1.0 / (1.0 - FULL));
+        let left = left.lt(1.0).select(left, one);
+        let left = R::ZERO.lt(left).select(left, R::ZERO);
+        product = product * (left * left * (R::of(3.0) - left * 2.0));
+    }
+    product
+}
+
+impl Physics for Empirical {
+    fn parts(&self) -> Parts {
+        Parts::LAG
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        let scaled = self.scaled_of(site);
+        let weight = fade(&scaled[..self.domain.len()]);
+        let [x, y, z] = self.sums(&scaled);
+        let shift = Vector::new(x, y, z) * (weight * 1e-3);
+        // Far outside a polynomial may be anything.
+        let acts = R::ZERO.lt(weight);
+        let within = |value: R| acts.select(value, R::ZERO);
+        let shift = Vector::new(within(shift.x), within(shift.y), within(shift.z));
+        out.lag = out.lag
+            + match self.over {
+                Over::Position => site.base_from_wobj.turn(shift),
+                Over::Motor => shift,
+            };
+    }
 }
 
 impl Effect for Empirical {
@@ -169,18 +226,8 @@ impl Effect for Empirical {
         KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        let scaled = self.scaled(state.motor_commanded, state.situation);
-        let weight = fade(&scaled);
-        if weight > 0.0 {
-            let basis = self.basis(&scaled);
-            let along = |c: &Vec<f64>| 1e-3 * weight * c.iter().zip(&basis).map(|(c, b)| c * b).sum::<f64>();
-            let shift = Vector3::from_iterator(self.shift_mm.iter().map(along));
-            out.lag += match self.over {
-                Over::Position => state.situation.base_from_wobj.rotation * shift,
-                Over::Motor => shift,
-            };
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn follows_command(&self) -> bool {
@@ -188,8 +235,12 @@ impl Effect for Empirical {
     }
 
     fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
+        let at = match self.over {
+            Over::Position => (1e3 * situation.wobj_from_tcp.translation.vector).as_slice().to_vec(),
+            Over::Motor => motor_commanded.map(f64::to_degrees).as_slice().to_vec(),
+        };
         // Rounding of the padding must not put the outermost row outside.
-        self.scaled(motor_commanded, situation).iter().all(|u| u.abs() <= FULL + 1e-9)
+        at.into_iter().enumerate().all(|(i, value)| self.scaled(i, value).abs() <= FULL + 1e-9)
     }
 
     fn parameters(&self) -> Vec<Parameter> {

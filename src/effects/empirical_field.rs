@@ -3,7 +3,8 @@
 //! The second form of `empirical`: a sum of bells about the places where something was left. It acts in full as near to one
 //! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps.
 
-use super::{Distortion, Effect, Load, Parameter, Situation, State, table_of};
+use super::{Effect, Law, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
+use crate::lanes::{Mask, Real, Vector};
 use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -65,20 +66,42 @@ pub(crate) fn fade(off: f64) -> f64 {
     left * left * (3.0 - 2.0 * left)
 }
 
+/// Exponents below this leave nothing of a bell, beside the others.
+const NOTHING: f64 = -40.0;
+
+impl Physics for EmpiricalField {
+    fn parts(&self) -> Parts {
+        Parts::LAG
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        let place = site.base_from_wobj.point(site.wanted) * R::of(1e3);
+        let scale = -0.5 / (self.reach_mm * self.reach_mm);
+        let (mut shift, mut nearest) = (Vector::ZERO, R::of(f64::INFINITY));
+        for (at, bell) in self.at_mm.iter().zip(&self.shift_mm) {
+            let apart = place - Vector::of(&(*at).into());
+            let apart = apart.dot(apart);
+            nearest = apart.lt(nearest).select(apart, nearest);
+            let exponent = apart * scale;
+            let felt = R::of(NOTHING).lt(exponent);
+            if felt.any() {
+                let size = felt.select(exponent.each(f64::exp), R::ZERO);
+                shift = shift + Vector::of(&(*bell).into()) * size;
+            }
+        }
+        let fade = (nearest.sqrt() * (1.0 / self.within_mm)).each(fade);
+        out.lag = out.lag + shift * (fade * 1e-3);
+    }
+}
+
 impl Effect for EmpiricalField {
     fn kind(&self) -> &'static str {
         super::empirical::KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        let fade = fade(self.off(state.situation));
-        if fade > 0.0 {
-            let scale = -0.5 / (self.reach_mm * self.reach_mm);
-            let bells = self.apart(state.situation).zip(&self.shift_mm);
-            let shift_mm: Vector3<f64> =
-                bells.map(|(apart, shift)| (scale * apart).exp() * Vector3::from(*shift)).sum();
-            out.lag += 1e-3 * fade * shift_mm;
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn covers(&self, _: &Joints, situation: &Situation) -> bool {

@@ -1,14 +1,16 @@
 //! A cutting force that is off by a factor: another alloy, a dynamometer out of calibration.
 
-use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Simple, State, checked, scalar, table_of, take};
-use crate::robot::Joints;
+use super::{Effect, FACTOR, Kind, Law, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "force_scale",
     summary: "the cutting force is off by a factor",
+    forms: &["factor = 1.2"],
     read: |table| checked(table.try_into::<ForceScale>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ForceScale { factor: 1.0 })] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Force = factor · given force.
@@ -18,17 +20,24 @@ pub(super) struct ForceScale {
     factor: f64,
 }
 
+impl Physics for ForceScale {
+    fn parts(&self) -> Parts {
+        Parts::CUT
+    }
+
+    #[inline(always)]
+    fn load<R: Real>(&self, _: &State<'_, R>, load: &mut Load<R>) {
+        load.cut = load.cut * R::of(self.factor);
+    }
+}
+
 impl Effect for ForceScale {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn load(&self, _: &State, load: &mut Load) {
-        load.cut *= self.factor;
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::ForceFactor(self.factor))
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

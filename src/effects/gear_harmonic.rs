@@ -1,15 +1,22 @@
 //! Periodic error of a gear: a few clean harmonics of the motor angle.
 
-use super::{ANY, Distortion, Effect, Kind, Load, Parameter, State, checked, scalar, table_of};
+use super::{ANY, Effect, Kind, Law, Offset, Parameter, Physics, Site, checked, scalar, table_of};
+use crate::lanes::{Real, SinCos};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "gear_harmonic",
     summary: "periodic transmission error, a few clean harmonics",
+    forms: &[
+        "terms = [{ joint = 1, order = 21, cos_rad = 0, sin_rad = 0 }, { joint = 5, order = 48.5, cos_rad = 0, sin_rad = 0 }]",
+    ],
+    shape: super::Shape::Periodic,
+    locally_like: &[super::joint_error_curve::KIND.name],
     read,
     // Joints times orders are too many to list: a search builds them with `gear_harmonic`.
     candidates: |_| vec![],
+    ..Kind::PLAIN
 };
 
 /// Actual = commanded + Σ (cos_rad · cos(order · angle) + sin_rad · sin(order · angle)), angle as commanded: the motor
@@ -51,16 +58,24 @@ pub fn gear_harmonic(joints_and_orders: &[(usize, f64)]) -> Box<dyn Effect> {
     Box::new(GearHarmonic { terms: joints_and_orders.iter().map(term).collect() })
 }
 
+impl Physics for GearHarmonic {
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        for term in &self.terms {
+            let i = term.joint - 1;
+            let SinCos { sin, cos } = SinCos::of(site.commanded[i] * term.order);
+            out.joints[i] = out.joints[i] + (cos * term.cos_rad + sin * term.sin_rad);
+        }
+    }
+}
+
 impl Effect for GearHarmonic {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        for term in &self.terms {
-            let (sin, cos) = (term.order * state.motor_commanded[term.joint - 1]).sin_cos();
-            out.joints[term.joint - 1] += term.cos_rad * cos + term.sin_rad * sin;
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn follows_command(&self) -> bool {

@@ -1,18 +1,20 @@
 //! Weight of links, tool and payload.
 
 use super::{
-    ANY, Covered, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Simple, State, Survey, Weights, checked,
+    ANY, Covered, Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
     indexed, table_of, take,
 };
+use crate::lanes::{Real, Vector};
 use crate::robot::Joints;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "gravity",
     summary: "weight of links, tool and payload bends the arm",
+    forms: &["tool = true", "compliance_rad_per_nm = [0, 0, 0, 0, 0, 0]"],
     read: |table| checked(table.try_into::<Gravity>()?),
     candidates,
+    ..Kind::PLAIN
 };
 
 /// Compliance of a joint of a 100 kg class arm, rad/(N·m): where a fit without a declared stiffness starts.
@@ -41,49 +43,48 @@ pub(super) struct Gravity {
     compliance_rad_per_nm: Option<[f64; 6]>,
 }
 
+impl Physics for Gravity {
+    fn parts(&self) -> Parts {
+        Parts::WEIGHTS
+    }
+
+    #[inline(always)]
+    fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
+        let g = Vector::<R>::of(&state.gravity);
+        for i in 0..6 {
+            let link = &state.chain.links[i];
+            let mass = R::of(self.mass_kg[i]);
+            // m·(o + R c) × g = (m o + R (m c)) × g: only the first moment is needed.
+            let lever = link.origin * mass + link.turn(Vector::of(&self.first_moment_kg_m[i].into()));
+            load.links[i].force = load.links[i].force + g * mass;
+            load.links[i].moment = load.links[i].moment + lever.cross(g);
+        }
+        let site = state.site;
+        let held = if self.tool { site.payload + site.tool_mass } else { site.payload };
+        load.links[5].add_force(g * held, state.chain.links[5].point(site.tool_cog));
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        if let (None, Some(compliance)) = (state.stiffness, self.compliance_rad_per_nm) {
+            for i in 0..6 {
+                out.joints[i] = out.joints[i] + load.torque[i] * compliance[i];
+            }
+        }
+    }
+
+    fn compliance(&self, stiffness: Option<&Joints>) -> [f64; 6] {
+        self.compliance_rad_per_nm.filter(|_| stiffness.is_none()).unwrap_or_default()
+    }
+}
+
 impl Effect for Gravity {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn load(&self, state: &State, load: &mut Load) {
-        let g = state.gravity;
-        for i in 0..6 {
-            let link = &state.frames.base_from_link[i];
-            // m·(o + R c) × g = (m o + R (m c)) × g: only the first moment is needed.
-            let moment = link.rotation * Vector3::from(self.first_moment_kg_m[i]);
-            let lever = self.mass_kg[i] * link.translation.vector + moment;
-            load.links[i].force += self.mass_kg[i] * g;
-            load.links[i].moment += lever.cross(&g);
-        }
-        let mut held = state.situation.payload;
-        let tool = &state.situation.tool;
-        if self.tool {
-            held += tool.mass;
-        }
-        if held > 0.0 {
-            let point = state.frames.base_from_flange() * nalgebra::Point3::from(tool.cog);
-            load.links[5].add_force(&(held * g), &point.coords);
-        }
-    }
-
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        if let (None, Some(compliance)) = (state.stiffness, self.compliance_rad_per_nm) {
-            for i in 0..6 {
-                out.joints[i] += compliance[i] * load.torque[i];
-            }
-        }
-    }
-
-    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
-        let rigid = stiffness.is_some() || self.compliance_rad_per_nm.is_none();
-        rigid.then(|| {
-            Simple::Weights(Weights {
-                mass: self.mass_kg,
-                first_moment: self.first_moment_kg_m.map(Vector3::from),
-                tool: self.tool,
-            })
-        })
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn covered_by(&self) -> Option<Covered> {

@@ -1,15 +1,21 @@
 //! Friction in the gears: lost motion that grows with the torque they carry.
 
-use super::{Distortion, Effect, Kind, Load, Need, Parameter, State, checked, indexed, table_of, take};
+use super::{
+    Deflection, Effect, Kind, Law, Load, Need, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "hysteresis",
     summary: "gear friction: lost motion grows with torque",
+    forms: &["fraction = [0, 0.1, 0, 0, 0, 0]"],
+    bends_under_load: true,
     read: |table| checked(table.try_into::<Hysteresis>()?),
     candidates: |survey| {
         if survey.stiffness_declared { vec![Box::new(Hysteresis { fraction: [0.0; 6] })] } else { vec![] }
     },
+    ..Kind::PLAIN
 };
 
 /// Actual = commanded + spring − travel · fraction · |τ| / k, with the declared stiffness k.
@@ -20,17 +26,28 @@ pub(super) struct Hysteresis {
     fraction: [f64; 6],
 }
 
+impl Physics for Hysteresis {
+    fn parts(&self) -> Parts {
+        Parts::LOST
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        if let Some(stiffness) = state.stiffness {
+            for i in 0..6 {
+                out.lost[i] = out.lost[i] + load.torque[i].abs() * (self.fraction[i] / stiffness[i]);
+            }
+        }
+    }
+}
+
 impl Effect for Hysteresis {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        if let Some(stiffness) = state.stiffness {
-            for i in 0..6 {
-                out.lost[i] += self.fraction[i] * load.torque[i].abs() / stiffness[i];
-            }
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

@@ -5,8 +5,9 @@
 
 use super::spline::{Place, Spline};
 use super::{
-    ANY, Covered, Distortion, Effect, Kind, Load, Parameter, Situation, State, Survey, checked, indexed, table_of,
+    ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, Situation, Survey, checked, indexed, table_of,
 };
+use crate::lanes::Real;
 use crate::robot::Joints;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -14,8 +15,14 @@ use serde::{Deserialize, Serialize};
 pub(super) const KIND: Kind = Kind {
     name: "joint_error_curve",
     summary: "a joint's own error, a smooth curve of its angle",
+    forms: &[
+        "curves = [{ joint = 2, angle_deg = [0, 10, 20, 30, 40], error_rad = [0, 0, 0, 0, 0] }, { joint = 6, angle_deg = [-70, -50], error_rad = [0, 0] }]",
+    ],
+    part: super::Part::EachJoint,
+    shape: super::Shape::Curve,
     read: |table| checked(JointErrorCurve::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
     candidates,
+    ..Kind::PLAIN
 };
 
 /// Knot spacings to choose from, degrees: finer curves follow a gear's waves, coarser ones need fewer data.
@@ -118,15 +125,23 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     all
 }
 
+impl Physics for JointErrorCurve {
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        for (joint, curve) in &self.curves {
+            let error = site.commanded[*joint].each(|angle| curve.at(angle.to_degrees()));
+            out.joints[*joint] = out.joints[*joint] + error;
+        }
+    }
+}
+
 impl Effect for JointErrorCurve {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        for (joint, curve) in &self.curves {
-            out.joints[*joint] += curve.at(state.motor_commanded[*joint].to_degrees());
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn follows_command(&self) -> bool {

@@ -1,14 +1,22 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
-use super::{Distortion, Effect, FACTOR, Kind, Load, Need, Parameter, Simple, State, checked, indexed, table_of, take};
+use super::{
+    Deflection, Effect, FACTOR, Kind, Law, Load, Need, Parameter, Physics, State, checked, indexed, table_of, take,
+};
+use crate::lanes::Real;
 use crate::robot::Joints;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "joint_stiffness",
     summary: "declared joint stiffness is off by a factor",
+    forms: &["scale = [1, 1, 1, 1, 1, 1]"],
+    part: super::Part::JointSpring,
+    bends_under_load: true,
+    implied_by_stiffness: true,
     read: |table| checked(table.try_into::<JointStiffness>()?),
     candidates: |survey| if survey.stiffness_declared { vec![super::declared_springs()] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Joint springs of `scale` times the declared stiffness, in motor coordinates.
@@ -28,22 +36,28 @@ impl JointStiffness {
     }
 }
 
+impl Physics for JointStiffness {
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        if let Some(stiffness) = state.stiffness {
+            for i in 0..6 {
+                out.joints[i] = out.joints[i] + load.torque[i] * (1.0 / (stiffness[i] * self.scale[i]));
+            }
+        }
+    }
+
+    fn compliance(&self, stiffness: Option<&Joints>) -> [f64; 6] {
+        stiffness.map_or([0.0; 6], |k| std::array::from_fn(|i| 1.0 / (k[i] * self.scale[i])))
+    }
+}
+
 impl Effect for JointStiffness {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        if let Some(stiffness) = state.stiffness {
-            for i in 0..6 {
-                out.joints[i] += load.torque[i] / (stiffness[i] * self.scale[i]);
-            }
-        }
-    }
-
-    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
-        let compliance = |k: &Joints| Joints::from_fn(|i, _| 1.0 / (k[i] * self.scale[i]));
-        Some(Simple::Springs { compliance: stiffness.map_or_else(Joints::zeros, compliance) })
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

@@ -1,13 +1,20 @@
 //! Links that are not as drawn: lengths, offsets and twists of the modified-DH rows.
 
-use super::{ANY, Covered, Distortion, Effect, Kind, Load, Parameter, State, checked, indexed, table_of, take};
+use super::{
+    ANY, Covered, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "link_geometry",
     summary: "link lengths, offsets and twists differ from the drawing",
+    forms: &["d_a_mm = [0, 0, 0.1, 0, 0, 0]"],
+    locally_like: &[super::joint_error_curve::KIND.name],
+    stage: super::Stage::Geometry,
     read: |table| checked(table.try_into::<LinkGeometry>()?),
     candidates: |_| vec![Box::new(LinkGeometry::default())],
+    ..Kind::PLAIN
 };
 
 /// Added to the rows. Two parallel axes make some of these one and the same: a fit takes the set it can hold.
@@ -20,18 +27,29 @@ pub(super) struct LinkGeometry {
     d_theta_rad: [f64; 6],
 }
 
+impl Physics for LinkGeometry {
+    fn parts(&self) -> Parts {
+        Parts::ROWS
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
+        for (i, row) in out.rows.iter_mut().enumerate() {
+            row.alpha = row.alpha + self.d_alpha_rad[i];
+            row.a = row.a + 1e-3 * self.d_a_mm[i];
+            row.d = row.d + 1e-3 * self.d_d_mm[i];
+            row.theta = row.theta + self.d_theta_rad[i];
+        }
+    }
+}
+
 impl Effect for LinkGeometry {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        for (i, row) in out.rows.iter_mut().enumerate() {
-            row.alpha += self.d_alpha_rad[i];
-            row.a += 1e-3 * self.d_a_mm[i];
-            row.d += 1e-3 * self.d_d_mm[i];
-            row.theta += self.d_theta_rad[i];
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn covered_by(&self) -> Option<Covered> {

@@ -1,28 +1,30 @@
 //! What makes the real arm differ from the one that the controller believes in.
 //!
-//! One file is one physical effect. An effect adds **loads** (to the cutting force or as weights), or
-//! turns loads into motion (**yields**), or moves the geometry whatever the load (**offsets**): the last two
-//! through one [`Distortion`]. Nothing outside this folder knows an effect by name; [`KINDS`] is the only list.
+//! One file is one physical effect. An effect adds **loads** (to the cutting force or as weights), moves the geometry whatever
+//! the load (**offsets**), or turns loads into motion (**deflections**): see `Physics`, written once over any number of targets.
+//! What the rest of the tool asks about it stands in its [`Kind`]: nothing outside this folder knows an effect by name.
 
 mod backlash;
 mod base_compliance;
 mod bearing_compliance;
 #[cfg(test)]
 mod bench;
-mod distortion;
 mod empirical;
 mod empirical_field;
 mod force_scale;
 mod gear_harmonic;
 mod gravity;
 mod hysteresis;
+mod joint_coupling;
 mod joint_error_curve;
 mod joint_stiffness;
+mod kind;
 mod link_geometry;
-mod simple;
+mod physics;
 mod spline;
 mod state;
 mod stiffness_curve;
+mod stiffness_temperature;
 mod survey;
 mod table;
 mod thermal_growth;
@@ -34,16 +36,17 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
-pub(crate) use distortion::Parts;
-pub use distortion::{Distortion, Twist};
 pub use empirical_field::empirical_field;
 pub(crate) use empirical_field::fade;
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
-pub use simple::{Simple, Weights};
-pub use state::{Cutting, ForceLaw, Load, Situation, State, ToolFrame, Wrench};
+pub use kind::{Kind, Part, Shape, Stage};
+pub use physics::Law;
+pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
+pub use state::{Cutting, ForceLaw, Situation, ToolFrame};
 pub use survey::Survey;
 
+use crate::lanes::Real;
 use crate::robot::Joints;
 use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, scalar, table_of, take};
@@ -55,17 +58,10 @@ pub trait Effect: Debug + Send + Sync {
     /// Name in the cell file, one of [`KINDS`].
     fn kind(&self) -> &'static str;
 
-    /// Adds to the loads. Called before [`Effect::distort`] of any effect, in the order of the cell file.
-    fn load(&self, state: &State, load: &mut Load) {
-        let _ = (state, load);
-    }
+    /// What it does.
+    fn law(&self) -> Law<'_>;
 
-    /// Adds what yields to `load` (all loads known, motor torques filled in) and what is off whatever the load.
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let _ = (state, load, out);
-    }
-
-    /// Whether [`Effect::distort`] depends on the **commanded** motor angles: the inverse then iterates.
+    /// Whether what is off depends on the **commanded** motor angles: the inverse then iterates.
     fn follows_command(&self) -> bool {
         false
     }
@@ -89,12 +85,6 @@ pub trait Effect: Debug + Send + Sync {
 
     /// The curve of one joint's angle that the effect is, where it is nothing else.
     fn joint_curve(&self) -> Option<JointCurve> {
-        None
-    }
-
-    /// What the effect comes to where it is one of the simplest (declared stiffness at the motors, N·m/rad, given).
-    fn simple(&self, stiffness: Option<&Joints>) -> Option<Simple> {
-        let _ = stiffness;
         None
     }
 
@@ -127,7 +117,7 @@ pub struct Parameter {
     pub name: String,
     /// Value, in `unit`.
     pub value: f64,
-    /// Unit, as INTERFACE writes it: `rad`, `mm/N`, `kg·m`, …
+    /// Unit, as `docs/effects.md` writes it: `rad`, `mm/N`, `kg·m`, …
     pub unit: &'static str,
     /// Typical size on a real robot: standard deviation of the physical prior about `neutral`, in `unit`.
     pub typical: f64,
@@ -164,48 +154,60 @@ pub enum Covered {
     Geometry,
 }
 
-/// An entry of the registry.
-#[non_exhaustive]
-pub struct Kind {
-    /// Name in the cell file.
-    pub name: &'static str,
-    /// One line for people: what happens physically.
-    pub summary: &'static str,
-    /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
-    pub read: fn(toml::Table) -> Result<Box<dyn Effect>, toml::de::Error>,
-    /// Variants that do nothing yet, to be fitted to data of this kind; empty where the data cannot show the effect, or
-    /// where a search builds them (`gear_harmonic`).
-    pub candidates: fn(&Survey) -> Vec<Box<dyn Effect>>,
+impl Covered {
+    /// Both, with their words in the cell file.
+    pub const WORDS: [(&'static str, Self); 2] = [("gravity", Self::Gravity), ("geometry", Self::Geometry)];
+
+    /// The word in the cell file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Gravity => "gravity",
+            Self::Geometry => "geometry",
+        }
+    }
 }
 
-/// Every effect that deflex knows, in the order of INTERFACE.md. Adding an effect is adding a file and a line.
-pub static KINDS: &[Kind] = &[
-    joint_stiffness::KIND,
-    stiffness_curve::KIND,
-    gravity::KIND,
-    backlash::KIND,
-    hysteresis::KIND,
-    gear_harmonic::KIND,
-    joint_error_curve::KIND,
-    zero_offset::KIND,
-    link_geometry::KIND,
-    tool_frame::KIND,
-    work_object_frame::KIND,
-    base_compliance::KIND,
-    bearing_compliance::KIND,
-    tool_compliance::KIND,
-    workpiece_compliance::KIND,
-    thermal_growth::KIND,
-    force_scale::KIND,
-    tool_wear::KIND,
-    tracking_lag::KIND,
-    empirical::KIND,
-];
+// The only list of effects: an effect is its file, its module above and its line here.
+physics::registry! {
+    joint_stiffness: JointStiffness;
+    stiffness_curve: StiffnessCurve;
+    gravity: Gravity;
+    backlash: Backlash;
+    hysteresis: Hysteresis;
+    gear_harmonic: GearHarmonic;
+    joint_error_curve: JointErrorCurve;
+    zero_offset: ZeroOffset;
+    link_geometry: LinkGeometry;
+    tool_frame: ToolFrameError;
+    work_object_frame: WorkObjectFrame;
+    base_compliance: BaseCompliance;
+    bearing_compliance: BearingCompliance;
+    tool_compliance: ToolCompliance;
+    workpiece_compliance: WorkpieceCompliance;
+    thermal_growth: ThermalGrowth;
+    force_scale: ForceScale;
+    tool_wear: ToolWear;
+    tracking_lag: TrackingLag;
+    joint_coupling: JointCoupling;
+    stiffness_temperature: StiffnessTemperature;
+    empirical: Empirical, EmpiricalField;
+}
 
 /// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.
 #[must_use]
 pub fn declared_springs() -> Box<dyn Effect> {
     Box::new(joint_stiffness::JointStiffness::declared())
+}
+
+/// Effects of a cell file, with what its `[robot.stiffness]` implies in front where they do not say it; whether it was added.
+pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>) -> bool {
+    let implied = |name| kind(name).is_some_and(|kind| kind.implied_by_stiffness);
+    let missing = !effects.iter().any(|effect| implied(effect.kind()));
+    if missing {
+        effects.insert(0, declared_springs());
+    }
+    missing
 }
 
 /// The registry's entry of a name.

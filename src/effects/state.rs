@@ -1,5 +1,5 @@
-use crate::lanes::{Mask, Vector, WIDTH};
-use crate::robot::{Frames, Joints, Pose, Robot};
+use crate::lanes::{LaneMask, Mask, Vector, WIDTH};
+use crate::robot::Pose;
 use nalgebra::{Rotation3, Vector3};
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub trait ForceLaw: Sync {
 
     /// The same at those of eight places that are wanted.
     #[doc(hidden)]
-    fn forces(&self, wanted: Mask, shift: &Vector, axis: &Vector, force: &mut Vector) {
+    fn forces(&self, wanted: LaneMask, shift: &Vector, axis: &Vector, force: &mut Vector) {
         for lane in (0..WIDTH).filter(|lane| wanted.lane(*lane)) {
             force.set(lane, &self.force(&shift.lane(lane), &axis.lane(lane)));
         }
@@ -90,87 +90,4 @@ pub struct Situation<'a> {
     pub temperature: Option<f64>,
     /// Payload besides the tool, kg.
     pub payload: f64,
-}
-
-/// A force and a moment about the base origin, base axes, N and N·m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wrench {
-    /// Force, N.
-    pub force: Vector3<f64>,
-    /// Moment about the base origin, N·m.
-    pub moment: Vector3<f64>,
-}
-
-impl Default for Wrench {
-    fn default() -> Self {
-        Self { force: Vector3::zeros(), moment: Vector3::zeros() }
-    }
-}
-
-impl Wrench {
-    /// Adds a force (N) acting at a point (m), both in the base frame.
-    pub fn add_force(&mut self, force: &Vector3<f64>, point: &Vector3<f64>) {
-        self.force += force;
-        self.moment += point.cross(force);
-    }
-}
-
-/// All loads on the arm at one target.
-#[derive(Clone, Debug, Default)]
-pub struct Load {
-    /// Cutting force on the tool at the TCP, base axes, N.
-    pub cut: Vector3<f64>,
-    /// Weights on links 1 to 6 (tool and payload on link 6).
-    pub links: [Wrench; 6],
-    /// Torques that cut and weights put on the motors, N·m, in motor coordinates (τ = Jᵀ F). Filled in after
-    /// every effect's [`load`](super::Effect::load).
-    pub torque: Joints,
-}
-
-impl Load {
-    /// Everything that acts on link `first` (0 to 5) and beyond, about the base origin.
-    #[must_use]
-    pub fn beyond(&self, first: usize, tcp: &Vector3<f64>) -> Wrench {
-        let mut sum = Wrench::default();
-        sum.add_force(&self.cut, tcp);
-        for link in &self.links[first..] {
-            sum.force += link.force;
-            sum.moment += link.moment;
-        }
-        sum
-    }
-
-    /// Fills in the motor torques: each joint carries what acts beyond it, about its own axis.
-    pub(crate) fn fill_torque(&mut self, robot: &Robot, frames: &Frames, tcp: &Vector3<f64>) {
-        let mut serial = Joints::zeros();
-        let mut sum = Wrench::default();
-        sum.add_force(&self.cut, tcp);
-        for i in (0..6).rev() {
-            sum.force += self.links[i].force;
-            sum.moment += self.links[i].moment;
-            serial[i] = frames.axis(i).dot(&(sum.moment - frames.origin(i).cross(&sum.force)));
-        }
-        self.torque = robot.motor_torque_from_serial(&serial);
-    }
-}
-
-/// The arm's state at one target: what an effect may depend on.
-#[derive(Clone, Copy, Debug)]
-pub struct State<'a> {
-    /// The nominal robot.
-    pub robot: &'a Robot,
-    /// Declared joint stiffness, N·m/rad at the motors, where the cell has one.
-    pub stiffness: Option<&'a Joints>,
-    /// Commanded motor angles, rad.
-    pub motor_commanded: &'a Joints,
-    /// Actual motor angles, rad.
-    pub motor: &'a Joints,
-    /// Actual frames of the links in the base.
-    pub frames: &'a Frames,
-    /// Actual TCP in the base, m.
-    pub base_from_tcp: &'a Pose,
-    /// Gravity, base axes, m/s².
-    pub gravity: Vector3<f64>,
-    /// The target's circumstances.
-    pub situation: &'a Situation<'a>,
 }

@@ -3,16 +3,24 @@
 //! The declared spring stays in the cell; this effect adds what the curve deflects beyond it.
 
 use super::{
-    Distortion, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, Survey, checked, indexed, table_of,
-    take,
+    Deflection, Effect, FACTOR, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked,
+    indexed, table_of, take,
 };
+use crate::lanes::{Mask, Real};
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "stiffness_curve",
     summary: "the joints' torque-deflection curve is not a straight line",
+    forms: &[
+        "form = 'two_slope'\nwidth_rad = [0, 1e-4, 1e-4, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]",
+        "form = 'cubic'\nc_per_rad2 = [0, 0, 0, 0, 0, 0]",
+    ],
+    part: super::Part::JointSpring,
+    bends_under_load: true,
     read: |table| checked(table.try_into::<StiffnessCurve>()?),
     candidates,
+    ..Kind::PLAIN
 };
 
 /// Deflection within which a gear is soft, rad: typical, and where a fit starts.
@@ -47,28 +55,50 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
 }
 
 /// What a two-slope spring deflects beyond a straight one, both in torque over declared stiffness, rad.
-fn two_slope_excess(straight: f64, width: f64, ratio: f64) -> f64 {
-    let inside = straight.abs().min(ratio * width);
-    (inside / ratio - inside).copysign(straight)
+#[inline(always)]
+fn two_slope_excess<R: Real>(straight: R, width: f64, ratio: f64) -> R {
+    let (size, soft) = (straight.abs(), R::of(ratio * width));
+    let inside = soft.lt(size).select(soft, size);
+    straight.lt(0.0).negate(inside * (1.0 / ratio) - inside)
 }
 
 /// What δ + c δ³ = `straight` deflects beyond `straight`, rad; NaN where a softening spring (c < 0) gives way.
-fn cubic_excess(straight: f64, c: f64) -> f64 {
+#[inline(always)]
+fn cubic_excess<R: Real>(straight: R, c: f64) -> R {
+    let mut excess = R::ZERO;
+    if c == 0.0 {
+        return excess;
+    }
     // From `straight`, Newton's method nears the root from one side only, whatever the sign of c.
-    let mut excess = 0.0;
+    let mut done = R::Mask::default();
     for _ in 0..STEPS {
         let delta = straight + excess;
-        let slope = 1.0 + 3.0 * c * delta * delta;
-        if slope <= 0.0 {
-            return f64::NAN;
-        }
-        let step = (excess + c * delta.powi(3)) / slope;
-        excess -= step;
-        if step.abs() <= 1e-15 * straight.abs() {
+        let slope = delta * delta * (3.0 * c) + 1.0;
+        let step = (excess + delta * delta * delta * c) / slope;
+        let next = R::ZERO.lt(slope).select(excess - step, R::of(f64::NAN));
+        excess = done.select(excess, next);
+        // NaN is done too.
+        done = done.or((straight.abs() * 1e-15).lt(step.abs()).not()).or(R::ZERO.lt(slope).not());
+        if !done.not().any() {
             break;
         }
     }
     excess
+}
+
+impl Physics for StiffnessCurve {
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let Some(stiffness) = state.stiffness else { return };
+        for i in 0..6 {
+            let straight = load.torque[i] * (1.0 / stiffness[i]);
+            let excess = match self {
+                TwoSlope { width_rad, ratio } => two_slope_excess(straight, width_rad[i], ratio[i]),
+                Cubic { c_per_rad2 } => cubic_excess(straight, c_per_rad2[i]),
+            };
+            out.joints[i] = out.joints[i] + excess;
+        }
+    }
 }
 
 impl Effect for StiffnessCurve {
@@ -76,15 +106,8 @@ impl Effect for StiffnessCurve {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let Some(stiffness) = state.stiffness else { return };
-        for i in 0..6 {
-            let straight = load.torque[i] / stiffness[i];
-            out.joints[i] += match self {
-                TwoSlope { width_rad, ratio } => two_slope_excess(straight, width_rad[i], ratio[i]),
-                Cubic { c_per_rad2 } => cubic_excess(straight, c_per_rad2[i]),
-            };
-        }
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {
@@ -138,7 +161,7 @@ mod tests {
     #[test]
     fn two_slopes_meet_at_the_width() {
         // Half as stiff up to 1e-4 rad: 0.4e-4 gives 0.8e-4; 2e-4 gives 1e-4 + (2e-4 − 0.5e-4).
-        assert_relative_eq!(two_slope_excess(0.4e-4, 1e-4, 0.5), 0.4e-4, max_relative = 1e-14);
+        assert_relative_eq!(two_slope_excess(0.4e-4_f64, 1e-4, 0.5), 0.4e-4, max_relative = 1e-14);
         assert_relative_eq!(two_slope_excess(2e-4, 1e-4, 0.5), 0.5e-4, max_relative = 1e-14);
         assert_relative_eq!(two_slope_excess(-2e-4, 1e-4, 0.5), -0.5e-4, max_relative = 1e-14);
     }
@@ -146,7 +169,7 @@ mod tests {
     #[test]
     fn the_cubic_is_solved_exactly() {
         // δ = 1e-3, c = 1e6: straight = 1e-3 + 1e-3.
-        assert_relative_eq!(cubic_excess(2e-3, 1e6), -1e-3, max_relative = 1e-14);
+        assert_relative_eq!(cubic_excess(2e-3_f64, 1e6), -1e-3, max_relative = 1e-14);
         assert_relative_eq!(cubic_excess(-2e-3, 1e6), 1e-3, max_relative = 1e-14);
         // Softening: δ = 5e-4, c = −1e6: straight = 5e-4 − 1.25e-4; beyond 2/3 of 1/√3 it gives way.
         assert_relative_eq!(cubic_excess(3.75e-4, -1e6), 1.25e-4, max_relative = 1e-13);

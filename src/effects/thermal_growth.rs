@@ -1,14 +1,23 @@
 //! Links that grow as the robot warms up: by time from a cold start, or by measured temperature.
 
-use super::{ANY, Distortion, Effect, Kind, Load, Need, Parameter, State, Survey, checked, scalar, table_of, take};
+use super::{
+    ANY, Effect, Kind, Law, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, table_of, take,
+};
+use crate::lanes::{Mask, Real};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "thermal_growth",
     summary: "links grow as the robot warms up",
+    forms: &[
+        "tau_s = 500\ncolumn_mm = 0\nupper_arm_mm = 0.13\nforearm_mm = 0.1",
+        "reference_c = 20\ncolumn_mm_per_k = 0.01",
+    ],
+    time_constant: Some("tau_s"),
     read: |table| checked(ThermalGrowth::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
     candidates,
+    ..Kind::PLAIN
 };
 
 /// Time constant of an arm, s: typical, and the prior's mean.
@@ -90,20 +99,35 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
     all
 }
 
+impl Physics for ThermalGrowth {
+    fn parts(&self) -> Parts {
+        Parts::ROWS
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        let share = match self.by {
+            By::Time { tau } => site.time.each(|time| -(-time / tau).exp_m1()),
+            By::Temperature { reference } => {
+                let above = site.temperature - reference;
+                // NaN, where it was not measured, is no growth.
+                above.abs().lt(f64::INFINITY).select(above, R::ZERO)
+            }
+        };
+        let [column, upper_arm, forearm] = self.growth.map(|growth| share * (1e-3 * growth));
+        out.rows[0].d = out.rows[0].d + column;
+        out.rows[2].a = out.rows[2].a + upper_arm;
+        out.rows[3].d = out.rows[3].d + forearm;
+    }
+}
+
 impl Effect for ThermalGrowth {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        let share = match self.by {
-            By::Time { tau } => -(-state.situation.time / tau).exp_m1(),
-            By::Temperature { reference } => state.situation.temperature.map_or(0.0, |now| now - reference),
-        };
-        let [column, upper_arm, forearm] = self.growth.map(|growth| 1e-3 * growth * share);
-        out.rows[0].d += column;
-        out.rows[2].a += upper_arm;
-        out.rows[3].d += forearm;
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

@@ -4,17 +4,20 @@
 //! that was measured with the tool on.
 
 use super::{
-    Distortion, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, Twist, checked, indexed, scalar, table_of,
-    take,
+    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
+    scalar, table_of, take,
 };
-use nalgebra::Vector3;
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "tool_compliance",
     summary: "tool, holder and spindle yield",
+    forms: &["radial_mm_per_n = 1e-4"],
+    bends_under_load: true,
     read: |table| checked(table.try_into::<ToolCompliance>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ToolCompliance::default())] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Turn at the flange under the cut's moment there, and shift of the tip along and across the tool axis.
@@ -29,22 +32,29 @@ pub(super) struct ToolCompliance {
     radial_mm_per_n: f64,
 }
 
+impl Physics for ToolCompliance {
+    fn parts(&self) -> Parts {
+        Parts::FLANGE.and(Parts::TIP)
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let flange = &state.chain.links[5];
+        let moment = (state.base_from_tcp.origin - flange.origin).cross(load.cut);
+        out.flange.x = out.flange.x + flange.x.dot(moment) * self.rad_per_nm[0];
+        out.flange.y = out.flange.y + flange.y.dot(moment) * self.rad_per_nm[1];
+        let (axial, radial) = (1e-3 * self.axial_mm_per_n, 1e-3 * self.radial_mm_per_n);
+        out.tip = out.tip + state.base_from_tcp.turn_back(load.cut).scaled([radial, radial, axial]);
+    }
+}
+
 impl Effect for ToolCompliance {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let flange = state.frames.base_from_flange();
-        let arm = state.base_from_tcp.translation.vector - flange.translation.vector;
-        let moment = flange.rotation.inverse() * arm.cross(&load.cut);
-        out.flange += Twist {
-            shift: Vector3::zeros(),
-            turn: Vector3::new(self.rad_per_nm[0] * moment.x, self.rad_per_nm[1] * moment.y, 0.0),
-        };
-        let force = state.base_from_tcp.rotation.inverse() * load.cut;
-        let yields = 1e-3 * Vector3::new(self.radial_mm_per_n, self.radial_mm_per_n, self.axial_mm_per_n);
-        out.tcp += Twist { shift: yields.component_mul(&force), turn: Vector3::zeros() };
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

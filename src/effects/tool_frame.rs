@@ -1,14 +1,17 @@
 //! A TCP that was taught or measured wrong.
 
-use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Simple, State, Twist, checked, indexed, table_of, take};
-use crate::robot::Joints;
+use super::{ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "tool_frame",
     summary: "the TCP is not where tooldata says",
+    forms: &["d_mm = [0.1, 0, 0]"],
+    stage: super::Stage::Geometry,
     read: |table| checked(table.try_into::<ToolFrameError>()?),
     candidates: |_| vec![Box::new(ToolFrameError::default())],
+    ..Kind::PLAIN
 };
 
 /// Actual TCP = declared TCP ∘ (d), in the declared tool frame.
@@ -20,17 +23,24 @@ pub(super) struct ToolFrameError {
     d_rad: [f64; 3],
 }
 
+impl Physics for ToolFrameError {
+    fn parts(&self) -> Parts {
+        Parts::TCP
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
+        out.tcp.add_mm(self.d_mm, self.d_rad);
+    }
+}
+
 impl Effect for ToolFrameError {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        out.tcp += Twist::of_mm(self.d_mm, self.d_rad);
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::Tool(Twist::of_mm(self.d_mm, self.d_rad)))
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn parameters(&self) -> Vec<Parameter> {

@@ -1,14 +1,18 @@
 //! A tool that grows dull: its force rises with the length cut.
 
-use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Simple, State, checked, scalar, table_of, take};
-use crate::robot::Joints;
+use super::{
+    Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "tool_wear",
     summary: "the cutting force grows with the length cut",
+    forms: &["per_m = 0.1"],
     read: |table| checked(table.try_into::<ToolWear>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ToolWear { per_m: 0.0 })] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Force = (1 + per_m · length cut) · given force.
@@ -18,17 +22,24 @@ pub(super) struct ToolWear {
     per_m: f64,
 }
 
+impl Physics for ToolWear {
+    fn parts(&self) -> Parts {
+        Parts::CUT
+    }
+
+    #[inline(always)]
+    fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
+        load.cut = load.cut * (state.site.cut_length * self.per_m + 1.0);
+    }
+}
+
 impl Effect for ToolWear {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn load(&self, state: &State, load: &mut Load) {
-        load.cut *= 1.0 + self.per_m * state.situation.cut_length;
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::ForceGrowth(self.per_m))
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

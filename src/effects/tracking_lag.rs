@@ -1,13 +1,18 @@
 //! The arm trails the command at speed.
 
-use super::{Distortion, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, checked, scalar, table_of, take};
+use super::{
+    Effect, Kind, Law, NOT_NEGATIVE, Need, Offset, Parameter, Parts, Physics, Site, checked, scalar, table_of, take,
+};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "tracking_lag",
     summary: "the arm trails the command at speed",
+    forms: &["time_s = 0.002"],
     read: |table| checked(table.try_into::<TrackingLag>()?),
     candidates: |survey| if survey.has_speed { vec![Box::new(TrackingLag { time_s: 0.0 })] } else { vec![] },
+    ..Kind::PLAIN
 };
 
 /// Actual = commanded − velocity · time.
@@ -17,14 +22,24 @@ pub(super) struct TrackingLag {
     time_s: f64,
 }
 
+impl Physics for TrackingLag {
+    fn parts(&self) -> Parts {
+        Parts::LAG
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        out.lag = out.lag - site.base_from_wobj.turn(site.velocity) * R::of(self.time_s);
+    }
+}
+
 impl Effect for TrackingLag {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, _: &Load, out: &mut Distortion) {
-        let situation = state.situation;
-        out.lag -= self.time_s * (situation.base_from_wobj.rotation * situation.velocity);
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

@@ -1,14 +1,17 @@
 //! A work object that does not lie where it was declared; a base that stands wrong looks the same.
 
-use super::{ANY, Distortion, Effect, Kind, Load, Parameter, Simple, State, Twist, checked, indexed, table_of, take};
-use crate::robot::Joints;
+use super::{ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "work_object_frame",
     summary: "the work object (or the base) is not where it was declared",
+    forms: &["d_rad = [0, 0, 1e-4]"],
+    like_device_frame: true,
     read: |table| checked(table.try_into::<WorkObjectFrame>()?),
     candidates: |_| vec![Box::new(WorkObjectFrame::default())],
+    ..Kind::PLAIN
 };
 
 /// Actual work object = declared work object ∘ (d).
@@ -20,17 +23,24 @@ pub(super) struct WorkObjectFrame {
     d_rad: [f64; 3],
 }
 
+impl Physics for WorkObjectFrame {
+    fn parts(&self) -> Parts {
+        Parts::WOBJ
+    }
+
+    #[inline(always)]
+    fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
+        out.wobj.add_mm(self.d_mm, self.d_rad);
+    }
+}
+
 impl Effect for WorkObjectFrame {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        out.wobj += Twist::of_mm(self.d_mm, self.d_rad);
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::WorkObject(Twist::of_mm(self.d_mm, self.d_rad)))
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn parameters(&self) -> Vec<Parameter> {

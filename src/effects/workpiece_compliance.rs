@@ -1,13 +1,17 @@
 //! A workpiece or fixture that yields along the surface normal: thin walls, soft clamps.
 
 use super::{
-    ANY, Distortion, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, State, checked, indexed, scalar, table_of, take,
+    ANY, Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
+    scalar, table_of, take,
 };
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "workpiece_compliance",
     summary: "the workpiece or its fixture yields",
+    forms: &["mm_per_n = 1e-4", "mm_per_n = [1e-4, 0, 0, 1e-9, 0, 1e-9]"],
+    bends_under_load: true,
     read: |table| checked(table.try_into::<WorkpieceCompliance>()?),
     candidates: |survey| {
         if !survey.has_force {
@@ -17,6 +21,7 @@ pub(super) const KIND: Kind = Kind {
         let varying = WorkpieceCompliance { mm_per_n: Compliance::Polynomial([0.0; 6]) };
         vec![Box::new(alike), Box::new(varying)]
     },
+    ..Kind::PLAIN
 };
 
 /// The tool's force F pushes the part by −c (F·n) along its normal n, so that the tool stands c (F·n) too far out.
@@ -46,23 +51,33 @@ const TERMS: [(&str, f64); 6] = [
     ("mm/(N·mm²)", 7e-9),
 ];
 
+impl Physics for WorkpieceCompliance {
+    fn parts(&self) -> Parts {
+        Parts::PART
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let site = state.site;
+        let mm_per_n = match &self.mm_per_n {
+            Compliance::Alike(compliance) => R::of(*compliance),
+            Compliance::Polynomial(c) => {
+                let (x, y) = (site.wanted.x * 1e3, site.wanted.y * 1e3);
+                x * c[1] + y * c[2] + x * x * c[3] + x * y * c[4] + y * y * c[5] + c[0]
+            }
+        };
+        let normal = site.base_from_wobj.turn(site.normal);
+        out.part = out.part - normal * (mm_per_n * load.cut.dot(normal) * 1e-3);
+    }
+}
+
 impl Effect for WorkpieceCompliance {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, state: &State, load: &Load, out: &mut Distortion) {
-        let situation = state.situation;
-        let mm_per_n = match &self.mm_per_n {
-            Compliance::Alike(compliance) => *compliance,
-            Compliance::Polynomial(c) => {
-                let at = 1e3 * situation.wobj_from_tcp.translation.vector;
-                let (x, y) = (at.x, at.y);
-                c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y
-            }
-        };
-        let normal = situation.base_from_wobj.rotation * situation.normal;
-        out.part -= 1e-3 * mm_per_n * load.cut.dot(&normal) * normal;
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn needs(&self) -> &'static [Need] {

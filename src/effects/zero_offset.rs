@@ -1,14 +1,20 @@
 //! Joint zeros that are off: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Distortion, Effect, Kind, Load, Parameter, Simple, State, checked, indexed, table_of, take};
-use crate::robot::Joints;
+use super::{ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "zero_offset",
     summary: "joint zero positions are off",
+    forms: &["offset_rad = [0, 3e-4, 0, 0, -5e-4, 0]"],
+    nested_in: &[super::link_geometry::KIND.name],
+    locally_like: &[super::joint_error_curve::KIND.name],
+    is_joint_constant: true,
+    stage: super::Stage::Geometry,
     read: |table| checked(table.try_into::<ZeroOffset>()?),
     candidates: |_| vec![Box::new(ZeroOffset { offset_rad: [0.0; 6] })],
+    ..Kind::PLAIN
 };
 
 /// Actual = commanded + offset.
@@ -18,19 +24,22 @@ pub(super) struct ZeroOffset {
     offset_rad: [f64; 6],
 }
 
+impl Physics for ZeroOffset {
+    #[inline(always)]
+    fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
+        for i in 0..6 {
+            out.joints[i] = out.joints[i] + self.offset_rad[i];
+        }
+    }
+}
+
 impl Effect for ZeroOffset {
     fn kind(&self) -> &'static str {
         KIND.name
     }
 
-    fn distort(&self, _: &State, _: &Load, out: &mut Distortion) {
-        for i in 0..6 {
-            out.joints[i] += self.offset_rad[i];
-        }
-    }
-
-    fn simple(&self, _: Option<&Joints>) -> Option<Simple> {
-        Some(Simple::Offset { joints: Joints::from(self.offset_rad) })
+    fn law(&self) -> Law<'_> {
+        self.into()
     }
 
     fn covered_by(&self) -> Option<Covered> {

@@ -1,8 +1,11 @@
-use super::arm::Look;
-use super::predict::{Foreseen, Landing};
+use super::block::{Setting, Site};
+use super::model::Model;
+use super::predict::{Foreseen, Landing, Load, Workspace};
 use super::{Arm, EquilibriumError};
-use crate::effects::{Distortion, Load, Parts, Situation};
-use crate::robot::{Joints, Pose, polish};
+use crate::effects::Situation;
+use crate::lanes::Frame;
+use crate::robot::kinematics::one;
+use crate::robot::{Joints, Pose};
 
 /// The command that ends up where it should.
 #[derive(Clone, Debug)]
@@ -34,10 +37,12 @@ pub(crate) struct Aim {
 /// How the depth of cut feeds back: a lift of the tip changes the force, to which the joints yield, which lifts the tip.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Feedback {
+    /// By how much the joints yield at the wanted pose, rad.
+    pub(crate) under: Joints,
     /// What the joints yield by to a lift of the tip along the surface normal, rad/m.
     pub(crate) yielding: Joints,
-    /// See [`Near`](super::Near).
-    pub(crate) share: f64,
+    /// See [`Landing`].
+    pub(crate) mixing: f64,
     /// Of the tip from the wanted pose at the equilibrium of the nominal arm's motor angles there, about, m.
     pub(crate) lift: f64,
 }
@@ -51,19 +56,18 @@ impl Aim {
     /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it: what
     /// feeds back is much the same as `uncorrected`.
     pub(crate) fn corrected(&self, lift: f64, uncorrected: &Landing) -> Foreseen {
-        let near = self.foreseen(lift * (1.0 - self.feedback.share), uncorrected.gain);
-        Foreseen { share: uncorrected.share, ..near }
+        let near = self.foreseen(lift * (1.0 - self.feedback.mixing), uncorrected.gain);
+        Foreseen { mixing: uncorrected.mixing, ..near }
+    }
+
+    /// Where to begin with the equilibria of commands close by: the joints yield by much the same.
+    pub(crate) fn nearby(&self) -> Foreseen {
+        Foreseen { under: self.feedback.under, ..Foreseen::default() }
     }
 
     fn foreseen(&self, lift: f64, gain: f64) -> Foreseen {
-        let deflection = self.deflection();
-        let Feedback { yielding, share, .. } = self.feedback;
-        Foreseen { deflection: deflection + yielding * lift, share, left: deflection.norm_squared(), gain }
-    }
-
-    /// Actual minus commanded motor angles, but for lost motion, rad.
-    pub(crate) fn deflection(&self) -> Joints {
-        self.motor - self.free
+        let Feedback { under, yielding, mixing, .. } = self.feedback;
+        Foreseen { under: under + yielding * lift, mixing, left: under.norm_squared(), gain }
     }
 
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
@@ -91,7 +95,7 @@ impl Command {
     /// Actual minus commanded motor angles, but for lost motion, rad.
     #[must_use]
     pub fn deflection(&self) -> Joints {
-        self.aim().deflection()
+        self.motor - self.free
     }
 
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
@@ -102,14 +106,12 @@ impl Command {
 
     /// What a path needs of it; nothing is known of how it feeds back.
     pub(crate) fn aim(&self) -> Aim {
-        Aim { motor: self.motor, free: self.free, lost: self.lost, feedback: Feedback::default() }
+        let feedback = Feedback { under: self.deflection(), ..Feedback::default() };
+        Aim { motor: self.motor, free: self.free, lost: self.lost, feedback }
     }
 }
 
-/// Commands that change less than this a round are found, rad: 1e-9 mm at 3 m.
-const FOUND: f64 = 3e-13;
-
-/// Rounds for effects that depend on the command or bend the links; each gains three digits or more.
+/// Rounds for effects that move the geometry or depend on the command; each gains three digits or more.
 const ROUNDS: usize = 50;
 
 impl Arm {
@@ -117,7 +119,7 @@ impl Arm {
     ///
     /// Not an iteration where only joints yield: at equilibrium the **actual** joints carry the load, so with
     /// q_a = IK(wanted) the torque is known and q_c = q_a − K⁻¹ τ(q_a), exact for finite deflections and for any joint
-    /// curve. Effects that bend links or depend on the command take a few rounds from there. `near` chooses the
+    /// curve. Effects that move the geometry or depend on the command take a few rounds from there. `near` chooses the
     /// branch, rad. Limits are the caller's to check, on the command.
     ///
     /// # Errors
@@ -140,54 +142,36 @@ impl Arm {
         start: Start<'_>,
         travel: &Joints,
     ) -> Result<Command, EquilibriumError> {
-        let mut distortion = Distortion::default();
-        let mut parts = distortion.parts();
-        let (mut motor, known) = match start {
-            Start::Near(motor) => (*motor, false),
-            Start::At(motor) => (*motor, true),
-        };
-        let mut commanded: Option<Joints> = None;
-        let mut change = f64::INFINITY;
-        let mut settled = 0;
-        let mut axis = 0;
-        let mut look = Look::default();
-        for round in 0..ROUNDS {
-            if round == 0 && !known || parts == Parts::All {
-                let wanted = self.chain_pose(situation, wobj_from_tcp, &distortion);
-                if !wanted.translation.vector.iter().all(|v| v.is_finite()) {
-                    return Err(EquilibriumError::NotFinite);
-                }
-                motor = if distortion.bends_links() {
-                    let links = self.bent_links(&distortion);
-                    let at = |serial: &Joints| links.chain(serial, Some(&distortion.tilt));
-                    self.robot.motor_from_serial(&polish(&at, &wanted, &self.robot.serial_from_motor(&motor))?)
-                } else {
-                    self.robot.inverse_near_unlimited(&wanted, &motor)?
-                };
-            }
-            let guess = commanded.unwrap_or(motor);
-            let turns = self.turns(&motor);
-            self.look(situation, &guess, &turns, &motor, &distortion, parts, &mut look);
-            let free = motor - look.distortion.joints;
-            let next = free + travel.component_mul(&look.distortion.lost);
-            let gap = next - guess;
-            (change, axis) = (gap.amax(), gap.iamax() + 1);
-            if !gap.iter().all(|v| v.is_finite()) {
+        let invert = |base_from_flange: &Pose, near: &Joints| {
+            if !base_from_flange.translation.vector.iter().all(|v| v.is_finite()) {
                 return Err(EquilibriumError::NotFinite);
             }
-            let found = look.distortion.parts();
-            let explicit = found == Parts::Joints && !self.follows_command();
-            settled = if commanded.is_some() && change < FOUND { settled + 1 } else { 0 };
-            // Twice: the pose solved for follows the command one round late.
-            if explicit || settled == 2 {
-                return Ok(Command { motor, free, lost: look.distortion.lost, load: look.load });
+            Ok(self.robot.inverse_near_unlimited(base_from_flange, near)?)
+        };
+        let motor = match start {
+            Start::At(motor) => *motor,
+            Start::Near(motor) => {
+                let tcp_from_flange = situation.tool.flange_from_tcp.inverse();
+                invert(&(situation.base_from_wobj * wobj_from_tcp * tcp_from_flange), motor)?
             }
-            commanded = Some(next);
-            // Once in there, always in there: the pose is solved for again where a part went back to zero.
-            parts = parts.or(found);
-            std::mem::swap(&mut distortion, &mut look.distortion);
+        };
+        let (model, setting) = (Model::new(self), Setting::of(situation));
+        let Workspace { mut block, mut at, mut inverse, .. } = Workspace::at(&Site::of(situation, &setting));
+        inverse.wanted = Frame::of(wobj_from_tcp);
+        (inverse.motor, inverse.travel) = (motor.into(), (*travel).into());
+        inverse.run(&model, &mut block, &mut at, (true, ROUNDS), |asked, near| {
+            invert(&asked.lane(0), &one(near, 0)).map(|motor| (motor.into(), true))
+        })?;
+        let (motor, free, lost) = (one(&inverse.motor, 0), one(&inverse.free, 0), one(&inverse.lost, 0));
+        if !free.iter().chain(&lost).all(|v| v.is_finite()) {
+            return Err(EquilibriumError::NotFinite);
         }
-        Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * change, axis })
+        if !inverse.done {
+            let change = motor - (free + travel.component_mul(&lost));
+            let axis = change.iamax() + 1;
+            return Err(EquilibriumError::NoEquilibrium { rounds: ROUNDS, step_mm: 1e3 * inverse.change.sqrt(), axis });
+        }
+        Ok(Command { motor, free, lost, load: Load::of(&at) })
     }
 
     /// Inverse equilibrium of the TCP alone: `programmed` keeps its orientation as commanded, and the command's
@@ -218,7 +202,7 @@ impl Arm {
             let miss = there.wobj_from_tcp.translation.vector - wanted;
             gap = miss.norm();
             if gap < LANDED {
-                let lost = there.distortion.lost;
+                let lost = there.lost;
                 return Ok(Command {
                     motor: there.motor,
                     free: motor - travel.component_mul(&lost),

@@ -1,18 +1,33 @@
-//! The two questions put to a cell: where does a command end up ([`Arm::predict`]), and which command ends
-//! up where it should ([`Arm::command`]). Knows no text.
+//! The two questions put to a cell: where does a command end up ([`Arm::predict`]), and which command ends up where it should
+//! ([`Arm::command`]), for one target or for a batch. Knows no text.
+//!
+//! ```text
+//! Model      the arm with its effects, ready to be asked
+//! Block      what is known of targets, lane by lane
+//! Evaluation the arm in one state: where it is, what acts on it, by how much it yields
+//! Forward    rounds of evaluations until what yields is what was put in
+//! Inverse    rounds of evaluations at the wanted pose until the command is found
+//! ```
 
 mod arm;
+mod batch;
+mod block;
 mod command;
-mod eight;
+mod evaluation;
+mod forward;
+mod inverse;
+mod model;
+mod number;
 mod predict;
 
 pub use arm::Arm;
-pub(crate) use arm::Near;
+pub(crate) use batch::{Batch, Given, Room};
+pub(crate) use block::{Setting, Site};
 pub use command::Command;
 pub(crate) use command::{Aim, Start};
-pub(crate) use eight::{Cut, EightArm, Given, Room, Setting, Site};
-pub use predict::Equilibrium;
-pub(crate) use predict::{Foreseen, Landing, Rounds};
+pub(crate) use number::Number;
+pub use predict::{Equilibrium, Load};
+pub(crate) use predict::{Foreseen, Landing};
 
 use crate::robot::Unreachable;
 

@@ -1,27 +1,24 @@
 //! What may be added to a cell.
 
 use super::data::Problem;
-use super::pattern::{self, Pattern};
-use super::smooth::Curve;
-use crate::effects::{Effect, KINDS, Survey, joint_error_curve};
+use super::pattern::{self, Pattern, Standing};
+use super::smooth::{Curve, Smoothness};
+use crate::effects::Shape as Follows;
+use crate::effects::{Effect, KINDS, Kind, Part, Survey, joint_error_curve, kind};
 use crate::equilibrium::Arm;
 use crate::robot::Joints;
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::sync::Arc;
 
 /// Family of the laws of the joints' springs.
 pub(super) const SPRING: &str = "spring";
 
-/// A kind, or for curves of one joint each, the kind and its joint. A spring that is off and one that is bent are two
-/// laws for one spring: a set has one of them.
+/// What a set has one of: the law of a part, a kind, or for curves of one joint each, the kind and its joint.
 fn family(effect: &dyn Effect) -> String {
-    if ["joint_stiffness", "stiffness_curve"].contains(&effect.kind()) {
-        return SPRING.to_owned();
-    }
-    let table = effect.to_table();
-    let curves = table.get("curves").and_then(toml::Value::as_array);
-    match curves.and_then(|curves| curves.first()).and_then(|curve| curve.get("joint")) {
-        Some(joint) => format!("{} {joint}", effect.kind()),
-        None => effect.kind().to_owned(),
+    match (kind(effect.kind()).map(|kind| kind.part), effect.joint_curve()) {
+        (Some(Part::JointSpring), _) => SPRING.to_owned(),
+        (_, Some(curve)) => format!("{} {}", effect.kind(), curve.joint + 1),
+        _ => effect.kind().to_owned(),
     }
 }
 
@@ -32,7 +29,7 @@ pub(super) enum Home {
     Declared(usize),
     /// A new effect, appended.
     New(Shape),
-    /// No effect at all: a smooth pattern that stands for anything nobody lists.
+    /// No effect at all: a clamping, a fault of the measurement, or a pattern that stands for anything unlisted.
     Pattern(Pattern),
 }
 
@@ -67,6 +64,8 @@ pub(super) struct Candidate {
     pub(super) variants: f64,
     /// A curve whose smoothness the data choose.
     pub(super) curve: Option<Curve>,
+    /// What is known of its numbers from an identification before, in typical sizes.
+    pub(super) known: Option<Arc<Smoothness>>,
 }
 
 impl Candidate {
@@ -84,7 +83,20 @@ impl Candidate {
             first: 0,
             variants,
             curve: None,
+            known: None,
         }
+    }
+
+    /// The same with the covariance that a cell has of its numbers as their prior.
+    fn known_to(self, covariance: Option<&DMatrix<f64>>) -> Self {
+        let known =
+            covariance.and_then(|covariance| Smoothness::of_covariance(covariance, &self.typical)).map(Arc::new);
+        Self { known, ..self }
+    }
+
+    /// What ties its numbers to one another under their prior.
+    pub(super) fn precision(&self) -> Option<&Arc<Smoothness>> {
+        self.curve.as_ref().map(|curve| &curve.smoothness).or(self.known.as_ref())
     }
 
     /// The candidate as a curve whose smoothness the data choose; `None` if it is no curve of one joint.
@@ -97,28 +109,50 @@ impl Candidate {
     /// How unlikely its numbers are under its prior: twice nats.
     pub(super) fn unlikely(&self) -> f64 {
         let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - self.start[k]) / self.size(k));
-        match &self.curve {
-            Some(curve) => off.dot(&(&curve.smoothness.precision * &off)),
+        match self.precision() {
+            Some(prior) => off.dot(&(&prior.precision * &off)),
             None => off.norm_squared(),
         }
     }
 
     pub(super) fn pattern(pattern: Pattern, size: usize) -> Self {
-        /// Patterns of this size are looked for, mm.
-        const TYPICAL_MM: f64 = 0.05;
         Self {
-            kind: String::new(),
-            family: String::new(),
+            kind: pattern.name().to_owned(),
+            family: pattern.family(),
             home: Home::Pattern(pattern),
             values: vec![0.0; size],
             start: vec![0.0; size],
             scale: 1.0,
-            typical: vec![TYPICAL_MM; size],
+            typical: vec![1.0; size],
             bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); size],
             first: 0,
             variants: 1.0,
             curve: None,
+            known: None,
         }
+    }
+
+    /// What the tool knows of its kind; `None` for patterns.
+    pub(super) fn law(&self) -> Option<&'static Kind> {
+        if self.is_pattern() { None } else { kind(&self.kind) }
+    }
+
+    /// What follows if a set has it, where it is no effect.
+    pub(super) fn standing(&self) -> Option<Standing> {
+        match self.home {
+            Home::Pattern(pattern) => Some(pattern.standing()),
+            Home::Declared(_) | Home::New(_) => None,
+        }
+    }
+
+    /// Whether it passes for much: patterns of what is unlisted, and smooth curves.
+    pub(super) fn is_flexible(&self) -> bool {
+        self.standing() == Some(Standing::Unlisted) || self.law().is_some_and(|law| law.shape == Follows::Curve)
+    }
+
+    /// Whether it names something: an effect, or a fault of the measurement.
+    pub(super) fn is_named(&self) -> bool {
+        matches!(self.standing(), None | Some(Standing::Fault))
     }
 
     /// Columns of a pattern, each with the number that it is taken with.
@@ -153,27 +187,29 @@ const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
 /// Time constants that are tried, as shares of the run's length.
 const TIME_CONSTANTS: [f64; 6] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.0];
 
-/// Every candidate that the data can show.
-pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
+/// Every candidate that the data can show; `covariances` are what the cell has of its effects' numbers.
+pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f64>>]) -> Vec<Candidate> {
     let survey = survey(arm, problem);
     let mut found: Vec<Candidate> = Vec::new();
     for (slot, effect) in arm.effects.iter().enumerate() {
         // A device frame of its own swallows the work object's.
-        if !(effect.parameters().is_empty() || problem.free_device && effect.kind() == "work_object_frame") {
-            found.push(Candidate::new(effect.as_ref(), Home::Declared(slot), 1.0));
+        let like_device = kind(effect.kind()).is_some_and(|kind| kind.like_device_frame);
+        if !(effect.parameters().is_empty() || problem.free_device && like_device) {
+            let covariance = covariances.get(slot).and_then(Option::as_ref);
+            found.push(Candidate::new(effect.as_ref(), Home::Declared(slot), 1.0).known_to(covariance));
         }
     }
     for kind in KINDS {
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
-        // The empirical map is what patterns stand for here: it names no effect.
+        // A map is what patterns stand for here: it names no effect.
         // A device frame of its own swallows the work object's; curves over the whole robot are made below.
-        let other = ["work_object_frame", "joint_error_curve"].contains(&kind.name);
-        if declared || kind.name == "empirical" || problem.free_device && other {
+        let other = kind.like_device_frame || kind.shape == Follows::Curve;
+        if declared || kind.shape == Follows::Map || problem.free_device && other {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
-        if kind.name == "thermal_growth" {
-            variants = time_constants(variants, &survey);
+        if let Some(name) = kind.time_constant {
+            variants = time_constants(variants, name, &survey);
         }
         let count = variants.len().max(1) as f64;
         let new =
@@ -182,14 +218,16 @@ pub(super) fn all(arm: &Arm, problem: &Problem) -> Vec<Candidate> {
     }
     // Effects of other sizes than the typical one compete too, on the same columns.
     let sizes = if problem.free_device { &SIZES_WHOLE[..] } else { &SIZES };
-    found.iter_mut().for_each(|candidate| candidate.variants *= (sizes.len() + 1) as f64);
+    let open = |candidate: &&mut Candidate| candidate.known.is_none();
+    found.iter_mut().filter(open).for_each(|candidate| candidate.variants *= (sizes.len() + 1) as f64);
     let twin = |c: &Candidate| sizes.iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();
-    let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
+    let twins: Vec<Candidate> = found.iter().filter(|candidate| candidate.known.is_none()).flat_map(twin).collect();
     found.extend(twins);
-    if problem.free_device && !arm.effects.iter().any(|effect| effect.kind() == "joint_error_curve") {
+    let is_curve = |effect: &dyn Effect| kind(effect.kind()).is_some_and(|kind| kind.shape == Follows::Curve);
+    if problem.free_device && !arm.effects.iter().any(|effect| is_curve(effect.as_ref())) {
         found.extend(curves(&survey));
     }
-    found.extend(pattern::all(&survey, problem));
+    found.extend(pattern::faults(&survey, problem));
     found
 }
 
@@ -210,13 +248,13 @@ fn curves(survey: &Survey) -> Vec<Candidate> {
     (0..6).filter_map(of_joint).collect()
 }
 
-/// Variants over time constants: the parameter named `tau_s` is searched, not fitted from nothing.
-fn time_constants(variants: Vec<Box<dyn Effect>>, survey: &Survey) -> Vec<Box<dyn Effect>> {
+/// Variants over time constants: the parameter of that name is searched, not fitted from nothing.
+fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -> Vec<Box<dyn Effect>> {
     let length = survey.time.map_or(0.0, |(from, to)| to - from);
     let mut out: Vec<Box<dyn Effect>> = Vec::new();
     for effect in variants {
         let parameters = effect.parameters();
-        match parameters.iter().position(|p| p.name == "tau_s") {
+        match parameters.iter().position(|p| p.name == name) {
             Some(at) if length > 0.0 => out.extend(TIME_CONSTANTS.iter().map(|share| {
                 let mut values: Vec<f64> = parameters.iter().map(|p| p.value).collect();
                 values[at] = share * length;
@@ -269,10 +307,16 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     survey
 }
 
+/// Whether two candidates are one pattern.
+pub(super) fn same_pattern(a: &Candidate, b: &Candidate) -> bool {
+    matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b)
+}
+
 /// Whether two candidates differ in their prior's size only.
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
-        || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)));
+        || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)))
+        || matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b);
     a.family == b.family
         && same
         && a.start == b.start

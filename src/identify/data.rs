@@ -1,9 +1,10 @@
 //! Measured rows beside what the cell predicts for them.
 
 use super::device::{self, Device};
-use super::noise::Series;
+use super::noise::{OVER, Places, Series};
 use super::runs::at_line;
 use crate::correct::Prepared;
+use crate::effects::Cutting;
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::measured::{MeasuredRow, Table};
 use crate::robot::{Joints, Pose};
@@ -52,8 +53,10 @@ pub(super) struct Observation {
     pub(super) seen: Seen,
     /// How the probe was turned, in the device's frame.
     pub(super) turned: Option<UnitQuaternion<f64>>,
-    /// Relative standard deviation.
+    /// Relative standard deviation, as given.
     pub(super) weight: f64,
+    /// How much wider than that the row's error must be taken where errors have heavy tails.
+    pub(super) tail: f64,
     pub(super) held_out: bool,
     pub(super) block: usize,
     pub(super) outlier: bool,
@@ -94,6 +97,8 @@ pub(super) struct Problem {
     pub(super) devices: Vec<Device>,
     /// Standard deviation of a turn (mrad) over that of a position (mm).
     pub(super) turn_weight: f64,
+    /// Standard deviation that the table declares, per axis, quadratic mean, mm.
+    pub(super) declared_sigma_mm: Option<f64>,
 }
 
 /// A row whose arm finds no equilibrium.
@@ -112,6 +117,7 @@ impl Problem {
             orientations: 0,
             devices: Vec::new(),
             turn_weight: 1.0,
+            declared_sigma_mm: None,
         }
     }
 
@@ -139,6 +145,7 @@ impl Problem {
             seen,
             turned: None,
             weight: row.sigma_mm.unwrap_or(1.0),
+            tail: 1.0,
             held_out: blocks.held_out(order),
             block: blocks.of_row(order),
             outlier: false,
@@ -163,6 +170,28 @@ impl Problem {
             let situation = self.runs[row.run].situation(row.point);
             let there = known.as_ref().map(|known| arm.nudged(&situation, &row.motor, &row.travel, known));
             there.map_or(LOST, |there| self.gap(row, &there))
+        };
+        self.stacked(self.rows.par_iter().zip(known).map(of).collect())
+    }
+
+    /// As [`Problem::residual`], under other forces than were read.
+    pub(super) fn residual_under(
+        &self,
+        arm: &Arm,
+        known: &[Option<Equilibrium>],
+        force: impl Fn(Vector3<f64>) -> Vector3<f64> + Sync,
+    ) -> DVector<f64> {
+        let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
+            let mut situation = self.runs[row.run].situation(row.point);
+            match (situation.cutting, known) {
+                (Cutting::Constant(read), _) => {
+                    situation.cutting = Cutting::Constant(force(read));
+                    let there = arm.predict(&situation, &row.motor, &row.travel).ok();
+                    there.map_or(LOST, |there| self.gap(row, &there.wobj_from_tcp))
+                }
+                (_, Some(known)) => self.gap(row, &known.wobj_from_tcp),
+                (_, None) => LOST,
+            }
         };
         self.stacked(self.rows.par_iter().zip(known).map(of).collect())
     }
@@ -225,16 +254,25 @@ impl Problem {
         const AXES: usize = 3 + TURNS;
         let mut series = vec![Series::default(); AXES * self.runs.len()];
         for row in self.rows.iter().filter(|row| !row.outlier && keep(row)) {
+            let places = self.places(row);
             let mut add = |axis: usize, scalar: usize, weight: f64| {
                 let series = &mut series[AXES * row.run + axis];
                 series.samples.push((scalar, row.order, weight));
-                series.places.push(self.place_mm(row));
+                series.places.push(places);
             };
-            (0..row.seen.len()).for_each(|k| add(k, row.offset + k, row.weight));
+            (0..row.seen.len()).for_each(|k| add(k, row.offset + k, row.weight * row.tail));
             row.turns().enumerate().for_each(|(k, scalar)| add(3 + k, scalar, self.turn_weight));
         }
         series.retain(|series| !series.samples.is_empty());
         series
+    }
+
+    /// What is left out together when something is tried on rows that its fit has not seen: whole runs where there are
+    /// several, else stretches of one.
+    pub(super) fn validation_block(&self, row: &Observation) -> (usize, usize) {
+        /// Runs from which on the others tell enough without one.
+        const RUNS: usize = 3;
+        (row.run, if self.runs.len() >= RUNS { 0 } else { row.block })
     }
 
     /// Where a row was to be measured, base axes, mm.
@@ -243,25 +281,30 @@ impl Problem {
         1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
     }
 
-    /// Diagonal of the box around all places, mm.
-    pub(super) fn extent_mm(&self) -> f64 {
-        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for row in &self.rows {
-            let place = self.place_mm(row);
-            (low, high) = (low.inf(&place), high.sup(&place));
-        }
-        (high - low).norm()
+    /// A row's coordinates in all that a field may be over.
+    fn places(&self, row: &Observation) -> Places {
+        let force = match self.runs[row.run].situation(row.point).cutting {
+            Cutting::Constant(force) => force,
+            _ => Vector3::zeros(),
+        };
+        [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), force]
+    }
+
+    /// Diagonals of the boxes around all of them.
+    pub(super) fn extents(&self) -> [f64; OVER.len()] {
+        let none = [(Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)); OVER.len()];
+        let boxes = self.rows.iter().fold(none, |boxes, row| {
+            let places = self.places(row);
+            std::array::from_fn(|k| (boxes[k].0.inf(&places[k]), boxes[k].1.sup(&places[k])))
+        });
+        boxes.map(|(low, high)| (high - low).norm())
     }
 
     /// Takes the orientations of a run's rows, where it has any: the scalars are numbered anew.
     pub(super) fn take_turns(&mut self, run: usize, turned: &[Option<UnitQuaternion<f64>>]) {
         let of_run = self.rows.iter_mut().filter(|row| row.run == run);
         of_run.zip(turned).for_each(|(row, turned)| row.turned = *turned);
-        self.scalars = 0;
-        for row in &mut self.rows {
-            row.offset = self.scalars;
-            self.scalars = row.scalars().end;
-        }
+        self.number();
     }
 
     /// Finds the fixed point that a run's lengths were measured from.
@@ -288,12 +331,45 @@ impl Problem {
         Ok(())
     }
 
+    /// Sets rows aside, evenly along each run, until no more are left than a search needs; returns them.
+    pub(super) fn set_aside(&mut self) -> Vec<Observation> {
+        /// Rows that are searched on at most: from one part, and over the whole robot with its hundreds of columns.
+        const MOST: [usize; 2] = [4_000, 12_500];
+        let most = MOST[usize::from(self.free_device)];
+        let every = self.rows.len().div_ceil(most);
+        if every < 2 {
+            return Vec::new();
+        }
+        let rows = std::mem::take(&mut self.rows);
+        let (kept, aside) = rows.into_iter().partition(|row| row.order.is_multiple_of(every));
+        self.rows = kept;
+        self.number();
+        aside
+    }
+
+    /// Takes rows back that were set aside.
+    pub(super) fn take_back(&mut self, rows: Vec<Observation>) {
+        self.rows.extend(rows);
+        self.rows.sort_by_key(|row| (row.run, row.order));
+        self.number();
+    }
+
+    /// Numbers the scalars anew.
+    fn number(&mut self) {
+        self.scalars = 0;
+        for row in &mut self.rows {
+            row.offset = self.scalars;
+            self.scalars = row.scalars().end;
+        }
+    }
+
     /// Standard deviations become relative to their quadratic mean, so that σ is in mm whether they are given or not.
-    pub(super) fn scale_weights(&mut self) {
+    pub(super) fn scale_weights(&mut self, declared: bool) {
         let n = self.rows.len().max(1) as f64;
         let mean = (self.rows.iter().map(|row| row.weight * row.weight).sum::<f64>() / n).sqrt();
         if mean > 0.0 {
             self.rows.iter_mut().for_each(|row| row.weight /= mean);
+            self.declared_sigma_mm = declared.then_some(mean);
         }
     }
 }

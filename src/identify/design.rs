@@ -12,6 +12,7 @@ use super::pattern;
 use crate::effects::JointCurve;
 use crate::equilibrium::{Arm, Equilibrium};
 use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -19,6 +20,23 @@ use std::sync::Arc;
 pub(super) struct Design {
     kept: DMatrix<f64>,
     curves: Vec<Along>,
+}
+
+/// Columns of candidates that are not chosen, about the arm with one set of others in it: they hardly change while that set
+/// is only fitted anew.
+pub(super) struct Reuse {
+    /// Candidates from this one on come and go.
+    below: usize,
+    /// The set.
+    about: Vec<usize>,
+    columns: BTreeMap<usize, Vec<DVector<f64>>>,
+}
+
+impl Reuse {
+    /// Of candidates below this number.
+    pub(super) fn of(below: usize) -> Self {
+        Self { below, about: Vec::new(), columns: BTreeMap::new() }
+    }
 }
 
 /// The columns of a curve.
@@ -41,7 +59,12 @@ impl Design {
         chosen: &[usize],
         wanted: &[usize],
         base: &DVector<f64>,
+        reuse: &mut Reuse,
     ) -> (Self, Vec<usize>) {
+        if reuse.about != chosen || reuse.columns.values().flatten().any(|column| column.len() != problem.scalars) {
+            reuse.about = chosen.to_vec();
+            reuse.columns.clear();
+        }
         let firsts = firsts(candidates, chosen, wanted);
         let unknowns = (0..problem.devices.len()).map(|run| device::unknowns(problem, run));
         let instruments: Vec<(usize, usize)> =
@@ -66,11 +89,16 @@ impl Design {
         let mut design = Self { kept: DMatrix::zeros(problem.scalars, own.end), curves: Vec::new() };
         for (&c, _) in wanted.iter().zip(&firsts.of).filter(|(_, first)| first.new) {
             let candidate = &candidates[c];
+            if let Some(known) = reuse.columns.get(&c) {
+                candidate.columns().zip(known).for_each(|(at, column)| design.kept.set_column(at, column));
+                continue;
+            }
             let own = chosen.contains(&c).then(|| now(Some(c)));
             let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
             match (&candidate.home, &candidate.curve) {
                 (Home::Pattern(pattern), _) => {
-                    let columns = pattern::columns(problem, *pattern, candidate.values.len());
+                    let about = pattern::About { problem, arm: &whole, base, settled: &settled };
+                    let columns = pattern::columns(&about, *pattern);
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
                 (home, Some(curve)) => {
@@ -83,6 +111,10 @@ impl Design {
                         design.kept.set_column(at, &about.derivative(home, candidate, k..k + 1));
                     }
                 }
+            }
+            if c < reuse.below && !chosen.contains(&c) && candidate.curve.is_none() {
+                let columns = candidate.columns().map(|at| design.kept.column(at).into_owned()).collect();
+                reuse.columns.insert(c, columns);
             }
         }
         for (at, (run, axis)) in own.clone().zip(instruments) {

@@ -1,18 +1,20 @@
 //! The loop: linearise, weigh, choose, refit, and again about the fit.
 
 use super::candidates::{self, Candidate, Home, with};
-use super::data::Problem;
-use super::design::Design;
+use super::data::{Observation, Problem};
+use super::design::{Design, Reuse};
 use super::device;
 use super::explain::Ranking;
-use super::gear::{self, Comb, Term};
+use super::gear::{self, Comb, Grid, Term};
 use super::map::Map;
 use super::moments::Moments;
 use super::noise;
-use super::outcome::Identification;
+use super::outcome::{Identification, SetShare, Unexplained};
+use super::score::posterior;
 use super::search::Search;
 use super::whole::Choice;
 use crate::cell::Cell;
+use crate::effects::Shape;
 use crate::equilibrium::Arm;
 use crate::measured::Table;
 use crate::program::Program;
@@ -55,6 +57,16 @@ pub(super) struct Engine {
     pub(super) covariance: DMatrix<f64>,
     /// What nobody lists, where a field of it holds.
     pub(super) map: Option<Map>,
+    /// Columns of the last linearisation that can serve again.
+    reuse: Reuse,
+    /// Columns of the last search for gear harmonics.
+    comb: Option<Grid>,
+    /// Rows that are scored and not searched on: of a dense table every so-many-th row tells as much.
+    aside: Vec<Observation>,
+    /// Posterior over sets: what each names, most likely first.
+    pub(super) sets: Vec<SetShare>,
+    /// Variance of predictions over all sets, over that within the chosen one.
+    pub(super) spread: f64,
     /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
     pub(super) refused_mm: Option<f64>,
 }
@@ -86,11 +98,24 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
             Diagnostic::error("identify.unsolved", "", message).help("run `deflex predict` on the program first"),
         ]);
     }
-    Ok(Engine::new(declared, problem).run(&before, input))
+    let mut engine = Engine::new(declared, problem, &input.cell.covariances);
+    let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
+    Ok(engine.run(&before, input))
 }
 
 /// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
 pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
+
+/// What the search has found out before the answer is put together.
+pub(super) struct Told {
+    pub(super) posteriors: Vec<Posterior>,
+    pub(super) ranking: Ranking,
+    pub(super) unexplained: Unexplained,
+    /// Held-out error before and after each chosen effect, over the whole robot.
+    pub(super) stages: Vec<(f64, f64)>,
+    /// Whether what is written is fitted to all rows.
+    pub(super) refit: bool,
+}
 
 /// Moments, search and columns of one linearisation.
 pub(super) struct Linearised {
@@ -102,8 +127,10 @@ pub(super) struct Linearised {
 }
 
 impl Engine {
-    pub(super) fn new(declared: Arm, problem: Problem) -> Self {
-        let candidates = candidates::all(&declared, &problem);
+    pub(super) fn new(declared: Arm, mut problem: Problem, covariances: &[Option<DMatrix<f64>>]) -> Self {
+        let aside = problem.set_aside();
+        let candidates = candidates::all(&declared, &problem, covariances);
+        let reuse = Reuse::of(if problem.free_device { 0 } else { candidates.len() });
         let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
         Self {
@@ -115,6 +142,11 @@ impl Engine {
             shape,
             covariance,
             map: None,
+            reuse,
+            comb: None,
+            aside,
+            sets: Vec::new(),
+            spread: 1.0,
             refused_mm: None,
         }
     }
@@ -133,11 +165,20 @@ impl Engine {
 
     pub(super) fn linearise(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
         let base = self.residual();
-        let (design, always) =
-            Design::new(&self.declared, &self.problem, &mut self.candidates, &self.chosen, wanted, &base);
+        let (design, always) = Design::new(
+            &self.declared,
+            &self.problem,
+            &mut self.candidates,
+            &self.chosen,
+            wanted,
+            &base,
+            &mut self.reuse,
+        );
         let data = self.pseudo(&design, base, wanted);
         let series = self.problem.series(|row| !row.held_out);
-        let moments = shapes.par_iter().map(|&shape| Moments::on(&design, &data, &series, shape)).collect();
+        let declared = self.problem.declared_sigma_mm;
+        let of = |&shape: &noise::Shape| Moments { declared, ..Moments::on(&design, &data, &series, shape) };
+        let moments = shapes.par_iter().map(of).collect();
         Linearised { moments, always, design, data }
     }
 
@@ -179,7 +220,9 @@ impl Engine {
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
             let first = self.chosen.is_empty() && self.add_gear(&now);
             self.choose(set);
-            if !self.add_gear(&now) && !first {
+            let tails = self.widen_tails();
+            let jump = self.add_jumps();
+            if !self.add_gear(&now) && !first && !jump && !tails {
                 break;
             }
         }
@@ -208,7 +251,7 @@ impl Engine {
                 .filter(|&&c| !self.candidates[c].is_pattern())
                 .map(|&c| match whole {
                     true => (c, (1.0, Vec::new())),
-                    false => (c, search.rivals(&set, c, &|other: &Candidate| !other.is_pattern())),
+                    false => (c, search.rivals(&set, c, &Candidate::is_named)),
                 })
                 .collect();
             if round == 0 {
@@ -220,17 +263,25 @@ impl Engine {
             } else {
                 sorted(&set) == sorted(&self.chosen)
             };
+            if same && !whole {
+                (self.sets, self.spread) = self.posterior_over_sets(&search, &now, &set, (sigma, shape));
+            }
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
             self.choose(set.clone());
+            let unlisted = gate && round + 1 < ROUNDS && self.add_unlisted();
+            let field = field.filter(|_| !unlisted);
             // Of ten thousand rows a few more stand out in every round: no reason for another one.
             let few = if whole { self.problem.rows.len() / FEW } else { 0 };
             let outliers = self.mark_outliers() > few;
             // Beside a field, what is periodic in a joint passes for anything: it would be withdrawn.
             let seek = !whole && round + 1 < ROUNDS && self.shape.field.is_none();
             let gear = seek && self.add_gear(&now);
+            let jump = seek && self.add_jumps();
+            let tails = !whole && round + 1 < ROUNDS && self.widen_tails();
             let weighed = self.weigh_turns();
-            let settled = same && !outliers && !gear && !weighed && (whole || !self.prune());
+            let new = outliers || gear || jump || tails || unlisted || weighed;
+            let settled = same && !new && (whole || !self.prune());
             linear = Some(now);
             if settled && field.is_none() {
                 break;
@@ -245,16 +296,82 @@ impl Engine {
             posteriors.retain(|(c, _)| self.chosen.contains(c));
             self.contest(&mut posteriors);
         }
-        if let Some(linear) = linear.as_ref().filter(|_| self.is_unexplained()) {
-            self.withdraw(linear, &mut posteriors);
-            self.add_map(&mut posteriors);
+        if self.forces_are_wrong() {
+            self.withdraw_all(&mut posteriors);
+        } else if self.is_unexplained() {
+            self.withdraw(&mut posteriors);
+            if self.is_unlisted() {
+                self.add_map(&mut posteriors);
+            }
         }
         if self.gains_nothing(before) {
             posteriors.clear();
             device::restore(&mut self.problem, &places);
         }
-        let after = self.residual();
-        self.outcome(before, &after, &posteriors, ranking, linear.as_ref(), input)
+        let map = self.map.take();
+        drop(linear.take());
+        let unexplained = self.unexplained();
+        self.map = map;
+        let stages = if whole { self.stages() } else { Vec::new() };
+        let dense = !self.aside.is_empty();
+        if dense {
+            // What follows scores every row; numbers are those of the rows that were searched on.
+            self.problem.take_back(std::mem::take(&mut self.aside));
+            self.mark_outliers();
+        }
+        let after = self.left_by_cell();
+        let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
+        let told = Told { posteriors, ranking, unexplained, stages, refit: !dense && !whole };
+        self.outcome(&before, &after, told, input)
+    }
+
+    /// The posterior over sets, and how much wider predictions are over all of them than within the chosen one.
+    fn posterior_over_sets(
+        &self,
+        search: &Search,
+        linear: &Linearised,
+        set: &[usize],
+        (sigma, shape): (f64, usize),
+    ) -> (Vec<SetShare>, f64) {
+        /// A set's spread beyond this is no width of its numbers any more.
+        const MOST: f64 = 25.0;
+        let moments = &linear.moments[shape];
+        let frames = linear.always.len();
+        let in_cell = |column: usize| {
+            let of = |c: &Candidate| c.is_pattern() && c.columns().contains(&column);
+            !self.candidates.iter().any(of)
+        };
+        let predicted = |set: &[usize]| {
+            let columns = search.columns(set);
+            let mut sum = DVector::zeros(linear.data.len());
+            let (mean, covariance) = posterior(moments, &columns, sigma)?;
+            let numbers = columns.list.iter().enumerate().skip(frames).filter(|(_, (column, _))| in_cell(*column));
+            let numbers: Vec<(usize, usize, f64)> = numbers.map(|(k, &(column, size))| (k, column, size)).collect();
+            linear.design.add(numbers.iter().map(|&(k, column, size)| (column, mean[k] * size)), &mut sum);
+            Some((sum, numbers, covariance))
+        };
+        let sets = search.sets(set);
+        let told = sets.iter().map(|(probability, set)| SetShare {
+            kinds: search.names(set).into_iter().map(str::to_owned).collect(),
+            probability: *probability,
+        });
+        let told: Vec<SetShare> = told.collect();
+        let Some((own, numbers, covariance)) = predicted(set) else { return (told, 1.0) };
+        let kept = linear.design.kept();
+        let gram = DMatrix::from_fn(numbers.len(), numbers.len(), |i, j| {
+            let ((a, left, s), (b, right, t)) = (numbers[i], numbers[j]);
+            if left.max(right) >= kept.ncols() {
+                return 0.0;
+            }
+            kept.column(left).dot(&kept.column(right)) * s * t * covariance[(a, b)]
+        });
+        let within = gram.sum();
+        let between: f64 = sets
+            .iter()
+            .filter_map(|(share, other)| predicted(other).map(|(there, ..)| share * (there - &own).norm_squared()))
+            .sum();
+        let spread = if within > 0.0 { (1.0 + between / within).min(MOST) } else { 1.0 };
+        (told, spread)
     }
 
     /// What a set stands for, whatever the sizes of its priors.
@@ -284,11 +401,16 @@ impl Engine {
     /// Seeks gear harmonics in what other effects leave; whether they are a new candidate.
     pub(super) fn add_gear(&mut self, linear: &Linearised) -> bool {
         let left = self.pseudo_left();
-        let Some(zero) = self.candidates.iter().find(|c| c.kind == "zero_offset") else { return false };
-        let comb = Comb::new(&self.problem, linear.design.kept(), zero, self.shape, self.sigma);
+        let known = self.comb.take();
+        // Fits about the chosen set number its columns anew: those of one that is not in it are as they were.
+        let constant =
+            |c: &usize| !self.chosen.contains(c) && self.candidates[*c].law().is_some_and(|law| law.is_joint_constant);
+        let Some(zero) = (0..self.candidates.len()).find(constant).map(|c| &self.candidates[c]) else { return false };
+        let comb = Comb::new(&self.problem, linear.design.kept(), zero, (self.shape, self.sigma), known);
         let (terms, looked_at) = comb.terms(&left);
+        let grid = comb.into_grid();
         let known = |terms: &[Term]| {
-            let same = |c: &Candidate| c.kind == "gear_harmonic" && gear::terms_of(c) == terms;
+            let same = |c: &Candidate| is_periodic(c) && gear::terms_of(c) == terms;
             self.candidates.iter().any(same)
         };
         let new: Vec<Candidate> = (1..=terms.len())
@@ -298,12 +420,13 @@ impl Engine {
             .collect();
         let any = !new.is_empty();
         self.candidates.extend(new);
+        self.comb = grid;
         any
     }
 
     /// What is left by the chosen effects but gear harmonics, patterns of the chosen set taken off too.
     pub(super) fn pseudo_left(&mut self) -> DVector<f64> {
-        let gear = |c: &usize| self.candidates[*c].kind == "gear_harmonic";
+        let gear = |c: &usize| is_periodic(&self.candidates[*c]);
         let others: Vec<(&Home, &[f64])> = self
             .chosen
             .iter()
@@ -313,8 +436,15 @@ impl Engine {
         let mut left = self.problem.residual(&with(&self.declared, &others));
         let patterns = self.patterns();
         if !patterns.is_empty() {
-            let (design, _) =
-                Design::new(&self.declared, &self.problem, &mut self.candidates, &[], &patterns, &left.clone());
+            let (design, _) = Design::new(
+                &self.declared,
+                &self.problem,
+                &mut self.candidates,
+                &[],
+                &patterns,
+                &left.clone(),
+                &mut Reuse::of(0),
+            );
             for &c in &patterns {
                 design.add(self.candidates[c].pattern_numbers().map(|(column, number)| (column, -number)), &mut left);
             }
@@ -333,7 +463,11 @@ fn sorted(set: &[usize]) -> Vec<usize> {
     sorted
 }
 
-/// Physical effects that cannot bend to anything: neither patterns nor smooth curves.
+/// What cannot bend to anything: neither patterns of what is unlisted nor smooth curves.
 fn stiff(candidate: &Candidate) -> bool {
-    !candidate.is_pattern() && candidate.kind != "joint_error_curve"
+    !candidate.is_flexible()
+}
+
+fn is_periodic(candidate: &Candidate) -> bool {
+    candidate.law().is_some_and(|law| law.shape == Shape::Periodic)
 }

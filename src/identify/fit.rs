@@ -196,7 +196,9 @@ impl Engine {
     /// Where a bent spring's slopes meet cannot be seen from a straight one, so that searches about the fit pass it over.
     pub(super) fn contest(&mut self, posteriors: &mut [Posterior]) {
         let spring = |c: &usize| self.candidates[*c].family == SPRING;
-        let Some(own) = self.chosen.iter().copied().find(spring) else { return };
+        let springs: Vec<usize> = self.chosen.iter().copied().filter(spring).collect();
+        // Two laws in one set have been weighed against each alone already.
+        let [own] = springs[..] else { return };
         let others: Vec<usize> = (0..self.candidates.len())
             .filter(|c| *c != own && spring(c) && self.candidates[*c].is_full_size())
             .collect();
@@ -265,7 +267,7 @@ mod tests {
         }
         let table = Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap();
         let problem = Problem::of_poses(&cell, &[table], None).unwrap();
-        Engine::new(cell.arm, problem)
+        Engine::new(cell.arm, problem, &[])
     }
 
     #[test]

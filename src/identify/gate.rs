@@ -1,13 +1,17 @@
 //! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
 
+use super::candidates::{self, Candidate, Home};
 use super::data::Observation;
 use super::engine::{Engine, Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
+use super::pattern::{self, Pattern, Standing};
 use super::score::{Columns, posterior, score};
 use super::search::{self, Search};
+use crate::effects::Kind;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use statrs::function::gamma::ln_gamma;
 
 /// Whitened residuals beyond this are outliers, standard deviations: one in 1.7 million by chance.
 const OUTLIER: f64 = 5.0;
@@ -20,22 +24,27 @@ impl Engine {
     /// The goodness-of-fit gate: noise with a field over the place that explains more than the chosen set without it.
     pub(super) fn field(&self, search: &Search, linear: &Linearised, set: &[usize]) -> Option<noise::Shape> {
         let (value, set_price) = (search.objective(set), search.prices(set));
-        let fields = noise::fields(self.problem.extent_mm());
-        let price = search::FIELD + (fields.len() as f64).ln();
+        let fields = noise::fields(self.problem.extents());
+        let price = search::UNLISTED + (fields.len() as f64).ln();
         let series = self.problem.series(|row| !row.held_out);
         let columns = search.columns(set);
         let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let renumbered = numbered(&columns);
         stacked = stacked.insert_column(columns.list.len(), 0.0);
         stacked.set_column(columns.list.len(), &linear.data);
-        let shapes: Vec<noise::Shape> = fields
-            .iter()
-            .flat_map(|&field| noise::few().into_iter().map(move |shape| noise::Shape { field: Some(field), ..shape }))
-            .collect();
+        // The field takes the place of a wander or stands beside the one that was found.
+        let mut beside = vec![noise::Shape { wander: 0.0, correlation: 0.0, field: None }];
+        if self.shape.wander > 0.0 {
+            beside.push(self.shape);
+        }
+        let with =
+            |&field: &noise::Field| beside.iter().map(move |&shape| noise::Shape { field: Some(field), ..shape });
+        let shapes: Vec<noise::Shape> = fields.iter().flat_map(with).collect();
+        let declared = self.problem.declared_sigma_mm;
         let gains: Vec<f64> = shapes
             .par_iter()
             .map(|&shape| {
-                let moments = [Moments::of(&stacked, &series, shape)];
+                let moments = [Moments { declared, ..Moments::of(&stacked, &series, shape) }];
                 let alone = score(&moments, &Columns::default(), None).evidence;
                 let beside = score(&moments, &renumbered, None).evidence - set_price;
                 alone.max(beside) - price - value
@@ -45,11 +54,214 @@ impl Engine {
         (gains[best] > 0.0).then_some(shapes[best])
     }
 
+    /// Adds the pattern of something unlisted that gains most beside the chosen set or in place of members of it, if
+    /// one does; whether there is a new one.
+    pub(super) fn add_unlisted(&mut self) -> bool {
+        let survey = candidates::survey(&self.declared, &self.problem);
+        let known = |new: &Candidate| self.candidates.iter().any(|c| candidates::same_pattern(c, new));
+        let new: Vec<Candidate> =
+            pattern::unlisted(&survey, &self.problem).into_iter().filter(|new| !known(new)).collect();
+        let first = self.candidates.len();
+        self.candidates.extend(new);
+        let set = self.chosen.clone();
+        let wanted: Vec<usize> = set.iter().copied().chain(first..self.candidates.len()).collect();
+        let mut shapes = vec![noise::Shape { wander: 0.0, correlation: 0.0, field: None }];
+        if self.shape.wander > 0.0 {
+            shapes.push(self.shape);
+        }
+        let linear = self.linearise(&wanted, &shapes);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let own = search.objective(&set);
+        let mut best: Option<(f64, usize)> = None;
+        for c in first..self.candidates.len() {
+            let without = |out: usize| set.iter().copied().filter(|&o| o != out).chain([c]).collect::<Vec<_>>();
+            let sets = set.iter().map(|&out| without(out)).chain([vec![c], without(c)]);
+            let value = sets.map(|set| search.objective(&set)).fold(f64::NEG_INFINITY, f64::max);
+            if value > own && best.is_none_or(|(most, _)| value > most) {
+                best = Some((value, c));
+            }
+        }
+        let kept = best.map(|(_, c)| self.candidates[c].clone());
+        self.candidates.truncate(first);
+        self.candidates.extend(kept.clone());
+        kept.is_some()
+    }
+
+    /// Seeks the rows at which something slipped in what the other chosen members leave; whether there is a new candidate.
+    pub(super) fn add_jumps(&mut self) -> bool {
+        if self.problem.free_device {
+            return false;
+        }
+        let is_jump = |pattern: Pattern| matches!(pattern, Pattern::Jump { .. });
+        let left = self.residual() - self.shifted_by(|pattern| !is_jump(pattern));
+        let mut found = Vec::new();
+        for run in 0..self.problem.runs.len() {
+            found.extend(self.jumps_of(run, &left).map(|order| pattern::jump(&self.problem, run, order)));
+        }
+        found.retain(|new| !self.candidates.iter().any(|c| candidates::same_pattern(c, new)));
+        let any = !found.is_empty();
+        self.candidates.extend(found);
+        any
+    }
+
+    /// The row at which one run's residual jumps most, if it jumps at all.
+    fn jumps_of(&self, run: usize, left: &DVector<f64>) -> Option<usize> {
+        let noise::Shape { wander, correlation, .. } = self.shape;
+        // Means of wandering rows scatter more than their number says.
+        let inflated = if wander > 0.0 { wander * (1.0 + correlation) / (1.0 - correlation) } else { 0.0 };
+        let variance = self.sigma * self.sigma * (1.0 + inflated);
+        let fitted = |row: &&Observation| row.run == run && !row.held_out && !row.outlier;
+        let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
+        let axes = rows.iter().map(|row| row.seen.len()).max()?;
+        // Weighted sums up to each row, by axis.
+        let mut sums = vec![[[0.0; 2]; 3]];
+        for row in &rows {
+            let mut next = *sums.last()?;
+            for (k, sum) in next.iter_mut().enumerate().take(row.seen.len()) {
+                let weight = (row.weight * row.tail).powi(-2);
+                sum[0] += weight;
+                sum[1] += weight * left[row.offset + k];
+            }
+            sums.push(next);
+        }
+        let all = *sums.last()?;
+        let gain = |at: usize| -> f64 {
+            (0..axes)
+                .map(|k| {
+                    let ([w, s], [total, sum]) = (sums[at][k], all[k]);
+                    let rest = total - w;
+                    if w <= 0.0 || rest <= 0.0 {
+                        return 0.0;
+                    }
+                    0.5 * (s / w - (sum - s) / rest).powi(2) * w * rest / total / variance
+                })
+                .sum()
+        };
+        /// Rows that a jump must have before it and behind it.
+        const LEAST: usize = 4;
+        let best =
+            (LEAST..rows.len().saturating_sub(LEAST)).map(|at| (gain(at), at)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (best.0 > search::PRICE + (rows.len() as f64).ln()).then(|| rows[best.1].order)
+    }
+
+    /// What chosen patterns that shift rows add to the residual, mm.
+    pub(super) fn shifted_by(&self, keep: impl Fn(Pattern) -> bool) -> DVector<f64> {
+        let mut sum = DVector::zeros(self.problem.scalars);
+        for &c in &self.chosen {
+            let candidate = &self.candidates[c];
+            let Home::Pattern(pattern) = candidate.home else { continue };
+            if pattern.is_of_force() || !keep(pattern) {
+                continue;
+            }
+            for (column, number) in pattern::shifts(&self.problem, pattern).iter().zip(candidate.pattern_numbers()) {
+                sum.axpy(number.1, column, 1.0);
+            }
+        }
+        sum
+    }
+
+    /// What is left where the extended cell and each run's clamping are known.
+    pub(super) fn left_by_cell(&self) -> DVector<f64> {
+        self.residual() - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
+    }
+
+    /// What the declared cell leaves, with where each run is clamped fitted to it where the chosen set has that.
+    pub(super) fn left_by_declared(&self, before: &DVector<f64>) -> DVector<f64> {
+        let clamping = self.chosen.iter().find(|&&c| self.candidates[c].standing() == Some(Standing::Nuisance));
+        let Some(candidate) = clamping.map(|&c| &self.candidates[c]) else { return before.clone() };
+        let Home::Pattern(pattern) = candidate.home else { return before.clone() };
+        let shifts = pattern::shifts(&self.problem, pattern);
+        let mut stacked = DMatrix::from_columns(&shifts);
+        stacked = stacked.insert_column(shifts.len(), 0.0);
+        stacked.set_column(shifts.len(), before);
+        let series = self.problem.series(|row| !row.held_out);
+        let moments = Moments::of(&stacked, &series, self.shape);
+        let columns = Columns::independent((0..shifts.len()).map(|k| (k, candidate.scale)).collect());
+        let mut left = before.clone();
+        if let Some((mean, _)) = posterior(&moments, &columns, self.sigma) {
+            shifts.iter().zip(mean.iter()).for_each(|(column, value)| left.axpy(-value * candidate.scale, column, 1.0));
+        }
+        left
+    }
+
+    /// Takes errors for as wide as they are where their tails are heavy: Student's t, fitted by its own weights (Lange,
+    /// Little and Taylor 1989); whether that changes much.
+    pub(super) fn widen_tails(&mut self) -> bool {
+        /// Degrees of freedom that are tried; the last is as good as normal.
+        const FREEDOMS: [f64; 4] = [2.0, 3.0, 5.0, 10.0];
+        /// What heavy tails must gain over normal ones, nats.
+        const GAIN: f64 = 6.0;
+        /// Share of rows whose width must change for another round.
+        const MUCH: f64 = 0.01;
+        if self.problem.free_device {
+            return false;
+        }
+        let before: Vec<f64> = self.problem.rows.iter().map(|row| row.tail).collect();
+        self.problem.rows.iter_mut().for_each(|row| row.tail = 1.0);
+        let left = self.residual() - self.shifted_by(|_| true);
+        let whitened = self.whitened(&left);
+        let sizes: Vec<(f64, f64)> = self
+            .problem
+            .rows
+            .iter()
+            .map(|row| (whitened.rows(row.offset, row.seen.len()).norm_squared(), row.seen.len() as f64))
+            .collect();
+        let fitted: Vec<(f64, f64)> = self
+            .problem
+            .rows
+            .iter()
+            .zip(&sizes)
+            .filter(|(row, _)| !row.held_out && !row.outlier)
+            .map(|(_, s)| *s)
+            .collect();
+        let normal = student(&fitted, f64::INFINITY);
+        let best = FREEDOMS.iter().map(|&freedom| (freedom, student(&fitted, freedom)));
+        let best = best.max_by(|a, b| a.1.1.total_cmp(&b.1.1));
+        if let Some((freedom, (scale, _))) = best.filter(|best| best.1.1 > normal.1 + GAIN) {
+            for (row, (square, _)) in self.problem.rows.iter_mut().zip(&sizes) {
+                row.tail = (1.0 + square / (freedom * scale)).sqrt();
+            }
+        }
+        let changed =
+            self.problem.rows.iter().zip(&before).filter(|(row, before)| (row.tail / **before).ln().abs() > 0.2);
+        changed.count() as f64 > MUCH * before.len() as f64
+    }
+
     /// Whether something is left that no effect explains.
     pub(super) fn is_unexplained(&self) -> bool {
+        self.is_unlisted() || self.stands(Standing::Fault)
+    }
+
+    /// Whether something is left that is no fault of the measurement either.
+    pub(super) fn is_unlisted(&self) -> bool {
         self.shape.field.is_some()
             || self.shape.wander > noise::MOST_WANDER
-            || self.chosen.iter().any(|&c| self.candidates[c].is_pattern())
+            || self.stands(Standing::Unlisted)
+            || self.scatters_more()
+    }
+
+    fn stands(&self, standing: Standing) -> bool {
+        self.chosen.iter().any(|&c| self.candidates[c].standing() == Some(standing))
+    }
+
+    /// Whether the noise is well beyond what the table declares.
+    pub(super) fn scatters_more(&self) -> bool {
+        /// Times the declared standard deviation, the wander of an arm included.
+        const MOST: f64 = 1.6;
+        let all = self.sigma * (1.0 + self.shape.wander).sqrt();
+        self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST * declared)
+    }
+
+    /// Whether the forces of the table are not those that acted.
+    pub(super) fn forces_are_wrong(&self) -> bool {
+        let of_force = |c: &usize| matches!(self.candidates[*c].home, Home::Pattern(pattern) if pattern.is_of_force());
+        self.chosen.iter().any(of_force)
+    }
+
+    /// Withdraws every effect: none can be trusted under forces that did not act.
+    pub(super) fn withdraw_all(&mut self, posteriors: &mut Vec<Posterior>) {
+        posteriors.clear();
+        self.choose(self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect());
     }
 
     /// Beside something unexplained, withdraws effects that do not hold on blocks that their fit has not seen.
@@ -57,11 +269,17 @@ impl Engine {
     /// Patterns take part in the fits and not in the predictions: they are not in the cell. An effect stays if it lowers
     /// the error of the blocks by more than one standard error. What is periodic or bent by a joint's angle passes for
     /// anything, and is withdrawn in any case.
-    pub(super) fn withdraw(&mut self, linear: &Linearised, posteriors: &mut Vec<Posterior>) {
+    pub(super) fn withdraw(&mut self, posteriors: &mut Vec<Posterior>) {
+        /// Standard errors that an effect must gain beside a fault that is known, and beside what is not.
+        const HOLDS: [f64; 2] = [1.0, 3.0];
+        let chosen = self.chosen.clone();
+        // Columns are those of the last linearisation: fits about the chosen set have numbered them anew.
+        let linear = &self.linearise(&chosen, &[self.shape]);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let named = |&c: &usize| !self.candidates[c].is_pattern();
-        let bent = |&c: &usize| ["gear_harmonic", "joint_error_curve"].contains(&self.candidates[c].kind.as_str());
-        let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !(named(c) && bent(c))).collect();
+        let unlisted = self.is_unlisted();
+        let bent = |&c: &usize| unlisted && self.candidates[c].law().is_some_and(Kind::follows_angle);
+        let mut set: Vec<usize> = self.chosen.iter().copied().filter(|c| !bent(c)).collect();
         loop {
             let with = self.block_errors(linear, &search.columns(&set));
             let worst = set
@@ -76,7 +294,7 @@ impl Engine {
                 })
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match worst {
-                Some((c, gain)) if gain < 1.0 => set.retain(|&o| o != c),
+                Some((c, gain)) if gain < HOLDS[usize::from(unlisted)] => set.retain(|&o| o != c),
                 _ => break,
             }
         }
@@ -86,8 +304,9 @@ impl Engine {
 
     /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
     pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
+        let of_row = |row: &Observation| self.problem.validation_block(row);
         let mut blocks: Vec<(usize, usize)> =
-            self.problem.rows.iter().filter(|row| !row.held_out).map(|row| (row.run, row.block)).collect();
+            self.problem.rows.iter().filter(|row| !row.held_out).map(of_row).collect();
         blocks.dedup();
         let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         stacked = stacked.insert_column(columns.list.len(), 0.0);
@@ -97,21 +316,21 @@ impl Engine {
             .list
             .iter()
             .map(|&(column, _)| {
-                !self
-                    .chosen
-                    .iter()
-                    .any(|&c| self.candidates[c].is_pattern() && self.candidates[c].columns().contains(&column))
+                !self.chosen.iter().any(|&c| {
+                    let candidate = &self.candidates[c];
+                    candidate.standing() == Some(Standing::Unlisted) && candidate.columns().contains(&column)
+                })
             })
             .collect();
         let of_block = |&block: &(usize, usize)| {
-            let series = self.problem.series(|row| !row.held_out && (row.run, row.block) != block);
+            let series = self.problem.series(|row| !row.held_out && of_row(row) != block);
             let moments = Moments::of(&stacked, &series, self.shape);
             let mut left = linear.data.clone();
             if let Some((mean, _)) = posterior(&moments, &local, self.sigma) {
                 let numbers = columns.list.iter().enumerate().filter(|(k, _)| in_cell[*k]);
                 linear.design.add(numbers.map(|(k, &(column, scale))| (column, -mean[k] * scale)), &mut left);
             }
-            let rows = self.problem.rows.iter().filter(|row| !row.outlier && (row.run, row.block) == block);
+            let rows = self.problem.rows.iter().filter(|row| !row.outlier && !row.held_out && of_row(row) == block);
             rows.map(|row| left.rows(row.offset, row.seen.len()).norm_squared()).sum()
         };
         blocks.par_iter().map(of_block).collect()
@@ -122,14 +341,22 @@ impl Engine {
     /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them.
     pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
         let held_out = |row: &Observation| row.held_out;
-        let error_mm = self.errors(&self.residual(), held_out).rms_mm;
-        let worse = error_mm > self.errors(before, held_out).rms_mm;
+        // A fault as it was fitted is taken off both: it is in neither cell.
+        let faults = self.shifted_by(|pattern| pattern.standing() == Standing::Fault);
+        let error_mm = self.errors(&(self.left_by_cell() - &faults), held_out).rms_mm;
+        let any = self.map.is_some() || self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
+        let worse = any && error_mm > self.errors(&(self.left_by_declared(before) - &faults), held_out).rms_mm;
         if worse {
-            let any = self.map.take().is_some() || self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
-            self.refused_mm = any.then_some(error_mm);
-            for c in std::mem::take(&mut self.chosen) {
-                let candidate = &mut self.candidates[c];
+            self.map = None;
+            self.refused_mm = Some(error_mm);
+            let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
+            self.chosen = patterns;
+            for c in effects {
+                let candidate: &mut Candidate = &mut self.candidates[c];
                 candidate.values.clone_from(&candidate.start);
+            }
+            if !self.chosen.is_empty() {
+                self.refit();
             }
         }
         worse
@@ -143,7 +370,11 @@ impl Engine {
 
     /// Marks rows whose whitened residual no noise makes; how many are new.
     pub(super) fn mark_outliers(&mut self) -> usize {
-        let whitened = self.whitened(&self.residual());
+        // Rows that were taken for wide are judged by the noise of the others.
+        let mut whitened = self.whitened(&(self.residual() - self.shifted_by(|_| true)));
+        for row in &self.problem.rows {
+            row.scalars().for_each(|k| whitened[k] *= row.tail);
+        }
         // Rows that no fit has seen also carry what the fit does not know of them: their own scale says how much.
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
         let seen = self.problem.rows.iter().filter(held_out);
@@ -159,8 +390,20 @@ impl Engine {
                 !row.outlier && row.scalars().any(|k| whitened[k].abs() > limit(row))
             })
             .collect();
-        // A tenth of the rows are not outliers but an effect.
-        if far.len() * 20 > self.problem.rows.len() {
+        // Many rows in one stretch are not outliers but an effect; those with a good neighbour are no effect.
+        let alone = |i: usize| {
+            let run = self.problem.rows[i].run;
+            let bad =
+                |o: usize| self.problem.rows.get(o).is_some_and(|row| row.run == run) && far.binary_search(&o).is_ok();
+            !(i.checked_sub(1).is_some_and(bad) && bad(i + 1))
+        };
+        /// Shares of the rows: of any that are far off, and of those that are so alone.
+        const FEW: [f64; 2] = [0.05, 0.25];
+        /// Share of those far off that must be alone.
+        const ALONE: f64 = 0.7;
+        let share = far.len() as f64 / self.problem.rows.len().max(1) as f64;
+        let lonely = far.iter().filter(|&&i| alone(i)).count() as f64;
+        if share > FEW[0] && (share > FEW[1] || lonely < ALONE * far.len() as f64) {
             return 0;
         }
         for &i in &far {
@@ -174,6 +417,31 @@ impl Engine {
         let stacked = DMatrix::from_columns(std::slice::from_ref(residual));
         noise::whiten(&stacked, &series, self.shape).columns.column(0).into_owned()
     }
+}
+
+/// Squared scale and log likelihood, but for a constant, of rows (squared norm, components) under Student's t of some
+/// freedom; infinite is normal.
+fn student(rows: &[(f64, f64)], freedom: f64) -> (f64, f64) {
+    /// Enough for the scale to settle to a thousandth.
+    const STEPS: usize = 30;
+    let count: f64 = rows.iter().map(|row| row.1).sum();
+    let mut scale = rows.iter().map(|row| row.0).sum::<f64>() / count.max(1.0);
+    let log_scale = |scale: f64| 0.5 * count * scale.max(f64::MIN_POSITIVE).ln();
+    if freedom.is_infinite() {
+        // −½ Σ r²/s² is −½ of the count at the best scale, and what of 2π the other law has not.
+        return (scale, -log_scale(scale) - 0.5 * count * (1.0 + std::f64::consts::TAU.ln()));
+    }
+    for _ in 0..STEPS {
+        let weighted = rows.iter().map(|(square, size)| square * (freedom + size) / (freedom + square / scale));
+        scale = (weighted.sum::<f64>() / count.max(1.0)).max(f64::MIN_POSITIVE);
+    }
+    let of_row = |(square, size): &(f64, f64)| {
+        ln_gamma(0.5 * (freedom + size))
+            - ln_gamma(0.5 * freedom)
+            - 0.5 * size * (freedom * std::f64::consts::PI).ln()
+            - 0.5 * (freedom + size) * (square / (freedom * scale)).ln_1p()
+    };
+    (scale, rows.iter().map(of_row).sum::<f64>() - log_scale(scale))
 }
 
 /// The same columns as the first ones of a design of their own.

@@ -9,7 +9,7 @@ use super::noise::{self, Series};
 use super::search::PRICE;
 use crate::effects::gear_harmonic;
 use crate::robot::Joints;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -40,8 +40,22 @@ pub(super) struct Term {
     pub(super) order: f64,
 }
 
+/// Whitened columns of every harmonic that is asked: they serve as long as the noise is taken for the same.
+pub(super) struct Grid {
+    key: Key,
+    terms: Vec<Term>,
+    /// Cosine and sine.
+    columns: Vec<DMatrix<f64>>,
+    /// Their products.
+    grams: Vec<Matrix2<f64>>,
+}
+
+/// What whitened columns depend on: the noise's shape, the scalars and their widths.
+type Key = (noise::Shape, usize, u64);
+
 /// What the search looks at.
 pub(super) struct Comb<'a> {
+    grid: Option<Grid>,
     pub(super) problem: &'a Problem,
     /// Change of the residual per `TYPICAL_RAD` of each joint's error, mm.
     along: [DVector<f64>; 6],
@@ -59,17 +73,55 @@ impl<'a> Comb<'a> {
         problem: &'a Problem,
         design: &DMatrix<f64>,
         zero: &Candidate,
-        shape: noise::Shape,
-        sigma: f64,
+        (shape, sigma): (noise::Shape, f64),
+        known: Option<Grid>,
     ) -> Self {
         let series = problem.series(|row| !row.held_out);
-        let used = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| row)).collect();
+        let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| row)).collect();
         let along = std::array::from_fn(|j| design.column(zero.first + j) * (TYPICAL_RAD / zero.typical[j]));
         let mut range = (Joints::repeat(f64::INFINITY), Joints::repeat(f64::NEG_INFINITY));
         for row in problem.rows.iter().filter(|row| !row.held_out) {
             range = (range.0.inf(&row.motor), range.1.sup(&row.motor));
         }
-        Self { problem, along, series, used, shape, precision: sigma.powi(-2), half: 0.5 * (range.1 - range.0) }
+        let widths = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, width)| width * (1 + row) as f64));
+        let key = (shape, used.len(), widths.sum::<f64>().to_bits());
+        let half = 0.5 * (range.1 - range.0);
+        let mut comb = Self { grid: None, problem, along, series, used, shape, precision: sigma.powi(-2), half };
+        comb.grid = Some(known.filter(|grid| grid.key == key).unwrap_or_else(|| comb.asked(key)));
+        comb
+    }
+
+    /// The grid over all joints that move.
+    fn asked(&self, key: Key) -> Grid {
+        let terms = self.grid(&[]);
+        let columns: Vec<DMatrix<f64>> = terms.par_iter().map(|&term| self.columns(term)).collect();
+        let gram = |columns: &DMatrix<f64>| Matrix2::from_fn(|i, j| columns.column(i).dot(&columns.column(j)));
+        let grams = columns.iter().map(gram).collect();
+        Grid { key, terms, columns, grams }
+    }
+
+    /// What may serve again.
+    pub(super) fn into_grid(self) -> Option<Grid> {
+        self.grid
+    }
+
+    /// The best of the whole grid in what is left beside some terms, and its gain.
+    fn best_of_grid(&self, found: &[Term], left: &DMatrix<f64>) -> Option<(Term, f64)> {
+        let grid = self.grid.as_ref()?;
+        let open = |term: &Term| found.iter().filter(|other| other.joint == term.joint).count() < MOST_OF_JOINT;
+        let gain = |at: usize| {
+            let cross = Vector2::from_fn(|i, _| grid.columns[at].column(i).dot(&left.column(0))) * self.precision;
+            let matrix = Matrix2::identity() + grid.grams[at] * self.precision;
+            matrix
+                .try_inverse()
+                .map_or(0.0, |inverse| 0.5 * (cross.dot(&(inverse * cross)) - matrix.determinant().ln()))
+        };
+        let gains: Vec<(f64, usize)> = (0..grid.terms.len())
+            .into_par_iter()
+            .filter(|&at| open(&grid.terms[at]))
+            .map(|at| (gain(at), at))
+            .collect();
+        gains.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, at)| (grid.terms[at], gain))
     }
 
     /// Cosine and sine columns of a term, whitened, fitted rows only.
@@ -153,12 +205,12 @@ impl<'a> Comb<'a> {
     /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
     pub(super) fn terms(&self, residual: &DVector<f64>) -> (Vec<Term>, f64) {
         let data = self.white(&DMatrix::from_columns(std::slice::from_ref(residual)));
-        let looked_at = self.grid(&[]).len().max(1) as f64;
+        let looked_at = self.grid.as_ref().map_or(1, |grid| grid.terms.len().max(1)) as f64;
         let price = PRICE + looked_at.ln();
         let mut found: Vec<Term> = Vec::new();
         let (mut value, mut left) = (0.0, data.clone());
         while found.len() < MOST {
-            let Some((next, gain)) = self.best(&self.grid(&found), &left) else { break };
+            let Some((next, gain)) = self.best_of_grid(&found, &left) else { break };
             if gain < 0.5 * price {
                 break;
             }
@@ -168,7 +220,7 @@ impl<'a> Comb<'a> {
                     let (_, rest) = self.without(&more, Some(i), &data);
                     // An alias of a term that was missing may have stood for it: the whole grid is asked again.
                     let others: Vec<Term> = more.iter().enumerate().filter(|(o, _)| *o != i).map(|(_, t)| *t).collect();
-                    let again = self.best(&self.grid(&others), &rest).map_or(more[i], |best| best.0);
+                    let again = self.best_of_grid(&others, &rest).map_or(more[i], |best| best.0);
                     let again = self.refined(again, &rest);
                     let mine = self.fit(&self.columns(more[i]), &rest).0;
                     if self.fit(&self.columns(again), &rest).0 > mine + 1e-6 {

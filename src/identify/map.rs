@@ -7,7 +7,8 @@ use super::candidates::{self, Candidate, Home};
 use super::data::{Observation, Seen};
 use super::engine::{Engine, Posterior};
 use super::gate::in_standard_errors;
-use super::noise::Field;
+use super::noise::{Field, Over};
+use super::pattern::Standing;
 use super::search::Search;
 use crate::effects::{Effect, empirical_field, fade};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
@@ -40,7 +41,8 @@ pub(super) struct Map {
 struct Left {
     run: usize,
     order: usize,
-    block: usize,
+    /// What is left out together.
+    block: (usize, usize),
     weight: f64,
     place: Vector3<f64>,
     error: Vector3<f64>,
@@ -68,16 +70,14 @@ impl Engine {
     /// The field over the place, if it holds.
     fn field_map(&self) -> Option<Map> {
         let left = self.left()?;
-        let extent = self.problem.extent_mm();
-        let of = |part: &f64| SHARES.map(|share| Field { share, reach_mm: extent / part });
+        let [extent, ..] = self.problem.extents();
+        let of = |part: &f64| SHARES.map(|share| Field { over: Over::Place, share, reach: extent / part });
         let fields: Vec<Field> = PARTS.iter().flat_map(of).collect();
         let tried: Vec<Kriged> = fields.par_iter().filter_map(|&field| self.kriged(&left, field)).collect();
         let best = tried.iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
-        let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| (left.run, left.block)).collect();
+        let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
         blocks.dedup();
-        let split = |block: &(usize, usize)| -> (Vec<Left>, Vec<Left>) {
-            left.iter().partition(|l| (l.run, l.block) == *block)
-        };
+        let split = |block: &(usize, usize)| -> (Vec<Left>, Vec<Left>) { left.iter().partition(|l| l.block == *block) };
         // What is told of a block that was not seen holds as far from seen places as its own rows are.
         let apart = |block: &(usize, usize)| {
             let (own, others) = split(block);
@@ -101,11 +101,11 @@ impl Engine {
         let gain = in_standard_errors(&gains);
         /// Nats below the best at which a reach is ruled out: two standard deviations.
         const RULED_OUT: f64 = 2.0;
-        let reaches = tried.iter().filter(|t| t.evidence > best.evidence - RULED_OUT).map(|t| t.field.reach_mm);
+        let reaches = tried.iter().filter(|t| t.evidence > best.evidence - RULED_OUT).map(|t| t.field.reach);
         let bells: Vec<_> = best.left.iter().map(|left| left.place).zip(best.shifts.iter().copied()).collect();
         (gain > HOLDS).then(|| Map {
-            effect: empirical_field(best.field.reach_mm, within, &bells),
-            reach_mm: best.field.reach_mm,
+            effect: empirical_field(best.field.reach, within, &bells),
+            reach_mm: best.field.reach,
             reaches_mm: reaches.fold([f64::INFINITY, 0.0], |[a, b], reach| [a.min(reach), b.max(reach)]),
             likely: likely(gain),
         })
@@ -113,7 +113,7 @@ impl Engine {
 
     /// What the chosen effects leave of the fitted rows, thinned; `None` where rows are no positions.
     fn left(&self) -> Option<Vec<Left>> {
-        let residual = self.residual();
+        let residual = self.residual() - self.shifted_by(|pattern| pattern.standing() != Standing::Unlisted);
         let fitted = |row: &&Observation| !row.held_out && !row.outlier;
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
         let of = |row: &&Observation| {
@@ -122,8 +122,8 @@ impl Engine {
             Left {
                 run: row.run,
                 order: row.order,
-                block: row.block,
-                weight: row.weight,
+                block: self.problem.validation_block(row),
+                weight: row.weight * row.tail,
                 place: self.problem.place_mm(row),
                 error: base_from_wobj.rotation * error,
             }

@@ -33,5 +33,5 @@ mod whole;
 pub use engine::{Input, identify};
 pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
-    Unexplained,
+    SetShare, Unexplained,
 };

@@ -19,6 +19,8 @@ pub(super) struct Moments {
     /// Σ ½ ln S_t at σ = 1.
     pub(super) log_scale: f64,
     pub(super) shape: Shape,
+    /// Standard deviation of the noise as the table declares it, mm.
+    pub(super) declared: Option<f64>,
 }
 
 impl Moments {
@@ -50,6 +52,7 @@ impl Moments {
             count: series.iter().map(|series| series.samples.len()).sum(),
             log_scale,
             shape,
+            declared: None,
         }
     }
 
@@ -148,7 +151,7 @@ mod tests {
     fn products_some_rows_at_a_time_are_those_of_the_whole() {
         let shape = Shape { wander: 0.4, correlation: 0.9, field: None };
         let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
-        let series = [Series { samples, places: vec![Vector3::zeros(); 1300] }];
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 1300] }];
         let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
         let whole = whiten(&stacked, &series, shape);
         let (full, log_scale) = products(&Columns::stacked(&stacked), &series, shape);

@@ -21,30 +21,55 @@ pub(super) struct Shape {
     pub(super) field: Option<Field>,
 }
 
-/// A smooth field over the place: squared-exponential covariance.
+/// A smooth field: squared-exponential covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Field {
+    /// What it is a field over.
+    pub(super) over: Over,
     /// Its variance over that of the white noise.
     pub(super) share: f64,
-    /// Its length scale, mm.
-    pub(super) reach_mm: f64,
+    /// Its length scale: mm of place, rad of posture, N of force.
+    pub(super) reach: f64,
 }
+
+/// What a field is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Over {
+    /// The place in the base, mm.
+    Place,
+    /// The wrist's three motor angles, rad.
+    Wrist,
+    /// The force on the tool, N.
+    Force,
+}
+
+/// All of them.
+pub(super) const OVER: [Over; 3] = [Over::Place, Over::Wrist, Over::Force];
+
+/// A row's coordinates in each of [`OVER`].
+pub(super) type Places = [Vector3<f64>; OVER.len()];
 
 impl Field {
     pub(super) fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-        self.share * (-0.5 * (a - b).norm_squared() / (self.reach_mm * self.reach_mm)).exp()
+        self.share * (-0.5 * (a - b).norm_squared() / (self.reach * self.reach)).exp()
+    }
+
+    fn between(&self, a: &Places, b: &Places) -> f64 {
+        self.covariance(&a[self.over as usize], &b[self.over as usize])
     }
 }
 
 /// A wander of more variance than this over the white noise is no arm's: something drifts.
 pub(super) const MOST_WANDER: f64 = 2.0;
 
-/// Fields that are tried over an area of this size, mm.
-pub(super) fn fields(extent_mm: f64) -> Vec<Field> {
+/// Fields that are tried over coordinates of these extents.
+pub(super) fn fields(extents: [f64; OVER.len()]) -> Vec<Field> {
     let mut all = Vec::new();
-    for parts in [4.0, 8.0, 16.0, 32.0] {
-        for share in [0.5, 2.0, 8.0] {
-            all.push(Field { share, reach_mm: extent_mm / parts });
+    for (over, extent) in OVER.into_iter().zip(extents).filter(|(_, extent)| *extent > 0.0) {
+        // A place is a plane full of rows; postures and forces are few.
+        let parts: &[f64] = if over == Over::Place { &[4.0, 8.0, 16.0, 32.0] } else { &[2.0, 4.0, 8.0] };
+        for part in parts {
+            all.extend([0.5, 2.0, 8.0].map(|share| Field { over, share, reach: extent / part }));
         }
     }
     all
@@ -107,8 +132,8 @@ pub(super) type Sample = (usize, usize, f64);
 #[derive(Clone, Debug, Default)]
 pub(super) struct Series {
     pub(super) samples: Vec<Sample>,
-    /// Where each was taken, mm.
-    pub(super) places: Vec<Vector3<f64>>,
+    /// Where each was taken.
+    pub(super) places: Vec<Places>,
 }
 
 /// Whitened columns and the log determinant of the whitening (Σ ½ ln S_t, at σ = 1).
@@ -160,7 +185,7 @@ fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: 
 }
 
 /// Stretches of each series that are seen together, with their places; those of a run's axes one after another.
-fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Vector3<f64>])> {
+fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
     let most = series.iter().map(|series| series.samples.len().div_ceil(TOGETHER)).max().unwrap_or(0);
     (0..most).flat_map(move |n| {
         let part = move |length: usize| n * TOGETHER..length.min((n + 1) * TOGETHER);
@@ -171,7 +196,7 @@ fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Vector3<f64>]
 }
 
 /// Time index and relative standard deviation, and where.
-type Spacing = ((usize, f64), Vector3<f64>);
+type Spacing = ((usize, f64), Places);
 
 /// Cholesky factors of the covariance; the axes of a run share theirs.
 struct Factors {
@@ -186,7 +211,7 @@ impl Factors {
         Self { shape, field, last: None }
     }
 
-    fn of(&mut self, samples: &[Sample], places: &[Vector3<f64>]) -> Option<&DMatrix<f64>> {
+    fn of(&mut self, samples: &[Sample], places: &[Places]) -> Option<&DMatrix<f64>> {
         let spacing = samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect();
         if self.last.as_ref().is_none_or(|last| last.0 != spacing) {
             self.last = Some((spacing, covariance(samples, places, self.shape, self.field).cholesky()?.l()));
@@ -196,13 +221,13 @@ impl Factors {
 }
 
 /// Covariance of samples over σ²: white, wander and field; the lower triangle.
-fn covariance(samples: &[Sample], places: &[Vector3<f64>], shape: Shape, field: Field) -> DMatrix<f64> {
+fn covariance(samples: &[Sample], places: &[Places], shape: Shape, field: Field) -> DMatrix<f64> {
     let size = samples.len();
     let mut matrix = DMatrix::zeros(size, size);
     for j in 0..size {
         for i in j..size {
             let wander = shape.wandering(samples[i].1.abs_diff(samples[j].1));
-            matrix[(i, j)] = wander + field.covariance(&places[i], &places[j]);
+            matrix[(i, j)] = wander + field.between(&places[i], &places[j]);
         }
         matrix[(j, j)] += samples[j].2.powi(2);
     }
@@ -217,7 +242,7 @@ pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape,
         let Some(factor) = covariance(samples, places, shape, field).cholesky() else { continue };
         let weights = factor.solve(&residual.select_rows(&rows));
         for (i, &row) in rows.iter().enumerate() {
-            mean[row] = (0..rows.len()).map(|j| field.covariance(&places[i], &places[j]) * weights[j]).sum();
+            mean[row] = (0..rows.len()).map(|j| field.between(&places[i], &places[j]) * weights[j]).sum();
         }
     }
     mean
@@ -258,7 +283,7 @@ mod tests {
         let shape = Shape { wander: 0.8, correlation: 0.9, field: None };
         let times = [0usize, 1, 2, 5, 6];
         let samples = times.iter().enumerate().map(|(row, &t)| (row, t, 1.0)).collect();
-        let series = [Series { samples, places: vec![Vector3::zeros(); 5] }];
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 5] }];
         let covariance = DMatrix::from_fn(5, 5, |i, j| {
             let lag = times[i].abs_diff(times[j]);
             shape.wander * shape.correlation.powi(lag as i32) + f64::from(u8::from(i == j))
@@ -274,10 +299,10 @@ mod tests {
     fn a_field_that_is_nothing_whitens_as_none() {
         let shape = Shape { wander: 0.5, correlation: 0.8, field: None };
         let samples = (0..7).map(|t| (t, t, 1.0 + 0.1 * t as f64)).collect();
-        let places = (0..7).map(|t| Vector3::repeat(f64::from(t))).collect();
+        let places = (0..7).map(|t| [Vector3::repeat(f64::from(t)); 3]).collect();
         let series = [Series { samples, places }];
         let plain = whiten(&DMatrix::identity(7, 7), &series, shape);
-        let none = Shape { field: Some(Field { share: 1e-15, reach_mm: 10.0 }), ..shape };
+        let none = Shape { field: Some(Field { over: Over::Place, share: 1e-15, reach: 10.0 }), ..shape };
         let field = whiten(&DMatrix::identity(7, 7), &series, none);
         assert!((plain.columns - field.columns).amax() < 1e-9);
         assert!((plain.log_scale - field.log_scale).abs() < 1e-9);

@@ -1,7 +1,7 @@
 use crate::cell::NewEffect;
 use serde::Serialize;
 
-/// The answer (INTERFACE.md, `identify --json`).
+/// The answer (`docs/reference.md`, `identify --json`).
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Identification {
@@ -26,6 +26,8 @@ pub struct Identification {
     pub after_rms_ci95_mm: [f64; 2],
     /// Effects added.
     pub added: Vec<Added>,
+    /// Sets of effects and faults that the fitted rows leave open, most likely first; empty over the whole robot (`--poses`).
+    pub sets: Vec<SetShare>,
     /// Every kind of effect alone, best first.
     pub ranking: Vec<Ranked>,
     /// Pairs of effects that these rows do not hold well apart, closest first.
@@ -80,6 +82,16 @@ pub struct Added {
     pub not_told_apart_from: Vec<String>,
 }
 
+/// A set of effects that the fitted rows leave open.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct SetShare {
+    /// Kinds of its effects; `instrument_drift`, `fixture_slip` and `force_readings` are faults of the measurement.
+    pub kinds: Vec<String>,
+    /// Its posterior probability among the sets about the one that was chosen.
+    pub probability: f64,
+}
+
 /// A fitted number.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
@@ -92,6 +104,9 @@ pub struct FittedParameter {
     pub unit: &'static str,
     /// 95 % interval.
     pub ci95: [f64; 2],
+    /// The value at which the effect does nothing.
+    #[serde(skip)]
+    pub neutral: f64,
 }
 
 /// One kind alone.

@@ -1,97 +1,337 @@
-//! Patterns that stand for what nobody lists: smooth in a joint's angle, time or force, or a jump.
+//! What no effect of the cell describes: where each run is clamped, faults of the measurement, and patterns that stand
+//! for anything unlisted.
 
 use super::candidates::Candidate;
-use super::data::{Observation, Problem};
-use crate::effects::Survey;
-use nalgebra::DVector;
+use super::data::{Observation, Parts, Problem, Seen};
+use crate::effects::{Cutting, Survey};
+use crate::equilibrium::{Arm, Equilibrium};
+use nalgebra::{DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// What an unexplained remainder may follow.
+/// Something that measured rows may follow and that is never written to a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pattern {
+    /// Each run's part is clamped anew: a small shift and turn a run.
+    Clamping,
+    /// The instrument drifts: each run's positions follow its time.
+    Drift,
+    /// Something slips: from this row of a run on all positions are shifted.
+    Jump {
+        /// Index of the run.
+        run: usize,
+        /// First row behind it.
+        order: usize,
+    },
+    /// The columns of the force are mixed up, as [`MIXED`] has it.
+    MixedForce(usize),
+    /// Each axis of the force sensor shows something of the others.
+    Crosstalk,
     /// One joint's angle.
     Joint(usize),
-    /// Time.
+    /// Time, however it goes.
     Time,
-    /// The force.
+    /// The force, not as a spring does.
     Force,
-    /// A jump from one sixteenth of the run on.
-    Jump(usize),
+    /// The directions in which the axes travel.
+    Direction,
 }
 
-const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
-const WAVES: usize = 14;
-const JUMPS: usize = 16;
+/// What follows from a pattern in a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// It is always to be expected, and taken off before errors are counted.
+    Nuisance,
+    /// Something is wrong with the measurement, and it can be said what.
+    Fault,
+    /// Something acts that no listed effect explains.
+    Unlisted,
+}
 
-/// Every pattern that the data can show.
-pub(super) fn all(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
+/// How the columns of a force may be mixed up: in words, and what is really there of what was read.
+const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
+    ("fx_n with its sign turned", [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    ("fy_n with its sign turned", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
+    ("fz_n with its sign turned", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]),
+    ("fx_n, fy_n, fz_n with their signs turned", [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]),
+    ("fx_n and fy_n swapped", [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    ("fy_n and fz_n swapped", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
+    ("fx_n and fz_n swapped", [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    ("fx_n, fy_n, fz_n in the order y, z, x", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    ("fx_n, fy_n, fz_n in the order z, x, y", [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+];
+
+/// Orders of the waves that stand for any function of a joint's angle.
+const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
+/// Waves that stand for any function of time.
+const WAVES: usize = 14;
+/// Places of a run at which a jump is looked for before its own row is sought.
+const JUMPS: usize = 16;
+/// Numbers of a clamping: three shifts, three turns.
+const CLAMPING: usize = 6;
+/// Functions of time that a drift is made of.
+const DRIFTS: usize = 2;
+/// Products of a force's components, first and second order.
+const PRODUCTS: usize = 9;
+/// Pairs of different axes.
+const PAIRS: usize = 6;
+/// Sizes that are looked for, mm: of a drift, a jump, and of whatever is unlisted.
+const TYPICAL_MM: f64 = 0.05;
+/// Sizes of a clamping, mm and rad: what a stop and a probe leave.
+const CLAMPED: (f64, f64) = (0.2, 4e-4);
+/// Priors of clampings, as shares of these sizes: probed, against stops, by hand.
+const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
+/// What a force sensor's axis shows of another.
+const CROSSTALK: f64 = 0.15;
+
+impl Pattern {
+    pub(super) fn standing(self) -> Standing {
+        match self {
+            Self::Clamping => Standing::Nuisance,
+            Self::Drift | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk => Standing::Fault,
+            Self::Joint(_) | Self::Time | Self::Force | Self::Direction => Standing::Unlisted,
+        }
+    }
+
+    /// Whether the forces of the table cannot be right.
+    pub(super) fn is_of_force(self) -> bool {
+        matches!(self, Self::MixedForce(_) | Self::Crosstalk)
+    }
+
+    /// What stands where a set has the names of those that could be meant.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Clamping => "clamping",
+            Self::Drift => "instrument_drift",
+            Self::Jump { .. } => "fixture_slip",
+            Self::MixedForce(_) | Self::Crosstalk => "force_readings",
+            Self::Joint(_) | Self::Time | Self::Force | Self::Direction => "",
+        }
+    }
+
+    /// Of patterns of one family a set has one.
+    pub(super) fn family(self) -> String {
+        match self {
+            Self::MixedForce(_) | Self::Crosstalk => "force readings".to_owned(),
+            _ => format!("pattern {self:?}"),
+        }
+    }
+
+    /// What the remainder follows, in words.
+    pub(super) fn words(self, problem: &Problem) -> String {
+        let of_run = |run: usize| if problem.runs.len() > 1 { format!(" of run {}", run + 1) } else { String::new() };
+        match self {
+            Self::Clamping => "where each run is clamped".to_owned(),
+            Self::Drift => "time, as a drifting instrument or a warming robot does".to_owned(),
+            Self::Jump { run, order } => {
+                let line =
+                    problem.rows.iter().find(|row| row.run == run && row.order >= order).map_or(0, |row| row.line);
+                format!("a jump at line {line}{}: the part or the instrument slipped", of_run(run))
+            }
+            Self::MixedForce(which) => {
+                format!("the force, if {} are meant", MIXED[which].0).replace("turned are", "turned is")
+            }
+            Self::Crosstalk => "the force, if each axis of the sensor shows something of the others".to_owned(),
+            Self::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
+            Self::Time => "time".to_owned(),
+            Self::Force => "cutting force".to_owned(),
+            Self::Direction => "direction of travel".to_owned(),
+        }
+    }
+
+    fn size(self, problem: &Problem) -> usize {
+        match self {
+            Self::Clamping => CLAMPING * problem.runs.len(),
+            Self::Drift => 3 * DRIFTS * problem.runs.len(),
+            Self::Jump { .. } => 3,
+            Self::MixedForce(_) => 1,
+            Self::Crosstalk => PAIRS,
+            Self::Joint(_) => 3 * 2 * ORDERS.len(),
+            Self::Time => 3 * WAVES,
+            Self::Force => 3 * PRODUCTS,
+            Self::Direction => 3 * 6,
+        }
+    }
+
+    fn candidate(self, problem: &Problem, variants: f64) -> Candidate {
+        Candidate { variants, ..Candidate::pattern(self, self.size(problem)) }
+    }
+}
+
+/// A jump in front of a row.
+pub(super) fn jump(problem: &Problem, run: usize, order: usize) -> Candidate {
+    Pattern::Jump { run, order }.candidate(problem, problem.rows.len() as f64)
+}
+
+/// Clampings and faults that the data can show.
+pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     if problem.free_device {
         return Vec::new();
     }
-    let mut all: Vec<Candidate> =
-        (0..6).map(|joint| Candidate::pattern(Pattern::Joint(joint), 3 * 2 * ORDERS.len())).collect();
-    if survey.time.is_some_and(|(from, to)| to > from) {
-        all.push(Candidate::pattern(Pattern::Time, 3 * WAVES));
+    let mut all = Vec::new();
+    if problem.runs.len() > 1 {
+        let clamping = Pattern::Clamping.candidate(problem, 1.0);
+        all.extend(CLAMPED_SIZES.map(|scale| Candidate { scale, ..clamping.clone() }));
     }
-    if survey.has_force {
-        all.push(Candidate::pattern(Pattern::Force, 3 * 9));
+    all.push(Pattern::Drift.candidate(problem, 1.0));
+    for run in 0..problem.runs.len() {
+        let count = problem.rows.iter().filter(|row| row.run == run).count();
+        all.extend((1..JUMPS).map(|at| jump(problem, run, at * count / JUMPS)));
     }
-    all.extend((1..JUMPS).map(|at| Candidate { variants: JUMPS as f64, ..Candidate::pattern(Pattern::Jump(at), 3) }));
+    // Forces that a law gives are no readings.
+    let read = |row: &Observation| matches!(problem.runs[row.run].situation(row.point).cutting, Cutting::Constant(_));
+    if survey.has_force && survey.stiffness_declared && problem.rows.iter().any(read) {
+        let count = MIXED.len() as f64;
+        all.extend((0..MIXED.len()).map(|which| Pattern::MixedForce(which).candidate(problem, count)));
+        all.push(Pattern::Crosstalk.candidate(problem, 1.0));
+    }
     all
 }
 
-/// The columns of a pattern of `size` numbers.
-pub(super) fn columns(problem: &Problem, pattern: Pattern, size: usize) -> Vec<DVector<f64>> {
-    /// In mm, as the prior of [`Candidate::pattern`].
-    const TYPICAL_MM: f64 = 0.05;
-    let count = problem.rows.len().max(2);
-    let time = problem.rows.iter().map(|row| problem.runs[row.run].points[row.point].time);
-    let (from, to) = time.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
-    let force_size = problem
-        .rows
-        .iter()
-        .map(|row| match problem.runs[row.run].situation(row.point).cutting {
-            crate::effects::Cutting::Constant(force) => force.norm(),
-            _ => 0.0,
-        })
-        .fold(1.0, f64::max);
-    let value = |row: &Observation, index: usize, which: usize| {
-        use std::f64::consts::PI;
-        let point = &problem.runs[row.run].points[row.point];
-        match pattern {
-            Pattern::Joint(joint) => {
-                let angle = ORDERS[which / 2] * row.motor[joint];
-                if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
-            }
-            Pattern::Time => (PI * (which + 1) as f64 * (point.time - from) / (to - from).max(1e-9)).cos(),
-            Pattern::Force => match problem.runs[row.run].situation(row.point).cutting {
-                crate::effects::Cutting::Constant(force) => {
-                    let f = force / force_size;
-                    [f.x, f.y, f.z, f.x * f.x, f.y * f.y, f.z * f.z, f.x * f.y, f.y * f.z, f.x * f.z][which]
-                }
-                _ => 0.0,
-            },
-            Pattern::Jump(at) => f64::from(u8::from(index * JUMPS >= at * count)),
-        }
-    };
-    let functions = size / 3;
-    let mut columns = Vec::with_capacity(size);
-    for which in 0..functions {
-        for axis in 0..3 {
-            let parts: Vec<(usize, usize, f64)> = problem
-                .rows
-                .par_iter()
-                .enumerate()
-                .map(|(index, row)| (row.offset, row.seen.len(), value(row, index, which)))
-                .collect();
-            let mut column = DVector::zeros(problem.scalars);
-            for (offset, len, value) in parts {
-                if axis < len {
-                    column[offset + axis] = TYPICAL_MM * value;
-                }
-            }
-            columns.push(column);
-        }
+/// Patterns that stand for anything unlisted, as far as the data can show them.
+pub(super) fn unlisted(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
+    let mut all: Vec<Pattern> = (0..6).map(Pattern::Joint).collect();
+    if survey.time.is_some() {
+        all.push(Pattern::Time);
     }
-    columns
+    if survey.has_force {
+        all.push(Pattern::Force);
+    }
+    all.push(Pattern::Direction);
+    all.into_iter().map(|pattern| pattern.candidate(problem, 1.0)).collect()
+}
+
+/// What a pattern's columns are made with.
+pub(super) struct About<'a> {
+    pub(super) problem: &'a Problem,
+    pub(super) arm: &'a Arm,
+    /// Its residual and its equilibria.
+    pub(super) base: &'a DVector<f64>,
+    pub(super) settled: &'a [Option<Equilibrium>],
+}
+
+/// The columns of a pattern: what it adds to the residual, mm per prior size.
+pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
+    let problem = about.problem;
+    let with_force = |matrix: Matrix3<f64>, times: f64| {
+        let moved = problem.residual_under(about.arm, about.settled, |force| matrix * force);
+        let mut column = (about.base - moved) * times;
+        column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
+        column
+    };
+    match pattern {
+        Pattern::MixedForce(which) => {
+            let rows = MIXED[which].1;
+            vec![with_force(Matrix3::from_fn(|i, j| rows[i][j]), 1.0)]
+        }
+        Pattern::Crosstalk => {
+            let pairs = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
+            let of = |(to, from): (usize, usize)| {
+                let mut matrix = Matrix3::identity();
+                matrix[(to, from)] = CROSSTALK;
+                with_force(matrix, 1.0)
+            };
+            pairs.map(of).into()
+        }
+        _ => shifts(problem, pattern),
+    }
+}
+
+/// The columns of a pattern that shifts what is measured.
+pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
+    let spans: Vec<Span> = (0..problem.runs.len()).map(|run| Span::of(problem, run)).collect();
+    let force_size = problem.rows.iter().map(|row| force(problem, row).norm()).fold(1.0, f64::max);
+    let size = pattern.size(problem);
+    let of_column = |index: usize| {
+        let of = |row: &Observation| project(problem, row, shift(problem, pattern, index, row, &spans, force_size));
+        problem.stacked(problem.rows.par_iter().map(of).collect())
+    };
+    (0..size).map(of_column).collect()
+}
+
+/// The force that a row was measured under, as read, N.
+fn force(problem: &Problem, row: &Observation) -> Vector3<f64> {
+    match problem.runs[row.run].situation(row.point).cutting {
+        Cutting::Constant(force) => force,
+        _ => Vector3::zeros(),
+    }
+}
+
+/// When and where a run was measured.
+struct Span {
+    from: f64,
+    to: f64,
+    centre_mm: Vector3<f64>,
+}
+
+impl Span {
+    fn of(problem: &Problem, run: usize) -> Self {
+        let mut span = Self { from: f64::INFINITY, to: f64::NEG_INFINITY, centre_mm: Vector3::zeros() };
+        let mut count = 0.0;
+        for row in problem.rows.iter().filter(|row| row.run == run) {
+            let point = &problem.runs[run].points[row.point];
+            (span.from, span.to) = (span.from.min(point.time), span.to.max(point.time));
+            span.centre_mm += 1e3 * point.reference.translation.vector;
+            count += 1.0;
+        }
+        span.centre_mm /= f64::max(count, 1.0);
+        span
+    }
+
+    /// 0 to 1.
+    fn along(&self, time: f64) -> f64 {
+        ((time - self.from) / (self.to - self.from).max(1e-9)).clamp(0.0, 1.0)
+    }
+}
+
+/// What number `index` of a pattern shifts a row by, work object axes, mm per prior size.
+fn shift(
+    problem: &Problem,
+    pattern: Pattern,
+    index: usize,
+    row: &Observation,
+    spans: &[Span],
+    force_size: f64,
+) -> Vector3<f64> {
+    use std::f64::consts::PI;
+    let point = &problem.runs[row.run].points[row.point];
+    let along = spans[row.run].along(point.time);
+    // Functions of the row, each along the three axes.
+    let (which, axis) = (index / 3, Vector3::ith(index % 3, TYPICAL_MM));
+    let value = match pattern {
+        Pattern::Clamping if row.run != index / CLAMPING => 0.0,
+        Pattern::Clamping => {
+            let unit = Vector3::ith(index % 3, 1.0);
+            if index % CLAMPING < 3 {
+                return CLAMPED.0 * unit;
+            }
+            let place = 1e3 * point.reference.translation.vector - spans[row.run].centre_mm;
+            return CLAMPED.1 * unit.cross(&place);
+        }
+        Pattern::Drift if row.run != which / DRIFTS => 0.0,
+        Pattern::Drift if which % DRIFTS == 0 => along,
+        Pattern::Drift => 2.0 * along * (1.0 - along),
+        Pattern::Jump { run, order } => f64::from(u8::from(row.run == run && row.order >= order)),
+        Pattern::Joint(joint) => {
+            let angle = ORDERS[which / 2] * row.motor[joint];
+            if which.is_multiple_of(2) { angle.cos() } else { angle.sin() }
+        }
+        Pattern::Time => (PI * (which + 1) as f64 * along).cos(),
+        Pattern::Force => {
+            let f = force(problem, row) / force_size;
+            [f.x, f.y, f.z, f.x * f.x, f.y * f.y, f.z * f.z, f.x * f.y, f.y * f.z, f.x * f.z][which]
+        }
+        Pattern::Direction => row.travel[which],
+        Pattern::MixedForce(_) | Pattern::Crosstalk => 0.0,
+    };
+    value * axis
+}
+
+/// What a row's instrument shows of a shift, work object axes, mm.
+fn project(problem: &Problem, row: &Observation, shift: Vector3<f64>) -> Parts {
+    let shown = match row.seen {
+        Seen::Position(_) => shift.into(),
+        Seen::Normal(_) => [shift.dot(&problem.runs[row.run].points[row.point].normal), 0.0, 0.0],
+        Seen::Distance(_) => [shift.x, 0.0, 0.0],
+    };
+    [shown, [0.0; 3]]
 }

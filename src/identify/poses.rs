@@ -85,7 +85,7 @@ impl Problem {
             problem.devices.push(device.map_or(Device::Known, |(device, _)| device));
             problem.find_fixed_point(run, table)?;
         }
-        problem.scale_weights();
+        problem.scale_weights(false);
         Ok(problem)
     }
 }
@@ -103,10 +103,10 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
             );
             continue;
         };
-        let motor = Joints::from(deg.map(f64::to_radians));
+        let motor = robot.motor_from_axes_deg(&deg);
         // The turns of an axis may be counted from elsewhere; no axis turns once more than its range.
         let limits = &robot.limits;
-        let beyond = (0..6).find(|&j| !(limits.min[j] - TAU..=limits.max[j] + TAU).contains(&motor[j]));
+        let beyond = (0..6).find(|&j| !(limits.min[j] - TAU..=limits.max[j] + TAU).contains(&deg[j].to_radians()));
         match beyond {
             Some(j) => {
                 let (min, max) = (limits.min[j].to_degrees(), limits.max[j].to_degrees());

@@ -8,6 +8,7 @@ use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
+use std::borrow::Cow;
 
 /// A measured point this far from its target does not belong to it, mm.
 pub(super) const ELSEWHERE_MM: f64 = 50.0;
@@ -16,7 +17,11 @@ impl Problem {
     /// Aligns runs to their programs.
     pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(false);
-        for (program, table) in runs {
+        let parts: Vec<(&Program, Cow<Table>)> = runs
+            .iter()
+            .flat_map(|(program, table)| clampings(table).into_iter().map(move |part| (program, part)))
+            .collect();
+        for (program, table) in &parts {
             let has_force = table.rows.iter().any(|row| row.force_n.is_some());
             let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
             let mut forces = table.forces();
@@ -43,6 +48,10 @@ impl Problem {
                 errors.truncate(20);
                 return Err(errors);
             }
+            // Noise and drift follow time, however the file is sorted.
+            if taken.iter().all(|(_, row, _)| row.time_s.is_some()) {
+                taken.sort_by(|a, b| a.1.time_s.unwrap_or(0.0).total_cmp(&b.1.time_s.unwrap_or(0.0)));
+            }
             let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
             for (order, (point, row, seen)) in taken.into_iter().enumerate() {
                 let at = &prepared.points[point];
@@ -54,9 +63,28 @@ impl Problem {
             problem.devices.push(Device::Known);
             problem.find_fixed_point(run, table)?;
         }
-        problem.scale_weights();
+        let declared = parts.iter().flat_map(|(_, table)| &table.rows).all(|row| row.sigma_mm.is_some());
+        problem.scale_weights(declared);
         Ok(problem)
     }
+}
+
+/// A table's rows by their `run`, in the order in which the runs are first met: each has its own clamping.
+fn clampings(table: &Table) -> Vec<Cow<'_, Table>> {
+    if table.rows.windows(2).all(|rows| rows[0].run == rows[1].run) {
+        return vec![Cow::Borrowed(table)];
+    }
+    let mut parts: Vec<(&Option<String>, Table)> = Vec::new();
+    for row in &table.rows {
+        let at = parts.iter().position(|(run, _)| **run == row.run).unwrap_or_else(|| {
+            let mut part = table.clone();
+            part.rows.clear();
+            parts.push((&row.run, part));
+            parts.len() - 1
+        });
+        parts[at].1.rows.push(row.clone());
+    }
+    parts.into_iter().map(|(_, part)| Cow::Owned(part)).collect()
 }
 
 pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {

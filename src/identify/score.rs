@@ -23,6 +23,9 @@ pub(super) struct Score {
 /// Noise below this is not believed, mm: no instrument measures a robot to a tenth of a micrometre.
 const LEAST_SIGMA: f64 = 1e-4;
 
+/// How well an instrument's declared standard deviation is known, as a share of it.
+const DECLARED: f64 = 0.15;
+
 /// A column of the design and the share of its typical size that the prior has.
 pub(super) type Column = (usize, f64);
 
@@ -90,7 +93,10 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
     let size = columns.list.len();
     let at = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
-        let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale + moments.shape.log_prior();
+        let declared = moments.declared.map_or(0.0, |declared| -0.5 * ((log_sigma - declared.ln()) / DECLARED).powi(2));
+        let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale
+            + moments.shape.log_prior()
+            + declared;
         if size == 0 {
             return base;
         }
@@ -216,7 +222,7 @@ mod tests {
     fn beside_a_number_at_its_bound_the_others_are_solved_anew() {
         // y = (1, 3) on columns (1, 1) and (0, 1): without bounds (1, 2); with the second not above 0, the mean 2 of the first.
         let stacked = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 1.0, 1.0, 1.0, 3.0]);
-        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![Vector3::zeros(); 2] }];
+        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![[Vector3::zeros(); 3]; 2] }];
         let moments = Moments::of(&stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None });
         let columns = Columns::independent(vec![(0, 1.0), (1, 1.0)]);
         let any = (f64::NEG_INFINITY, f64::INFINITY);

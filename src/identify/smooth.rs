@@ -28,6 +28,19 @@ pub(super) struct Smoothness {
 }
 
 impl Smoothness {
+    /// Of an effect's numbers as an identification before has left them, by their covariance.
+    pub(super) fn of_covariance(covariance: &DMatrix<f64>, typical: &[f64]) -> Option<Self> {
+        /// Variances that stand for one: days, mountings and what the model leaves out differ between two measurements.
+        const CAUTION: f64 = 4.0;
+        let n = typical.len();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            CAUTION * covariance[(i, j)] / (typical[i] * typical[j]) + if i == j { NUGGET } else { 0.0 }
+        });
+        let factor = scaled.cholesky()?;
+        let half_log_det = -factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        Some(Self { precision: factor.inverse(), half_log_det })
+    }
+
     /// Of knots (degrees) whose curve has a size (share of the typical one) and a reach (degrees).
     fn new(knots_deg: &[f64], reach_deg: f64, size: f64) -> Option<Self> {
         let n = knots_deg.len();
@@ -148,7 +161,7 @@ mod tests {
     fn moments(stacked: &DMatrix<f64>) -> Moments {
         let rows = stacked.nrows();
         let samples = (0..rows).map(|t| (t, t, 1.0)).collect();
-        let series = [Series { samples, places: vec![Vector3::zeros(); rows] }];
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; rows] }];
         Moments::of(stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None })
     }
 

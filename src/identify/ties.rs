@@ -5,32 +5,31 @@
 
 use super::outcome::Added;
 use crate::cell::NewEffect;
+use crate::effects::{KINDS, Kind, Part, Shape, kind};
 use nalgebra::{DMatrix, DVector};
-
-const CURVE: &str = "joint_error_curve";
-const HARMONIC: &str = "gear_harmonic";
-/// Geometry that a curve has in it: its mean and its slope.
-const IN_A_CURVE: [&str; 2] = ["zero_offset", "link_geometry"];
 
 /// Adds to each set the names that stand for the same thing there.
 pub(super) fn add(added: &mut [Added], extended: &[NewEffect]) {
-    let has = |kind: &str| added.iter().any(|effect| effect.kind == kind);
-    let (curve, harmonic) = (has(CURVE), has(HARMONIC));
+    let there: Vec<&Kind> = added.iter().filter_map(|effect| kind(&effect.kind)).collect();
+    let of = |shape: Shape| KINDS.iter().filter(move |kind| kind.shape == shape);
     let waves: Vec<bool> = extended.iter().map(|new| new.table.get("curves").is_some_and(is_a_wave)).collect();
     for (effect, wave) in added.iter_mut().zip(waves) {
-        let kind = effect.kind.clone();
-        if kind == CURVE && (harmonic || wave) {
-            tie(effect, HARMONIC);
+        let Some(law) = kind(&effect.kind) else { continue };
+        for like in there.iter().filter(|other| law.locally_like.contains(&other.name)) {
+            tie(effect, like.name);
         }
-        if kind == HARMONIC && curve {
-            tie(effect, CURVE);
+        // Of one spring, off and bent make up for one another wherever its law is not quite either.
+        let springs = |other: &&&Kind| other.part == Part::JointSpring && other.name != law.name;
+        if law.part == Part::JointSpring {
+            there.iter().filter(springs).for_each(|other| tie(effect, other.name));
         }
-        if IN_A_CURVE.contains(&kind.as_str()) && curve {
-            tie(effect, CURVE);
-        }
+        let harmonic_there = there.iter().any(|other| other.shape == Shape::Periodic);
+        let is_curve = law.shape == Shape::Curve && (wave || harmonic_there);
         // A curve that could stand here could be a low harmonic too.
-        if kind != HARMONIC && effect.not_told_apart_from.iter().any(|other| other == CURVE) {
-            tie(effect, HARMONIC);
+        let could_be = |other: &String| kind(other).is_some_and(|other| other.shape == Shape::Curve);
+        let maybe_curve = law.shape != Shape::Periodic && effect.not_told_apart_from.iter().any(could_be);
+        if is_curve || maybe_curve {
+            of(Shape::Periodic).for_each(|harmonic| tie(effect, harmonic.name));
         }
     }
 }

@@ -1,30 +1,34 @@
-use super::number::{Lanes, WIDTH};
+use super::real::{Mask, Real};
+use super::trigonometry::{SinCos, horner};
+use super::{Lanes, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
-/// A vector of each of eight targets.
+/// A vector, of one target or of each of eight.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Vector {
-    pub(crate) x: Lanes,
-    pub(crate) y: Lanes,
-    pub(crate) z: Lanes,
+pub struct Vector<R = Lanes> {
+    pub(crate) x: R,
+    pub(crate) y: R,
+    pub(crate) z: R,
 }
 
-impl Vector {
+impl<R: Real> Vector<R> {
+    pub(crate) const ZERO: Self = Self { x: R::ZERO, y: R::ZERO, z: R::ZERO };
+
     #[inline(always)]
-    pub(crate) fn new(x: Lanes, y: Lanes, z: Lanes) -> Self {
+    pub(crate) fn new(x: R, y: R, z: R) -> Self {
         Self { x, y, z }
     }
 
     /// The same in every lane.
     #[inline(always)]
     pub(crate) fn of(vector: &Vector3<f64>) -> Self {
-        Self::new(Lanes::of(vector.x), Lanes::of(vector.y), Lanes::of(vector.z))
+        Self::new(R::of(vector.x), R::of(vector.y), R::of(vector.z))
     }
 
     #[inline(always)]
-    pub(crate) fn dot(self, other: Self) -> Lanes {
+    pub(crate) fn dot(self, other: Self) -> R {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
@@ -37,20 +41,17 @@ impl Vector {
         )
     }
 
+    /// Each coordinate by a factor of its own.
+    #[inline(always)]
+    pub(crate) fn scaled(self, by: [f64; 3]) -> Self {
+        Self::new(self.x * by[0], self.y * by[1], self.z * by[2])
+    }
+
     #[inline(always)]
     pub(crate) fn set(&mut self, lane: usize, vector: &Vector3<f64>) {
         self.x.set(lane, vector.x);
         self.y.set(lane, vector.y);
         self.z.set(lane, vector.z);
-    }
-
-    /// Each lane the one before, the first another.
-    pub(crate) fn behind(&self, first: &Vector3<f64>) -> Self {
-        let mut behind = Self::of(first);
-        for (behind, all) in [(&mut behind.x, &self.x), (&mut behind.y, &self.y), (&mut behind.z, &self.z)] {
-            behind.0[1..].copy_from_slice(&all.0[..WIDTH - 1]);
-        }
-        behind
     }
 
     #[inline(always)]
@@ -59,7 +60,18 @@ impl Vector {
     }
 }
 
-impl Add for Vector {
+impl Vector<Lanes> {
+    /// Each lane the one before, the first another.
+    pub(crate) fn behind(&self, first: &Vector3<f64>) -> Self {
+        let mut behind = Self::of(first);
+        for (behind, all) in [(&mut behind.x, &self.x), (&mut behind.y, &self.y), (&mut behind.z, &self.z)] {
+            behind.0[1..].copy_from_slice(&all.0[..WIDTH - 1]);
+        }
+        behind
+    }
+}
+
+impl<R: Real> Add for Vector<R> {
     type Output = Self;
 
     #[inline(always)]
@@ -68,7 +80,7 @@ impl Add for Vector {
     }
 }
 
-impl Sub for Vector {
+impl<R: Real> Sub for Vector<R> {
     type Output = Self;
 
     #[inline(always)]
@@ -77,34 +89,72 @@ impl Sub for Vector {
     }
 }
 
-impl Mul<Lanes> for Vector {
+impl<R: Real> Mul<R> for Vector<R> {
     type Output = Self;
 
     #[inline(always)]
-    fn mul(self, by: Lanes) -> Self {
+    fn mul(self, by: R) -> Self {
         Self::new(self.x * by, self.y * by, self.z * by)
     }
 }
 
-impl Mul<f64> for Vector {
+impl<R: Real> Neg for Vector<R> {
     type Output = Self;
 
     #[inline(always)]
-    fn mul(self, by: f64) -> Self {
-        Self::new(self.x * by, self.y * by, self.z * by)
+    fn neg(self) -> Self {
+        Self::new(-self.x, -self.y, -self.z)
     }
 }
 
-/// A pose of each of eight targets, axis by axis.
+/// A pose, of one target or of each of eight, axis by axis; all zero where nothing was put in.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Frame {
-    pub(crate) x: Vector,
-    pub(crate) y: Vector,
-    pub(crate) z: Vector,
-    pub(crate) origin: Vector,
+pub(crate) struct Frame<R = Lanes> {
+    pub(crate) x: Vector<R>,
+    pub(crate) y: Vector<R>,
+    pub(crate) z: Vector<R>,
+    pub(crate) origin: Vector<R>,
 }
 
-impl Frame {
+impl<R: Real> Frame<R> {
+    /// No motion.
+    #[inline(always)]
+    pub(crate) fn identity() -> Self {
+        let (one, none) = (R::of(1.0), R::ZERO);
+        let axis = Vector::new;
+        Self { x: axis(one, none, none), y: axis(none, one, none), z: axis(none, none, one), origin: Vector::ZERO }
+    }
+
+    /// A turn by a rotation vector, rad, of any length.
+    #[inline(always)]
+    pub(crate) fn of_rotation_vector(turn: Vector<R>) -> Self {
+        /// Below, the series of sin(a/2)/a is exact to rounding.
+        const SMALL: f64 = 1e-4;
+        let square = turn.dot(turn);
+        let angle = square.sqrt();
+        let half = SinCos::of(angle * 0.5);
+        let series = square * (-1.0 / 48.0) + 0.5;
+        let per_rad = angle.lt(SMALL).select(series, half.sin / angle);
+        let v = turn * per_rad;
+        Self::of_quaternion(Vector::ZERO, [half.cos, v.x, v.y, v.z])
+    }
+
+    /// Turned by a small rotation vector in its own axes, rad: exact to rounding up to 0.2.
+    #[inline(always)]
+    pub(crate) fn turned_by(&self, turn: Vector<R>) -> Self {
+        let square = turn.dot(turn);
+        // sin a / a and (1 − cos a) / a².
+        let sine = horner(square, [1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0]);
+        let less = horner(square, [1.0 / 3_628_800.0, -1.0 / 40320.0, 1.0 / 720.0, -1.0 / 24.0, 0.5]);
+        // v + sin a · n × v + (1 − cos a) · n × (n × v), of each axis, whose coordinates are a one and zeros.
+        let (s, l) = (turn * sine, turn * less);
+        let one = R::of(1.0);
+        let x = Vector::new(one - (l.y * turn.y + l.z * turn.z), l.x * turn.y + s.z, l.x * turn.z - s.y);
+        let y = Vector::new(l.x * turn.y - s.z, one - (l.x * turn.x + l.z * turn.z), l.y * turn.z + s.x);
+        let z = Vector::new(l.x * turn.z + s.y, l.y * turn.z - s.x, one - (l.x * turn.x + l.y * turn.y));
+        Self { x: self.turn(x), y: self.turn(y), z: self.turn(z), origin: self.origin }
+    }
+
     /// The same in every lane.
     #[inline(always)]
     pub(crate) fn of(pose: &Pose) -> Self {
@@ -140,12 +190,12 @@ impl Frame {
 
     /// A place, m, and a quaternion, scalar first, of any length.
     #[inline(always)]
-    pub(crate) fn of_quaternion(origin: Vector, quat: [Lanes; 4]) -> Self {
+    pub(crate) fn of_quaternion(origin: Vector<R>, quat: [R; 4]) -> Self {
         let [w, i, j, k] = quat;
         let size = (w * w + i * i + j * j + k * k).sqrt();
         let (w, i, j, k) = (w / size, i / size, j / size, k / size);
-        let one = Lanes::of(1.0);
-        let twice = |a: Lanes, b: Lanes| a * b * 2.0;
+        let one = R::of(1.0);
+        let twice = |a: R, b: R| a * b * 2.0;
         Self {
             x: Vector::new(one - twice(j, j) - twice(k, k), twice(i, j) + twice(w, k), twice(i, k) - twice(w, j)),
             y: Vector::new(twice(i, j) - twice(w, k), one - twice(i, i) - twice(k, k), twice(j, k) + twice(w, i)),
@@ -156,19 +206,19 @@ impl Frame {
 
     /// A direction of this frame in the frame that this one stands in.
     #[inline(always)]
-    pub(crate) fn turn(&self, v: Vector) -> Vector {
+    pub(crate) fn turn(&self, v: Vector<R>) -> Vector<R> {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
 
     /// A direction in the axes of this frame.
     #[inline(always)]
-    pub(crate) fn turn_back(&self, v: Vector) -> Vector {
+    pub(crate) fn turn_back(&self, v: Vector<R>) -> Vector<R> {
         Vector::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
     /// A point of this frame in the frame that this one stands in.
     #[inline(always)]
-    pub(crate) fn point(&self, v: Vector) -> Vector {
+    pub(crate) fn point(&self, v: Vector<R>) -> Vector<R> {
         self.origin + self.turn(v)
     }
 
@@ -196,7 +246,7 @@ impl Frame {
             x: Vector::new(other.x.x, other.y.x, other.z.x),
             y: Vector::new(other.x.y, other.y.y, other.z.y),
             z: Vector::new(other.x.z, other.y.z, other.z.z),
-            origin: Vector::default(),
+            origin: Vector::ZERO,
         };
         let axes = self.then(&transposed);
         Self { origin: self.origin - axes.turn(other.origin), ..axes }

@@ -1,15 +1,18 @@
-//! Eight numbers at once: the same arithmetic for eight targets, in as many lanes as the processor has.
+//! Arithmetic on one number or on eight at once, in as many lanes as the processor has.
 //!
-//! A lane never sees another: what a target comes to does not depend on which others are beside it. Nothing is contracted
-//! or reordered, so that every processor gives the same bits.
+//! A formula is written once, over a [`Real`]. A lane never sees another: what a target comes to does not depend on which
+//! others are beside it, nor on whether it is alone. Nothing is contracted or reordered, so that every processor gives the
+//! same bits.
 
 mod frame;
 mod number;
+mod real;
 mod trigonometry;
 
 pub(crate) use frame::{Frame, Vector};
-pub(crate) use number::{Lanes, Mask, WIDTH};
-pub(crate) use trigonometry::{ROUND, Turn};
+pub(crate) use number::{LaneMask, Lanes, WIDTH};
+pub(crate) use real::{Mask, Real, dispatch};
+pub(crate) use trigonometry::{ROUND, SinCos};
 
 /// An array of six, one for each joint: `std::array::from_fn` would be a call, which leaves the widest lanes.
 macro_rules! six {
@@ -39,7 +42,23 @@ macro_rules! widest {
                 $work
             }
         }
-        pulp::Arch::new().dispatch(Work { $($name: $value),* })
+        $crate::lanes::dispatch(Work { $($name: $value),* })
+    }};
+    // The same for formulas over a number: one number needs no lanes.
+    (<$real:ident; $($life:lifetime),*> ($($name:ident: $type:ty = $value:expr),* $(,)?) $work:block) => {{
+        struct Work<$($life,)* $real: $crate::equilibrium::Number> {
+            $($name: $type),*
+        }
+        impl<$($life,)* $real: $crate::equilibrium::Number> pulp::NullaryFnOnce for Work<$($life,)* $real> {
+            type Output = ();
+
+            #[inline(always)]
+            fn call(self) {
+                let Self { $($name),* } = self;
+                $work
+            }
+        }
+        <$real as $crate::lanes::Real>::dispatch(Work::<$real> { $($name: $value),* })
     }};
 }
 pub(crate) use widest;

@@ -1,3 +1,4 @@
+use super::real::{Mask, Real};
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
 /// Numbers side by side: two registers of AVX2, one of AVX-512.
@@ -11,7 +12,7 @@ pub struct Lanes(pub(crate) [f64; WIDTH]);
 /// A yes or no for each lane, all bits or none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(align(64))]
-pub struct Mask([u64; WIDTH]);
+pub struct LaneMask([u64; WIDTH]);
 
 impl Default for Lanes {
     #[inline(always)]
@@ -21,27 +22,6 @@ impl Default for Lanes {
 }
 
 impl Lanes {
-    pub(crate) const ZERO: Self = Self([0.0; WIDTH]);
-
-    /// The same in every lane.
-    #[inline(always)]
-    pub(crate) fn of(value: f64) -> Self {
-        Self([value; WIDTH])
-    }
-
-    /// One target's number. Lanes are counted below [`WIDTH`]; the remainder says so to the compiler.
-    #[inline(always)]
-    pub(crate) fn lane(&self, lane: usize) -> f64 {
-        debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH]
-    }
-
-    #[inline(always)]
-    pub(crate) fn set(&mut self, lane: usize, value: f64) {
-        debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH] = value;
-    }
-
     #[inline(always)]
     pub(super) fn map(self, f: impl Fn(f64) -> f64) -> Self {
         let mut out = self;
@@ -61,46 +41,12 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn test(self, other: Self, f: impl Fn(f64, f64) -> bool) -> Mask {
+    pub(super) fn test(self, other: Self, f: impl Fn(f64, f64) -> bool) -> LaneMask {
         let mut out = [0; WIDTH];
         for i in 0..WIDTH {
             out[i] = if f(self.0[i], other.0[i]) { u64::MAX } else { 0 };
         }
-        Mask(out)
-    }
-
-    #[inline(always)]
-    pub(crate) fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-
-    #[inline(always)]
-    pub(crate) fn abs(self) -> Self {
-        self.map(f64::abs)
-    }
-
-    /// False where either is not a number.
-    #[inline(always)]
-    pub(crate) fn lt(self, other: impl Into<Self>) -> Mask {
-        self.test(other.into(), |a, b| a < b)
-    }
-
-    #[inline(always)]
-    pub(crate) fn floor(self) -> Self {
-        self.map(f64::floor)
-    }
-
-    /// False where either is not a number.
-    #[inline(always)]
-    #[allow(clippy::float_cmp)] // the very number is meant
-    pub(crate) fn eq(self, other: impl Into<Self>) -> Mask {
-        self.test(other.into(), |a, b| a == b)
-    }
-
-    /// False where either is not a number.
-    #[inline(always)]
-    pub(crate) fn ge(self, other: impl Into<Self>) -> Mask {
-        self.test(other.into(), |a, b| a >= b)
+        LaneMask(out)
     }
 }
 
@@ -111,76 +57,7 @@ impl From<f64> for Lanes {
     }
 }
 
-impl Mask {
-    /// Lane by lane.
-    #[inline(always)]
-    pub(crate) fn of(mut wanted: impl FnMut(usize) -> bool) -> Self {
-        let mut out = [0; WIDTH];
-        for (lane, out) in out.iter_mut().enumerate() {
-            *out = if wanted(lane) { u64::MAX } else { 0 };
-        }
-        Self(out)
-    }
-
-    /// The first lane that is set.
-    pub(crate) fn next(self) -> Option<usize> {
-        self.0.iter().position(|lane| *lane != 0)
-    }
-
-    /// The first so many lanes.
-    pub(crate) fn first(count: usize) -> Self {
-        Self::of(|lane| lane < count)
-    }
-
-    /// One number where it is set, another elsewhere.
-    #[inline(always)]
-    pub(crate) fn select(self, yes: Lanes, no: Lanes) -> Lanes {
-        let mut out = no;
-        for i in 0..WIDTH {
-            out.0[i] = f64::from_bits(yes.0[i].to_bits() & self.0[i] | no.0[i].to_bits() & !self.0[i]);
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub(crate) fn or(self, other: Self) -> Self {
-        let mut out = self;
-        for i in 0..WIDTH {
-            out.0[i] |= other.0[i];
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub(crate) fn not(self) -> Self {
-        let mut out = self;
-        for lane in &mut out.0 {
-            *lane = !*lane;
-        }
-        out
-    }
-
-    #[inline(always)]
-    pub(crate) fn any(self) -> bool {
-        let mut any = 0;
-        for lane in self.0 {
-            any |= lane;
-        }
-        any != 0
-    }
-
-    #[inline(always)]
-    pub(crate) fn lane(&self, lane: usize) -> bool {
-        debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH] != 0
-    }
-
-    #[inline(always)]
-    pub(crate) fn set(&mut self, lane: usize, value: bool) {
-        debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH] = if value { u64::MAX } else { 0 };
-    }
-
+impl LaneMask {
     /// Where a bit of the numbers is set.
     #[inline(always)]
     pub(super) fn of_bits(numbers: Lanes, bit: u32) -> Self {
@@ -190,10 +67,72 @@ impl Mask {
         }
         Self(out)
     }
+}
 
-    /// Changes the sign where it is set.
+impl Mask<Lanes> for LaneMask {
     #[inline(always)]
-    pub(crate) fn negate(self, value: Lanes) -> Lanes {
+    fn of(mut wanted: impl FnMut(usize) -> bool) -> Self {
+        let mut out = [0; WIDTH];
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = if wanted(lane) { u64::MAX } else { 0 };
+        }
+        Self(out)
+    }
+
+    fn next(self) -> Option<usize> {
+        self.0.iter().position(|lane| *lane != 0)
+    }
+
+    #[inline(always)]
+    fn select(self, yes: Lanes, no: Lanes) -> Lanes {
+        let mut out = no;
+        for i in 0..WIDTH {
+            out.0[i] = f64::from_bits(yes.0[i].to_bits() & self.0[i] | no.0[i].to_bits() & !self.0[i]);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        let mut out = self;
+        for i in 0..WIDTH {
+            out.0[i] |= other.0[i];
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn not(self) -> Self {
+        let mut out = self;
+        for lane in &mut out.0 {
+            *lane = !*lane;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn any(self) -> bool {
+        let mut any = 0;
+        for lane in self.0 {
+            any |= lane;
+        }
+        any != 0
+    }
+
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> bool {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] != 0
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, value: bool) {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] = if value { u64::MAX } else { 0 };
+    }
+
+    #[inline(always)]
+    fn negate(self, value: Lanes) -> Lanes {
         const SIGN: u64 = 1 << 63;
         let mut out = value;
         for i in 0..WIDTH {
@@ -203,7 +142,7 @@ impl Mask {
     }
 }
 
-impl BitAnd for Mask {
+impl BitAnd for LaneMask {
     type Output = Self;
 
     #[inline(always)]

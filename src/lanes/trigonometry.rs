@@ -1,6 +1,6 @@
 //! Sines and arc tangents without a branch: a processor's lanes go one way together.
 
-use super::number::{Lanes, Mask};
+use super::real::{Mask, Real};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Adding it leaves the nearest whole number in the last bits: 1.5 · 2^52.
@@ -8,15 +8,15 @@ pub(crate) const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// Sine and cosine of an angle.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Turn {
-    pub(crate) sin: Lanes,
-    pub(crate) cos: Lanes,
+pub(crate) struct SinCos<R> {
+    pub(crate) sin: R,
+    pub(crate) cos: R,
 }
 
-impl Turn {
+impl<R: Real> SinCos<R> {
     /// Of angles up to some thousand turns, rad; to some 1e-16.
     #[inline(always)]
-    pub(crate) fn of(angle: Lanes) -> Self {
+    pub(crate) fn of(angle: R) -> Self {
         // A quarter turn in two parts, the first so short that whole multiples are exact (fdlibm, e_rem_pio2.c).
         const QUARTER: (f64, f64) = (1.570_796_326_734_125_6, 6.077_100_506_506_192e-11);
         let shifted = angle * FRAC_2_PI + ROUND;
@@ -52,23 +52,17 @@ impl Turn {
                 ))
             + 1.0;
         // Quadrants 1 and 3 swap the two; 2 and 3 turn the sine, 1 and 2 the cosine.
-        let (swap, half) = (Mask::of_bits(shifted, 0), Mask::of_bits(shifted, 1));
+        let (swap, half) = (shifted.bit(0), shifted.bit(1));
         let (s, c) = (swap.select(cos, sin), swap.select(sin, cos));
         Self { sin: half.negate(s), cos: half.negate(swap.negate(c)) }
     }
 
-    /// The same in every lane.
-    #[inline(always)]
-    pub(crate) fn same(sin: f64, cos: f64) -> Self {
-        Self { sin: Lanes::of(sin), cos: Lanes::of(cos) }
-    }
-
     /// At an angle further by a small step: exact to rounding up to 0.01 rad.
     #[inline(always)]
-    pub(crate) fn nudged(self, step: Lanes) -> Self {
+    pub(crate) fn nudged(self, step: R) -> Self {
         let square = step * step;
-        let sin = step * (Lanes::of(1.0) - square * (Lanes::of(1.0 / 6.0) - square * (1.0 / 120.0)));
-        let less = square * (Lanes::of(0.5) - square * (Lanes::of(1.0 / 24.0) - square * (1.0 / 720.0)));
+        let sin = step * (R::of(1.0) - square * (R::of(1.0 / 6.0) - square * (1.0 / 120.0)));
+        let less = square * (R::of(0.5) - square * (R::of(1.0 / 24.0) - square * (1.0 / 720.0)));
         Self { sin: self.sin + (self.cos * sin - self.sin * less), cos: self.cos - (self.sin * sin + self.cos * less) }
     }
 
@@ -86,7 +80,7 @@ impl Turn {
 
     /// The angle within ±π, rad; to some 1e-16 of it. Sine and cosine may have any common scale.
     #[inline(always)]
-    pub(crate) fn angle(self) -> Lanes {
+    pub(crate) fn angle(self) -> R {
         /// tan(π/8): beyond, the angle is counted from π/4.
         const FAR: f64 = 0.414_213_562_373_095_05;
         let (y, x) = (self.sin.abs(), self.cos.abs());
@@ -119,16 +113,16 @@ impl Turn {
         );
         let near = t + t * (tt * above / below);
         let angle = far.select(near + FRAC_PI_4, near);
-        let angle = steep.select(Lanes::of(FRAC_PI_2) - angle, angle);
-        let angle = self.cos.lt(0.0).select(Lanes::of(PI) - angle, angle);
+        let angle = steep.select(R::of(FRAC_PI_2) - angle, angle);
+        let angle = self.cos.lt(0.0).select(R::of(PI) - angle, angle);
         self.sin.lt(0.0).negate(angle)
     }
 }
 
 /// A polynomial, highest power first.
 #[inline(always)]
-fn horner<const N: usize>(x: Lanes, coefficients: [f64; N]) -> Lanes {
-    let mut sum = Lanes::of(coefficients[0]);
+pub(super) fn horner<R: Real, const N: usize>(x: R, coefficients: [f64; N]) -> R {
+    let mut sum = R::of(coefficients[0]);
     for coefficient in &coefficients[1..] {
         sum = sum * x + *coefficient;
     }
@@ -138,7 +132,7 @@ fn horner<const N: usize>(x: Lanes, coefficients: [f64; N]) -> Lanes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::WIDTH;
+    use crate::lanes::{Lanes, WIDTH};
     use proptest::prelude::*;
 
     /// Two units in the last place of one.
@@ -147,7 +141,7 @@ mod tests {
     proptest! {
         #[test]
         fn sines_are_those_of_the_library(angles in prop::array::uniform8(-700.0_f64..700.0)) {
-            let turn = Turn::of(Lanes(angles));
+            let turn = SinCos::of(Lanes(angles));
             for i in 0..WIDTH {
                 let (sin, cos) = angles[i].sin_cos();
                 prop_assert!((turn.sin.0[i] - sin).abs() < ROUNDING && (turn.cos.0[i] - cos).abs() < ROUNDING);
@@ -161,7 +155,7 @@ mod tests {
             scale in prop::sample::select(vec![1.0, 1e-4, 1e-12]),
         ) {
             let y = y.map(|y| y * scale);
-            let angle = (Turn { sin: Lanes(y), cos: Lanes(x) }).angle();
+            let angle = (SinCos { sin: Lanes(y), cos: Lanes(x) }).angle();
             for i in 0..WIDTH {
                 let want = y[i].atan2(x[i]);
                 prop_assert!((angle.0[i] - want).abs() <= 2.0 * ROUNDING * want.abs(), "{} {want}", angle.0[i]);
@@ -170,7 +164,7 @@ mod tests {
 
         #[test]
         fn a_nudge_is_the_sum_of_angles(angle in -3.0_f64..3.0, step in -0.01_f64..0.01) {
-            let nudged = Turn::of(Lanes::of(angle)).nudged(Lanes::of(step));
+            let nudged = SinCos::of(Lanes::of(angle)).nudged(Lanes::of(step));
             let (sin, cos) = (angle + step).sin_cos();
             prop_assert!((nudged.sin.0[0] - sin).abs() < 2.0 * ROUNDING && (nudged.cos.0[0] - cos).abs() < 2.0 * ROUNDING);
         }
@@ -179,12 +173,12 @@ mod tests {
     #[test]
     fn quarter_turns_are_whole() {
         let angles = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, 3.0 * FRAC_PI_2, 2.0 * PI, FRAC_PI_4];
-        let turn = Turn::of(Lanes(angles));
+        let turn = SinCos::of(Lanes(angles));
         for i in 0..WIDTH {
             let (sin, cos) = angles[i].sin_cos();
             assert!((turn.sin.0[i] - sin).abs() < ROUNDING && (turn.cos.0[i] - cos).abs() < ROUNDING, "{}", angles[i]);
         }
-        let back = Turn {
+        let back = SinCos {
             sin: Lanes([0.0, 1.0, 0.0, -1.0, 0.0, 1e-300, 1.0, -1.0]),
             cos: Lanes([1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 1.0, -1.0]),
         };

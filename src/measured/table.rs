@@ -56,7 +56,7 @@ pub struct Table {
     pub rows: Vec<MeasuredRow>,
 }
 
-/// Columns of INTERFACE.md.
+/// Columns of `docs/formats.md`.
 const COLUMNS: [&str; 26] = [
     "target",
     "x_mm",
@@ -85,6 +85,47 @@ const COLUMNS: [&str; 26] = [
     "holdout",
     "",
 ];
+
+/// What `--forces` takes of a file: target, forces and covariates.
+const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
+
+/// Beyond these sizes a number is a slip or another unit, whatever robot it is of: the largest reach 5 m and stand on tracks of
+/// some 100 m, carry 2.3 t and push with less than 100 kN.
+const MOST: [f64; COLUMNS.len()] = {
+    const PLACE_MM: f64 = 1e6;
+    const ANGLE_DEG: f64 = 1e5;
+    const FORCE_N: f64 = 1e6;
+    const TIME_S: f64 = 1e12; // since 1970, in milliseconds too
+    let (unit, error) = (10.0, 1e3);
+    [
+        f64::INFINITY,
+        PLACE_MM,
+        PLACE_MM,
+        PLACE_MM,
+        unit,
+        unit,
+        unit,
+        unit,
+        error,
+        ANGLE_DEG,
+        ANGLE_DEG,
+        ANGLE_DEG,
+        ANGLE_DEG,
+        ANGLE_DEG,
+        ANGLE_DEG,
+        PLACE_MM,
+        FORCE_N,
+        FORCE_N,
+        FORCE_N,
+        TIME_S,
+        1e4,
+        1e5,
+        error,
+        f64::INFINITY,
+        f64::INFINITY,
+        f64::INFINITY,
+    ]
+};
 
 /// Messages about one file before the rest is only counted.
 const MESSAGES: usize = 20;
@@ -142,6 +183,19 @@ impl<R: Read> Rows<R> {
     /// # Errors
     /// Unknown columns (with the nearest known one).
     pub fn new(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
+        Self::read_header(file, input, false)
+    }
+
+    /// Reads the header of any table with targets and forces (or times, temperatures, payloads): its other columns are not
+    /// looked at.
+    ///
+    /// # Errors
+    /// None of these columns, or one that is mistyped.
+    pub fn of_forces(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
+        Self::read_header(file, input, true)
+    }
+
+    fn read_header(file: &str, input: R, forces: bool) -> Result<Self, Vec<Diagnostic>> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(false).from_reader(input);
         let header = match reader.byte_headers() {
             Ok(header) => header,
@@ -152,14 +206,27 @@ impl<R: Read> Rows<R> {
         };
         let mut errors = Vec::new();
         let mut place = [None; COLUMNS.len()];
-        for (at, name) in header.iter().enumerate() {
-            let name = String::from_utf8_lossy(name);
-            let name = name.trim_start_matches('\u{feff}');
+        let mut unknown = Vec::new();
+        let names: Vec<String> = header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
+        let names: Vec<&str> = names.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
+        let missing = |column: &&str| !names.contains(column);
+        for (at, &name) in names.iter().enumerate() {
             match COLUMNS.iter().position(|known| *known == name && !name.is_empty()) {
                 Some(column) if place[column].is_some() => {
                     errors.push(wrong(file, 1, format!("column `{name}` stands twice"), "remove one of them".into()));
                 }
+                Some(column) if forces && !FORCE_COLUMNS.contains(&column) => {}
                 Some(column) => place[column] = Some(at),
+                None if forces => {
+                    let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
+                    if let Some(near) = nearest(name, wanted).filter(|_| !name.is_empty()) {
+                        let help = format!("did you mean `{near}`?");
+                        errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
+                    }
+                }
+                None if nearest(name, COLUMNS).is_none_or(str::is_empty) && !name.contains([';', '\t']) => {
+                    unknown.push(format!("`{name}`"));
+                }
                 None => {
                     let help = nearest(name, COLUMNS).filter(|n| !n.is_empty()).map_or_else(
                         || match name.contains([';', '\t']) {
@@ -171,6 +238,23 @@ impl<R: Read> Rows<R> {
                     errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
                 }
             }
+        }
+        if !unknown.is_empty() {
+            let columns = if unknown.len() > 1 { "columns" } else { "column" };
+            let help = format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", "));
+            errors.push(wrong(file, 1, format!("unknown {columns} {}", unknown.join(", ")), help));
+        }
+        let none = |columns: &[usize]| columns.iter().all(|column| place[*column].is_none());
+        if forces && errors.is_empty() && (none(&FORCE_COLUMNS[..1]) || none(&FORCE_COLUMNS[1..])) {
+            let separated = names.iter().any(|name| name.contains([';', '\t']));
+            let help = if separated {
+                "columns are set apart by commas, decimals take a point"
+            } else {
+                "see docs/formats.md"
+            };
+            let message =
+                "expected a column `target`, and `fx_n`, `fy_n`, `fz_n` or `time_s`, `temperature_c`, `payload_kg`";
+            errors.push(wrong(file, 1, message.to_owned(), help.to_owned()));
         }
         if !errors.is_empty() {
             return Err(errors);
@@ -225,6 +309,10 @@ impl Cells<'_> {
     fn number(&self, column: usize) -> Result<Option<f64>, CellError> {
         let Some(text) = self.text(column) else { return Ok(None) };
         match text.parse::<f64>().ok().filter(|value| value.is_finite()) {
+            Some(value) if value.abs() > MOST[column] => Err((
+                format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], MOST[column]),
+                "check the number and its unit".into(),
+            )),
             Some(value) => Ok(Some(value)),
             None => Err((
                 format!("{} is `{text}`", COLUMNS[column]),
@@ -344,6 +432,10 @@ mod tests {
         assert!(part.message.contains("in part"));
         let zero = &read("target,qw,qx,qy,qz\n1,1,0,0,0\n2,0,0,0,0\n").unwrap_err()[0];
         assert_eq!((zero.line, zero.message.as_str()), (3, "qw, qx, qy, qz have norm 0.0000"));
+        let many = &read("target,alpha,beta\n1,2,3\n").unwrap_err();
+        assert_eq!((many.len(), many[0].message.as_str()), (1, "unknown columns `alpha`, `beta`"));
+        let far = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2,1,1e160,3\n").unwrap_err()[0];
+        assert!(far.line == 3 && far.message.starts_with("y_mm is 1e160, far beyond any robot"), "{far}");
         let certain = &read("target,sigma_mm\n1,0\n").unwrap_err()[0];
         assert_eq!(certain.message, "sigma_mm is 0");
     }

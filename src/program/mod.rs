@@ -4,16 +4,21 @@
 //! written. [`Program`] is language-free; what a front end needs to write corrections back (where
 //! the number tokens stand) is its own and stays behind [`Program::rewrite`].
 
+mod action;
 pub mod cl;
 mod detect;
+mod marks;
 mod modules;
+pub mod orientation;
 pub(crate) mod piece;
 pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
 
+pub use action::{Action, ActionKind};
 pub use detect::detect;
+pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Pieces` and the line that corrects them; not for callers.
 #[doc(hidden)]
@@ -52,9 +57,11 @@ pub struct Program {
     /// Points in running order: executed motions, with the via and interpolated points of arcs
     /// before the motion that they belong to (see [`Role`]).
     pub targets: Vec<Target>,
+    /// What is done between motions, in running order (CL).
+    pub actions: Vec<Action>,
     /// Statements that are not understood or not edited, with the reason.
     pub kept: Vec<Kept>,
-    /// Complete numeric positions in the text (INTERFACE.md, `inspect --json`).
+    /// Complete numeric positions in the text (`docs/reference.md`, `inspect --json`).
     pub literal_targets: usize,
     /// Arcs among the executed motions.
     pub arcs: usize,
@@ -160,8 +167,10 @@ pub struct Kept {
     pub line: usize,
     /// Reason, a short fixed phrase that can be counted: `target computed at run time`.
     pub reason: &'static str,
-    /// Whether the tool would go elsewhere without it: a number that is none, or (CL) a motion that is not read.
+    /// Whether the tool would go elsewhere without it: a NaN, or (CL) a motion that is not read.
     pub fault: bool,
+    /// How to mend it; empty where there is nothing special to do.
+    pub help: &'static str,
 }
 
 /// What is wanted at one target instead of what is written.
@@ -175,8 +184,9 @@ pub struct Change {
     pub conf: Option<Conf>,
 }
 
-/// A point to insert before a target (`--subdivide`), on the straight way to it.
+/// A motion to insert before a target (`--subdivide`), on the way to it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Insert {
     /// Index into [`Program::targets`] of the target it precedes.
     pub before: usize,
@@ -184,6 +194,20 @@ pub struct Insert {
     pub position_mm: [f64; 3],
     /// Orientation, scalar first.
     pub quat: [f64; 4],
+    /// Configuration there; `None` as the target's, as it is written.
+    pub conf: Option<Conf>,
+    /// Circle point of an arc, position (mm) and orientation; `None` for a line.
+    pub via: Option<([f64; 3], [f64; 4])>,
+    /// Length of path to the nearer of the points before and behind, mm: a zone wider than that overlaps theirs.
+    pub room_mm: f64,
+}
+
+impl Insert {
+    /// A line to a pose (mm, scalar first) before a target, with so much room (mm) about it.
+    #[must_use]
+    pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
+        Self { before, position_mm, quat, conf: None, via: None, room_mm }
+    }
 }
 
 /// How corrections are written.
@@ -214,8 +238,12 @@ pub struct Rewritten {
     /// Per target: position (mm) and orientation as the controller will hold them, that is the
     /// printed numbers rounded to single precision; unchanged targets as they were written.
     pub written: Vec<([f64; 3], [f64; 4])>,
-    /// The same for each [`Insert`], in order.
-    pub inserted: Vec<([f64; 3], [f64; 4])>,
+    /// The same for each [`Insert`], in order; `None` where it could not be written.
+    pub inserted: Vec<Option<([f64; 3], [f64; 4])>>,
+    /// Targets before which nothing could be inserted, with the reason.
+    pub not_inserted: Vec<(usize, &'static str)>,
+    /// Targets whose zone, or that of the target before, is wider than the room of the points inserted beside it.
+    pub wide_zones: Vec<usize>,
     /// Targets whose change could not be written, with the reason.
     pub kept: Vec<(usize, &'static str)>,
 }
@@ -259,6 +287,7 @@ impl Program {
         };
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
+            let help = if kept.help.is_empty() { help } else { kept.help };
             Diagnostic::error(code, &source.name, kept.reason).at(source, kept.span).help(help)
         };
         self.kept.iter().filter(|kept| kept.fault).map(fault).collect()

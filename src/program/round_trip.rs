@@ -123,7 +123,7 @@ fn same(was: &Goal, is: &Goal, change: Option<&Change>, single: f64) -> bool {
             let tolerance = TOLERANCE_MM + single * wanted.iter().fold(0.0, |most, v| v.abs().max(most));
             near(wanted, again, tolerance) && near(q, q_again, 0.0) && c == c_again
         }
-        (Goal::Axis { position_mm: p, axis }, Goal::Axis { position_mm: again, axis: axis_again }) => {
+        (Goal::Axis { position_mm: p, axis, .. }, Goal::Axis { position_mm: again, axis: axis_again, .. }) => {
             let wanted = change.map_or(p, |c| &c.position_mm);
             near(wanted, again, TOLERANCE_MM) && near(axis, axis_again, 0.0)
         }

@@ -80,6 +80,8 @@ pub enum Goal {
         position_mm: [f64; 3],
         /// Unit vector from the tip towards the spindle.
         axis: [f64; 3],
+        /// Unit normal of the surface at the contact, out of the material, where the text prints it.
+        normal: Option<[f64; 3]>,
     },
     /// Motor angles, degrees.
     Joints {

@@ -1,6 +1,7 @@
 //! Formats that CI systems read: JUnit XML and SARIF 2.1.0.
 
-use crate::text::Diagnostic;
+use super::{Origin, VERSION};
+use crate::text::{Diagnostic, printable};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -16,13 +17,15 @@ pub struct CheckFile {
     pub findings: Vec<Diagnostic>,
     /// How many findings there are besides.
     pub more: usize,
+    /// The program's files, where they were asked for.
+    pub sources: Vec<Origin>,
 }
 
 impl CheckFile {
     /// The check of the program at `path` with so many executed motions.
     #[must_use]
     pub fn new(path: impl Into<String>, targets: usize, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
-        Self { path: path.into(), targets, findings, more }
+        Self { path: path.into(), targets, findings, more, sources: Vec::new() }
     }
 
     /// How many findings there are, listed or not.
@@ -74,13 +77,12 @@ pub fn junit(files: &[CheckFile]) -> String {
 
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in printable(text).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
-            c if c < ' ' && !matches!(c, '\n' | '\t') => out.push('\u{fffd}'),
             c => out.push(c),
         }
     }
@@ -129,7 +131,7 @@ pub fn sarif(files: &[CheckFile]) -> Value {
         "runs": [{
             "tool": { "driver": {
                 "name": "deflex",
-                "version": env!("CARGO_PKG_VERSION"),
+                "version": VERSION,
                 "rules": rules.iter().map(rule).collect::<Vec<_>>(),
             } },
             "columnKind": "unicodeCodePoints",
@@ -141,6 +143,7 @@ pub fn sarif(files: &[CheckFile]) -> Value {
 /// What a rule asks, in a phrase.
 fn short(code: &str) -> String {
     match code {
+        "check.max-path-error" => "Error above the tolerance on the way into a target".to_owned(),
         "check.max-error" => "Error above the tolerance".to_owned(),
         "limits.max-correction" => "Correction above the limit".to_owned(),
         "limits.max-step" => "Correction steps too far between neighbours".to_owned(),
@@ -190,9 +193,11 @@ pub fn check_json(files: &[CheckFile]) -> Value {
             "passed": file.findings.is_empty(),
             "findings": file.findings.iter().map(finding).collect::<Vec<_>>(),
             "more_findings": file.more,
+            "sources": file.sources,
         })
     };
     json!({
+        "deflex": VERSION,
         "passed": files.iter().all(|file| file.findings.is_empty()),
         "files": files.iter().map(file).collect::<Vec<_>>(),
     })

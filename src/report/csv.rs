@@ -1,11 +1,14 @@
 use crate::correct::{Row, Status};
 use crate::text::number::{self, Digits, Fixed, SIDE};
+use crate::text::printable_line;
+use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// The report's header (INTERFACE.md, Report).
+/// The report's header (`docs/reference.md`, Report).
 pub const CSV_HEADER: &str = "target,line,name,status,x_mm,y_mm,z_mm,error_x_mm,error_y_mm,error_z_mm,error_mm,\
 error_rx_deg,error_ry_deg,error_rz_deg,error_normal_mm,correction_x_mm,correction_y_mm,correction_z_mm,\
-correction_rx_deg,correction_ry_deg,correction_rz_deg,remaining_mm,fx_n,fy_n,fz_n,sigma_mm\n";
+correction_rx_deg,correction_ry_deg,correction_rz_deg,remaining_mm,fx_n,fy_n,fz_n,sigma_mm,\
+depth_mm,engaged_deg,removed_mm3,remaining_path_mm\n";
 
 /// Decimals: a tenth of a micrometre, more where only the order of magnitude is of interest.
 const POSITION: usize = 4;
@@ -19,18 +22,26 @@ const DECIMALS: [usize; NUMBERS] = [
     ANGLE, ANGLE, ERROR, FORCE, FORCE, FORCE,
 ];
 const NUMBERS: usize = 21;
-/// Behind them come sigma, and the two numbers before them, which have no decimals.
+/// Behind them come sigma, and the two numbers before them, which have no decimals; then what only some rows have.
 const SIGMA: usize = NUMBERS;
 const TARGET: usize = SIGMA + 1;
 const LINE: usize = TARGET + 1;
+const DEPTH: usize = LINE + 1;
+const ENGAGED: usize = DEPTH + 1;
+const REMOVED: usize = ENGAGED + 1;
+const PATH: usize = REMOVED + 1;
 
 /// In rows of eight.
-const BLOCKS: usize = (LINE + 1) / SIDE;
+const BLOCKS: usize = (PATH + 1).div_ceil(SIDE);
 const ROW: number::Row<BLOCKS> = number::Row::new(&{
-    let mut decimals = [1; LINE + 1];
+    let mut decimals = [1; BLOCKS * SIDE];
     let (numbers, _) = decimals.split_at_mut(NUMBERS);
     numbers.copy_from_slice(&DECIMALS);
     decimals[SIGMA] = ERROR;
+    decimals[DEPTH] = POSITION;
+    decimals[ENGAGED] = FORCE;
+    decimals[REMOVED] = POSITION;
+    decimals[PATH] = ERROR;
     decimals
 });
 
@@ -69,6 +80,24 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     text.into_bytes()
 }
 
+/// Text as a field of a CSV file (RFC 4180), on one line whatever it holds. What a spreadsheet would take for a formula, by its
+/// first character, gets an apostrophe before it.
+#[must_use]
+pub fn csv_field(text: &str) -> Cow<'_, str> {
+    let usual = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.' | b'/' | b'{' | b'}' | b'[' | b']' | b' ');
+    if text.bytes().all(usual) {
+        return Cow::Borrowed(text);
+    }
+    let text = printable_line(text);
+    // The wide forms too: spreadsheets for East Asian languages take them for the narrow ones.
+    let formula = text.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}']);
+    if !formula && !text.contains([',', '"']) {
+        return text;
+    }
+    let mark = if formula { "'" } else { "" };
+    format!("\"{mark}{}\"", text.replace('"', "\"\"")).into()
+}
+
 /// Bytes of a usual row, and most of any but for its name.
 const USUAL: usize = 240;
 const MOST: usize = 16 + (LINE + 1) * Fixed::SIZE;
@@ -91,10 +120,13 @@ fn numbers(row: &Row) -> Numbers {
     let [fx, fy, fz] = row.force_n;
     let (error, normal, remaining) = (row.error_norm_mm(), row.error_normal_mm, row.remaining_norm_mm());
     let sigma = row.sigma_mm.unwrap_or(0.0);
+    let [depth, engaged, removed, path] =
+        [row.depth_mm, row.engaged_deg, row.removed_mm3, row.remaining_path_mm()].map(|value| value.unwrap_or(0.0));
     [
         [x, y, z, ex, ey, ez, error, erx],
         [ery, erz, normal, cx, cy, cz, crx, cry],
         [crz, remaining, fx, fy, fz, sigma, row.target.into(), row.line.into()],
+        [depth, engaged, removed, path, 0.0, 0.0, 0.0, 0.0],
     ]
 }
 
@@ -127,7 +159,7 @@ impl Text {
             (None, Status::Air) => self.text(b",air,"),
             (name, _) => {
                 self.pass_on();
-                for text in [name.unwrap_or(""), status(row)] {
+                for text in [csv_field(name.unwrap_or("")), status(row).into()] {
                     self.done.extend_from_slice(text.as_bytes());
                     self.done.push(b',');
                 }
@@ -140,12 +172,23 @@ impl Text {
         (14..17).for_each(|i| self.decimals::<ANGLE>(digits, i));
         self.decimals::<ERROR>(digits, 17);
         (18..21).for_each(|i| self.decimals::<FORCE>(digits, i));
-        if row.sigma_mm.is_some() {
-            self.decimals::<ERROR>(digits, SIGMA);
-            // Nothing follows.
-            self.len -= 1;
-        }
+        self.optional::<ERROR>(digits, SIGMA, row.sigma_mm);
+        self.optional::<POSITION>(digits, DEPTH, row.depth_mm);
+        self.optional::<FORCE>(digits, ENGAGED, row.engaged_deg);
+        self.optional::<POSITION>(digits, REMOVED, row.removed_mm3);
+        self.optional::<ERROR>(digits, PATH, row.path.map(|path| path.max_mm));
+        // Nothing follows.
+        self.len -= 1;
         self.text(b"\n");
+    }
+
+    /// Decimals, or nothing between two commas.
+    #[inline]
+    fn optional<const DECIMALS: usize>(&mut self, digits: &[Digits; BLOCKS], i: usize, value: Option<f64>) {
+        match value {
+            Some(_) => self.decimals::<DECIMALS>(digits, i),
+            None => self.text(b","),
+        }
     }
 
     #[inline]
@@ -183,7 +226,7 @@ impl Text {
             number::write_whole(line, whole);
             line.push(b',');
         }
-        for text in [row.name.as_deref().unwrap_or(""), status(row)] {
+        for text in [csv_field(row.name.as_deref().unwrap_or("")), status(row).into()] {
             line.extend_from_slice(text.as_bytes());
             line.push(b',');
         }
@@ -191,8 +234,20 @@ impl Text {
             number::write_fixed(line, value, decimals);
             line.push(b',');
         }
-        if let Some(sigma) = row.sigma_mm {
-            number::write_fixed(line, sigma, ERROR);
+        let optional = [
+            (row.sigma_mm, ERROR),
+            (row.depth_mm, POSITION),
+            (row.engaged_deg, FORCE),
+            (row.removed_mm3, POSITION),
+            (row.remaining_path_mm(), ERROR),
+        ];
+        for (i, (value, decimals)) in optional.into_iter().enumerate() {
+            if i > 0 {
+                line.push(b',');
+            }
+            if let Some(value) = value {
+                number::write_fixed(line, value, decimals);
+            }
         }
         line.push(b'\n');
     }
@@ -201,6 +256,7 @@ impl Text {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::correct::PathDeviation;
     use proptest::prelude::*;
 
     fn text(rows: &[Row]) -> String {
@@ -229,6 +285,10 @@ mod tests {
             remaining_mm: three(3),
             force_n: three(9),
             sigma_mm: Some(values[16]),
+            depth_mm: target.is_multiple_of(2).then_some(values[2]),
+            engaged_deg: target.is_multiple_of(3).then_some(values[5]),
+            removed_mm3: target.is_multiple_of(2).then_some(values[8]),
+            path: (!line.is_multiple_of(4)).then_some(PathDeviation { max_mm: values[7], ..PathDeviation::default() }),
             stiffness: None,
         }
     }
@@ -240,7 +300,7 @@ mod tests {
             bits in prop::collection::vec(0..32, 17),
             (target, line) in any::<(u32, u32)>(),
             by in 0..32,
-            name in prop::option::of("[a-z]{0,9}|[a-z]{700}"),
+            name in prop::option::of("[a-z]{0,9}|[a-z]{700}|p\\{[0-9],[0-9]\\}|[=+@-].{0,9}|.{0,20}|\\PC{0,9}|[,\"\n\r\t ]{1,5}"),
             kind in 0..4_usize,
         ) {
             // Digits below 10^9, next to none of them close to a tie; half of them small.
@@ -255,6 +315,19 @@ mod tests {
                 row.sigma_mm = None;
             }
             prop_assert_eq!(text(&[row.clone(), row.clone(), row.clone()]), plain(&row).repeat(3));
+            // Whatever the name: as many fields as columns, and the name in its own.
+            let mut csv = Vec::new();
+            write_csv(&[row.clone(), row.clone()], &mut csv).unwrap();
+            prop_assert_eq!(csv.iter().filter(|b| **b == b'\n').count(), 3);
+            let mut reader = csv::Reader::from_reader(&csv[..]);
+            for record in reader.records() {
+                let record = record.unwrap();
+                prop_assert_eq!(record.len(), CSV_HEADER.split(',').count());
+                let (field, name) = (&record[2], row.name.as_deref().unwrap_or(""));
+                prop_assert!(!field.starts_with(['=', '+', '-', '@']), "{}", field);
+                prop_assert_eq!(field.strip_prefix('\'').filter(|_| !name.starts_with('\'')).unwrap_or(field), printable_line(name));
+                prop_assert_eq!(&record[3], status(&row));
+            }
         }
 
         #[test]

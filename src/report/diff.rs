@@ -150,13 +150,13 @@ fn compare(a: &Goal, b: &Goal) -> Compared {
             let conf = c.zip(*c2).filter(|(c, c2)| c != c2);
             (Vector3::from(*p2) - Vector3::from(*p), deg, conf)
         }
-        (Goal::Axis { position_mm: p, axis }, Goal::Axis { position_mm: p2, axis: axis2 }) => {
+        (Goal::Axis { position_mm: p, axis, .. }, Goal::Axis { position_mm: p2, axis: axis2, .. }) => {
             let deg = Vector3::from(*axis).angle(&Vector3::from(*axis2)).to_degrees();
             (Vector3::from(*p2) - Vector3::from(*p), deg, None)
         }
         // CL, and the RAPID posted from it: the turn about the tool axis (tip to spindle, −z) is free.
-        (Goal::Axis { position_mm: p, axis }, Goal::Pose { position_mm: p2, quat, .. })
-        | (Goal::Pose { position_mm: p, quat, .. }, Goal::Axis { position_mm: p2, axis }) => {
+        (Goal::Axis { position_mm: p, axis, .. }, Goal::Pose { position_mm: p2, quat, .. })
+        | (Goal::Pose { position_mm: p, quat, .. }, Goal::Axis { position_mm: p2, axis, .. }) => {
             let deg = Vector3::from(*axis).angle(&-(turn(quat) * Vector3::z())).to_degrees();
             (Vector3::from(*p2) - Vector3::from(*p), deg, None)
         }

@@ -1,13 +1,72 @@
 //! What an identification came to, for people, and its residuals row by row.
 
-use crate::identify::{FittedParameter, Identification, ResidualRow};
+use crate::identify::{Added, FittedParameter, Identification, ResidualRow};
 use crate::text::number::write_fixed;
 use std::fmt::Write;
 
-/// The summary: error before and after, what was added, what could not be told apart, what is left, what to do next.
+/// The answer in one sentence: what is wrong with the data, what was found where, what it changes, what else shows.
+#[must_use]
+pub fn identify_answer(found: &Identification) -> String {
+    let mut parts = Vec::new();
+    if found.unexplained.significant {
+        let follows =
+            found.unexplained.correlates.first().map_or(String::new(), |first| format!("; it follows {}", first.with));
+        parts.push(format!("more shows than this cell and noise explain{follows}"));
+    }
+    if found.added.is_empty() {
+        parts.push(match found.unexplained.significant {
+            true => "nothing is added to the cell".to_owned(),
+            false => format!("nothing shows: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
+        });
+    } else {
+        let names: Vec<String> = found.added.iter().map(named).collect();
+        parts.push(names.join(" and "));
+        parts.push(format!("the part would be {:.3} instead of {:.3} mm", found.after.rms_mm, found.before.rms_mm));
+        if !found.unexplained.significant {
+            parts.push("nothing else shows".to_owned());
+        }
+    }
+    parts.join("; ")
+}
+
+/// An effect with the axes that it is in, and what it may be instead.
+fn named(added: &Added) -> String {
+    let mut text = added.kind.replace('_', " ");
+    if let Some(axes) = axes_of(added) {
+        text += &match &axes[..] {
+            [axis] => format!(" in axis {axis}"),
+            [others @ .., last] => {
+                let others: Vec<String> = others.iter().map(ToString::to_string).collect();
+                format!(" in axes {} and {last}", others.join(", "))
+            }
+            [] => String::new(),
+        };
+    }
+    if !added.not_told_apart_from.is_empty() {
+        let others: Vec<String> = added.not_told_apart_from.iter().map(|kind| kind.replace('_', " ")).collect();
+        text += &format!(" (or {})", others.join(", "));
+    }
+    text
+}
+
+/// The axes, from 1, whose numbers are not what does nothing; `None` where numbers are not one list over the axes.
+fn axes_of(added: &Added) -> Option<Vec<usize>> {
+    let index = |p: &FittedParameter| p.name.split_once('[')?.1.strip_suffix(']')?.parse::<usize>().ok();
+    let (first, _) = added.parameters.first()?.name.split_once('[')?;
+    let same = added.parameters.iter().all(|p| p.name.split_once('[').is_some_and(|(name, _)| name == first));
+    if added.parameters.len() != 6 || !same {
+        return None;
+    }
+    let outside = |p: &&FittedParameter| p.ci95[0] > p.neutral || p.ci95[1] < p.neutral;
+    added.parameters.iter().filter(outside).map(|p| index(p).map(|index| index + 1)).collect()
+}
+
+/// The summary: the answer, error before and after, what was added, what could not be told apart, what is left, what to do
+/// next.
 #[must_use]
 pub fn identify_text(found: &Identification) -> String {
-    let mut out = String::new();
+    let mut out = identify_answer(found);
+    out.push_str("\n\n");
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
@@ -20,6 +79,9 @@ pub fn identify_text(found: &Identification) -> String {
     }
     let [low, high] = found.after_rms_ci95_mm;
     let _ = writeln!(out, "  extended cell's rms lies in [{low:.4}, {high:.4}] mm (95 %, bootstrap over blocks)");
+    out.push_str(
+        "  both are of rows that no fit has seen; the numbers written are then fitted to all rows of a part\n",
+    );
 
     if found.added.is_empty() {
         out.push_str("\nNothing is added: the declared cell explains the data to the noise.\n");
@@ -36,6 +98,14 @@ pub fn identify_text(found: &Identification) -> String {
         if !added.not_told_apart_from.is_empty() {
             let _ = writeln!(out, "    not told apart from: {}", added.not_told_apart_from.join(", "));
         }
+    }
+    const SETS: usize = 5; // the whole list is in the JSON
+    if found.sets.len() > 1 {
+        out.push_str("\nwhat the fitted rows leave open (posterior over sets)\n");
+    }
+    for set in found.sets.iter().take(if found.sets.len() > 1 { SETS } else { 0 }) {
+        let kinds = if set.kinds.is_empty() { "nothing".to_owned() } else { set.kinds.join(" + ") };
+        let _ = writeln!(out, "  {:.3}  {kinds}", set.probability);
     }
     const RANKED: usize = 8; // the whole list is in the JSON
     if !found.ranking.is_empty() {
@@ -120,9 +190,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn an_effect_is_told_with_the_axes_that_it_is_in() {
+        let gap = |(i, value): (usize, f64)| FittedParameter {
+            name: format!("half_gap_rad[{i}]"),
+            value,
+            unit: "rad",
+            ci95: [value - 1e-5, value + 1e-5],
+            neutral: 0.0,
+        };
+        let mut backlash = Added {
+            kind: "backlash".to_owned(),
+            posterior: 1.0,
+            held_out_rms_before_mm: 0.1,
+            held_out_rms_after_mm: 0.02,
+            parameters: [0.0, 6e-5, 0.0, 0.0, 1e-4, 5e-6].into_iter().enumerate().map(gap).collect(),
+            not_told_apart_from: Vec::new(),
+        };
+        assert_eq!(named(&backlash), "backlash in axes 2 and 5");
+        backlash.not_told_apart_from.push("zero_offset".to_owned());
+        backlash.parameters.truncate(5);
+        assert_eq!(named(&backlash), "backlash (or zero offset)");
+    }
+
+    #[test]
     fn knots_of_curves_are_counted_and_other_parameters_shown() {
-        let parameter =
-            |name: String, value| FittedParameter { name, value, unit: "rad", ci95: [value - 1.0, value + 1.0] };
+        let parameter = |name: String, value| FittedParameter {
+            name,
+            value,
+            unit: "rad",
+            ci95: [value - 1.0, value + 1.0],
+            neutral: 0.0,
+        };
         let few: Vec<_> = (0..6).map(|i| parameter(format!("half_gap_rad[{i}]"), f64::from(i))).collect();
         let mut out = String::new();
         write_parameters(&mut out, &few);

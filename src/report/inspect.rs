@@ -1,7 +1,7 @@
-//! What was understood of programs, as a table and as JSON (INTERFACE.md, `inspect --json`).
+//! What was understood of programs, as a table and as JSON (`docs/reference.md`, `inspect --json`).
 
 use crate::program::{Language, Program, RoundTrip};
-use crate::text::Diagnostic;
+use crate::text::{Diagnostic, printable_line};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -34,6 +34,15 @@ pub struct InspectFile {
     pub tools: Vec<String>,
     /// Names of the work objects used.
     pub wobjs: Vec<String>,
+}
+
+/// Statements that are kept or refused, and what is asked of the machine besides motion, by line.
+fn kept_lines(program: &Program) -> Vec<KeptLine> {
+    let kept = program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason });
+    let actions = program.actions.iter().map(|action| KeptLine { line: action.line, reason: action.kind.what() });
+    let mut lines: Vec<KeptLine> = kept.chain(actions).collect();
+    lines.sort_by_key(|kept| kept.line);
+    lines
 }
 
 /// A kept statement.
@@ -70,7 +79,7 @@ impl InspectFile {
             literal_targets: program.literal_targets,
             arcs: program.arcs,
             refused: None,
-            kept: program.kept.iter().map(|kept| KeptLine { line: kept.line, reason: kept.reason }).collect(),
+            kept: kept_lines(program),
             round_trip: proof.holds(),
             round_trip_fault: proof.why.clone(),
             tools: names(rapid, program.tools.iter().map(|tool| &*tool.name)),
@@ -125,7 +134,7 @@ pub fn inspect_table(files: &[InspectFile]) -> String {
         let _ = writeln!(
             out,
             "{:width$}  {language:8}  {dialect:14}  {:>8}  {:>8}  {:>5}  {:>5}  {proof}",
-            file.path,
+            printable_line(&file.path),
             file.motion_targets,
             file.literal_targets,
             file.arcs,
@@ -142,7 +151,7 @@ pub fn inspect_table(files: &[InspectFile]) -> String {
 fn details(file: &InspectFile, out: &mut String) {
     let mut say = |line: String| {
         // Writing to a String cannot fail.
-        let _ = writeln!(out, "{}: {line}", file.path);
+        let _ = writeln!(out, "{}: {}", printable_line(&file.path), printable_line(&line));
     };
     if let Some(reason) = &file.refused {
         say(format!("refused: {reason}"));

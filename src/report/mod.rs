@@ -7,12 +7,16 @@ mod findings;
 pub mod html;
 mod identification;
 mod inspect;
+mod origin;
+mod simulation;
 mod summary;
 
 pub use ci::{CheckFile, check_json, junit, sarif};
-pub use csv::{CSV_HEADER, csv_rows, write_csv};
+pub use csv::{CSV_HEADER, csv_field, csv_rows, write_csv};
 pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_text, difference, shift_mm};
 pub use findings::Findings;
-pub use identification::{identify_text, residual_csv};
+pub use identification::{identify_answer, identify_text, residual_csv};
 pub use inspect::{InspectFile, InspectFiles, KeptLine, inspect_table};
+pub use origin::{Origin, VERSION};
+pub use simulation::{DeviationMap, MapFigures, OneSide, SurfacePoint, map_cell, map_csv, probe, stl};
 pub use summary::{FileSummary, summary_line};

@@ -1,4 +1,4 @@
-use super::CheckFile;
+use super::{CheckFile, Origin};
 use crate::correct::{Corrected, Summary};
 use crate::program::Program;
 use crate::text::Diagnostic;
@@ -29,11 +29,18 @@ pub struct FileSummary {
     pub max_remaining_mm: f64,
     /// Largest error of a kept target, which stays, mm.
     pub max_kept_mm: f64,
+    /// Largest distance of the tip from the programmed path on the way into cutting targets, mm; into all where none cuts.
+    pub remaining_path_max_mm: f64,
+    /// Root mean square of it over their length, mm.
+    pub remaining_path_rms_mm: f64,
     /// Targets without an answer or over a limit.
     pub failures: Vec<FailureLine>,
     /// How many there are besides.
     #[serde(skip)]
     pub more_failures: usize,
+    /// The program's files, where they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<Origin>,
 }
 
 /// How many targets were kept for a reason.
@@ -91,8 +98,11 @@ impl FileSummary {
             max_correction_mm: sum.max_correction_mm,
             max_remaining_mm: sum.max_remaining_mm,
             max_kept_mm: sum.max_kept_mm,
+            remaining_path_max_mm: sum.remaining_path_max_mm,
+            remaining_path_rms_mm: sum.remaining_path_rms_mm,
             failures: lines(failures),
             more_failures: 0,
+            sources: Vec::new(),
         }
     }
 }

@@ -22,7 +22,7 @@ pub fn conf_of(robot: &Robot, motor: &Joints) -> Conf {
         cf1: quarter_turn(motor[0]),
         cf4: quarter_turn(motor[3]),
         cf6: quarter_turn(motor[5]),
-        cfx: 4 * i32::from(rear) + 2 * i32::from(behind) + i32::from(motor[4] < 0.0),
+        cfx: 4 * i32::from(rear) + 2 * i32::from(behind) + i32::from(robot.axes.sign[4] * motor[4] < 0.0),
     }
 }
 

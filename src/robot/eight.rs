@@ -2,41 +2,18 @@
 //! [`inverse`](super::inverse), on sines and cosines instead of angles.
 
 use super::inverse::ClosedForm;
-use super::{Joints, Limits, Pose, Robot, turn_between, turns_between};
-use crate::lanes::{Frame, Lanes, Mask, ROUND, Turn, Vector, six, widest};
+use super::kinematics::{Six, one, set};
+use super::{Joints, Pose, Robot, turn_between, turns_between};
+use crate::lanes::{Frame, LaneMask, Lanes, Mask, ROUND, Real, SinCos, Vector, six, widest};
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Such an arm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Eight<'a> {
+    robot: &'a Robot,
     form: &'a ClosedForm,
-    limits: &'a Limits,
-    parallelogram: bool,
-    a: [f64; 6],
-    d: [f64; 6],
-    theta: [f64; 6],
 }
-
-/// Motor angles, rad, or what goes with them.
-pub(crate) type EightJoints = [Lanes; 6];
-
-/// Puts one target's into a lane.
-#[inline(always)]
-pub(crate) fn set(all: &mut EightJoints, lane: usize, one: &Joints) {
-    for (all, one) in all.iter_mut().zip(one.iter()) {
-        all.set(lane, *one);
-    }
-}
-
-/// One target's.
-#[inline(always)]
-pub(crate) fn one(all: &EightJoints, lane: usize) -> Joints {
-    Joints::from(six!(i => all[i].lane(lane)))
-}
-
-/// Denavit-Hartenberg angles (joint plus offset) of each joint.
-pub(crate) type EightTurns = [Turn; 6];
 
 /// Below this sine between upper arm and forearm, or of axis 5, digits are lost and branches meet: not here.
 const CLOSE: f64 = 0.05;
@@ -60,16 +37,16 @@ pub(crate) struct EightFound {
     flange_from_tcp: Frame,
     position_mm: Vector,
     quat: [Lanes; 4],
-    near: EightJoints,
+    near: Six<Lanes>,
     /// Where the program sends the TCP, m.
     pub(crate) wobj_from_tcp: Frame,
     /// Motor angles that reach it, rad.
-    motor: EightJoints,
+    motor: Six<Lanes>,
     /// From closer than this they are surely the nearest, square of rad; 0 where another way has to be asked.
     reach: Lanes,
     from: Frame,
     turn: Vector,
-    small: Mask,
+    small: LaneMask,
 }
 
 impl EightFound {
@@ -125,7 +102,12 @@ impl EightFound {
 
 /// Rotation vector of a lane from one orientation to another, rad, given those of all lanes and where they are right.
 #[inline(always)]
-pub(crate) fn turn_of(lane: usize, (turn, right): (&Vector, Mask), from: &Frame, to: &Frame) -> Vector3<f64> {
+pub(crate) fn turn_of<R: Real>(
+    lane: usize,
+    (turn, right): (&Vector<R>, R::Mask),
+    from: &Frame<R>,
+    to: &Frame<R>,
+) -> Vector3<f64> {
     // In numbers: as a whole it would be put in memory and read again.
     let [x, y, z] = if right.lane(lane) {
         [turn.x.lane(lane), turn.y.lane(lane), turn.z.lane(lane)]
@@ -138,15 +120,7 @@ pub(crate) fn turn_of(lane: usize, (turn, right): (&Vector, Mask), from: &Frame,
 impl<'a> Eight<'a> {
     /// The arm in lanes, where it has an explicit inverse.
     pub(crate) fn of(robot: &'a Robot) -> Option<Self> {
-        let rows = robot.links.rows();
-        Some(Self {
-            form: robot.closed_form()?,
-            limits: &robot.limits,
-            parallelogram: robot.parallelogram,
-            a: rows.map(|row| row.a),
-            d: rows.map(|row| row.d),
-            theta: rows.map(|row| row.theta),
-        })
+        Some(Self { robot, form: robot.closed_form()? })
     }
 
     /// What the first `count` of eight targets come to.
@@ -156,7 +130,7 @@ impl<'a> Eight<'a> {
         }
         found.set(count, &place);
         widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
-            found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * 1e-3, found.quat);
+            found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * Lanes::of(1e-3), found.quat);
             found.inverse(robot);
         });
     }
@@ -175,76 +149,9 @@ impl<'a> Eight<'a> {
         });
     }
 
-    /// Changes of serial joint angles from those of motor angles, rad.
-    #[inline(always)]
-    pub(crate) fn serial_from_motor(&self, motor: &EightJoints) -> EightJoints {
-        let mut serial = *motor;
-        if self.parallelogram {
-            serial[2] = serial[2] - motor[1];
-        }
-        serial
-    }
-
-    #[inline(always)]
-    fn motor_from_serial(&self, serial: &EightJoints) -> EightJoints {
-        let mut motor = *serial;
-        if self.parallelogram {
-            motor[2] = motor[2] + serial[1];
-        }
-        motor
-    }
-
-    /// Torques at the motors, N·m.
-    #[inline(always)]
-    pub(crate) fn motor_torque_from_serial(&self, serial: &EightJoints) -> EightJoints {
-        let mut motor = *serial;
-        if self.parallelogram {
-            motor[1] = motor[1] - serial[2];
-        }
-        motor
-    }
-
-    /// Denavit-Hartenberg angles at motor angles, rad.
-    #[inline(always)]
-    pub(crate) fn angles(&self, motor: &EightJoints) -> EightJoints {
-        let serial = self.serial_from_motor(motor);
-        six!(i => serial[i] + self.theta[i])
-    }
-
-    /// Their sines and cosines.
-    #[inline(always)]
-    pub(crate) fn turns(&self, motor: &EightJoints) -> EightTurns {
-        let angles = self.angles(motor);
-        six!(i => Turn::of(angles[i]))
-    }
-
-    /// Frames of the links in the base, of an arm with this inverse: axis 1 is upright, axes 2 and 3 are side by side across
-    /// it, and the last three meet.
-    #[inline(always)]
-    pub(crate) fn chain(&self, turns: &EightTurns) -> [Frame; 6] {
-        let (a, d, [q1, q2, q3, q4, q5, q6]) = (self.a, self.d, *turns);
-        let ahead = Vector::new(q1.cos, q1.sin, Lanes::ZERO);
-        let side = Vector::new(-q1.sin, q1.cos, Lanes::ZERO);
-        let first = Frame {
-            x: ahead,
-            y: side,
-            z: Vector::of(&Vector3::z()),
-            origin: Vector::new(Lanes::ZERO, Lanes::ZERO, Lanes::of(d[0])),
-        };
-        let (along, across) = (Lanes::of(a[1]), Lanes::of(d[1]));
-        let shoulder = Vector::new(q1.cos * along - q1.sin * across, q1.sin * along + q1.cos * across, first.origin.z);
-        let second = upright(q1, q2, shoulder);
-        let third = upright(q1, q2.plus(q3), shoulder + second.x * a[2] + side * d[2]);
-        let wrist = third.origin + third.x * a[3] + third.y * d[3];
-        let fourth = link(&third, third.z * -1.0, third.y, q4, wrist);
-        let fifth = link(&fourth, fourth.z, fourth.y * -1.0, q5, wrist);
-        let sixth = link(&fifth, fifth.z * -1.0, fifth.y, q6, wrist + fifth.y * d[5]);
-        [first, second, third, fourth, fifth, sixth]
-    }
-
     /// Motor angles at flange poses near others, rad, and where they are surely the nearest.
     #[inline(always)]
-    pub(crate) fn nearest(&self, base_from_flange: &Frame, near: &EightJoints) -> (EightJoints, Mask) {
+    pub(crate) fn nearest<R: Real>(&self, base_from_flange: &Frame<R>, near: &Six<R>) -> (Six<R>, R::Mask) {
         let (motor, reach) = self.inverse(base_from_flange, near);
         let [a, b, c, d, e, f] = six!(i => (motor[i] - near[i]) * (motor[i] - near[i]));
         (motor, (a + b + c + d + e + f).lt(reach))
@@ -253,17 +160,18 @@ impl<'a> Eight<'a> {
     /// Motor angles at flange poses in the branch that others are in, rad: which turn of an axis is nearest to these too. And
     /// from how close they are surely the nearest of all, square of rad; 0 where limits are passed or digits lost.
     #[inline(always)]
-    fn inverse(&self, base_from_flange: &Frame, near: &EightJoints) -> (EightJoints, Lanes) {
+    fn inverse<R: Real>(&self, base_from_flange: &Frame<R>, near: &Six<R>) -> (Six<R>, R) {
         let motor_near = near;
-        let near = self.turns(near);
+        let theta = six!(i => R::of(self.robot.links.rows()[i].theta));
+        let near = self.robot.joints(&theta, near);
         let form = self.form;
-        let wrist = base_from_flange.origin - base_from_flange.z * form.d6;
+        let wrist = base_from_flange.origin - base_from_flange.z * R::of(form.d6);
         let reach = wrist.x * wrist.x + wrist.y * wrist.y;
         let planar = reach - form.b * form.b;
         // Beyond, front and rear are a quarter turn of axis 1 apart at least.
-        let apart = Lanes::of(form.b * form.b).lt(planar);
+        let apart = R::of(form.b * form.b).lt(planar);
         let forward = planar.sqrt();
-        let shoulder = |forward: Lanes| Turn {
+        let shoulder = |forward: R| SinCos {
             sin: (wrist.y * forward - wrist.x * form.b) / reach,
             cos: (wrist.x * forward + wrist.y * form.b) / reach,
         };
@@ -271,76 +179,63 @@ impl<'a> Eight<'a> {
         let rear = front.minus(near[0]).cos.lt(0.0);
         let forward = rear.negate(forward);
         let other = shoulder(forward);
-        let q1 = Turn { sin: rear.select(other.sin, front.sin), cos: rear.select(other.cos, front.cos) };
+        let q1 = SinCos { sin: rear.select(other.sin, front.sin), cos: rear.select(other.cos, front.cos) };
 
         // Elevations of upper arm and link 3 over the horizontal.
         let (r, s) = (forward - form.a1, wrist.z - form.d1);
         let square = r * r + s * s;
         let rho = square.sqrt();
         let cosine = (square + (form.a2 * form.a2 - form.l3 * form.l3)) / (rho * (2.0 * form.a2));
-        let sine = (Lanes::of(1.0) - cosine * cosine).sqrt();
+        let sine = (R::of(1.0) - cosine * cosine).sqrt();
         let bent = sine.ge(CLOSE);
-        let gamma = Turn::same(form.sin_gamma, form.cos_gamma);
+        let gamma = SinCos { sin: R::of(form.sin_gamma), cos: R::of(form.cos_gamma) };
         // Lower arm over forearm, or under it.
         let behind = near[2].plus(gamma).sin.lt(0.0);
-        let to_wrist = Turn { sin: s / rho, cos: r / rho };
-        let upper = to_wrist.plus(Turn { sin: behind.negate(sine), cos: cosine });
-        let forearm =
-            Turn { sin: (s - upper.sin * form.a2) * (1.0 / form.l3), cos: (r - upper.cos * form.a2) * (1.0 / form.l3) };
+        let to_wrist = SinCos { sin: s / rho, cos: r / rho };
+        let upper = to_wrist.plus(SinCos { sin: behind.negate(sine), cos: cosine });
+        let forearm = SinCos {
+            sin: (s - upper.sin * form.a2) * (1.0 / form.l3),
+            cos: (r - upper.cos * form.a2) * (1.0 / form.l3),
+        };
         let link3 = forearm.plus(gamma);
-        let q2 = Turn { sin: -upper.sin, cos: upper.cos };
+        let q2 = SinCos { sin: -upper.sin, cos: upper.cos };
         let q3 = upper.minus(link3);
 
         // The wrist: link3ᵀ · flange · Rx(90°) = Ry(θ4) Rz(θ5) Ry(θ6), see `Wrist`.
         let ahead = Vector::new(q1.cos * link3.cos, q1.sin * link3.cos, link3.sin);
         let up = Vector::new(q1.cos * link3.sin, q1.sin * link3.sin, -link3.cos);
-        let side = Vector::new(-q1.sin, q1.cos, Lanes::ZERO);
+        let side = Vector::new(-q1.sin, q1.cos, R::ZERO);
         let Frame { x, y, z, .. } = *base_from_flange;
         let (m01, m11, m21) = (ahead.dot(z), up.dot(z), side.dot(z));
         let (m10, m12) = (up.dot(x), -up.dot(y));
         let sin5 = (m01 * m01 + m21 * m21).sqrt();
         let straight = sin5.ge(CLOSE);
         let flipped = near[4].sin.lt(0.0);
-        let q5 = Turn { sin: flipped.negate(sin5), cos: m11 };
-        let q4 = Turn { sin: flipped.negate(m21) / sin5, cos: flipped.negate(-m01) / sin5 };
-        let q6 = Turn { sin: flipped.negate(m12) / sin5, cos: flipped.negate(m10) / sin5 };
+        let q5 = SinCos { sin: flipped.negate(sin5), cos: m11 };
+        let q4 = SinCos { sin: flipped.negate(m21) / sin5, cos: flipped.negate(-m01) / sin5 };
+        let q6 = SinCos { sin: flipped.negate(m12) / sin5, cos: flipped.negate(m10) / sin5 };
 
         let turns = [q1, q2, q3, q4, q5, q6];
-        let motor = self.motor_from_serial(&six!(i => turns[i].angle() - self.theta[i]));
+        let motor = self.robot.motor(&six!(i => turns[i].angle() - theta[i]));
         let motor = six!(i => motor[i] + (((motor_near[i] - motor[i]) * (1.0 / TAU) + ROUND) - ROUND) * TAU);
         let mut sure = apart & bent & straight;
-        for i in 0..6 {
-            sure = sure & self.inside(motor[i], self.limits.min[i], self.limits.max[i]);
+        let limits = &self.robot.limits;
+        let counted = motor[2] + motor[1] * self.robot.axes.counted_23();
+        for (i, axis) in [motor[0], motor[1], counted, motor[3], motor[4], motor[5]].into_iter().enumerate() {
+            sure = sure & self.inside(axis, limits.min[i], limits.max[i]);
         }
-        if let (true, Some((min, max))) = (self.parallelogram, self.limits.elbow) {
+        if let (true, Some((min, max))) = (self.robot.axes.parallelogram, limits.elbow) {
             sure = sure & self.inside(motor[2] - motor[1], min, max);
         }
         // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
         let (far, lift) = (FRAC_PI_4 * FRAC_PI_4, sine * sine);
-        (motor, sure.select(lift.lt(far).select(lift, Lanes::of(far)), Lanes::ZERO))
+        (motor, sure.select(lift.lt(far).select(lift, R::of(far)), R::ZERO))
     }
 
     #[inline(always)]
-    fn inside(&self, angle: Lanes, min: f64, max: f64) -> Mask {
-        angle.ge(min) & Lanes::of(max).ge(angle)
+    fn inside<R: Real>(&self, angle: R, min: f64, max: f64) -> R::Mask {
+        angle.ge(min) & R::of(max).ge(angle)
     }
-}
-
-/// A link of the arm's upright plane, which axis 1 turns: its x stands `turn` below the horizontal.
-#[inline(always)]
-fn upright(q1: Turn, turn: Turn, origin: Vector) -> Frame {
-    Frame {
-        x: Vector::new(q1.cos * turn.cos, q1.sin * turn.cos, -turn.sin),
-        y: Vector::new(-(q1.cos * turn.sin), -(q1.sin * turn.sin), -turn.cos),
-        z: Vector::new(-q1.sin, q1.cos, Lanes::ZERO),
-        origin,
-    }
-}
-
-/// A link about `axis`: the x of the one `before`, and what is square to both, turned about it.
-#[inline(always)]
-fn link(before: &Frame, across: Vector, axis: Vector, Turn { sin, cos }: Turn, origin: Vector) -> Frame {
-    Frame { x: before.x * cos + across * sin, y: across * cos - before.x * sin, z: axis, origin }
 }
 
 #[cfg(test)]
@@ -405,7 +300,7 @@ mod tests {
                 let sine = |angle: f64| angle.sin().abs();
                 let (serial, form) = (robot.serial_from_motor(&motors[i]), robot.closed_form().unwrap());
                 let wrist = robot.frames(&motors[i]).origin(4);
-                let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + eight.theta[2] + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
+                let easy = robot.limit_violation(&motors[i]).is_none() && sine(serial[4]) > 0.3 && sine(serial[2] + robot.links.rows()[2].theta + form.gamma) > 0.3 && wrist.xy().norm() > 0.4;
                 eight.find(1, |_| Place { near: &motors[i], ..places[i] }, &mut again);
                 let again = again.nearest(0, &motors[i]);
                 prop_assert!(!easy || again.is_some(), "{}", motors[i]);

@@ -1,4 +1,4 @@
-use super::{DhRow, Frames, Joints, LimitViolation, Pose, Robot, turn_between};
+use super::{DhRow, Joints, LimitViolation, Links, Pose, Robot, turn_between};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -252,12 +252,11 @@ impl Robot {
                 Err(by) => Err(Unreachable::OutOfReach { by_mm: 1e3 * by }),
             };
         }
-        let at = |serial: &Joints| self.links.chain(serial, None);
-        let serial = polish(&at, base_from_flange, &self.serial_from_motor(near))?;
+        let serial = polish(&self.links, base_from_flange, &self.serial_from_motor(near))?;
         let motor = self.motor_from_serial(&serial);
         let (rear, behind) = self.posture(&motor);
         let mut solutions = [None; 8];
-        solutions[Branch { rear, behind, flipped: motor[4] < 0.0 }.cfx()] = Some(motor);
+        solutions[Branch { rear, behind, flipped: serial[4] < 0.0 }.cfx()] = Some(motor);
         Ok(solutions)
     }
 
@@ -317,12 +316,11 @@ impl Robot {
     }
 }
 
-/// Newton's polish of serial joint angles onto a pose of the last link, for chains without an explicit inverse
-/// or off the nominal one. `at` gives the frames at serial joint angles (rad).
+/// Newton's polish of serial joint angles (rad) onto a pose of the last link, for chains without an explicit inverse.
 ///
 /// # Errors
 /// It did not converge: the seed is too far or the pose cannot be reached.
-pub fn polish(at: &impl Fn(&Joints) -> Frames, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
+pub fn polish(links: &Links, base_from_last: &Pose, seed: &Joints) -> Result<Joints, Unreachable> {
     // Newton doubles its digits: 50 rounds are reached only where it wanders.
     const ROUNDS: usize = 50;
     // m and rad: two orders above f64 noise over 4 m, four below a printed digit.
@@ -333,7 +331,7 @@ pub fn polish(at: &impl Fn(&Joints) -> Frames, base_from_last: &Pose, seed: &Joi
     let mut joints = *seed;
     let mut best = (f64::INFINITY, joints);
     for _ in 0..ROUNDS {
-        let frames = at(&joints);
+        let frames = links.chain(&joints);
         let gap = pose_gap(frames.base_from_flange(), base_from_last);
         let size = gap.norm();
         if !size.is_finite() {
@@ -412,7 +410,7 @@ mod tests {
 
     #[test]
     fn the_independent_solver_agrees_at_p2() {
-        // PHYSICS.md, vectors, "IK of FK(P2, tool A)": second shoulder-front, elbow-down solution.
+        // tests/vectors, inverse of P2 with tool A: second shoulder-front, elbow-down solution.
         let robot = BUILTIN[0].robot();
         let motor = deg([10.0, 20.0, 15.0, 30.0, 40.0, -60.0]);
         let other = robot.inverse(&robot.forward(&motor), &motor).unwrap()[2].unwrap();

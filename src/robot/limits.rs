@@ -1,17 +1,17 @@
 use super::{Joints, Robot};
 
-/// Axis limits at the motors, rad.
+/// Axis limits as the controller counts, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Least motor angles.
+    /// Least axis angles.
     pub min: Joints,
-    /// Largest motor angles.
+    /// Largest axis angles.
     pub max: Joints,
     /// Parallelogram: least and largest motor 3 − motor 2.
     pub elbow: Option<(f64, f64)>,
 }
 
-/// A motor angle beyond its limit.
+/// An axis beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{name} at {value_deg:.3}°, {by_deg:.3}° beyond its limit of {limit_deg:.3}°", name = self.name())]
 pub struct LimitViolation {
@@ -40,13 +40,14 @@ impl Robot {
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;
         let inside = |value: f64, min: f64, max: f64| (value >= min) & (value <= max);
-        let elbow = limits.elbow.filter(|_| self.parallelogram);
-        if (0..6).fold(true, |all, i| all & inside(motor[i], limits.min[i], limits.max[i]))
+        let elbow = limits.elbow.filter(|_| self.axes.parallelogram);
+        let counted = self.axes_from_motor(motor);
+        if (0..6).fold(true, |all, i| all & inside(counted[i], limits.min[i], limits.max[i]))
             && elbow.is_none_or(|(min, max)| inside(motor[2] - motor[1], min, max))
         {
             return None;
         }
-        let axes = (0..6).map(|i| (i, motor[i], limits.min[i], limits.max[i]));
+        let axes = (0..6).map(|i| (i, counted[i], limits.min[i], limits.max[i]));
         axes.chain(elbow.map(|(min, max)| (6, motor[2] - motor[1], min, max)))
             .filter_map(|(axis, value, min, max)| {
                 let (limit, by) = if value < min { (min, min - value) } else { (max, value - max) };
@@ -66,7 +67,10 @@ impl Robot {
         use std::f64::consts::TAU;
         let mut out = *motor;
         for i in [0, 1, 2, 3, 4, 5] {
-            let inside = |v: f64| v >= self.limits.min[i] - LIMIT_SLACK && v <= self.limits.max[i] + LIMIT_SLACK;
+            // Axis 2 is settled before axis 3.
+            let counted = if i == 2 { self.axes.counted_23() * out[1] } else { 0.0 };
+            let (min, max) = (self.limits.min[i] - LIMIT_SLACK, self.limits.max[i] + LIMIT_SLACK);
+            let inside = |v: f64| v + counted >= min && v + counted <= max;
             // On a path: less than half a turn away.
             if (near[i] - motor[i]).abs() < 3.0 && inside(motor[i]) {
                 continue;

@@ -2,27 +2,30 @@
 //!
 //! Modified Denavit-Hartenberg rows (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`,
 //! `base_from_flange = T_1 … T_6`. Lengths are metres, angles radians. All joint vectors are
-//! **motor angles**, as the controller shows them: on a parallelogram arm motor 3 sets the forearm's
-//! angle to link 1, so that serial joint 3 is motor 3 − motor 2.
+//! **motor angles**, with the maker's signs and zero positions: on a parallelogram arm motor 3 sets the
+//! forearm's angle to link 1, so that serial joint 3 is motor 3 − motor 2. What the controller shows are
+//! **axis angles**; they differ from motor angles only where it counts axis 3 against the ground (see [`Axes`]).
 
 mod builtin;
 mod confdata;
 pub(crate) mod eight;
 mod forward;
 mod inverse;
+pub(crate) mod kinematics;
 mod limits;
 mod model;
+mod solutions;
 mod start;
 mod turn;
 
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_is, conf_of};
-pub(crate) use eight::{Eight, EightFound, EightJoints, EightTurns, Place};
+pub(crate) use eight::{Eight, EightFound, Place};
 pub(crate) use forward::NUDGE;
-pub use forward::{Frames, Links, Turns};
+pub use forward::{Frames, Links};
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
-pub use model::{DhRow, Robot};
+pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
 pub(crate) use turn::{turn_between, turns_between};
 

@@ -21,9 +21,9 @@ pub struct Robot {
     pub model: String,
     /// Geometry, base to flange.
     pub links: Links,
-    /// Whether motor 3 sets the forearm's angle to link 1 instead of to link 2.
-    pub parallelogram: bool,
-    /// Axis limits at the motors.
+    /// How the axes that the controller counts turn the joints of `links`.
+    pub axes: Axes,
+    /// Axis limits, as the controller counts.
     pub limits: Limits,
     /// Where the base stands; gravity is along world −z.
     pub world_from_base: Pose,
@@ -31,15 +31,40 @@ pub struct Robot {
     closed_form: Option<ClosedForm>,
 }
 
+/// How the controller's axes turn the joints of the Denavit-Hartenberg rows. Offsets between the two zero positions
+/// stand in the rows' `theta`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axes {
+    /// +1, or −1 for an axis whose positive direction is the joint's negative one: joint = sign · motor.
+    pub sign: [f64; 6],
+    /// Motor 3 sets the forearm's angle to link 1 instead of to link 2, by a parallelogram: it bears the load so, too.
+    pub parallelogram: bool,
+    /// The controller counts axis 3 against the ground, though its motor sits on link 2 (FANUC): axis 3 stays the same
+    /// while axis 2 moves and the forearm keeps its direction.
+    pub coupled_23: bool,
+}
+
+impl Axes {
+    /// Each axis is its joint.
+    pub const SERIAL: Self = Self { sign: [1.0; 6], parallelogram: false, coupled_23: false };
+    /// Motor 3 works through a parallelogram.
+    pub const PARALLELOGRAM: Self = Self { parallelogram: true, ..Self::SERIAL };
+
+    /// How much of motor 2 is counted as axis 3.
+    pub(super) fn counted_23(&self) -> f64 {
+        if self.coupled_23 { self.sign[1] * self.sign[2] } else { 0.0 }
+    }
+}
+
 impl Robot {
     /// A robot; finds out whether its geometry has an explicit inverse.
     #[must_use]
-    pub fn new(model: impl Into<String>, rows: [DhRow; 6], parallelogram: bool, limits: Limits) -> Self {
+    pub fn new(model: impl Into<String>, rows: [DhRow; 6], axes: Axes, limits: Limits) -> Self {
         let closed_form = ClosedForm::of(&rows);
         Self {
             model: model.into(),
             links: Links::new(rows),
-            parallelogram,
+            axes,
             limits,
             world_from_base: Pose::identity(),
             closed_form,
@@ -67,30 +92,41 @@ impl Robot {
     /// Serial joint angles from motor angles, rad.
     #[must_use]
     pub fn serial_from_motor(&self, motor: &Joints) -> Joints {
-        let mut serial = *motor;
-        if self.parallelogram {
-            serial[2] -= motor[1];
-        }
-        serial
+        self.serial(&(*motor).into()).into()
     }
 
     /// Motor angles from serial joint angles, rad.
     #[must_use]
     pub fn motor_from_serial(&self, serial: &Joints) -> Joints {
-        let mut motor = *serial;
-        if self.parallelogram {
-            motor[2] += serial[1];
-        }
-        motor
+        self.motor(&(*serial).into()).into()
     }
 
     /// Motor torques from serial joint torques (power is the same in both coordinates), N·m.
     #[must_use]
     pub fn motor_torque_from_serial(&self, serial: &Joints) -> Joints {
-        let mut motor = *serial;
-        if self.parallelogram {
-            motor[1] -= serial[2];
-        }
+        self.by_motor(&<[f64; 6]>::from(*serial)).into()
+    }
+
+    /// Angles as the controller counts them, from motor angles, rad: other than these only where axis 3 is counted against
+    /// the ground.
+    #[must_use]
+    pub fn axes_from_motor(&self, motor: &Joints) -> Joints {
+        let mut axes = *motor;
+        axes[2] += self.axes.counted_23() * motor[1];
+        axes
+    }
+
+    /// The same in degrees, as programs and files hold them.
+    #[must_use]
+    pub fn axes_deg_from_motor(&self, motor: &Joints) -> [f64; 6] {
+        self.axes_from_motor(motor).map(f64::to_degrees).into()
+    }
+
+    /// Motor angles (rad) from angles as the controller counts them, degrees.
+    #[must_use]
+    pub fn motor_from_axes_deg(&self, axes_deg: &[f64; 6]) -> Joints {
+        let mut motor = Joints::from(axes_deg.map(f64::to_radians));
+        motor[2] -= self.axes.counted_23() * motor[1];
         motor
     }
 }

@@ -45,21 +45,10 @@ impl Robot {
         if let Some(motor) = conf.and_then(|conf| self.branch_of_conf(base_from_flange, conf, &home)) {
             return Ok(Start { motor, how: StartedFrom::Confdata });
         }
-        let mut best: Option<Joints> = None;
-        let mut violation = None;
-        for motor in self.inverse(base_from_flange, &home)?.iter().flatten() {
-            let motor = self.nearest_turns(motor, &home);
-            match self.limit_violation(&motor) {
-                Some(found) => violation = violation.or(Some(found)),
-                None if best.is_none_or(|best| motor.norm_squared() < best.norm_squared()) => best = Some(motor),
-                None => {}
-            }
-        }
-        match (best, violation) {
-            (Some(motor), _) => Ok(Start { motor, how: StartedFrom::NearestHome }),
-            (None, Some(violation)) => Err(violation.into()),
-            (None, None) => Err(Unreachable::OutOfReach { by_mm: 0.0 }),
-        }
+        let ways = self.inverse_all(base_from_flange)?;
+        let nearest = ways.into_iter().min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+        let motor = nearest.ok_or(Unreachable::OutOfReach { by_mm: 0.0 })?;
+        Ok(Start { motor, how: StartedFrom::NearestHome })
     }
 
     /// Motor angles (rad) of a joint move to a pose with a configuration: the branch that it names where it fits one,

@@ -1,6 +1,6 @@
 //! Rotation vectors from one orientation to another, for one pair or for eight.
 
-use crate::lanes::{Frame, Lanes, Mask, Vector};
+use crate::lanes::{Frame, Real, Vector};
 use nalgebra::{Rotation3, Vector3};
 
 /// Sines up to here: the series of the arc sine is exact to rounding.
@@ -12,27 +12,28 @@ const ARC_SINE: [f64; 3] = [1.0 / 6.0, 3.0 / 40.0, 15.0 / 336.0];
 /// Rotation vector that turns one orientation into another, in the axes that both are given in, exact for small angles too, rad.
 #[must_use]
 pub(crate) fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
-    let (a, b) = (from.matrix(), to.matrix());
-    let across = |k: usize| a.fixed_view::<3, 1>(0, k).cross(&b.fixed_view::<3, 1>(0, k));
-    // The axis times the sine: most rotations that are asked for are what an arm yields by, some 1e-4 rad.
-    let turn = 0.5 * (across(0) + across(1) + across(2));
-    let square = turn.norm_squared();
-    // Less than a right angle apart: the trace of the rotation between them is positive.
-    if square < SMALL * SMALL && a.dot(b) > 0.0 {
-        let [one, two, three] = ARC_SINE;
-        return turn * (1.0 + square * (one + square * (two + square * three)));
+    let axes = |rotation: &Rotation3<f64>| {
+        let mut frame = Frame::<f64>::identity();
+        frame.set_axes(0, rotation);
+        frame
+    };
+    let (turn, small) = turns_between(&axes(from), &axes(to));
+    if small {
+        return turn.lane(0);
     }
     // Through the quaternion: the matrix form's acos gives NaN or loses half the digits near identity.
     nalgebra::UnitQuaternion::from_rotation_matrix(&(to * from.inverse())).scaled_axis()
 }
 
-/// Eight of [`turn_between`], and which of them are: those that are small.
+/// [`turn_between`] where turns are small, and where they are.
 #[inline(always)]
-pub(crate) fn turns_between(from: &Frame, to: &Frame) -> (Vector, Mask) {
-    let turn = (from.x.cross(to.x) + from.y.cross(to.y) + from.z.cross(to.z)) * 0.5;
+pub(crate) fn turns_between<R: Real>(from: &Frame<R>, to: &Frame<R>) -> (Vector<R>, R::Mask) {
+    // The axis times the sine: most rotations that are asked for are what an arm yields by, some 1e-4 rad.
+    let turn = (from.x.cross(to.x) + from.y.cross(to.y) + from.z.cross(to.z)) * R::of(0.5);
     let square = turn.dot(turn);
+    // Less than a right angle apart: the trace of the rotation between them is positive.
     let trace = from.x.dot(to.x) + from.y.dot(to.y) + from.z.dot(to.z);
-    let small = square.lt(SMALL * SMALL) & Lanes::ZERO.lt(trace);
+    let small = square.lt(SMALL * SMALL) & R::ZERO.lt(trace);
     let [one, two, three] = ARC_SINE;
     let by = square * (square * (square * three + two) + one) + 1.0;
     (turn * by, small)
@@ -41,7 +42,7 @@ pub(crate) fn turns_between(from: &Frame, to: &Frame) -> (Vector, Mask) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::WIDTH;
+    use crate::lanes::{Lanes, Mask, WIDTH};
     use crate::robot::Pose;
     use nalgebra::Translation3;
 
@@ -58,7 +59,7 @@ mod tests {
             let axis = Vector3::from(axis);
             proptest::prop_assume!(axis.norm() > 1e-3);
             let from = Rotation3::from_scaled_axis(from.into());
-            let (mut eight, mut turned) = (Frame::default(), Frame::default());
+            let (mut eight, mut turned) = (Frame::<Lanes>::default(), Frame::<Lanes>::default());
             for (lane, size) in sizes.into_iter().enumerate() {
                 let turn = axis.normalize() * size;
                 let to = Rotation3::from_scaled_axis(turn) * from;

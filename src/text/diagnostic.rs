@@ -1,8 +1,8 @@
-use super::{Source, Span};
+use super::{Source, Span, printable_line};
 use std::fmt;
 
 /// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     /// Said, and the run goes on.
     Note,
@@ -82,11 +82,11 @@ impl Diagnostic {
     }
 }
 
-/// One line: `file:line:column: error: message [code]`. The CLI renders the snippet with it.
+/// One line: `file:line:column: error: message [code]`, without control characters. The CLI renders the snippet with it.
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.file.is_empty() {
-            write!(f, "{}", self.file)?;
+            write!(f, "{}", printable_line(&self.file))?;
             if self.line > 0 {
                 write!(f, ":{}:{}", self.line, self.column)?;
             }
@@ -97,7 +97,7 @@ impl fmt::Display for Diagnostic {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        write!(f, "{word}: {} [{}]", self.message, self.code)
+        write!(f, "{word}: {} [{}]", printable_line(&self.message), self.code)
     }
 }
 

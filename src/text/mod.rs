@@ -1,18 +1,22 @@
 //! Bytes and positions: sources, spans, edits, number tokens, diagnostics.
 
 mod diagnostic;
+mod diagnostics;
 mod edit;
 mod lines;
 pub(crate) mod number;
 mod patch;
+mod printable;
 mod source;
 mod span;
 
 pub use diagnostic::{Diagnostic, Severity};
+pub use diagnostics::Diagnostics;
 pub(crate) use edit::{Content, Token, apply_within};
 pub use edit::{Edit, apply};
 pub(crate) use lines::{LineIndex, lines};
 pub use patch::Patch;
+pub use printable::{printable, printable_line};
 pub(crate) use source::decode;
 pub use source::{LineColumn, Source};
 pub use span::Span;

@@ -30,6 +30,67 @@ pub(super) struct Circle {
     pub(super) turns: f64,
 }
 
+/// What the points on an arc say about its direction of travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sense {
+    /// They follow each other as the axis has it.
+    AsSaid,
+    /// They follow each other the other way round.
+    Reversed,
+    /// Neither way.
+    Neither,
+    /// They do not lie on the circle, or say nothing.
+    Unknown,
+}
+
+impl Circle {
+    /// The same circle, travelled the other way.
+    pub(super) fn reversed(&self) -> Self {
+        Self { axis: scale(self.axis, -1.0), ..*self }
+    }
+
+    /// Whether a point lies on the circle's cylinder, within printed digits.
+    pub(super) fn holds(&self, start: [f64; 3], point: [f64; 3]) -> bool {
+        Arc::new(self, start, point).is_ok()
+    }
+
+    /// Whether points follow each other in steps of a quarter turn at most, as those of a linearised arc do.
+    pub(super) fn steps(&self, start: [f64; 3], points: &[[f64; 3]]) -> bool {
+        let mut from = start;
+        points.iter().all(|&point| {
+            let arc = Arc::new(self, std::mem::replace(&mut from, point), point);
+            arc.is_ok_and(|arc| arc.sweep <= TAU / 4.0)
+        })
+    }
+
+    /// The direction in which `points`, in the order of travel, lie on the arc from `start`: within one turn.
+    pub(super) fn sense(&self, start: [f64; 3], points: &[[f64; 3]]) -> Sense {
+        /// Printed digits of the points, radians.
+        const PRINTED: f64 = 1e-3;
+        let total = |circle: &Self| -> Option<f64> {
+            let (mut from, mut total) = (start, 0.0);
+            for &point in points {
+                let arc = Arc::new(circle, from, point).ok()?;
+                // A point again is no turn, but where it is the only one.
+                total += if arc.sweep > TAU - SAME_POINT && points.len() > 1 { 0.0 } else { arc.sweep };
+                from = point;
+            }
+            Some(total)
+        };
+        // Points out of the plane of the start are those of a helix, or of something else.
+        let (Some(said), Some(other)) = (total(self), total(&self.reversed())) else { return Sense::Unknown };
+        let one_turn = TAU + PRINTED;
+        match (said <= one_turn, other <= one_turn) {
+            (true, _) => Sense::AsSaid,
+            (false, true) => Sense::Reversed,
+            (false, false) => Sense::Neither,
+        }
+    }
+}
+
+/// Points that are nearer to each other, radians, are one.
+const SAME_POINT: f64 = 1e-6;
+
 /// More chords than this are no tool path but a wrong number: a full circle of 34 m radius to 0.01 mm
 /// has 4,096.
 const MAX_CHORDS: f64 = 16_384.0;
@@ -68,6 +129,14 @@ impl Arc {
             height: dot(sub(end, start), n),
             sweep,
         })
+    }
+
+    /// Whether it begins against the direction that the tool came in and goes the long way round, while the short one would go
+    /// on smoothly. (Tools do turn back into short arcs, to clear corners.)
+    pub(super) fn turns_back(&self, incoming: [f64; 3]) -> bool {
+        /// Cosine of 10°: CAM systems leave lines tangentially to printed digits, corners lie far from it.
+        const SMOOTH: f64 = 0.985;
+        self.sweep > TAU / 2.0 && unit(incoming).is_some_and(|incoming| dot(incoming, self.frame[1]) < -SMOOTH)
     }
 
     /// Number of equal chords that stay within `tolerance` of the arc.

@@ -62,6 +62,11 @@ impl Dialect {
         matches!(self, Self::Nx | Self::Makino) || values >= 11
     }
 
+    /// The system is known by its files to print the axis of `CIRCLE` in one sense only.
+    pub(super) fn prints_circles_of_its_own(self) -> bool {
+        matches!(self, Self::Nx | Self::Makino | Self::Creo | Self::SolidWorks | Self::CamWorks)
+    }
+
     /// Positions are printed in the frame last named (`MSYS`, CATIA matrix), not in one for the file.
     pub(super) fn positions_follow_frame(self) -> bool {
         matches!(self, Self::Nx | Self::Catia)

@@ -10,8 +10,8 @@ pub(crate) struct Layout {
     pub(super) frames: Vec<Frame>,
     /// One a target.
     pub(super) slots: Vec<Slot>,
-    /// Arcs, in order.
-    pub(super) arcs: Vec<ArcSlot>,
+    /// Arcs and holes, in order.
+    pub(super) groups: Vec<GroupSlot>,
     /// Starts printed by `FROM`, in order.
     pub(super) starts: Vec<StartSlot>,
     /// The file is a deck of cards: nothing may grow past column 72.
@@ -38,30 +38,34 @@ pub(super) enum Slot {
     Step { xyz: Xyz, frame: u16 },
     /// One increment along the tool axis.
     AlongAxis,
-    /// Nothing of its own: a point on an arc.
-    OnArc { arc: u32 },
-    /// The end of an arc.
-    ArcEnd { xyz: Xyz, frame: u16, arc: u32 },
+    /// Nothing of its own: a point on the way of an arc, or in a hole.
+    OnWay { group: u32 },
+    /// The end of an arc, or the bottom of a hole.
+    GroupEnd { xyz: Xyz, frame: u16, group: u32 },
+    /// The end of an arc, as increments from its start.
+    StepEnd { frame: u16, group: u32 },
 }
 
 impl Slot {
-    pub(super) fn arc(&self) -> Option<u32> {
+    pub(super) fn group(&self) -> Option<u32> {
         match self {
-            Self::OnArc { arc } | Self::ArcEnd { arc, .. } => Some(*arc),
+            Self::OnWay { group } | Self::GroupEnd { group, .. } | Self::StepEnd { group, .. } => Some(*group),
             _ => None,
         }
     }
 }
 
-/// The numbers that an arc moves with.
+/// The numbers that an arc or a hole moves with, as a whole.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ArcSlot {
+pub(super) struct GroupSlot {
     /// Its first target.
     pub(super) first: usize,
-    /// Its centre, as often as printed.
+    /// An arc's centre, as often as printed.
     pub(super) centres: [Option<Xyz>; 2],
     /// It is no arc that can be followed: the end is gone to straight.
     pub(super) straight: bool,
+    /// It begins where the target before it is: both move alike (arcs).
+    pub(super) with_start: bool,
 }
 
 /// A start that `FROM` prints.

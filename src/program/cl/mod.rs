@@ -4,23 +4,29 @@
 //! |---|---|---|
 //! | `lex`, `number`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
-//! | `read`, `setup`, `motion`, `modal`, `frame`, `arc`, `dialect`, `words` | statements | targets |
+//! | `words`, `refusal` | major word | what it does, and what becomes of it |
+//! | `read`, `setup`, `motion`, `circle`, `hole`, `machine`, `comment`, `modal`, `frame`, `arc`, `dialect` | statements | targets, actions |
 //! | [`Pieces`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
 mod cards;
+mod circle;
+mod comment;
 mod dialect;
 mod frame;
+mod hole;
 mod layout;
 mod lex;
+mod machine;
 mod modal;
 mod motion;
 mod number;
 mod pieces;
 mod plain;
 mod read;
+mod refusal;
 mod rewrite;
 mod setup;
 mod spin;
@@ -32,15 +38,23 @@ pub(crate) use layout::Layout;
 pub use pieces::Pieces;
 pub(super) use rewrite::rewrite;
 pub use spin::{SpinRule, spin};
+pub(crate) use words::may_be_declared_harmless;
 
 use super::Program;
 use crate::text::{Diagnostic, Source, Span};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What the cell file says about CL input (`[cl]`), in the file's own units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClOptions {
-    /// Tool for every target.
-    pub tool: String,
+    /// Tool of the positions before the first tool number, and of all where `tools` is empty.
+    pub tool: Option<String>,
+    /// Tool numbers and names of the file (`LOADTL/1`, `TOOL PATH/…,TOOL,NAME`) to tools of the cell.
+    pub tools: BTreeMap<String, String>,
+    /// Every tool number is `tool`: nothing is mapped, nothing refused.
+    pub any_tool: bool,
+    /// Words, upper case, that the user knows to move nothing and to change nothing.
+    pub harmless: BTreeSet<String>,
     /// Work object for every target.
     pub wobj: String,
     /// Unit where the file does not say.
@@ -49,6 +63,8 @@ pub struct ClOptions {
     pub point: Point,
     /// Corner radius, mm: shifts centre output to the tip. Needed for [`Point::Centre`].
     pub corner_radius_mm: Option<f64>,
+    /// The same of tools that have one of their own, by name in upper case.
+    pub corner_radii_mm: BTreeMap<String, f64>,
     /// Largest distance between an arc and its chords, mm.
     pub arc_tolerance_mm: f64,
 }
@@ -60,13 +76,35 @@ const ARC_TOLERANCE_MM: f64 = 0.005;
 impl Default for ClOptions {
     fn default() -> Self {
         Self {
-            tool: "tool0".to_owned(),
+            tool: Some("tool0".to_owned()),
+            tools: BTreeMap::new(),
+            any_tool: false,
+            harmless: BTreeSet::new(),
             wobj: "wobj0".to_owned(),
             units: None,
             point: Point::Tip,
             corner_radius_mm: None,
+            corner_radii_mm: BTreeMap::new(),
             arc_tolerance_mm: ARC_TOLERANCE_MM,
         }
+    }
+}
+
+impl ClOptions {
+    /// The cell's tool of a number or name.
+    fn tool_of(&self, id: &str) -> Option<&str> {
+        let same = |(known, _): &(&String, &String)| known.eq_ignore_ascii_case(id);
+        self.tools.iter().find(same).map(|(_, tool)| tool.as_str())
+    }
+
+    fn is_harmless(&self, major: &[u8]) -> bool {
+        !self.harmless.is_empty() && self.harmless.iter().any(|word| word.as_bytes().eq_ignore_ascii_case(major))
+    }
+
+    /// Corner radius of a tool of the cell, mm.
+    fn corner_radius_of(&self, tool: &str) -> f64 {
+        let own = self.corner_radii_mm.get(&tool.to_ascii_uppercase()).copied();
+        own.or(self.corner_radius_mm).unwrap_or(0.0)
     }
 }
 
@@ -118,7 +156,8 @@ pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnost
 
 /// Options that nothing can be read with.
 fn refused(options: &ClOptions) -> Option<Diagnostic> {
-    if options.point == Point::Centre && options.corner_radius_mm.is_none() {
+    let radius = options.corner_radius_mm.or(options.corner_radii_mm.values().next().copied());
+    if options.point == Point::Centre && radius.is_none() {
         let message = "`point = \"centre\"` in [cl] needs the cutter's corner radius";
         return Some(
             Diagnostic::error("cl.no-corner-radius", "", message)

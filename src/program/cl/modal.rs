@@ -1,5 +1,7 @@
 //! What holds from one statement to the next.
 
+use super::read::Outcome;
+use super::refusal;
 use super::statement::Statement;
 use crate::program::{CutterInfo, Mark};
 use crate::text::Span;
@@ -8,15 +10,71 @@ use crate::text::Span;
 pub(super) const INCH_MM: f64 = 25.4;
 /// Millimetres in a foot: `SFM` is feet a minute.
 const FOOT_MM: f64 = 304.8;
+/// Seconds in a minute.
+const SECONDS: f64 = 60.0;
 /// Millimetres in a metre: `SMM` is metres a minute.
 const METRE_MM: f64 = 1000.0;
 
 /// A programmed feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Feed {
+pub(super) enum Feed {
     Unknown,
+    /// mm/min.
+    PerMinute(f64),
+    /// mm.
+    PerRevolution(f64),
+}
+
+impl Feed {
+    /// mm/s, at a spindle speed in 1/min, where known.
+    pub(super) fn mm_s(self, rpm: Option<f64>) -> Option<f64> {
+        match self {
+            Self::Unknown => None,
+            Self::PerMinute(mm) => Some(mm / SECONDS),
+            Self::PerRevolution(mm) => Some(mm * rpm? / SECONDS),
+        }
+    }
+
+    pub(super) fn is_positive(self) -> bool {
+        match self {
+            Self::Unknown => false,
+            Self::PerMinute(mm) | Self::PerRevolution(mm) => mm > 0.0 && mm.is_finite(),
+        }
+    }
+}
+
+/// What a feed's number counts, in millimetres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum FeedUnit {
     PerMinute(f64),
     PerRevolution(f64),
+}
+
+impl FeedUnit {
+    pub(super) fn feed(self, value: f64) -> Feed {
+        match self {
+            Self::PerMinute(mm) => Feed::PerMinute(mm * value),
+            Self::PerRevolution(mm) => Feed::PerRevolution(mm * value),
+        }
+    }
+}
+
+/// The unit that a word names, upper case; the file's lengths where it names none (`PERMIN`, `PERREV`).
+pub(super) fn feed_unit(word: &[u8], mm_per_unit: f64) -> Option<FeedUnit> {
+    Some(match word {
+        b"PERMIN" | b"UPM" => FeedUnit::PerMinute(mm_per_unit),
+        b"MMPM" => FeedUnit::PerMinute(1.0),
+        b"IPM" => FeedUnit::PerMinute(INCH_MM),
+        b"MPM" => FeedUnit::PerMinute(METRE_MM),
+        b"FPM" => FeedUnit::PerMinute(FOOT_MM),
+        b"PERSEC" => FeedUnit::PerMinute(SECONDS * mm_per_unit),
+        b"MMPS" => FeedUnit::PerMinute(SECONDS),
+        b"IPS" => FeedUnit::PerMinute(SECONDS * INCH_MM),
+        b"PERREV" | b"UPR" => FeedUnit::PerRevolution(mm_per_unit),
+        b"MMPR" => FeedUnit::PerRevolution(1.0),
+        b"IPR" => FeedUnit::PerRevolution(INCH_MM),
+        _ => return None,
+    })
 }
 
 /// A programmed spindle speed.
@@ -40,21 +98,21 @@ pub(super) struct Modal {
     pub(super) from: Option<(Xyz, u16)>,
     /// Tool axis in printed axes, unit length.
     pub(super) axis: [f64; 3],
+    /// The direction of the last move, where that was a straight one with feed.
+    pub(super) fed: Option<[f64; 3]>,
+    /// Surface normal at the position that is being read, in printed axes.
+    pub(super) normal: Option<[f64; 3]>,
     /// Tangent of the next CATIA arc.
     pub(super) tangent: Option<[f64; 3]>,
     /// The next position is reached in rapid travel.
     pub(super) rapid: bool,
     pub(super) mark: Option<Mark>,
     pub(super) cutter: Option<CutterInfo>,
-    /// Within a drilling cycle.
-    pub(super) cycle: bool,
-    /// Under radius compensation.
-    pub(super) cutcom: bool,
-    /// Geometry is changed by a statement that is not modelled.
-    pub(super) blocked: Option<&'static str>,
     /// Angles of the rotary tables A, B and C, radians as printed.
     rotary: [f64; 3],
     feed: Feed,
+    /// As said last.
+    feed_unit: Option<FeedUnit>,
     spindle: Spindle,
     last_spindle: Spindle,
 }
@@ -65,15 +123,15 @@ impl Default for Modal {
             position: None,
             from: None,
             axis: [0.0, 0.0, 1.0],
+            fed: None,
+            normal: None,
             tangent: None,
             rapid: false,
             mark: None,
             cutter: None,
-            cycle: false,
-            cutcom: false,
-            blocked: None,
             rotary: [0.0; 3],
             feed: Feed::Unknown,
+            feed_unit: None,
             spindle: Spindle::Off,
             last_spindle: Spindle::Off,
         }
@@ -81,27 +139,34 @@ impl Default for Modal {
 }
 
 impl Modal {
-    /// `FEDRAT/`: value and unit in either order; without a unit, a minute in the file's lengths.
-    pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Result<(), &'static str> {
-        let value = statement.number_items().iter().next().ok_or("feed without a number")?.value;
-        self.feed = statement
-            .words()
-            .find_map(|word| match word.to_ascii_uppercase().as_slice() {
-                b"IPM" => Some(Feed::PerMinute(value * INCH_MM)),
-                b"MMPM" => Some(Feed::PerMinute(value)),
-                b"PERMIN" => Some(Feed::PerMinute(value * mm_per_unit)),
-                b"IPR" => Some(Feed::PerRevolution(value * INCH_MM)),
-                b"MMPR" => Some(Feed::PerRevolution(value)),
-                b"PERREV" => Some(Feed::PerRevolution(value * mm_per_unit)),
-                _ => None,
-            })
-            .unwrap_or(Feed::PerMinute(value * mm_per_unit));
-        if value > 0.0 {
-            Ok(())
-        } else {
-            self.feed = Feed::Unknown;
-            Err("feed is not positive")
+    /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or a minute in the file's lengths.
+    pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Outcome {
+        self.feed = Feed::Unknown;
+        let mut said = None;
+        for word in statement.words().map(<[u8]>::to_ascii_uppercase) {
+            let unit = feed_unit(&word, mm_per_unit);
+            if matches!(word.as_slice(), b"INVERS" | b"INVERSE") {
+                return Err(refusal::INVERSE_TIME);
+            }
+            if unit.is_none() || said.is_some() {
+                return Err(refusal::FEED_UNIT);
+            }
+            said = unit;
         }
+        let [value] = statement.number_items().only().ok_or(refusal::NO_FEED)?;
+        let default = FeedUnit::PerMinute(mm_per_unit);
+        let unit = match (said, self.feed_unit) {
+            (Some(unit), _) => unit,
+            (None, Some(last)) if last != default => return Err(refusal::FEED_UNIT_LOST),
+            (None, _) => default,
+        };
+        self.feed_unit = said.or(self.feed_unit);
+        let feed = unit.feed(value);
+        if !feed.is_positive() {
+            return Err(refusal::NO_FEED);
+        }
+        self.feed = feed;
+        Ok(())
     }
 
     /// `SPINDL/`: speed, unit and sense in any order; `ON` brings the last speed back.
@@ -134,11 +199,17 @@ impl Modal {
 
     /// Feed, mm/s, where known.
     pub(super) fn feed_mm_s(&self) -> Option<f64> {
-        match self.feed {
-            Feed::Unknown => None,
-            Feed::PerMinute(mm) => Some(mm / 60.0),
-            Feed::PerRevolution(mm) => Some(mm * self.rpm()? / 60.0),
-        }
+        self.feed.mm_s(self.rpm())
+    }
+
+    /// The feed is one per revolution of a spindle whose speed is not known.
+    pub(super) fn lacks_spindle(&self) -> bool {
+        matches!(self.feed, Feed::PerRevolution(_)) && self.rpm().is_none()
+    }
+
+    /// Whether the spindle turns.
+    pub(super) fn spins(&self) -> bool {
+        self.spindle != Spindle::Off
     }
 
     /// `ROTABL/`: turns add up; true while any table stands away from zero.

@@ -1,16 +1,16 @@
-//! Statements that move the tool.
+//! Statements that move the tool straight: `GOTO`, `GODLTA`, `FROM`.
 
 use super::Point;
-use super::arc::{Arc, Circle};
 use super::dialect::Dialect;
-use super::layout::{ArcSlot, Slot, StartSlot};
+use super::layout::{Slot, StartSlot};
 use super::lex::{Kind, Record};
 use super::modal::Xyz;
-use super::read::{ARC_WITHOUT_END, Outcome, Reader};
-use super::statement::Statement;
-use super::vector::{add, cross, dot, norm, scale, sub, unit};
+use super::read::{Outcome, Reader};
+use super::refusal;
+use super::statement::{Numbers, Statement};
+use super::vector::{add, dot, norm, scale, sub, unit};
 use crate::program::{Editable, Goal, Motion, Role, Target};
-use crate::text::{Span, number};
+use crate::text::number;
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
 const AXIS_LENGTH: std::ops::Range<f64> = 0.9..1.1;
@@ -18,19 +18,25 @@ const AXIS_LENGTH: std::ops::Range<f64> = 0.9..1.1;
 /// How much a printed triple may differ from unit length to be an axis rather than a further point.
 const UNIT_TRIPLE: f64 = 2e-3;
 
-/// Radii by which the printed end of an arc may be off its centre: CATIA prints it on the circle, give or take a digit.
-const FAR: f64 = 100.0;
-
-/// Arc read, its end not yet.
+/// What a target is besides its place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PendingArc {
-    pub(super) circle: Circle,
-    pub(super) centres: [Option<Xyz>; 2],
-    pub(super) record: Record,
+pub(super) struct Step {
+    pub(super) role: Role,
+    /// 1 for a point of a motion whose end is not counted yet.
+    pub(super) ahead: u32,
+    pub(super) slot: Slot,
+    pub(super) rapid: bool,
+    pub(super) feed_mm_s: Option<f64>,
 }
 
+/// Three numbers with their places.
+type Triple = (Xyz, [f64; 3]);
+
+/// One position of a `GOTO`: a point, and the tool axis where it is printed.
+type Place = (Triple, Option<[f64; 3]>);
+
 impl Reader {
-    /// `GOTO/x,y,z[,i,j,k]`, or several positions (Creo).
+    /// `GOTO/x,y,z[,i,j,k[,u,v,w]]`, or several positions (Creo).
     pub(super) fn goto(&mut self, record: Record, s: &Statement) -> Outcome {
         let read = self.position(record, s);
         if read.is_err() {
@@ -38,6 +44,7 @@ impl Reader {
             self.modal.position = None;
             self.modal.rapid = false;
             self.pending = None;
+            self.checked = None;
         }
         read
     }
@@ -47,151 +54,210 @@ impl Reader {
             if s.items.first().is_some_and(|t| t.kind == Kind::Word && is_name(&s.bytes[t.span.range()])) {
                 self.source_word(record);
             }
-            return Err("position is not given by numbers");
+            return Err("position is not given by numbers".into());
         };
-        let count = numbers.count();
-        let mut tokens = numbers.iter();
-        let mut triple = || -> Option<(Xyz, [f64; 3])> {
-            let t = [tokens.next()?, tokens.next()?, tokens.next()?];
-            Some((t.map(|t| t.span), t.map(|t| t.value)))
-        };
-        let Some((xyz, position)) = triple() else {
-            return Err("position without three numbers");
-        };
-        self.ensure_units(record, s)?;
-        self.literal_targets += 1;
-        match count {
-            3 => self.modal.axis = self.axis_where_none_is_printed(),
-            // A Creo list of two points on an arc looks like a position with an axis.
-            6 => match triple() {
-                Some((_, printed)) if self.pending.is_none() || is_unit(printed) => match axis(printed) {
-                    Some(axis) => self.modal.axis = axis,
-                    None => {
-                        self.literal_targets -= 1;
-                        return Err("tool axis is no unit vector");
-                    }
-                },
-                Some((next_xyz, next)) => {
-                    self.literal_targets += 1;
-                    self.modal.axis = self.axis_where_none_is_printed();
-                    self.list(record, &[(xyz, position), (next_xyz, next)]);
-                    return Ok(());
-                }
-                None => {}
-            },
-            n if n % 3 == 0 => {
-                let mut points = vec![(xyz, position)];
-                while let Some(point) = triple() {
-                    points.push(point);
-                }
-                // Every second triple of unit length: positions with axes.
-                if n % 6 == 0 && points.iter().skip(1).step_by(2).all(|(_, v)| is_unit(*v)) {
-                    if let Some(axis) = points.last().and_then(|p| axis(p.1)) {
-                        self.modal.axis = axis;
-                    }
-                    points = points.into_iter().step_by(2).collect();
-                } else {
-                    self.modal.axis = self.axis_where_none_is_printed();
-                }
-                self.literal_targets += points.len() - 1;
-                self.list(record, &points);
-                return Ok(());
-            }
-            _ => {
-                self.literal_targets -= 1;
-                return Err("position with a wrong count of numbers");
-            }
+        let triples = triples(&numbers);
+        match numbers.count() {
+            0..3 => return Err("position without three numbers".into()),
+            n if n % 3 != 0 => return Err("position with a wrong count of numbers".into()),
+            _ => {}
         }
-        self.arrive(record, xyz, position, true);
+        self.ensure_units(record, s)?;
+        let axis_before = self.modal.axis;
+        let places = self.places(&triples)?;
+        self.literal_targets += places.len();
+        if let [(place, axis)] = places[..] {
+            self.modal.axis = axis.unwrap_or_else(|| self.axis_where_none_is_printed());
+            self.modal.normal = triples.get(2).and_then(|(_, printed)| self.normal(*printed, place.1));
+            if self.cycle.is_active() {
+                self.hole_at(record, place, axis_before);
+            } else {
+                self.arrive(record, place.0, place.1, true);
+            }
+            self.modal.normal = None;
+            return Ok(());
+        }
+        if self.cycle.is_active() {
+            return Err(refusal::CYCLE_FORM);
+        }
+        self.several(record, &places);
         Ok(())
     }
 
+    /// Which of the triples are positions, and which are the tool axes at them.
+    fn places(&self, triples: &[Triple]) -> Result<Vec<Place>, refusal::Refusal> {
+        let plain = || triples.iter().map(|triple| (*triple, None)).collect();
+        let with_axes = || triples.chunks_exact(2).map(|pair| (pair[0], axis(pair[1].1))).collect();
+        // A further point of an arc lies on its circle.
+        let on_arc = |printed: [f64; 3]| {
+            let arc = self.pending.zip(self.modal.position);
+            arc.is_some_and(|(arc, start)| arc.circle.holds(start, printed))
+        };
+        match *triples {
+            [_] => Ok(plain()),
+            [_, (_, second)] => match (self.pending.is_some(), is_unit(second), on_arc(second)) {
+                (true, true, true) => Err(refusal::AMBIGUOUS_LIST),
+                (true, false, _) => Ok(plain()),
+                _ if axis(second).is_some() => Ok(with_axes()),
+                _ => Err("tool axis is no unit vector".into()),
+            },
+            [point, (_, second), (_, third)] => match (is_unit(second), is_unit(third)) {
+                (true, true) if on_arc(second) && on_arc(third) => Err(refusal::AMBIGUOUS_LIST),
+                (true, true) => Ok(vec![(point, axis(second))]),
+                (false, false) => Ok(plain()),
+                _ if self.pending.is_some() && on_arc(second) && on_arc(third) => Ok(plain()),
+                _ => Err(refusal::AMBIGUOUS_LIST),
+            },
+            _ => {
+                let every_second = |is: bool| triples.chunks_exact(2).all(|pair| is_unit(pair[1].1) == is);
+                let none = triples[1..].iter().all(|(_, printed)| !is_unit(*printed) || on_arc(*printed));
+                // Four triples may be a point, its axis, the contact and the normal there as well.
+                let listed = self.pending.is_some() || triples.len() > 4;
+                if none {
+                    Ok(plain())
+                } else if triples.len().is_multiple_of(2) && every_second(true) && listed {
+                    Ok(with_axes())
+                } else {
+                    Err(refusal::AMBIGUOUS_LIST)
+                }
+            }
+        }
+    }
+
+    /// The third triple of a position as the surface normal at the contact, in printed axes.
+    ///
+    /// CATIA and NX print the contact normal; others (NCL, ICAM) the forward direction, which says nothing that the path does
+    /// not. A forward direction runs along the feed; a normal is square to it and leans towards the spindle.
+    fn normal(&mut self, printed: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
+        /// Cosines: along the feed, and leaning to neither side.
+        const ALONG: f64 = 0.9;
+        const LEANING: f64 = 0.02;
+        let normal = unit(printed)?;
+        let to_spindle = dot(normal, self.modal.axis);
+        let feed = self.modal.position.and_then(|before| unit(sub(position, before)));
+        let along = feed.is_some_and(|feed| dot(normal, feed).abs() > ALONG);
+        let contact =
+            matches!(self.dialect, Dialect::Catia | Dialect::Nx) && to_spindle > -LEANING || to_spindle > LEANING;
+        if along || !contact {
+            self.say(
+                "cl.third-vector",
+                "the third vector of positions is taken as the forward direction where it is no surface normal",
+            );
+            return None;
+        }
+        Some(normal)
+    }
+
+    /// A position under a cycle.
+    fn hole_at(&mut self, record: Record, (xyz, position): Triple, axis_before: [f64; 3]) {
+        if let Some(arc) = self.pending.take() {
+            self.refuse(arc.record, refusal::CYCLE_FORM);
+        }
+        self.checked = None;
+        match self.cycle.hole() {
+            Some(hole) => self.drill(record, &hole, xyz, position, axis_before),
+            // Positions of a cycle that was refused are counted all the same.
+            None => self.arrive(record, xyz, position, true),
+        }
+    }
+
     /// Several points of one statement: on an arc they lie on it, and the last is its end.
-    pub(super) fn list(&mut self, record: Record, points: &[(Xyz, [f64; 3])]) {
+    fn several(&mut self, record: Record, places: &[Place]) {
+        if self.pending.is_some() {
+            let points: Vec<[f64; 3]> = places.iter().map(|((_, point), _)| *point).collect();
+            self.sense_of_list(&points);
+        }
         let pending = self.pending;
-        for (i, &(xyz, position)) in points.iter().enumerate() {
-            let last = i + 1 == points.len();
+        for (i, &((xyz, position), axis)) in places.iter().enumerate() {
+            let last = i + 1 == places.len();
+            self.modal.axis = axis.unwrap_or_else(|| self.axis_where_none_is_printed());
             if let (Some(arc), true) = (pending, i > 0) {
-                self.pending = Some(PendingArc { centres: [None; 2], ..arc });
+                self.pending = Some(super::circle::PendingArc { centres: [None; 2], ..arc });
             }
             self.arrive(record, xyz, position, last || pending.is_none());
         }
+        self.checked = None;
     }
 
     /// The tool arrives at a printed position, straight or on the pending arc.
     pub(super) fn arrive(&mut self, record: Record, xyz: Xyz, position: [f64; 3], end: bool) {
+        let slot = Slot::Point { xyz, frame: self.frame };
+        self.arrive_in(record, position, slot, end, |group, frame| Slot::GroupEnd { xyz, frame, group });
+    }
+
+    /// The same, for whatever slot the position has by itself, and as the end of a group.
+    fn arrive_in(
+        &mut self,
+        record: Record,
+        position: [f64; 3],
+        slot: Slot,
+        end: bool,
+        grouped: impl Fn(u32, u16) -> Slot,
+    ) {
+        if self.checked.is_some() && self.pending.is_none() {
+            self.check_sense(position);
+        }
         let arc = self.pending.take();
         if end {
             self.ordinal += 1;
         }
         let slot = match arc {
-            Some(arc) => self.arc_points(arc, position, !end, xyz),
-            None => Slot::Point { xyz, frame: self.frame },
+            Some(arc) => grouped(self.arc_points(arc, position, !end), self.frame),
+            None => slot,
         };
         let role = if end { Role::End } else { Role::Interpolated };
-        self.push(record, position, self.modal.axis, role, u32::from(!end), slot);
-        self.modal.position = Some(position);
+        self.push(record, position, Step { role, ahead: u32::from(!end), ..self.step(slot) });
+        let before = self.modal.position.replace(position);
+        self.modal.fed = before.filter(|_| arc.is_none() && !self.modal.rapid).map(|before| sub(position, before));
         if end {
             self.modal.rapid = false;
         }
     }
 
-    /// Points on the way of an arc, and the slot of its end. What is no arc goes straight, yet its
-    /// centre moves along when its end does, so that it reads the same afterwards.
-    fn arc_points(&mut self, pending: PendingArc, end: [f64; 3], ahead: bool, xyz: Xyz) -> Slot {
-        let tolerance = self.options.arc_tolerance_mm / self.mm_per_unit();
-        let path = self.modal.position.ok_or("arc without a start").and_then(|start| {
-            let arc = Arc::new(&pending.circle, start, end)?;
-            arc.chords(tolerance).map(|n| (arc, n))
-        });
-        let slot = u32::try_from(self.layout.arcs.len()).unwrap_or(u32::MAX);
-        self.layout.arcs.push(ArcSlot { first: self.targets.len(), centres: pending.centres, straight: path.is_err() });
-        match path {
-            Ok((arc, chords)) => {
-                self.arcs += usize::from(!ahead);
-                for i in 1..chords {
-                    #[allow(clippy::cast_precision_loss)]
-                    let point = arc.point(i as f64 / chords as f64);
-                    let slot = Slot::OnArc { arc: slot };
-                    self.push(pending.record, point, self.modal.axis, Role::Interpolated, u32::from(ahead), slot);
-                }
-            }
-            Err(reason) => self.keep_fault(pending.record, reason),
+    /// `GODLTA/dx,dy,dz[,i,j,k]`, or `GODLTA/d` along the tool axis.
+    pub(super) fn godlta(&mut self, record: Record, s: &Statement) -> Outcome {
+        let read = self.increment(record, s);
+        if read.is_err() {
+            self.modal.position = None;
+            self.modal.rapid = false;
+            self.pending = None;
+            self.checked = None;
         }
-        Slot::ArcEnd { xyz, frame: self.frame, arc: slot }
+        read
     }
 
-    /// `GODLTA/dx,dy,dz`, or `GODLTA/d` along the tool axis.
-    pub(super) fn godlta(&mut self, record: Record, s: &Statement) -> Outcome {
-        self.pending = None;
-        let Some(numbers) = s.numbers() else {
-            self.modal.position = None;
-            return Err("increment is not given by numbers");
-        };
-        let Some(start) = self.modal.position else { return Err("increment from an unknown position") };
+    fn increment(&mut self, record: Record, s: &Statement) -> Outcome {
+        let numbers = s.numbers().ok_or("increment is not given by numbers")?;
+        let start = self.modal.position.ok_or("increment from an unknown position")?;
+        if self.cycle.is_active() {
+            return Err(refusal::CYCLE_FORM);
+        }
         self.ensure_units(record, s)?;
-        let mut spans = numbers.iter().map(|t| t.span);
-        let (step, slot) = match (numbers.count(), numbers.first::<3>(), numbers.first::<1>()) {
-            (3.., Some(step), _) => {
-                let mut next = || spans.next().unwrap_or_default();
-                (step, Slot::Step { xyz: [next(), next(), next()], frame: self.frame })
+        let (step, slot) = match (numbers.count(), &triples(&numbers)[..]) {
+            (1, _) => {
+                let [along] = numbers.first().ok_or("increment with a wrong count of numbers")?;
+                (scale(self.modal.axis, along), Slot::AlongAxis)
             }
-            (1, _, Some([along])) => (scale(self.modal.axis, along), Slot::AlongAxis),
-            _ => return Err("increment with a wrong count of numbers"),
+            (3 | 6, [(xyz, step), printed @ ..]) => {
+                if let [(_, printed)] = printed {
+                    self.modal.axis = axis(*printed).ok_or("tool axis is no unit vector")?;
+                }
+                (*step, Slot::Step { xyz: *xyz, frame: self.frame })
+            }
+            _ => return Err("increment with a wrong count of numbers".into()),
         };
+        if self.pending.is_some() && matches!(slot, Slot::AlongAxis) {
+            return Err("arc that ends along the tool axis".into());
+        }
         self.literal_targets += 1;
-        self.ordinal += 1;
-        let position = add(start, step);
-        self.push(record, position, self.modal.axis, Role::End, 0, slot);
-        self.modal.position = Some(position);
-        self.modal.rapid = false;
+        self.arrive_in(record, add(start, step), slot, true, |group, frame| Slot::StepEnd { frame, group });
         Ok(())
     }
 
     pub(super) fn from(&mut self, s: &Statement) -> Outcome {
         let numbers = s.number_items();
         let Some([x, y, z]) = numbers.first::<3>() else {
-            return if s.items.is_empty() { Ok(()) } else { Err("start is not given by numbers") };
+            return if s.items.is_empty() { Ok(()) } else { Err("start is not given by numbers".into()) };
         };
         if let Some(axis) = numbers.first::<6>().and_then(|v| axis([v[3], v[4], v[5]])) {
             self.modal.axis = axis;
@@ -200,118 +266,44 @@ impl Reader {
         let mut next = || spans.next().unwrap_or_default();
         self.modal.from = Some(([next(), next(), next()], self.frame));
         self.modal.position = Some([x, y, z]);
+        self.checked = None;
         Ok(())
     }
 
-    /// `CIRCLE/x,y,z,i,j,k[,r[,t,f,d,e]][,TIMES,n]`: the next position is its end.
-    pub(super) fn circle(&mut self, record: Record, s: &Statement) -> Outcome {
-        let numbers = s.number_items();
-        let turns = if s.has(b"TIMES") { numbers.iter().last().map_or(1.0, |t| t.value) } else { 1.0 };
-        let Some([x, y, z, i, j, k]) = numbers.first() else {
-            self.pending = None;
-            return Err("circle without centre and axis");
-        };
-        let count = numbers.count() - usize::from(s.has(b"TIMES"));
-        let clockwise = if s.has(b"CLOCKWISE") || s.has(b"CLW") {
-            true
-        } else if s.has(b"COUNTERCLOCKWISE") || s.has(b"CCLW") {
-            false
-        } else {
-            self.dialect.clockwise(count)
-        };
-        let radius = if count > 6 { numbers.first::<7>().map(|v| v[6]) } else { None };
-        let axis = scale([i, j, k], if clockwise { -1.0 } else { 1.0 });
-        self.open_arc(record, Circle { centre: [x, y, z], axis, radius, turns }, [Some(xyz_of(s)), None])
-    }
-
-    /// `MOVARC/c,n,r,ANGLE,a`: right-handed; whole turns beyond the first are counted from the angle.
-    pub(super) fn movarc(&mut self, record: Record, s: &Statement) -> Outcome {
-        let Some([x, y, z, i, j, k, r]) = s.number_items().first() else {
-            return Err("arc without centre, axis and radius");
-        };
-        let angle = s.number_items().iter().nth(7).map_or(0.0, |t| t.value);
-        let axis = scale([i, j, k], if angle < 0.0 { -1.0 } else { 1.0 });
-        let turns = (angle.abs() / 360.0).ceil();
-        let circle = Circle { centre: [x, y, z], axis, radius: Some(r), turns };
-        self.open_arc(record, circle, [Some(xyz_of(s)), None])
-    }
-
-    pub(super) fn open_arc(&mut self, record: Record, circle: Circle, centres: [Option<Xyz>; 2]) -> Outcome {
-        if let Some(arc) = self.pending.replace(PendingArc { circle, centres, record }) {
-            self.keep_fault(arc.record, ARC_WITHOUT_END);
-        }
-        Ok(())
-    }
-
-    /// `TLON,GOFWD/(CIRCLE/c,r),ON,(LINE/c,e)`, after `INDIRV/` with the tangent at the start.
-    pub(super) fn tlon(&mut self, record: Record, s: &Statement) -> Outcome {
-        let tangent = self.modal.tangent.take();
-        let (circle, cylinder) = (s.nested(b"CIRCLE"), s.nested(b"CYLNDR"));
-        let Some(round) = circle.or(cylinder) else {
-            self.source_word(record);
-            self.modal.position = None;
-            return Err("motion along symbolic geometry");
-        };
-        let line = s.nested(b"LINE");
-        let radius = match cylinder {
-            Some(c) if circle.is_none() => c.first::<7>().map(|v| v[6]),
-            _ => round.first::<4>().map(|v| v[3]),
-        };
-        let (Some(centre), Some(radius), Some(line), Some(ends)) =
-            (round.first::<3>(), radius, line, line.and_then(|l| l.first::<6>()))
-        else {
-            self.modal.position = None;
-            return Err("arc without circle and line");
-        };
-        if round.iter().any(|number| line.iter().any(|other| other.span == number.span)) {
-            self.modal.position = None;
-            return Err("arc whose circle and line are not apart");
-        }
-        let (from, to) = ([ends[0], ends[1], ends[2]], [ends[3], ends[4], ends[5]]);
-        // An end is put onto the circle along its line: from far off, a shift of it would be lost.
-        if !sub(to, from).iter().all(|along| along.abs() <= FAR * radius.abs()) {
-            self.modal.position = None;
-            return Err("arc that ends far off its circle");
-        }
-        self.ensure_units(record, s)?;
-        let end = on_circle(centre, radius, from, to);
-        let spans: Vec<Span> = line.iter().map(|t| t.span).collect();
-        let centre_spans: Vec<Span> = round.iter().map(|t| t.span).take(3).collect();
-        let xyz = [spans[3], spans[4], spans[5]];
-        let centres = [Some([centre_spans[0], centre_spans[1], centre_spans[2]]), Some([spans[0], spans[1], spans[2]])];
-        let axis = tangent.zip(self.modal.position).map(|(tangent, start)| cross(sub(start, centre), tangent));
-        // Without a start or its direction it is no arc; its centre moves with its end all the same.
-        let circle = Circle { centre, axis: axis.unwrap_or([0.0; 3]), radius: Some(radius), turns: 1.0 };
-        self.pending = Some(PendingArc { circle, centres, record });
-        self.arrive(record, xyz, end, true);
-        Ok(())
-    }
-
-    pub(super) fn push(
-        &mut self,
-        record: Record,
-        printed: [f64; 3],
-        axis: [f64; 3],
-        role: Role,
-        ahead: u32,
-        slot: Slot,
-    ) {
-        let frame = &self.layout.frames[self.frame as usize];
-        let axis = unit(frame.turn(axis)).unwrap_or(axis);
-        let mut position_mm = frame.position(printed);
-        if self.options.point == Point::Centre {
-            let radius = self.options.corner_radius_mm.unwrap_or(0.0);
-            position_mm = sub(position_mm, scale(axis, radius));
-        }
+    /// What a target is that is reached as the modal state has it.
+    pub(super) fn step(&self, slot: Slot) -> Step {
         let rapid = self.modal.rapid;
+        let feed_mm_s = if rapid { None } else { self.modal.feed_mm_s() };
+        Step { role: Role::End, ahead: 0, slot, rapid, feed_mm_s }
+    }
+
+    /// A printed position as that of the tip in the work object, mm; the tool axis is in the object's axes.
+    pub(super) fn in_object(&self, printed: [f64; 3], axis: [f64; 3]) -> [f64; 3] {
+        let position_mm = self.layout.frames[self.frame as usize].position(printed);
+        match self.options.point {
+            Point::Tip => position_mm,
+            Point::Centre => sub(position_mm, scale(axis, self.corner_radius_mm())),
+        }
+    }
+
+    pub(super) fn push(&mut self, record: Record, printed: [f64; 3], step: Step) {
+        if self.machine.is_waiting() {
+            self.take_in_hand(record);
+        }
+        let Step { role, ahead, slot, rapid, feed_mm_s } = step;
+        if self.finished {
+            self.refuse(record, refusal::BEHIND_END);
+        }
+        if !rapid && feed_mm_s.is_none() && self.modal.lacks_spindle() {
+            self.refuse(record, refusal::FEED_WITHOUT_SPINDLE);
+        }
+        let frame = &self.layout.frames[self.frame as usize];
+        let turned = |v: [f64; 3]| unit(frame.turn(v)).unwrap_or(v);
+        let (axis, normal) = (turned(self.modal.axis), self.modal.normal.map(turned));
+        let position_mm = self.in_object(printed, axis);
         if !rapid && self.cutter.is_none() {
             self.cutter = self.modal.cutter;
         }
-        let editable = match self.modal.blocked {
-            Some(reason) => Editable::No(reason),
-            None if self.modal.cutcom => Editable::No("under radius compensation (CUTCOM)"),
-            None => Editable::Pose,
-        };
         if let Some((xyz, frame)) = self.modal.from.take() {
             self.layout.starts.push(StartSlot { first: self.targets.len(), xyz, frame });
         }
@@ -320,14 +312,14 @@ impl Reader {
             ordinal: self.ordinal + ahead,
             role,
             motion: Motion::Linear,
-            goal: Goal::Axis { position_mm, axis },
-            tool: 0,
+            goal: Goal::Axis { position_mm, axis, normal },
+            tool: self.machine.tool(),
             wobj: 0,
-            feed_mm_s: if rapid { None } else { self.modal.feed_mm_s() },
+            feed_mm_s,
             spindle_rpm: self.modal.rpm(),
             rapid,
             mark: self.modal.mark,
-            editable,
+            editable: Editable::Pose,
             name: None,
             source: 0,
             span: record.span,
@@ -351,7 +343,7 @@ pub(super) fn axis(printed: [f64; 3]) -> Option<[f64; 3]> {
     AXIS_LENGTH.contains(&norm(printed)).then(|| unit(printed)).flatten()
 }
 
-/// Whether a word names something, rather than being a number that is none (`NaN`, `-inf`, `1E999`, `1..5`).
+/// Whether a word names something, rather than being a NaN or a number out of range (`NaN`, `-inf`, `1E999`, `1..5`).
 fn is_name(word: &[u8]) -> bool {
     word.first().is_some_and(u8::is_ascii_alphabetic) && !number::is_none(word)
 }
@@ -360,22 +352,13 @@ fn is_unit(v: [f64; 3]) -> bool {
     (norm(v) - 1.0).abs() < UNIT_TRIPLE
 }
 
-fn xyz_of(s: &Statement) -> Xyz {
-    let mut spans = s.number_items().iter().map(|t| t.span);
-    std::array::from_fn(|_| spans.next().unwrap_or_default())
+/// Numbers in threes, with their places.
+fn triples(numbers: &Numbers) -> Vec<Triple> {
+    let tokens: Vec<_> = numbers.iter().collect();
+    tokens.chunks_exact(3).map(|t| ([t[0].span, t[1].span, t[2].span], [t[0].value, t[1].value, t[2].value])).collect()
 }
 
-/// Where the line from the centre through `to` meets the circle: `to` itself where it lies on it.
-fn on_circle(centre: [f64; 3], radius: f64, from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
-    /// Printed digits of radius and ends, as a part of the radius.
-    const PRINTED: f64 = 1e-3;
-    let off = (norm(sub(to, centre)) - radius).abs();
-    if off <= PRINTED * radius.abs() {
-        return to;
-    }
-    let Some(along) = unit(sub(to, from)) else { return to };
-    let a = sub(from, centre);
-    let b = dot(a, along);
-    let root = b * b - dot(a, a) + radius * radius;
-    if root < 0.0 { to } else { add(from, scale(along, root.sqrt() - b)) }
+pub(super) fn xyz_of(s: &Statement) -> Xyz {
+    let mut spans = s.number_items().iter().map(|t| t.span);
+    std::array::from_fn(|_| spans.next().unwrap_or_default())
 }

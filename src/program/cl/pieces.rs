@@ -104,7 +104,7 @@ impl<R: Read> Pieces<R> {
         loop {
             self.fill(wanted)?;
             self.read_on(wanted);
-            if self.reader.no_unit.is_some() || self.reader.copies || wanted > MOST {
+            if self.reader.no_unit.is_some() || wanted > MOST {
                 return Ok(Next::NotStraight);
             }
             if self.ended {
@@ -142,7 +142,8 @@ impl<R: Read> Pieces<R> {
 
     /// Whether what follows stands for itself.
     fn may_cut(&self) -> bool {
-        self.reader.pending.is_none() && (!self.first || leaves_its_start(&self.reader.targets))
+        let settled = self.reader.pending.is_none() && self.reader.checked.is_none();
+        settled && !self.reader.machine.holds_records() && (!self.first || leaves_its_start(&self.reader.targets))
     }
 
     fn cut(&mut self) -> StraightPiece {

@@ -64,7 +64,8 @@ impl Position {
 impl Reader {
     /// Reads the next record, where it is nothing but a position and means no more: as [`Reader::take`] does.
     pub(super) fn take_plain(&mut self, lexer: &mut Lexer) -> bool {
-        if self.pending.is_some() || self.units.is_none() || lexer.is_cards() {
+        let plain = self.pending.is_none() && self.checked.is_none() && !self.cycle.is_active();
+        if !plain || self.units.is_none() || lexer.is_cards() {
             return false;
         }
         let Some(position) = Position::read(lexer.bytes(), lexer.place()) else { return false };

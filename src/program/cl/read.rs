@@ -1,20 +1,26 @@
 //! Statements to targets: the meaning of each word, with what holds from one to the next.
 
+use super::circle::{Checked, PendingArc};
+use super::comment::MatrixRows;
 use super::dialect::Dialect;
 use super::frame::Frame;
+use super::hole::Cycle;
 use super::lex::{Kind, Lexer, Record, RecordKind, Token};
+use super::machine::Machine;
 use super::modal::Modal;
-use super::motion::PendingArc;
-use super::number::number;
+use super::refusal::{self, Refusal};
 use super::setup::unit_at_start;
 use super::statement::Statement;
-use super::words::{decides_motion, is_source, is_without_motion};
+use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
 use super::{ClOptions, Layout};
-use crate::program::{CutterInfo, Editable, Kept, Language, Mark, Program, Target, Tool, Wobj};
+use crate::program::{Action, CutterInfo, Kept, Language, Program, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
-/// Why a statement is kept whose word the reader does not know.
-const UNKNOWN: &str = "statement not known";
+/// Why a statement is listed whose word nobody knows.
+const UNKNOWN: &str = "statement not known, taken as one that moves nothing";
+
+/// Why a statement is listed that the cell declares to be harmless.
+const DECLARED: &str = "taken as harmless, as the cell declares (`[cl] harmless`)";
 
 /// Why an arc is kept that no position follows.
 pub(super) const ARC_WITHOUT_END: &str = "arc without an end";
@@ -25,7 +31,13 @@ pub(super) struct Reader {
     pub(super) options: ClOptions,
     pub(super) dialect: Dialect,
     pub(super) modal: Modal,
+    /// Tool, spindle, coolant.
+    pub(super) machine: Machine,
+    /// The drilling cycle in force, and the last one.
+    pub(super) cycle: Cycle,
     pub(super) pending: Option<PendingArc>,
+    /// The last motion, where it is an arc whose sense was guessed: the next position may tell better.
+    pub(super) checked: Option<Checked>,
     pub(super) units: Option<f64>,
     /// The frame that positions are printed in now: index into the layout's.
     pub(super) frame: u16,
@@ -37,9 +49,8 @@ pub(super) struct Reader {
     pub(super) local: bool,
     pub(super) matrix: MatrixRows,
     pub(super) ordinal: u32,
-    /// First target since `INDEX`, which `COPY` repeats.
-    pub(super) index: usize,
     pub(super) targets: Vec<Target>,
+    pub(super) actions: Vec<Action>,
     pub(super) kept: Vec<Kept>,
     pub(super) layout: Layout,
     pub(super) literal_targets: usize,
@@ -48,28 +59,20 @@ pub(super) struct Reader {
     /// Statements that only APT-360 source has, and the first of them.
     pub(super) source_words: usize,
     pub(super) first_source_word: Option<Span>,
-    /// Statements that are CL, kept ones among them.
+    /// Statements of a known word and a slash: what only CL data have.
     pub(super) understood: usize,
+    /// The program has ended (`FINI`).
+    pub(super) finished: bool,
     /// A position whose unit nothing tells: the file as a whole cannot be read.
     pub(super) no_unit: Option<Span>,
-    /// `COPY` changes what stands before it.
-    pub(super) copies: bool,
     /// Warnings, code and message, each once.
     pub(super) said: Vec<(&'static str, &'static str)>,
     /// Reasons why statements are kept, at the first of each, and how many there are.
     told: Vec<(Diagnostic, usize)>,
 }
 
-/// A CATIA matrix in comments: rows still to come.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct MatrixRows {
-    open: bool,
-    rows: usize,
-    values: [f64; 12],
-}
-
-/// Nothing, or why a statement is kept as it stands.
-pub(super) type Outcome = Result<(), &'static str>;
+/// Nothing, or why a statement is not understood.
+pub(super) type Outcome = Result<(), Refusal>;
 
 impl Reader {
     /// A reader of the file that begins with `head`, which is all of it or more than its makers' traces are looked for in.
@@ -80,7 +83,10 @@ impl Reader {
             options: options.clone(),
             dialect: Dialect::detect(head),
             modal: Modal::default(),
+            machine: Machine::new(),
+            cycle: Cycle::default(),
             pending: None,
+            checked: None,
             units,
             frame: 0,
             base: None,
@@ -88,8 +94,8 @@ impl Reader {
             local: false,
             matrix: MatrixRows::default(),
             ordinal: 0,
-            index: 0,
             targets: Vec::new(),
+            actions: Vec::new(),
             kept: Vec::new(),
             layout,
             literal_targets: 0,
@@ -98,8 +104,8 @@ impl Reader {
             source_words: 0,
             first_source_word: None,
             understood: 0,
+            finished: false,
             no_unit: None,
-            copies: false,
             said: Vec::new(),
             told: Vec::new(),
         }
@@ -124,8 +130,8 @@ impl Reader {
     /// Reads one record.
     pub(super) fn take(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
         match record.kind {
-            RecordKind::Comment => self.comment(&bytes[record.span.range()]),
-            RecordKind::FreeText => self.free_text(&bytes[record.span.range()]),
+            RecordKind::Comment => self.comment(record, &bytes[record.span.range()]),
+            RecordKind::FreeText => self.free_text(record, &bytes[record.span.range()]),
             RecordKind::Statement => self.record(bytes, record, tokens),
         }
     }
@@ -133,22 +139,26 @@ impl Reader {
     /// There are no more records.
     pub(super) fn end(&mut self) {
         if let Some(arc) = self.pending.take() {
-            self.keep_fault(arc.record, ARC_WITHOUT_END);
+            self.refuse(arc.record, ARC_WITHOUT_END.into());
         }
+        self.checked = None;
+        self.machine.end(self.targets.len(), &mut self.actions);
     }
 
     /// What was read since the last time, as the program of `source`, whose bytes it was read from.
     pub(super) fn program(&mut self, source: Source) -> Program {
         self.tell_what_is_kept(&source);
         let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
+        let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
         Program {
             sources: vec![source],
             written: 1,
             language: Language::Cl,
             dialect: self.dialect.name(),
-            tools: vec![Tool { name: self.options.tool.as_str().into(), data: None }],
+            tools: self.machine.tools().iter().map(tool).collect(),
             wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None }],
             targets: std::mem::take(&mut self.targets),
+            actions: std::mem::take(&mut self.actions),
             kept: std::mem::take(&mut self.kept),
             literal_targets: self.literal_targets,
             arcs: self.arcs,
@@ -184,184 +194,147 @@ impl Reader {
 
     fn record(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
         let Some(statement) = Statement::parse(bytes, tokens) else {
-            return self.keep(record, "no statement");
+            /// Fewer numbers are a sequence number, or a remnant that says nothing.
+            const POSITION: usize = 3;
+            let numbers = tokens.iter().filter(|t| t.kind == Kind::Number).count();
+            return match tokens.iter().all(|t| matches!(t.kind, Kind::Number | Kind::Comma)) && numbers >= POSITION {
+                true => self.refuse(record, refusal::LOOSE_NUMBERS),
+                false => self.list(record, "no statement"),
+            };
         };
         if statement.defines {
             self.source_word(record);
-            return self.keep(record, "symbolic definition");
+            return self.list(record, "symbolic definition");
         }
-        match self.statement(record, &statement) {
-            Ok(()) => self.understood += 1,
-            Err(reason) => {
-                self.understood += usize::from(reason != UNKNOWN);
-                self.kept.push(kept(record, reason, decides_motion(statement.major)));
+        let word = words::find(statement.major);
+        let slash = tokens.iter().any(|t| t.kind == Kind::Slash);
+        self.understood += usize::from(slash && word.is_some_and(|word| word.class != Class::Source));
+        if self.options.is_harmless(statement.major) {
+            return self.list(record, DECLARED);
+        }
+        let Some(word) = word else {
+            // Three numbers alone are what a position looks like.
+            let like_position = statement.numbers().is_some_and(|numbers| numbers.count() >= 3);
+            return match (looks_like_motion(statement.major), like_position) {
+                (true, _) => self.refuse(record, refusal::UNKNOWN_MOTION),
+                (false, true) => self.refuse(record, refusal::UNKNOWN_NUMBERS),
+                (false, false) => self.list(record, UNKNOWN),
+            };
+        };
+        if let Err(why) = self.statement(record, &statement, word) {
+            match decides_motion(word.class) || word.class == Class::Cuts {
+                true => self.refuse(record, why),
+                false => self.list(record, why.reason),
             }
         }
     }
 
-    /// What a statement means; inside, why it is kept instead.
-    fn statement(&mut self, record: Record, s: &Statement) -> Outcome {
-        let mut upper = [0; 16];
-        let len = s.major.len().min(upper.len());
-        upper[..len].copy_from_slice(&s.major[..len]);
-        upper.make_ascii_uppercase();
-        match &upper[..len] {
-            b"GOTO" => self.goto(record, s),
-            b"GODLTA" => self.godlta(record, s),
-            b"RAPID" => {
-                self.modal.rapid = true;
-                // `rapid, goto/…`: two statements in a line.
-                let next = s.items.iter().position(|t| t.kind == Kind::Word);
-                match next.and_then(|at| Statement::parse(s.bytes, &s.items[at..])) {
-                    Some(next) if next.major.eq_ignore_ascii_case(b"GOTO") => self.goto(record, &next),
-                    _ => Ok(()),
-                }
+    /// What a statement means; inside, why it is refused.
+    fn statement(&mut self, record: Record, s: &Statement, word: &Word) -> Outcome {
+        match word.meaning {
+            Meaning::Goto => return self.goto(record, s),
+            Meaning::Godlta => return self.godlta(record, s),
+            Meaning::Rapid => return self.rapid(record, s),
+            Meaning::From => return self.from(s),
+            Meaning::GoHome if s.items.is_empty() => self.home(record),
+            // A home position in numbers is a position.
+            Meaning::GoHome => return self.goto(record, s),
+            Meaning::Circle => return self.circle(record, s),
+            Meaning::MovArc => return self.movarc(record, s),
+            Meaning::Tlon => return self.tlon(record, s),
+            Meaning::Indirv => self.modal.tangent = s.number_items().first(),
+            Meaning::TlAxis => {
+                let axis = s.number_items().first().and_then(super::motion::axis);
+                self.modal.axis = axis.ok_or("tool axis is not given by numbers")?;
             }
-            b"FROM" => self.from(s),
-            b"FEDRAT" | b"FEDRATE" => {
+            Meaning::Feed => {
                 let mm = self.mm_per_unit();
-                self.modal.read_feed(s, mm)
+                return self.modal.read_feed(s, mm);
             }
-            b"SPINDL" | b"SPINDLE" => {
-                self.modal.read_spindle(s);
-                Ok(())
-            }
-            b"UNITS" | b"UNIT" => self.units(s),
-            b"CIRCLE" => self.circle(record, s),
-            b"MOVARC" => self.movarc(record, s),
-            b"TLON" => self.tlon(record, s),
-            b"AUTOPS" | b"PSIS" => Ok(()),
-            b"INDIRV" => {
-                self.modal.tangent = s.number_items().first();
-                Ok(())
-            }
-            b"TLAXIS" => match s.number_items().first().and_then(super::motion::axis) {
-                Some(axis) => {
-                    self.modal.axis = axis;
-                    Ok(())
-                }
-                None => Err("tool axis is not given by numbers"),
-            },
-            b"CUTTER" | b"TLDATA" => {
-                self.read_cutter(s);
-                Ok(())
-            }
-            b"CYCLE" => self.cycle(s),
-            b"CUTCOM" => self.cutcom(s),
-            b"MSYS" => self.msys(s),
-            b"CSYS" => self.csys(s),
-            b"ORIGIN" => self.origin(s),
-            b"TRNTYP" => {
-                self.local = s.has(b"LOCAL");
-                Ok(())
-            }
-            b"ROTABL" | b"ROTATE" | b"ROTHED" => {
-                let turned = self.modal.turn_table(s);
-                self.modal.blocked = turned.then_some("under a turned rotary table");
-                if turned { Err("rotary table: geometry turns with it") } else { Ok(()) }
-            }
-            b"TRANS" => self.block("shifted by TRANS", "TRANS shifts what follows"),
-            b"COPY" => {
-                self.copies = true;
-                for target in &mut self.targets[self.index..] {
-                    target.editable = Editable::No("repeated by COPY");
-                }
-                Err("COPY repeats what stands before")
-            }
-            b"INDEX" => {
-                self.index = self.targets.len();
-                Err("INDEX marks what COPY repeats")
-            }
-            b"TRACUT" => Err("TRACUT is taken as information"),
-            b"GOHOME" => {
-                self.modal.position = None;
-                self.modal.rapid = false;
-                Err("home position is the machine's")
-            }
-            b"NURBS" | b"KNOT" | b"CNTRL" => {
-                self.modal.position = None;
-                Err("NURBS curve is not read")
-            }
-            _ if is_source(s.major) => {
+            Meaning::Spindle => self.spindle(record, s),
+            Meaning::Coolant => self.coolant(record, s),
+            Meaning::Stop => self.machine.stop(record),
+            Meaning::OptionalStop => self.machine.optional_stop(record),
+            Meaning::Delay => return self.delay(record, s),
+            Meaning::LoadTool => return self.load_tool(record, s),
+            Meaning::Load if s.has(b"TOOL") => return self.load_tool(record, s),
+            Meaning::Load => self.list(record, "something is loaded that is no tool"),
+            Meaning::ToolPath => self.tool_path(record, s),
+            Meaning::Cutter => self.read_cutter(record, s),
+            Meaning::Cycle => return self.define_cycle(s),
+            Meaning::CutCom => return cutcom(s),
+            Meaning::Units => return self.units(s),
+            Meaning::Msys => return self.msys(s),
+            Meaning::Csys => return self.csys(s),
+            Meaning::Origin => return self.origin(s),
+            Meaning::TrnTyp => self.local = s.has(b"LOCAL"),
+            Meaning::Rotary if self.modal.turn_table(s) => return Err(refusal::TURNED),
+            Meaning::Rotary => {}
+            Meaning::Transform => return transform(s),
+            Meaning::Mode => return mode(s),
+            Meaning::Set if s.has(b"MODE") => return mode(s),
+            Meaning::Set if s.has(b"HEAD") => return head(s),
+            Meaning::Set | Meaning::Select => return self.machine.select(s),
+            Meaning::Head => return head(s),
+            Meaning::Code => return self.code(record, s, word.name),
+            Meaning::Synonym => return self.synonym(record, s),
+            Meaning::Refused(why) => return Err(why.into()),
+            Meaning::Listed(reason) => self.list(record, reason),
+            Meaning::Finish => self.finished = true,
+            Meaning::Passes => {}
+            Meaning::Source => {
                 self.source_word(record);
-                Err("APT-360 source statement")
+                return Err("APT-360 source statement".into());
             }
-            _ if is_without_motion(s.major) => Ok(()),
-            _ => Err(UNKNOWN),
+        }
+        Ok(())
+    }
+
+    /// `rapid, goto/…`: two statements in a line.
+    fn rapid(&mut self, record: Record, s: &Statement) -> Outcome {
+        self.modal.rapid = true;
+        let next = s.items.iter().position(|t| t.kind == Kind::Word);
+        let Some(next) = next.and_then(|at| Statement::parse(s.bytes, &s.items[at..])) else { return Ok(()) };
+        match words::find(next.major).map(|word| word.meaning) {
+            Some(Meaning::Goto) => self.goto(record, &next),
+            Some(Meaning::Godlta) => self.godlta(record, &next),
+            Some(Meaning::Passes | Meaning::Finish) => Ok(()),
+            _ => Err("what stands behind RAPID is not known".into()),
         }
     }
 
-    pub(super) fn block(&mut self, reason: &'static str, kept: &'static str) -> Outcome {
-        self.modal.blocked = Some(reason);
-        Err(kept)
-    }
-
-    fn comment(&mut self, text: &[u8]) {
-        if text.starts_with(b"$$-> CSYS") {
-            let values = numbers_in(text);
-            if let Some(m) = first_of::<12>(&values)
-                && let Some(frame) = Frame::from_rows(m, self.mm_per_unit())
-            {
-                self.set_frame(frame, false);
-            }
-        } else if text.starts_with(b"$$-> CUTTER") {
-            if let Some([diameter]) = first_of::<1>(&numbers_in(text)) {
-                let diameter_mm = diameter * self.mm_per_unit();
-                self.modal.cutter = Some(CutterInfo { diameter_mm, corner_radius_mm: 0.0 });
-            }
-        } else if text.starts_with(b"$$*CATIA0") {
-            self.matrix = MatrixRows { open: true, ..MatrixRows::default() };
-        } else if self.matrix.open {
-            self.matrix_row(text);
+    /// `PREFUN/n`, `AUXFUN/n`: codes that a numerical control gives a meaning.
+    fn code(&mut self, record: Record, s: &Statement, name: &str) -> Outcome {
+        /// G codes of ISO 6983 that change positions: polar, plane of compensation, coordinate shifts, scaling, rotation,
+        /// increments.
+        const CHANGING: [f64; 16] =
+            [10.0, 12.0, 13.0, 16.0, 41.0, 42.0, 43.0, 44.0, 50.0, 51.0, 52.0, 68.0, 91.0, 92.0, 28.0, 30.0];
+        let changes = |code: f64| CHANGING.iter().any(|g| (g - code).abs() < 0.5);
+        if name == "PREFUN" && s.number_items().iter().any(|t| changes(t.value)) {
+            return Err(refusal::CONTROL_CODE);
         }
-        self.understood += 1;
+        self.list(record, "code of a numerical control that is not written");
+        Ok(())
     }
 
-    /// A row below `$$*CATIA0`: a name, then three rows of four.
-    fn matrix_row(&mut self, text: &[u8]) {
-        let values = numbers_in(text);
-        match (first_of::<4>(&values), values.len()) {
-            (Some(row), 4) => {
-                self.matrix.values[4 * self.matrix.rows..][..4].copy_from_slice(&row);
-                self.matrix.rows += 1;
-                self.matrix.open = self.matrix.rows < 3;
-                if !self.matrix.open
-                    && let Some(frame) = Frame::from_rows(self.matrix.values, self.mm_per_unit())
-                {
-                    self.set_frame(frame, self.dialect.positions_follow_frame());
-                }
-            }
-            _ if self.matrix.rows > 0 => self.matrix.open = false,
-            _ => {}
+    /// `SYN/new,old`: harmless where no word that moves the tool goes by another name from here on.
+    fn synonym(&mut self, record: Record, s: &Statement) -> Outcome {
+        let renames = |name: &[u8]| words::find(name).is_some_and(|word| decides_motion(word.class));
+        if s.words().any(renames) {
+            return Err(refusal::SYNONYM);
         }
+        self.list(record, "SYN gives words other names, which are not known here");
+        Ok(())
     }
 
-    /// `PPRINT/DEFLEX AIR` and `PPRINT/DEFLEX CUT`; all other text means nothing here.
-    fn free_text(&mut self, text: &[u8]) {
-        if text.len() > 6 && text[..6].eq_ignore_ascii_case(b"PPRINT") {
-            let said: Vec<u8> = text[6..]
-                .iter()
-                .copied()
-                .skip_while(|b| matches!(b, b' ' | b'\t' | b'/' | b'\'' | b'"'))
-                .map(|b| b.to_ascii_uppercase())
-                .collect();
-            let mut words = said.split(|b| matches!(b, b' ' | b'\t' | b'\'' | b'"' | b',')).filter(|w| !w.is_empty());
-            match (words.next(), words.next()) {
-                (Some(b"DEFLEX"), Some(b"AIR")) => self.modal.mark = Some(Mark::Air),
-                (Some(b"DEFLEX"), Some(b"CUT")) => self.modal.mark = Some(Mark::Cut),
-                _ => {}
-            }
-        }
-        self.understood += 1;
+    /// Lists a statement that passes.
+    pub(super) fn list(&mut self, record: Record, reason: &'static str) {
+        self.kept.push(kept(record, reason.into(), false));
     }
 
-    fn keep(&mut self, record: Record, reason: &'static str) {
-        self.kept.push(kept(record, reason, false));
-    }
-
-    /// Keeps a motion that is not what its text says.
-    pub(super) fn keep_fault(&mut self, record: Record, reason: &'static str) {
-        self.kept.push(kept(record, reason, true));
+    /// Refuses a statement: no program may be written from the file.
+    pub(super) fn refuse(&mut self, record: Record, why: Refusal) {
+        self.kept.push(kept(record, why, true));
     }
 
     pub(super) fn say(&mut self, code: &'static str, message: &'static str) {
@@ -376,14 +349,36 @@ impl Reader {
     }
 }
 
-fn kept(record: Record, reason: &'static str, fault: bool) -> Kept {
-    Kept { source: 0, span: record.span, line: record.line, reason, fault }
+/// `CUTCOM/OFF` ends a compensation that never began.
+fn cutcom(s: &Statement) -> Outcome {
+    let ends = s.has(b"OFF") || s.has(b"NOMORE") || s.items.is_empty();
+    if ends { Ok(()) } else { Err(refusal::CUTTER_COMPENSATION) }
 }
 
-fn numbers_in(text: &[u8]) -> Vec<f64> {
-    text.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b'/' | b'$')).filter_map(number).collect()
+/// `TRACUT/NOMORE`, `TRANS/0,0,0` and the like change nothing.
+fn transform(s: &Statement) -> Outcome {
+    /// A matrix of three rows of four that moves nothing.
+    const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let numbers: Vec<f64> = s.number_items().iter().map(|t| t.value).collect();
+    let moves_nothing = match numbers.len() {
+        12 => numbers == IDENTITY,
+        _ => numbers.iter().all(|v| v.abs() <= 0.0),
+    };
+    let ends = s.has(b"NOMORE") || s.has(b"OFF") || s.items.is_empty();
+    if ends || !numbers.is_empty() && moves_nothing { Ok(()) } else { Err(refusal::TRANSFORM) }
 }
 
-fn first_of<const N: usize>(values: &[f64]) -> Option<[f64; N]> {
-    values.get(..N)?.try_into().ok()
+/// `MODE/INCR` makes increments of positions.
+fn mode(s: &Statement) -> Outcome {
+    if s.has(b"INCR") || s.has(b"INC") || s.has(b"INCREM") { Err(refusal::INCREMENTAL) } else { Ok(()) }
+}
+
+/// `HEAD/1` is the only head.
+fn head(s: &Statement) -> Outcome {
+    let first = s.number_items().iter().all(|t| (t.value - 1.0).abs() < 0.5);
+    if first { Ok(()) } else { Err(refusal::SECOND_HEAD) }
+}
+
+fn kept(record: Record, why: Refusal, fault: bool) -> Kept {
+    Kept { source: 0, span: record.span, line: record.line, reason: why.reason, fault, help: why.help }
 }

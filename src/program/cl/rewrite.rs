@@ -1,6 +1,6 @@
 //! Wanted positions to edits on number tokens.
 
-use super::layout::{Layout, Slot};
+use super::layout::{GroupSlot, Layout, Slot};
 use super::lex::pieces;
 use super::modal::Xyz;
 use super::number::number;
@@ -25,7 +25,7 @@ pub(in crate::program) fn rewrite(
 ) -> Rewritten {
     let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
     let Some(source) = program.sources.first() else { return out };
-    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default(), arc: Ok(()) };
+    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default(), group: Ok(()) };
     // What each target was moved by, mm in the work object, after refusals.
     let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
     for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
@@ -41,14 +41,14 @@ pub(in crate::program) fn rewrite(
             Ok(()) => moved.push(wanted),
             Err(reason) => {
                 // An increment counts on from wherever the target before it went.
-                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::AlongAxis);
+                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis);
                 moved.push(if follows { before } else { [0.0; 3] });
                 out.kept.push((at, reason));
             }
         }
         out.written.push((add(position_mm, moved[at]), [1.0, 0.0, 0.0, 0.0]));
     }
-    out.inserted = inserts.iter().map(|i| (i.position_mm, i.quat)).collect();
+    out.inserted = vec![None; inserts.len()];
     writer.edits.sort_by_key(|e| e.span);
     if let Some(first) = out.edits.first_mut() {
         *first = writer.edits;
@@ -62,8 +62,8 @@ struct Writer<'a> {
     options: &'a RewriteOptions,
     edits: Vec<Edit>,
     grown: Grown,
-    /// Whether the arc that is being written stays one.
-    arc: Result<(), &'static str>,
+    /// Whether the arc or hole that is being written stays one.
+    group: Result<(), &'static str>,
 }
 
 /// How many bytes each card has grown by.
@@ -88,41 +88,49 @@ impl Writer<'_> {
             Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
             Slot::AlongAxis if norm(sub(wanted, before)) > SAME_MM => return Err("increment along the tool axis"),
             Slot::AlongAxis => {}
-            Slot::OnArc { arc } | Slot::ArcEnd { arc, .. } => {
-                let slot = &self.layout.arcs[arc as usize];
+            Slot::OnWay { group } | Slot::GroupEnd { group, .. } | Slot::StepEnd { group, .. } => {
+                let slot = &self.layout.groups[group as usize];
                 if slot.straight {
-                    self.arc = Ok(());
+                    self.group = Ok(());
                 } else if slot.first == at {
-                    self.arc = self.rigid(program, changes, arc, wanted, before);
+                    self.group = self.rigid(program, changes, group, wanted, before);
                 }
-                self.arc?;
+                self.group?;
             }
         }
-        if let Slot::ArcEnd { xyz, frame, arc } = slot {
-            let [a, b] = self.layout.arcs[arc as usize].centres;
-            let all: Vec<Xyz> = [Some(xyz), a, b].into_iter().flatten().collect();
-            self.shift(&all, frame, wanted)?;
+        let centres = |group: u32| self.layout.groups[group as usize].centres.into_iter().flatten();
+        match slot {
+            Slot::GroupEnd { xyz, frame, group } => {
+                let all: Vec<Xyz> = std::iter::once(xyz).chain(centres(group)).collect();
+                self.shift(&all, frame, wanted)?;
+            }
+            Slot::StepEnd { frame, group } => {
+                let all: Vec<Xyz> = centres(group).collect();
+                self.shift(&all, frame, wanted)?;
+            }
+            _ => {}
         }
         start.map_or(Ok(()), |start| self.shift(&[start.xyz], start.frame, wanted))
     }
 
-    /// An arc stays one where its start, its way and its end move alike.
+    /// An arc stays one where its start, its way and its end move alike, a hole where all its moves do.
     fn rigid(
         &self,
         program: &Program,
         changes: &[Option<Change>],
-        arc: u32,
+        group: u32,
         wanted: [f64; 3],
         before: [f64; 3],
     ) -> Result<(), &'static str> {
-        let first = self.layout.arcs[arc as usize].first;
+        let GroupSlot { first, with_start, .. } = self.layout.groups[group as usize];
         let alike = |at: usize| match (&changes[at], program.targets[at].goal) {
             (Some(c), Goal::Axis { position_mm, .. }) => norm(sub(sub(c.position_mm, position_mm), wanted)) <= SAME_MM,
             _ => norm(wanted) <= SAME_MM,
         };
-        let mut on_arc = (first..changes.len()).take_while(|&at| self.layout.slots[at].arc() == Some(arc));
-        let rigid = norm(sub(wanted, before)) <= SAME_MM && on_arc.all(alike);
-        if rigid { Ok(()) } else { Err("correction varies along an arc") }
+        let mut members = (first..changes.len()).take_while(|&at| self.layout.slots[at].group() == Some(group));
+        let from_start = !with_start || norm(sub(wanted, before)) <= SAME_MM;
+        let varies = if with_start { "correction varies along an arc" } else { "correction varies along a hole" };
+        if from_start && members.all(alike) { Ok(()) } else { Err(varies) }
     }
 
     /// Moves printed positions by an offset in the work object, mm; all of them or none.

@@ -49,33 +49,19 @@ impl Reader {
             }
             None => {
                 self.no_unit = Some(record.span);
-                Err("position without a unit")
+                Err("position without a unit".into())
             }
         }
     }
 
-    pub(super) fn read_cutter(&mut self, s: &Statement) {
+    /// `CUTTER/d,r,…`, `TLDATA/kind,d,r,…`.
+    pub(super) fn read_cutter(&mut self, record: Record, s: &Statement) {
         let mm = self.mm_per_unit();
         let mut numbers = s.number_items().iter();
         if let Some(diameter) = numbers.next().filter(|d| d.value > 0.0) {
             let corner = numbers.next().map_or(0.0, |r| r.value.max(0.0));
-            self.modal.cutter = Some(CutterInfo { diameter_mm: diameter.value * mm, corner_radius_mm: corner * mm });
+            self.set_cutter(record, CutterInfo { diameter_mm: diameter.value * mm, corner_radius_mm: corner * mm });
         }
-    }
-
-    pub(super) fn cycle(&mut self, s: &Statement) -> Outcome {
-        self.modal.cycle = !(s.has(b"OFF") || s.has(b"INIT") || s.has(b"NOMORE") || s.items.is_empty());
-        let drills = self.modal.cycle && !(s.has(b"ON") && s.items.len() == 1);
-        if drills { Err("drilling cycle: its hole points are read, its own moves are not") } else { Ok(()) }
-    }
-
-    pub(super) fn cutcom(&mut self, s: &Statement) -> Outcome {
-        if s.has(b"LEFT") || s.has(b"RIGHT") {
-            self.modal.cutcom = true;
-        } else if s.has(b"OFF") {
-            self.modal.cutcom = false;
-        }
-        if self.modal.cutcom { Err("radius compensation, which a robot's controller has not") } else { Ok(()) }
     }
 
     pub(super) fn msys(&mut self, s: &Statement) -> Outcome {
@@ -85,7 +71,7 @@ impl Reader {
                 self.set_frame(frame, self.dialect.positions_follow_frame() || self.dialect == Dialect::Unknown);
                 Ok(())
             }
-            _ => self.block("in a frame that is not read", "MSYS is no frame"),
+            _ => Err("MSYS is no frame".into()),
         }
     }
 
@@ -97,12 +83,12 @@ impl Reader {
                 self.set_frame(frame, self.local);
                 Ok(())
             }
-            _ => Err("CSYS is no frame"),
+            _ => Err("CSYS is no frame".into()),
         }
     }
 
     pub(super) fn origin(&mut self, s: &Statement) -> Outcome {
-        let Some(origin) = s.number_items().first::<3>() else { return Err("origin is not given by numbers") };
+        let Some(origin) = s.number_items().first::<3>() else { return Err("origin is not given by numbers".into()) };
         let mm = self.mm_per_unit();
         let (x, z) = match s.number_items().first::<9>() {
             Some(m) => ([m[3], m[4], m[5]], [m[6], m[7], m[8]]),
@@ -116,7 +102,7 @@ impl Reader {
                 Ok(())
             }
             // Whether positions follow a second origin depends on the post processor.
-            _ => self.block("behind a second ORIGIN", "a second ORIGIN"),
+            _ => Err("a second ORIGIN: positions are seen from another place".into()),
         }
     }
 

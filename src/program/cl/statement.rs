@@ -89,6 +89,11 @@ impl<'a> Numbers<'a> {
         self.iter().count()
     }
 
+    /// All numbers, where there are exactly `N`.
+    pub(super) fn only<const N: usize>(&self) -> Option<[f64; N]> {
+        self.first().filter(|_| self.count() == N)
+    }
+
     /// The first `N` numbers, where there are so many.
     pub(super) fn first<const N: usize>(&self) -> Option<[f64; N]> {
         let mut values = self.iter().map(|t| t.value);

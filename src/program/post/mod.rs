@@ -5,12 +5,16 @@
 //! | `names` | identifiers and predefined speeds |
 //! | `zone` | corner zones suited to spacing and bend |
 //! | `data` | declarations: tools, work objects, speeds |
-//! | `writer` | modules, written stretch by stretch |
+//! | `template` | lines that call the cell's own routines |
+//! | `writer` | modules, written chunk by chunk |
 
 mod data;
 mod names;
+mod template;
 mod writer;
 mod zone;
 
 pub use names::identifier;
+pub(crate) use template::TEMPLATES;
+pub use template::Templates;
 pub use writer::{Place, PostedPoint, RapidPlan, RapidPost, Text, as_written};

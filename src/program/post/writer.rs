@@ -1,10 +1,11 @@
-//! Modules, written stretch by stretch.
+//! Modules, written chunk by chunk.
 
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
 use crate::program::{Conf, Mark, ToolData, WobjData};
 use crate::text::number::write_whole;
+use std::sync::Arc;
 
 /// What is known before the first point.
 #[derive(Clone, Debug)]
@@ -30,7 +31,7 @@ pub struct RapidPlan {
 }
 
 /// One point to move to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PostedPoint {
     /// TCP in the work object, mm.
     pub position_mm: [f64; 3],
@@ -44,6 +45,10 @@ pub struct PostedPoint {
     pub rapid: bool,
     /// Stop at the point, whatever comes next.
     pub stop: bool,
+    /// The way to it is unknown, as behind a tool change: joints, not a straight line.
+    pub joint: bool,
+    /// Instructions before the motion, a line each.
+    pub lines: Option<Arc<str>>,
     /// Mark in force.
     pub mark: Option<Mark>,
     /// Index into [`RapidPlan::tools`].
@@ -78,13 +83,19 @@ impl Text {
         self.line(&format!("MODULE {module}"));
     }
 
+    fn instructions(&mut self, lines: &str) {
+        for line in lines.lines() {
+            self.line(&format!("    {line}"));
+        }
+    }
+
     fn end(&mut self) {
         self.line("  ENDPROC\nENDMODULE");
     }
 }
 
-/// How far a program is written: what the next stretch of it goes on from.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// How far a program is written: what the next chunk of it goes on from.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Place {
     /// Points written.
     written: usize,
@@ -98,16 +109,16 @@ impl Place {
     /// Behind these points too, all but the last of which are written with them.
     #[must_use]
     pub fn behind(&self, points: &[PostedPoint]) -> Self {
-        let mut known = [self.before, self.waiting].into_iter().flatten().chain(points.iter().copied()).rev();
-        let waiting = known.next();
+        let mut known = [&self.before, &self.waiting].into_iter().flatten().chain(points).rev();
+        let waiting = known.next().cloned();
         let count = usize::from(self.waiting.is_some()) + points.len();
-        Self { written: self.written + count.saturating_sub(1), before: known.next(), waiting }
+        Self { written: self.written + count.saturating_sub(1), before: known.next().cloned(), waiting }
     }
 }
 
 /// Writes a program as one module, or as parts and a main module that loads and calls them.
 ///
-/// The head comes first; then stretches of points, each from its [`Place`] on, whoever has written those before.
+/// The head comes first; then chunks of points, each from its [`Place`] on, whoever has written those before.
 #[derive(Clone, Debug)]
 pub struct RapidPost {
     plan: RapidPlan,
@@ -170,17 +181,19 @@ impl RapidPost {
         self.head = text;
     }
 
-    /// The points from a place on; the last of them waits for the next stretch, unless it is the `last` one.
+    /// The points from a place on; the last of them waits for the next chunk, unless this is the last one, which ends with
+    /// the instructions of `end`, a line each.
     #[must_use]
-    pub fn stretch(&self, from: &Place, points: &[PostedPoint], last: bool) -> Text {
+    pub fn chunk(&self, from: &Place, points: &[PostedPoint], end: Option<&str>) -> Text {
         let mut text = Text { bytes: Vec::with_capacity(A_LINE * points.len()), files: Vec::new() };
-        let mut place = *from;
+        let mut place = from.clone();
         for point in points {
             self.movement(&mut text, &place, Some(point));
             place = place.behind(std::slice::from_ref(point));
         }
-        if last {
+        if let Some(lines) = end {
             self.movement(&mut text, &place, None);
+            text.instructions(lines);
             text.end();
         }
         text
@@ -188,15 +201,16 @@ impl RapidPost {
 
     /// Moves to the point that waits at a place.
     fn movement(&self, text: &mut Text, place: &Place, next: Option<&PostedPoint>) {
-        let Some(point) = place.waiting else { return };
+        let Some(point) = &place.waiting else { return };
         let part = self.part.filter(|most| place.written.is_multiple_of(*most)).map(|most| place.written / most + 1);
         if let Some(part) = part {
             text.end();
             text.start(&format!("{}_{part}", self.module));
             text.line(&format!("  PROC {}_{part}_run()", self.module));
         }
+        text.instructions(point.lines.as_deref().unwrap_or_default());
         // Said again in a part, so that each module reads right by itself.
-        let said = place.before.and_then(|before| before.mark).filter(|_| part.is_none());
+        let said = place.before.as_ref().and_then(|before| before.mark).filter(|_| part.is_none());
         if said != point.mark {
             match point.mark {
                 Some(Mark::Air) => text.line("    ! deflex air"),
@@ -206,12 +220,13 @@ impl RapidPost {
         }
         let line = &mut text.bytes;
         // The way to the first point is unknown: joints, not a straight line.
-        line.extend_from_slice(if place.before.is_none() { b"    MoveJ " } else { b"    MoveL " });
+        let joint = place.before.is_none() || point.joint;
+        line.extend_from_slice(if joint { b"    MoveJ " } else { b"    MoveL " });
         robtarget(line, &point.position_mm, &point.quat, point.conf);
         line.push(b',');
         self.speed(line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
         line.push(b',');
-        line.extend_from_slice(self.zone_at(place, &point, next));
+        line.extend_from_slice(self.zone_at(place, point, next));
         line.push(b',');
         let tool = self.plan.tools.get(usize::from(point.tool)).map_or("tool0", |t| t.0.as_str());
         let wobj = self.plan.wobjs.get(usize::from(point.wobj)).map_or("wobj0", |w| w.0.as_str());
@@ -239,10 +254,11 @@ impl RapidPost {
         // The tool arrives before it enters the material.
         let enters = point.rapid && !next.rapid;
         let ends_part = self.part.is_some_and(|most| (place.written + 1).is_multiple_of(most));
-        if point.stop || enters || ends_part {
+        // Instructions are run ahead of a corner path.
+        if point.stop || enters || ends_part || next.lines.is_some() || next.joint {
             return FINE;
         }
-        let [q, p, n] = [before, point, next].map(|p| p.position_mm);
+        let [q, p, n] = [before.position_mm, point.position_mm, next.position_mm];
         zone(q, p, n, point.rapid, self.plan.corner_tolerance_mm)
     }
 }
@@ -265,6 +281,8 @@ mod tests {
             speed_mm_s,
             rapid,
             stop: false,
+            joint: false,
+            lines: None,
             mark,
             tool: 0,
             wobj: 0,
@@ -308,12 +326,13 @@ mod tests {
 
     /// Files with their text, written in stretches that end before these points.
     fn posted(max_points: Option<usize>, ends: &[usize]) -> Vec<(String, String)> {
-        let (plan, points) = plan_and_points(max_points);
+        let (plan, mut points) = plan_and_points(max_points);
+        points[2].lines = Some("rSpindle 9000;\nWaitTime 2;".into());
         let post = RapidPost::new(plan);
         let mut texts = vec![post.head().clone()];
         let (mut place, mut start) = (Place::default(), 0);
         for &end in ends.iter().chain([&points.len()]) {
-            texts.push(post.stretch(&place, &points[start..end], end == points.len()));
+            texts.push(post.chunk(&place, &points[start..end], (end == points.len()).then_some("rSpindleOff;")));
             place = place.behind(&points[start..end]);
             start = end;
         }
@@ -347,7 +366,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn stretches_are_the_same_text_wherever_they_end(mut ends in prop::collection::vec(0..5_usize, 0..4), most in prop::option::of(1..6_usize)) {
+        fn chunks_are_the_same_text_wherever_they_end(mut ends in prop::collection::vec(0..5_usize, 0..4), most in prop::option::of(1..6_usize)) {
             ends.sort_unstable();
             prop_assert_eq!(posted(most, &ends), posted(most, &[]));
         }

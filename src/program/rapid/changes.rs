@@ -1,144 +1,495 @@
-//! Which names a program's statements change, as far as their text tells.
+//! What statements could change, by their text alone: asked where it is not known whether, or how often, they run.
 
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call, Simple};
-use super::symbols::{RoutineId, Symbols, Upper, first_word, harmless};
-use super::tree::{Param, RoutineKind, Statement, simple_statements};
+use super::predefined::{self, Function, Instruction};
+use super::symbols::{RoutineId, Symbols, Upper, first_word};
+use super::tree::{Param, RoutineKind, Statement, Storage};
 use crate::text::Span;
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-/// Names in upper case.
-type NameList = Rc<[Box<[u8]>]>;
+/// A name in upper case.
+type Name = Box<[u8]>;
 
-/// Names that each routine changes, once it was asked for.
-#[derive(Default)]
+/// What running some statements, and all that they call, could change.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Changes {
-    /// In its body or its handlers, calls included.
-    all: RefCell<HashMap<RoutineId, NameList>>,
-    /// By its own assignments only: what can come back through a parameter.
-    handed_back: RefCell<HashMap<RoutineId, NameList>>,
+    /// Data of modules.
+    pub(super) data: BTreeSet<usize>,
+    /// The routine's own data and parameters.
+    pub(super) own: BTreeSet<Name>,
+    /// Names that nothing in the files declares.
+    pub(super) foreign: BTreeSet<Name>,
+    /// Whatever a routine can that is not in the files.
+    pub(super) anything: bool,
+    /// Program displacement may be switched on.
+    pub(super) displacement: bool,
+    /// The same of the offset of external axes.
+    pub(super) axis_offset: bool,
+    /// `! deflex …` stands among them.
+    pub(super) marks: bool,
 }
 
-/// Predefined functions that hand back more than their value, through an argument.
-const WRITING_FUNCTIONS: [&str; 4] = ["StrToVal", "TestAndSet", "GetNextSym", "GetNextMechUnit"];
+/// Where a name leads.
+#[derive(Clone, Debug)]
+enum Found {
+    Data(usize),
+    Own(Name),
+    Foreign(Name),
+}
+
+/// A call of a routine in the files, with what is handed to its parameters by reference.
+#[derive(Clone, Debug)]
+struct Handed {
+    callee: RoutineId,
+    /// Number of the parameter, and what is given for it.
+    given: Vec<(usize, Found)>,
+}
+
+/// What a block changes itself, and what it calls.
+#[derive(Clone, Debug, Default)]
+struct Direct {
+    changes: Changes,
+    calls: Vec<Handed>,
+    /// Routines that it lets run at some later time, while the program goes on.
+    later: Vec<RoutineId>,
+    /// Something that is not known may run at some later time.
+    anything_later: bool,
+}
+
+/// What each routine changes, and what may change at any moment.
+#[derive(Default)]
+pub(super) struct Known {
+    /// By file, module and place: body and handlers, with all that they call.
+    routines: HashMap<RoutineId, Changes>,
+    /// What traps, handlers and synchronised procedures change, and all data that an unknown routine could.
+    pub(super) at_any_moment: Changes,
+    /// Routines whose motions may run at any moment, or in a function.
+    pub(super) aside: BTreeSet<RoutineId>,
+    /// Data that a routine that is not in the files could change.
+    everything: Rc<BTreeSet<usize>>,
+    /// By the address of a block.
+    blocks: RefCell<HashMap<usize, Rc<Changes>>>,
+}
+
+impl Changes {
+    const NOTHING: Self = Self {
+        data: BTreeSet::new(),
+        own: BTreeSet::new(),
+        foreign: BTreeSet::new(),
+        anything: false,
+        displacement: false,
+        axis_offset: false,
+        marks: false,
+    };
+
+    /// What a routine may change of which nothing is known.
+    pub(super) fn anything() -> Self {
+        Self { anything: true, displacement: true, axis_offset: true, ..Self::NOTHING }
+    }
+
+    fn add(&mut self, found: &Found) {
+        match found {
+            Found::Data(at) => drop(self.data.insert(*at)),
+            Found::Own(name) => drop(self.own.insert(name.clone())),
+            Found::Foreign(name) => drop(self.foreign.insert(name.clone())),
+        }
+    }
+
+    /// Adds what a routine changes that is called; whether that is more than was known.
+    fn call(&mut self, callee: &Self) -> bool {
+        let before = (self.data.len(), self.own.len(), self.foreign.len(), self.flags());
+        self.data.extend(&callee.data);
+        self.foreign.extend(callee.foreign.iter().cloned());
+        self.anything |= callee.anything;
+        self.displacement |= callee.displacement;
+        self.axis_offset |= callee.axis_offset;
+        self.marks |= callee.marks;
+        before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
+    }
+
+    fn flags(&self) -> [bool; 4] {
+        [self.anything, self.displacement, self.axis_offset, self.marks]
+    }
+}
 
 impl<'a> Symbols<'a> {
-    /// Marks the data that the program assigns, wherever that is.
-    pub(super) fn find_assignments(&mut self) {
-        for id in self.all().collect::<Vec<_>>() {
+    /// Works out what each routine changes; marks the data that the program assigns, and those that change at any moment.
+    pub(super) fn find_changes(&mut self) {
+        let ids: Vec<RoutineId> = self.all().collect();
+        let mut direct = HashMap::new();
+        let (mut aside, mut later) = (Vec::new(), Direct::default());
+        for &id in &ids {
             let routine = self.routine(id);
-            let trap = routine.kind == RoutineKind::Trap;
-            for (block, volatile) in [(&routine.body, trap), (&routine.handlers, true)] {
-                let mut assigned = Vec::new();
-                self.assigned_names(id, block, &mut assigned);
-                for name in assigned {
-                    if let Some(at) = self.find_data(self.module_of(id), &name).filter(|_| !shadowed(self, id, &name)) {
-                        self.variables[at].assigned = true;
-                        self.variables[at].volatile |= volatile;
-                    }
+            let mut whole = self.direct(id, &routine.body);
+            let on_error = self.direct(id, routine.on_error());
+            let mut handlers = Direct::default();
+            for part in routine.other_handlers() {
+                let part = self.direct(id, part);
+                handlers.changes.call(&part.changes);
+                handlers.changes.own.extend(part.changes.own);
+                handlers.calls.extend(part.calls);
+                handlers.later.extend(part.later);
+            }
+            match routine.kind {
+                RoutineKind::Trap => {
+                    later.calls.push(Handed { callee: id, given: Vec::new() });
+                    aside.push(id);
+                }
+                RoutineKind::Func => aside.push(id),
+                RoutineKind::Proc => {}
+            }
+            for found in [&whole, &handlers, &on_error] {
+                aside.extend(&found.later);
+                later.changes.anything |= found.anything_later;
+            }
+            aside.extend(handlers.calls.iter().chain(&on_error.calls).map(|call| call.callee));
+            later.changes.call(&handlers.changes);
+            let own: Vec<Name> = handlers.changes.own.iter().cloned().collect();
+            if !own.is_empty() {
+                self.volatile_own.insert(id, own);
+            }
+            later.calls.extend(handlers.calls.iter().cloned());
+            for part in [handlers, on_error] {
+                whole.changes.call(&part.changes);
+                whole.changes.own.extend(part.changes.own);
+                whole.calls.extend(part.calls);
+            }
+            direct.insert(id, whole);
+        }
+        let mut routines: HashMap<RoutineId, Changes> =
+            ids.iter().map(|id| (*id, direct[id].changes.clone())).collect();
+        let mut callers: HashMap<RoutineId, Vec<RoutineId>> = HashMap::new();
+        for &id in &ids {
+            let callees: BTreeSet<RoutineId> = direct[&id].calls.iter().map(|call| call.callee).collect();
+            callees.into_iter().for_each(|callee| callers.entry(callee).or_default().push(id));
+        }
+        let mut waiting: BTreeSet<RoutineId> = ids.iter().copied().collect();
+        while let Some(callee) = waiting.pop_last() {
+            let changes = routines[&callee].clone();
+            for caller in callers.get(&callee).into_iter().flatten() {
+                let Some(known) = routines.get_mut(caller) else { continue };
+                let mut more = known.call(&changes);
+                for call in direct[caller].calls.iter().filter(|call| call.callee == callee) {
+                    more |= self.hand_back(known, &changes, call);
+                }
+                if more {
+                    waiting.insert(*caller);
                 }
             }
         }
+        // What runs at any moment, and what it calls.
+        let mut at_any_moment = later.changes;
+        for call in &later.calls {
+            at_any_moment.call(&routines[&call.callee]);
+            self.hand_back(&mut at_any_moment, &routines[&call.callee], call);
+        }
+        let mut reached: BTreeSet<RoutineId> = aside.iter().copied().collect();
+        while let Some(id) = aside.pop() {
+            aside.extend(direct[&id].calls.iter().map(|call| call.callee).filter(|callee| reached.insert(*callee)));
+        }
+        let open = |at: &usize| self.variables[*at].storage != Storage::Const;
+        let mut everything: BTreeSet<usize> = self.global_data().filter(open).collect();
+        let mut assigned = BTreeSet::new();
+        for id in &ids {
+            assigned.extend(&routines[id].data);
+        }
+        everything.extend(&assigned);
+        if at_any_moment.anything {
+            at_any_moment.data.extend(&everything);
+            at_any_moment.displacement = true;
+            at_any_moment.axis_offset = true;
+        }
+        for id in &ids {
+            self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
+        }
+        for at in assigned {
+            self.variables[at].assigned = true;
+        }
+        for &at in &at_any_moment.data {
+            self.variables[at].assigned = true;
+            self.variables[at].volatile = Some(CHANGED_AT_ANY_MOMENT);
+        }
+        self.known = Known {
+            routines,
+            at_any_moment,
+            aside: reached,
+            everything: Rc::new(everything),
+            blocks: RefCell::default(),
+        };
     }
 
-    /// Names that a routine changes, in its body or its handlers.
-    pub(super) fn changed_by(&self, id: RoutineId) -> NameList {
-        if let Some(found) = self.changes.all.borrow().get(&id) {
+    /// Adds what comes back through parameters; whether that is more than was known.
+    fn hand_back(&self, to: &mut Changes, callee: &Changes, call: &Handed) -> bool {
+        let before = (to.data.len(), to.own.len(), to.foreign.len());
+        for (param, found) in &call.given {
+            if let Some(param) = self.routine(call.callee).params.get(*param)
+                && callee.own.contains(&param_key(self, call.callee, param))
+            {
+                to.add(found);
+            }
+        }
+        before != (to.data.len(), to.own.len(), to.foreign.len())
+    }
+
+    /// What a routine changes, in its body or its handlers, with all that it calls.
+    pub(super) fn changed_by(&self, id: RoutineId) -> &Changes {
+        static NONE: Changes = Changes::NOTHING;
+        self.known.routines.get(&id).unwrap_or(&NONE)
+    }
+
+    /// What a block of a routine changes, with all that it calls.
+    pub(super) fn changed_in(&self, id: RoutineId, block: &[Statement]) -> Rc<Changes> {
+        let key = block.as_ptr() as usize;
+        if let Some(found) = self.known.blocks.borrow().get(&key) {
             return Rc::clone(found);
         }
-        let routine = self.routine(id);
-        let mut names = Vec::new();
-        self.assigned_names(id, &routine.body, &mut names);
-        self.assigned_names(id, &routine.handlers, &mut names);
-        let names = list(names);
-        self.changes.all.borrow_mut().insert(id, Rc::clone(&names));
-        names
+        let changes = Rc::new(self.close(self.direct(id, block)));
+        self.known.blocks.borrow_mut().insert(key, Rc::clone(&changes));
+        changes
     }
 
-    /// Names (upper case) whose data a block's statements change, as far as text can tell.
-    pub(super) fn assigned_names(&self, id: RoutineId, block: &[Statement], out: &mut Vec<Box<[u8]>>) {
+    fn close(&self, direct: Direct) -> Changes {
+        let mut changes = direct.changes;
+        for call in &direct.calls {
+            let callee = self.changed_by(call.callee);
+            changes.call(callee);
+            self.hand_back(&mut changes, callee, call);
+        }
+        changes
+    }
+
+    /// Data that a routine that is not in the files could change.
+    pub(super) fn everything(&self) -> Rc<BTreeSet<usize>> {
+        Rc::clone(&self.known.everything)
+    }
+
+    fn direct(&self, id: RoutineId, block: &[Statement]) -> Direct {
+        if block.is_empty() {
+            return Direct::default();
+        }
+        let mut scan = Scan::new(self, id);
+        scan.block(block);
+        scan.out
+    }
+}
+
+/// Why data that a trap or a handler assigns are not known.
+pub(super) const CHANGED_AT_ANY_MOMENT: &str = "may be changed by a trap at any moment";
+
+/// A walk over statements.
+struct Scan<'s, 'a> {
+    symbols: &'s Symbols<'a>,
+    id: RoutineId,
+    bytes: &'a [u8],
+    /// The routine's own names, once they were asked for.
+    own: Option<HashSet<Name>>,
+    out: Direct,
+}
+
+impl<'s, 'a> Scan<'s, 'a> {
+    fn new(symbols: &'s Symbols<'a>, id: RoutineId) -> Self {
+        let sources = symbols.sources;
+        Self { symbols, id, bytes: &sources[id.file].bytes, own: None, out: Direct::default() }
+    }
+
+    fn block(&mut self, block: &[Statement]) {
         for statement in block {
             match statement {
-                Statement::Simple(span) => self.assigned_by(id, *span, out),
+                Statement::Simple(span) => self.simple(*span),
                 Statement::If { arms, otherwise, .. } => {
                     for (condition, block) in arms {
-                        self.changed_in(id, *condition, out);
-                        self.assigned_names(id, block, out);
+                        self.expression(*condition);
+                        self.block(block);
                     }
-                    self.assigned_names(id, otherwise, out);
+                    self.block(otherwise);
                 }
-                Statement::For { body, .. } => self.assigned_names(id, body, out),
+                Statement::For { from, to, step, body, .. } => {
+                    [Some(*from), Some(*to), *step].into_iter().flatten().for_each(|span| self.expression(span));
+                    self.block(body);
+                }
                 Statement::While { condition, body, .. } => {
-                    self.changed_in(id, *condition, out);
-                    self.assigned_names(id, body, out);
+                    self.expression(*condition);
+                    self.block(body);
                 }
                 Statement::Test { subject, cases, otherwise, .. } => {
-                    self.changed_in(id, *subject, out);
-                    cases.iter().for_each(|(_, b)| self.assigned_names(id, b, out));
-                    self.assigned_names(id, otherwise, out);
+                    self.expression(*subject);
+                    for (values, block) in cases {
+                        self.expression(*values);
+                        self.block(block);
+                    }
+                    self.block(otherwise);
                 }
-                Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
+                Statement::Return(value) => self.expression(*value),
+                Statement::Connect(span) => self.connect(*span),
+                Statement::Mark(_) => self.out.changes.marks = true,
+                Statement::Exit | Statement::Raise | Statement::Retry | Statement::TryNext | Statement::Goto(_) => {}
             }
         }
     }
 
-    fn assigned_by(&self, id: RoutineId, span: Span, out: &mut Vec<Box<[u8]>>) {
-        let bytes = &self.sources[id.file].bytes;
-        let word = first_word(bytes, span);
-        let shape = motion::shape(&bytes[word.range()]);
-        // A plain motion changes nothing; a search writes what it found.
-        if shape.is_some_and(|s| s.zone != motion::Zone::Absent) {
+    /// Where a name leads from here.
+    fn find(&mut self, name: &[u8]) -> Found {
+        let (symbols, id, bytes) = (self.symbols, self.id, self.bytes);
+        let own = self.own.get_or_insert_with(|| {
+            let routine = symbols.routine(id);
+            let spans = routine.data.iter().map(|d| d.name).chain(routine.params.iter().map(|p| p.name));
+            spans.map(|span| Box::from(&*Upper::new(&bytes[span.range()]))).collect()
+        });
+        let key = Upper::new(name);
+        if own.contains(&*key) {
+            return Found::Own(Box::from(&*key));
+        }
+        match symbols.find_data(symbols.module_of(id), &key) {
+            Some(at) => Found::Data(at),
+            None => Found::Foreign(Box::from(&*key)),
+        }
+    }
+
+    /// Takes an argument for changed.
+    fn change(&mut self, argument: Span) {
+        let name = first_word(self.bytes, argument);
+        if !name.is_empty() && whole_variable(self.bytes, argument) {
+            let found = self.find(&self.bytes[name.range()]);
+            self.out.changes.add(&found);
+        }
+    }
+
+    fn connect(&mut self, span: Span) {
+        let mut cursor = Cursor::new(self.bytes, span);
+        cursor.next();
+        let interrupt = cursor.peek();
+        let mut last = interrupt;
+        while cursor.peek().kind == Kind::Word || cursor.peek().kind != Kind::End {
+            let lexeme = cursor.next();
+            if lexeme.kind == Kind::Word {
+                last = lexeme;
+            }
+        }
+        self.change(interrupt.span());
+        if self.symbols.find_routine(self.symbols.module_of(self.id), &self.bytes[last.span().range()]).is_none() {
+            self.out.anything_later = true;
+        }
+    }
+
+    fn simple(&mut self, span: Span) {
+        let word = first_word(self.bytes, span);
+        let name = &self.bytes[word.range()];
+        let routine = self.symbols.find_routine(self.symbols.module_of(self.id), name);
+        let shape = if routine.is_none() { motion::shape(name) } else { None };
+        if memchr::memchr(b'(', &self.bytes[span.range()]).is_some() {
+            self.expression(span);
+        }
+        // A plain motion changes nothing.
+        if shape.is_some_and(|s| s.zone != motion::Zone::Absent) && !is_synchronised(name) {
             return;
         }
         #[allow(clippy::cast_possible_truncation)]
-        let Some(simple) = motion::split(bytes, id.file as u16, span) else { return };
-        let mut add = |argument: Span| {
-            let name = first_word(bytes, argument);
-            if !name.is_empty() && whole_variable(bytes, argument) {
-                out.push(Box::from(&*Upper::new(&bytes[name.range()])));
-            }
+        let Some(simple) = motion::split(self.bytes, self.id.file as u16, span) else { return };
+        let call = match simple {
+            Simple::Assignment { target, .. } => return self.change(Span { end: target.end, ..target }),
+            Simple::Call(call) => call,
         };
-        match simple {
-            Simple::Assignment { target, value } => {
-                add(target);
-                self.changed_in(id, value, out);
-            }
-            Simple::Call(call) => {
-                let name = &bytes[call.name.range()];
-                if let Some(shape) = shape {
-                    // SearchPoint stands before the targets.
-                    if let Some(point) = call.positional().get(shape.via.unwrap_or(shape.to).wrapping_sub(1)) {
-                        add(*point);
+        if let Some(shape) = shape {
+            if is_synchronised(name) {
+                // ToPoint, Speed, Zone, Tool, procedure.
+                let procedure = call.positional().get(shape.to + 4).and_then(|text| self.routine_named(*text));
+                match procedure {
+                    Some(callee) => {
+                        self.out.later.push(callee);
+                        self.out.calls.push(Handed { callee, given: Vec::new() });
                     }
-                } else if call.late_bound {
-                } else if let Some(callee) = self.find_routine(self.module_of(id), name) {
-                    let routine = self.routine(callee);
-                    let changed = self.changed_params(callee);
-                    let required = routine.params.iter().filter(|p| !p.optional);
-                    for (param, argument) in required.zip(call.positional()) {
-                        if param.by_reference && changed.contains(&param_key(self, callee, param)) {
-                            add(*argument);
-                        }
-                    }
-                } else if name.eq_ignore_ascii_case(b"SetDataVal") {
-                    if let Some(text) = call.positional().first()
-                        && let [b'"', inner @ .., b'"'] = &bytes[text.range()]
-                    {
-                        out.push(Box::from(&*Upper::new(inner)));
-                    }
-                } else if !harmless(name) {
-                    call.given().for_each(add);
+                    None => self.unknown(&Call::empty(word)),
                 }
+            } else if let Some(point) = call.positional().get(shape.via.unwrap_or(shape.to).wrapping_sub(1)) {
+                // SearchPoint stands before the targets.
+                self.change(*point);
             }
+            return;
+        }
+        if call.late_bound {
+            match self.routine_named(call.name) {
+                Some(id) => self.call(id, &call),
+                None => self.unknown(&call),
+            }
+        } else if let Some(id) = routine {
+            self.call(id, &call);
+        } else {
+            self.instruction(name, &call);
         }
     }
 
-    /// Data that the functions called in an expression change through their arguments.
-    fn changed_in(&self, id: RoutineId, expression: Span, out: &mut Vec<Box<[u8]>>) {
-        let bytes = &self.sources[id.file].bytes;
-        let mut cursor = Cursor::new(bytes, expression);
+    /// The routine that a text literal names.
+    fn routine_named(&self, text: Span) -> Option<RoutineId> {
+        let inner = self.bytes[text.range()].trim_ascii().strip_prefix(b"\"")?.strip_suffix(b"\"")?;
+        let name = inner.rsplit(|b| *b == b':').next()?;
+        self.symbols.find_routine(self.symbols.module_of(self.id), name)
+    }
+
+    fn unknown(&mut self, call: &Call) {
+        self.out.changes.anything = true;
+        self.out.changes.displacement = true;
+        self.out.changes.axis_offset = true;
+        call.given().for_each(|argument| self.change(argument));
+    }
+
+    fn instruction(&mut self, name: &[u8], call: &Call) {
+        match predefined::instruction(name) {
+            None => self.unknown(call),
+            Some(Instruction::Arguments | Instruction::Steps) => {
+                call.given().for_each(|argument| self.change(argument));
+            }
+            Some(Instruction::DisplacementOn) => self.out.changes.displacement = true,
+            Some(Instruction::AxisOffsetOn) => self.out.changes.axis_offset = true,
+            Some(Instruction::DataByName) => {
+                let text = call.positional().first().map(|text| &self.bytes[text.range()]);
+                let literal = text.and_then(|text| text.strip_prefix(b"\"")?.strip_suffix(b"\""));
+                let literal = literal.filter(|_| name.eq_ignore_ascii_case(b"SetDataVal"));
+                self.out.changes.data.extend(self.symbols.data_named(literal));
+            }
+            Some(
+                Instruction::Nothing
+                | Instruction::DisplacementOff
+                | Instruction::AxisOffsetOff
+                | Instruction::Moves
+                | Instruction::Ends
+                | Instruction::Raises,
+            ) => {}
+        }
+    }
+
+    /// Takes in a call of a routine in the files.
+    fn call(&mut self, callee: RoutineId, call: &Call) {
+        let params = &self.symbols.routine(callee).params;
+        let theirs = &self.symbols.sources[callee.file].bytes;
+        let mut given = Vec::new();
+        let mut hand = |this: &mut Self, at: usize, argument: Span| {
+            let name = first_word(this.bytes, argument);
+            if params[at].by_reference && !name.is_empty() && whole_variable(this.bytes, argument) {
+                given.push((at, this.find(&this.bytes[name.range()])));
+            }
+        };
+        let required = (0..params.len()).filter(|at| !params[*at].optional);
+        for (at, argument) in required.zip(call.positional()) {
+            hand(self, at, *argument);
+        }
+        for (name, value) in call.optional() {
+            let name = &self.bytes[name.range()];
+            if let Some(at) = params.iter().position(|p| theirs[p.name.range()].eq_ignore_ascii_case(name)) {
+                hand(self, at, *value);
+            }
+        }
+        self.out.calls.push(Handed { callee, given });
+    }
+
+    /// Takes in the functions that an expression calls.
+    fn expression(&mut self, expression: Span) {
+        if memchr::memchr(b'(', &self.bytes[expression.range()]).is_none() {
+            return;
+        }
+        let mut cursor = Cursor::new(self.bytes, expression);
         loop {
             let name = cursor.next();
             if name.kind == Kind::End {
@@ -147,92 +498,44 @@ impl<'a> Symbols<'a> {
             if name.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
                 continue;
             }
+            let text = cursor.text(name);
+            let routine = self.symbols.find_routine(self.symbols.module_of(self.id), text);
+            let known = predefined::function(text);
+            if routine.is_none() && (known == Some(Function::Nothing) || is_word_of_operator(text)) {
+                continue;
+            }
             let mut behind = cursor;
             behind.next();
             let mut call = Call::empty(name.span());
             #[allow(clippy::cast_possible_truncation)]
-            if motion::arguments(&mut behind, id.file as u16, &mut call).is_some() {
-                let changed = self.changed_arguments(self.module_of(id), bytes, &call);
-                out.extend(changed.map(|word| Box::from(&*Upper::new(&bytes[word.range()]))));
+            let split = motion::arguments(&mut behind, self.id.file as u16, &mut call).is_some();
+            match (routine, known) {
+                (Some(id), _) if split => self.call(id, &call),
+                (None, Some(_)) if split => call.given().for_each(|argument| self.change(argument)),
+                _ => self.unknown(&call),
             }
         }
-    }
-
-    /// Names of the arguments that a function changes.
-    pub(super) fn changed_arguments<'b>(
-        &self,
-        module: usize,
-        bytes: &'b [u8],
-        call: &'b Call,
-    ) -> impl Iterator<Item = Span> + use<'a, 'b> {
-        let name = &bytes[call.name.range()];
-        let changes: Vec<bool> = match self.find_routine(module, name) {
-            Some(callee) => {
-                let changed = self.changed_params(callee);
-                let required = self.routine(callee).params.iter().filter(|p| !p.optional);
-                required.map(|p| p.by_reference && changed.contains(&param_key(self, callee, p))).collect()
-            }
-            None => vec![WRITING_FUNCTIONS.iter().any(|f| f.as_bytes().eq_ignore_ascii_case(name)); call.count],
-        };
-        let changed = changes.into_iter().zip(call.positional()).filter(|(changes, _)| *changes);
-        changed
-            .filter(|(_, a)| whole_variable(bytes, **a))
-            .map(|(_, a)| first_word(bytes, *a))
-            .filter(|w| !w.is_empty())
-    }
-
-    /// Names of a routine's parameters that it assigns itself.
-    fn changed_params(&self, id: RoutineId) -> NameList {
-        if let Some(found) = self.changes.handed_back.borrow().get(&id) {
-            return Rc::clone(found);
-        }
-        let bytes = &self.sources[id.file].bytes;
-        let routine = self.routine(id);
-        let mut names = Vec::new();
-        let mut add = |argument: Span| names.push(Box::from(&*Upper::new(&bytes[first_word(bytes, argument).range()])));
-        for span in [&routine.body, &routine.handlers].into_iter().flat_map(|block| simple_statements(block)) {
-            #[allow(clippy::cast_possible_truncation)]
-            match motion::split(bytes, id.file as u16, span) {
-                Some(Simple::Assignment { target, .. }) => add(target),
-                // Handed on: taken as changed unless to a motion or a harmless instruction.
-                Some(Simple::Call(call)) => {
-                    let name = &bytes[call.name.range()];
-                    let known = motion::shape(name).is_some()
-                        || harmless(name)
-                        || self.find_routine(self.module_of(id), name).is_some();
-                    if !known {
-                        call.given().for_each(&mut add);
-                    }
-                }
-                None => {}
-            }
-        }
-        let names = list(names);
-        self.changes.handed_back.borrow_mut().insert(id, Rc::clone(&names));
-        names
     }
 }
 
-fn list(mut names: Vec<Box<[u8]>>) -> NameList {
-    names.sort_unstable();
-    names.dedup();
-    names.into()
+/// `NOT (…)`, `AND (…)`: a word before a bracket that calls nothing.
+pub(super) fn is_word_of_operator(word: &[u8]) -> bool {
+    [&b"NOT"[..], b"AND", b"OR", b"XOR", b"DIV", b"MOD", b"IF", b"ELSEIF", b"WHILE", b"TEST", b"CASE", b"RETURN"]
+        .iter()
+        .any(|operator| operator.eq_ignore_ascii_case(word))
 }
 
-fn param_key(symbols: &Symbols<'_>, id: RoutineId, param: &Param) -> Box<[u8]> {
+/// `MoveLSync` and its kin: a procedure runs on the way.
+pub(super) fn is_synchronised(name: &[u8]) -> bool {
+    name.len() > 4 && name[name.len() - 4..].eq_ignore_ascii_case(b"SYNC")
+}
+
+fn param_key(symbols: &Symbols<'_>, id: RoutineId, param: &Param) -> Name {
     Box::from(&*Upper::new(&symbols.sources[id.file].bytes[param.name.range()]))
 }
 
-/// Whether a routine has data or a parameter of this name, which hides the module's.
-fn shadowed(symbols: &Symbols<'_>, id: RoutineId, name: &[u8]) -> bool {
-    let bytes = &symbols.sources[id.file].bytes;
-    let routine = symbols.routine(id);
-    let is = |span: Span| *Upper::new(&bytes[span.range()]) == *name;
-    routine.data.iter().any(|d| is(d.name)) || routine.params.iter().any(|p| is(p.name))
-}
-
 /// A name with components or indices and nothing else: what can be changed by whom it is given to.
-fn whole_variable(bytes: &[u8], span: Span) -> bool {
+pub(super) fn whole_variable(bytes: &[u8], span: Span) -> bool {
     let mut cursor = Cursor::new(bytes, span);
     let mut depth = 0_usize;
     loop {

@@ -69,6 +69,13 @@ fn try_clones(
             }
         }
     }
+    // An element by a number that runs names others too.
+    let others = writer.layout.sites.iter().any(|site| {
+        matches!(site, Site::Literal { literal: of, argument: Some(argument) } if *of != literal && arguments.contains_key(argument))
+    });
+    if others {
+        return false;
+    }
     // A parameter's name does not name the declaration.
     let name = kind.name;
     let named = |a: &Place| super::symbols::first_word(&writer.program.sources[a.source as usize].bytes, a.span);

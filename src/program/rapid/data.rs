@@ -1,15 +1,17 @@
-//! What variables hold while the program runs, and what is no longer known of them.
+//! What variables hold while the program runs.
 
 use super::eval::{RUN_TIME, Scope};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
 use super::run::Runner;
-use super::symbols::{Content, Upper, Variable, first_word};
-use super::tree::{Statement, Storage};
+use super::symbols::{Content, Part, Upper, Variable, first_word};
+use super::tree::Storage;
 use super::value::{Value, parts};
 use crate::text::{Span, decode};
 use std::sync::Arc;
 
+/// So many parts of a value that is copied count as a statement more.
+const PARTS_PER_STEP: usize = 16;
 const CHANGED: &str = "target changed at run time";
 
 impl<'a> Runner<'a> {
@@ -19,26 +21,23 @@ impl<'a> Runner<'a> {
         local.or_else(|| self.symbols.find_data(scope.module, key))
     }
 
-    /// Whether a variable belongs to the running routine.
-    pub(super) fn local_data(&self, at: usize) -> bool {
-        self.frames.last().is_some_and(|f| f.names.values().any(|v| *v == at))
-    }
-
     /// What a variable holds now.
     pub(super) fn content(&mut self, at: usize) -> Value {
         let variable = &self.symbols.variables[at];
         let span = match &variable.content {
             Content::Is(value) => return value.clone(),
             Content::Busy => return Value::Unknown("initial value needs itself"),
+            Content::Part(part) => {
+                let part = std::rc::Rc::clone(part);
+                return self.part(&part);
+            }
             Content::Declared(span) => *span,
         };
         let (source, module, kind) = (variable.source, variable.module, Arc::clone(&variable.kind));
         let (assigned, volatile, storage) = (variable.assigned, variable.volatile, variable.storage);
+        let local = at >= self.symbols.data;
         self.symbols.variables[at].content = Content::Busy;
-        let mut value = self.evaluate(
-            Scope { source, module, local: self.symbols.variables[at].declared.is_some() && self.local_data(at) },
-            span,
-        );
+        let mut value = self.evaluate(Scope { source, module, local, running: false }, span);
         if *kind == *b"ROBTARGET"
             && let Value::List(..) = value
             && let Some(pose) = self.as_target(&value)
@@ -47,8 +46,8 @@ impl<'a> Runner<'a> {
         } else if *kind != *b"ROBTARGET" {
             value = value.without_tokens();
         }
-        if volatile {
-            value = Value::Unknown(CHANGED);
+        if let Some(why) = volatile {
+            value = Value::Unknown(why);
         } else if assigned {
             // PERS data keep what the last run left: the text is not what is there.
             let lost =
@@ -56,6 +55,26 @@ impl<'a> Runner<'a> {
             value = if lost { Value::Unknown(CHANGED) } else { value.detached(CHANGED) };
         }
         self.symbols.variables[at].content = Content::Is(value.clone());
+        value
+    }
+
+    /// What a part of a variable holds.
+    fn part(&mut self, part: &Part) -> Value {
+        let mut value = self.content(part.of);
+        if !part.known {
+            self.pin_value(&value);
+            return Value::Unknown(RUN_TIME);
+        }
+        for at in &part.path {
+            if let Value::Target(pose) = &value {
+                self.pin(pose.root);
+                value = parts(pose);
+            }
+            value = match value.list().and_then(|items| items.get(*at)) {
+                Some(item) => item.clone(),
+                None => return Value::Unknown(value.unknown().unwrap_or(RUN_TIME)),
+            };
+        }
         value
     }
 
@@ -77,141 +96,132 @@ impl<'a> Runner<'a> {
             module,
             content: Content::Is(value),
             assigned: false,
-            volatile: false,
+            volatile: None,
+            foreign: false,
             declared: None,
         });
         self.symbols.variables.len() - 1
     }
 
     pub(super) fn assign(&mut self, scope: Scope, target: Span, value: Span) {
-        let bytes = self.bytes(scope.source as usize);
+        let text = value;
         let value = self.evaluate(scope, value);
         self.pin_value(&value);
-        (self.epoch, self.changes) = (self.epoch + 1, self.changes + 1);
-        let word = first_word(bytes, target);
-        let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()])) else { return };
-        let whole = word == target;
-        let new = if self.unsure > 0 || !whole && !self.store(scope, at, target, &value) {
-            Value::Unknown(RUN_TIME)
-        } else if whole {
-            value.detached(RUN_TIME)
-        } else {
+        (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
+        let Some(parts) = value.parts() else {
+            self.refuse(
+                scope.source,
+                text,
+                "rapid.size",
+                "an aggregate of more parts, or more within one another, than RAPID data have",
+                "a controller does not load this: declare the array with its size",
+            );
             return;
         };
-        self.symbols.variables[at].content = Content::Is(new);
+        self.steps = self.steps.saturating_add(parts / PARTS_PER_STEP);
+        if let Some(place) = self.place(scope, target) {
+            self.store(&place, &value);
+        }
     }
 
-    /// Stores into a component or element; false where that place is not known.
-    pub(super) fn store(&mut self, scope: Scope, at: usize, target: Span, value: &Value) -> bool {
+    /// The place that a name with components and indices means; `None` where it is none, or one that the files do not declare.
+    pub(super) fn place(&mut self, scope: Scope, span: Span) -> Option<Part> {
         let bytes = self.bytes(scope.source as usize);
-        let mut cursor = Cursor::new(bytes, target);
-        cursor.next();
-        let mut path = Vec::new();
+        let word = first_word(bytes, span);
+        if word.is_empty() {
+            return None;
+        }
+        let at = self.find(scope, &Upper::new(&bytes[word.range()]))?;
         let mut kind = Arc::clone(&self.symbols.variables[at].kind);
+        let mut place = match &self.symbols.variables[at].content {
+            Content::Part(part) => (**part).clone(),
+            _ => Part { of: at, path: Vec::new(), known: true },
+        };
+        let mut cursor = Cursor::new(bytes, span);
+        cursor.next();
         loop {
             let lexeme = cursor.next();
             match lexeme.kind {
-                Kind::End => break,
+                Kind::End => return Some(place),
                 Kind::Mark(b'.') => {
                     let field = cursor.next();
-                    let Some((index, next)) = self.field(&kind, &Upper::new(cursor.text(field))) else { return false };
-                    path.push(index);
-                    kind = next;
+                    let found = self.field(&kind, &Upper::new(cursor.text(field)));
+                    match found.filter(|_| place.known) {
+                        Some((index, next)) => {
+                            place.path.push(index);
+                            kind = next;
+                        }
+                        None => place.known = false,
+                    }
                 }
                 Kind::Mark(b'{') => {
-                    let mut call = Call::empty(target);
+                    let mut call = Call::empty(span);
                     let from = cursor.peek().start;
                     let mut end = from;
-                    while !matches!(cursor.peek().kind, Kind::Mark(b'}') | Kind::End) {
+                    let mut depth = 0_usize;
+                    loop {
+                        match cursor.peek().kind {
+                            Kind::End => break,
+                            Kind::Mark(b'}') if depth == 0 => break,
+                            Kind::Mark(b'{') => depth += 1,
+                            Kind::Mark(b'}') => depth -= 1,
+                            _ => {}
+                        }
                         end = cursor.next().end;
                     }
                     cursor.accept(Kind::Mark(b'}'));
                     let mut inner = Cursor::new(bytes, Span::new(from, end));
                     if motion::arguments(&mut inner, scope.source, &mut call).is_none() {
-                        return false;
+                        place.known = false;
+                        continue;
                     }
                     for index in call.positional() {
                         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                         match self.evaluate(scope, *index).num() {
-                            Some(i) if i >= 1.0 => path.push(i.round() as usize - 1),
-                            _ => return false,
+                            Some(i) if i >= 1.0 && place.known => place.path.push(i.round() as usize - 1),
+                            _ => place.known = false,
                         }
                     }
                 }
-                _ => return false,
-            }
-        }
-        let old = self.content(at).detached(RUN_TIME);
-        match replaced(&old, &path, &value.detached(RUN_TIME)) {
-            Some(new) => {
-                self.symbols.variables[at].content = Content::Is(new);
-                true
-            }
-            None => false,
-        }
-    }
-
-    /// Data that a block changes are not known while and after it runs an unknown number of times.
-    pub(super) fn forget_assigned(&mut self, body: &[Statement]) {
-        let Some(frame) = self.frames.last() else { return };
-        let mut own = Vec::new();
-        self.symbols.assigned_names(frame.routine, body, &mut own);
-        let module = frame.module;
-        let mut names: Vec<_> = own.into_iter().map(|n| (true, module, n)).collect();
-        for callee in self.reached(frame.routine, body) {
-            let module = self.symbols.module_of(callee);
-            names.extend(self.symbols.changed_by(callee).iter().map(|n| (false, module, n.clone())));
-        }
-        (self.epoch, self.changes) = (self.epoch + 1, self.changes + 1);
-        for (local, module, name) in names {
-            if let Some(at) = self.find(Scope { source: 0, module, local }, &name) {
-                self.symbols.variables[at].content = Content::Is(Value::Unknown(RUN_TIME));
+                _ => {
+                    place.known = false;
+                    return Some(place);
+                }
             }
         }
     }
 
-    /// The same for a function, which is not followed: what it changes through its arguments, and of the module.
-    pub(super) fn forget_what_a_function_changes(&mut self, scope: Scope, call: &Call) {
-        let bytes = self.bytes(scope.source as usize);
-        for word in self.symbols.changed_arguments(scope.module, bytes, call) {
-            if let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()])) {
-                self.symbols.variables[at].content = Content::Is(Value::Unknown(RUN_TIME));
-                (self.epoch, self.changes) = (self.epoch + 1, self.changes + 1);
-            }
+    /// Stores a value; where its place is not known, all that it may be is unknown.
+    pub(super) fn store(&mut self, place: &Part, value: &Value) {
+        let value = if place.known { value.detached(RUN_TIME) } else { Value::Unknown(RUN_TIME) };
+        if place.path.is_empty() {
+            return self.set(place.of, value);
         }
-        let Some(id) = self.symbols.find_routine(scope.module, &bytes[call.name.range()]) else { return };
-        let mut names = Vec::new();
-        self.symbols.assigned_names(id, &self.symbols.routine(id).body, &mut names);
-        for name in names {
-            if let Some(at) = self.symbols.find_data(self.symbols.module_of(id), &name) {
-                self.symbols.variables[at].content = Content::Is(Value::Unknown(RUN_TIME));
-                self.epoch += 1;
-            }
-        }
+        let old = self.content(place.of);
+        self.steps = self.steps.saturating_add(old.parts().unwrap_or(0) / PARTS_PER_STEP);
+        self.pin_value(&old);
+        let new = replaced(&old.detached(RUN_TIME), &place.path, &value);
+        self.set(place.of, new.unwrap_or(Value::Unknown(RUN_TIME)));
     }
 
     /// `Incr`, `Decr`, `Add`, `Clear`.
     pub(super) fn step_variable(&mut self, scope: Scope, call: &Call, name: &[u8]) {
-        let bytes = self.bytes(scope.source as usize);
         let Some(&first) = call.positional().first() else { return };
-        let word = first_word(bytes, first);
-        let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()])) else { return };
-        (self.epoch, self.changes) = (self.epoch + 1, self.changes + 1);
         let by = match name {
             b"INCR" => Some(1.0),
             b"DECR" => Some(-1.0),
             b"ADD" => call.positional().get(1).and_then(|a| self.evaluate(scope, *a).num()),
             _ => None,
         };
-        let old = if name == b"CLEAR" { Some(0.0) } else { self.content(at).num() };
+        let Some(place) = self.place(scope, first) else { return };
+        let old = self.part(&place).num();
         let new = match (old, by) {
-            _ if self.unsure > 0 || word != first => None,
+            _ if name == b"CLEAR" => Some(0.0),
             (Some(old), Some(by)) => Some(old + by),
-            (Some(_), None) if name == b"CLEAR" => Some(0.0),
             _ => None,
         };
         let value = new.map_or(Value::Unknown(RUN_TIME), |v| Value::Num(v, None));
-        self.symbols.variables[at].content = Content::Is(value);
+        self.store(&place, &value);
     }
 }
 

@@ -10,6 +10,7 @@ use super::run::Runner;
 use super::symbols::Upper;
 use super::value::{self, Place, Pose, Value};
 use crate::text::{self, Span};
+pub(super) use operators::{TOO_LONG, equal};
 use operators::{apply, operator};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -27,8 +28,10 @@ pub(super) const BROKEN_AGGREGATE: &str = "aggregate is not understood";
 pub(super) struct Scope {
     pub(super) source: u16,
     pub(super) module: usize,
-    /// Names of the running routine are seen; not so in an initial value.
+    /// Names of the running routine are seen; not so in an initial value of a module's data.
     pub(super) local: bool,
+    /// Not an initial value.
+    pub(super) running: bool,
 }
 
 impl Runner<'_> {
@@ -37,7 +40,15 @@ impl Runner<'_> {
         let sources = self.symbols.sources;
         let mut cursor = Cursor::new(&sources[scope.source as usize].bytes, span);
         let value = self.expression(scope, &mut cursor, 0, 0);
-        if cursor.peek().kind == Kind::End { value } else { Value::Unknown("expression is not understood") }
+        if matches!(value, Value::Unknown(TOO_LONG)) {
+            let help = "a controller stops here: RAPID texts have at most 80 characters";
+            self.refuse(scope.source, span, "rapid.text-length", TOO_LONG, help);
+        }
+        if cursor.peek().kind == Kind::End {
+            return value;
+        }
+        self.pin_value(&value);
+        Value::Unknown("expression is not understood")
     }
 
     /// Operators of at least `level`: OR XOR (0), AND (1), NOT (2), relations (3), + − (4), * / DIV MOD (5).
@@ -60,6 +71,12 @@ impl Runner<'_> {
             let Some(operator) = operator(cursor, lexeme).filter(|o| o.0 == level) else { return left };
             cursor.pass(lexeme);
             let right = self.expression(scope, cursor, level + 1, depth + 1);
+            // What is made of a robtarget would move with it.
+            for side in [&left, &right] {
+                if matches!(side, Value::Target(_) | Value::List(..)) {
+                    self.pin_value(side);
+                }
+            }
             left = apply(operator.1, &left, &right);
         }
     }
@@ -185,8 +202,14 @@ impl Runner<'_> {
         let key = Upper::new(cursor.text(name));
         match self.find(scope, &key) {
             Some(at) => {
-                let kind = Arc::clone(&self.symbols.variables[at].kind);
-                let value = self.content(at);
+                let variable = &self.symbols.variables[at];
+                // An initial value is of constants; of what changes it would be the value at some other time.
+                let changes = !scope.running && variable.assigned;
+                let kind = Arc::clone(&variable.kind);
+                let mut value = self.content(at);
+                if changes {
+                    value = Value::Unknown("initial value from data that change");
+                }
                 self.component(scope, cursor, value, &kind, Some(at), depth)
             }
             None => {
@@ -215,6 +238,9 @@ impl Runner<'_> {
                     cursor.pass(lexeme);
                     loop {
                         let index = self.expression(scope, cursor, 0, depth + 1);
+                        if index.num().is_none() {
+                            self.pin_value(&value);
+                        }
                         value = element(&value, &index);
                         if cursor.accept(Kind::Mark(b',')).is_none() {
                             break;

@@ -1,24 +1,33 @@
-//! Branches and loops: followed where their conditions are known, else taken once, in text order.
+//! Branches and loops: followed where their conditions are known; else every branch is run and what they leave is joined.
 
-use super::eval::{RUN_TIME, Scope};
+use super::eval::Scope;
 use super::lex::{Cursor, Kind};
+use super::memory::Left;
 use super::motion::{self, Call};
-use super::run::{Flow, Runner, State};
+use super::run::{Flow, Mode, Runner, Switch};
 use super::symbols::{Content, Upper};
-use super::tree::Statement;
+use super::tree::{Statement, any};
 use super::value::Value;
 use crate::text::Span;
+use std::collections::BTreeMap;
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 const MAX_ROUNDS: usize = 100_000;
+/// Rounds that find out what holds when any of them begins: a switch goes from known to unknown once.
+const DRY_ROUNDS: usize = 3;
+/// Loops within one another that are run like this; deeper ones leave it unknown.
+const DRY_DEPTH: usize = 2;
+/// Why data are not known in a loop.
+const LOOP: &str = "changed in a loop whose rounds are known only at run time";
 
 /// A place in what is found.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Marker {
     targets: usize,
     offsets: usize,
     motions: u32,
     arcs: usize,
+    unknown: Vec<(&'static str, usize)>,
 }
 
 impl<'a> Runner<'a> {
@@ -38,6 +47,10 @@ impl<'a> Runner<'a> {
                         "rapid.condition",
                         "condition is known only at run time: every branch is taken, in the order of the text",
                     );
+                    // What the other conditions call may run or not.
+                    for (condition, _) in &arms[i + 1..] {
+                        self.evaluate(self.scope(), *condition);
+                    }
                     let rest = arms[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]);
                     return self.branches(rest);
                 }
@@ -46,21 +59,39 @@ impl<'a> Runner<'a> {
         self.block(otherwise)
     }
 
-    /// Every branch in turn, since any may be the one that runs.
+    /// Every branch in turn, each from what holds before all of them, since any may be the one that runs.
     pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
-        self.unsure += 1;
-        let before = self.state;
-        let mut after = before;
+        self.events += 1;
+        let mut ways: Option<Left> = None;
+        let (before, mut behind) = (self.standing.clone(), Vec::new());
         for branch in branches {
-            self.state = State { mark: after.mark, ..before };
-            self.block(branch);
-            after.mark = self.state.mark;
-            after.program_displacement |= self.state.program_displacement;
-            after.axis_offset |= self.state.axis_offset;
+            self.open();
+            self.standing.clone_from(&before);
+            let flow = self.block(branch);
+            let left = self.take();
+            behind.append(&mut self.standing);
+            if flow == Flow::Next {
+                ways = Some(match ways {
+                    Some(ways) => self.join(ways, left),
+                    None => left,
+                });
+            }
         }
-        self.state = after;
-        self.unsure -= 1;
-        Flow::Next
+        behind.sort_unstable();
+        behind.dedup();
+        self.standing = behind;
+        match ways {
+            Some(left) => {
+                self.apply(left);
+                Flow::Next
+            }
+            None => Flow::Gone,
+        }
+    }
+
+    /// Whether a GOTO stands in a block: it may leave it at any statement.
+    fn jumps(block: &[Statement]) -> bool {
+        any(block, &|statement| matches!(statement, Statement::Goto(_)))
     }
 
     pub(super) fn counted(
@@ -71,29 +102,31 @@ impl<'a> Runner<'a> {
         body: &'a [Statement],
         at: Span,
     ) -> Flow {
+        self.events += 1;
         let scope = self.scope();
         let (from, to) = (self.evaluate(scope, from).num(), self.evaluate(scope, to).num());
         let step = step.map(|s| self.evaluate(scope, s).num());
         let key: Box<[u8]> = Box::from(&*Upper::new(&self.bytes(scope.source as usize)[variable.range()]));
         let bytes = self.bytes(scope.source as usize);
         let counter =
-            self.new_variable(bytes, scope.source as usize, scope.module, variable, variable, Value::Unknown(RUN_TIME));
+            self.new_variable(bytes, scope.source as usize, scope.module, variable, variable, Value::Unknown(LOOP));
         let hidden = self.frames.last_mut().and_then(|f| f.names.insert(key.clone(), counter));
-        let flow = match (from, to, step) {
-            #[allow(clippy::cast_precision_loss)]
-            (Some(from), Some(to), None | Some(Some(_)))
-                if ((to - from) / step.flatten().unwrap_or(1.0)).abs() <= self.most_steps as f64 =>
-            {
-                let step = step.flatten().unwrap_or(if to >= from { 1.0 } else { -1.0 });
-                self.count(counter, from, to, step, body)
-            }
-            _ => {
+        self.epoch += 1;
+        let known = match (from, to, step) {
+            _ if Self::jumps(body) => None,
+            (Some(from), Some(to), None) => Some((from, to, if to >= from { 1.0 } else { -1.0 })),
+            (Some(from), Some(to), Some(Some(step))) => Some((from, to, step)),
+            _ => None,
+        };
+        #[allow(clippy::cast_precision_loss)]
+        let known = known.filter(|(from, to, step)| {
+            ((to - from) / step).abs() <= self.most_steps as f64 && rounds_are_known(*from, *to, *step)
+        });
+        let flow = match known {
+            Some((from, to, step)) => self.count(counter, from, to, step, body),
+            None => {
                 self.note(at, "rapid.loop", "loop bounds are known only at run time: the loop is taken once");
-                self.forget_assigned(body);
-                self.unsure += 1;
-                self.block(body);
-                self.unsure -= 1;
-                Flow::Next
+                self.rounds(body)
             }
         };
         self.symbols.variables.truncate(counter);
@@ -103,6 +136,7 @@ impl<'a> Runner<'a> {
                 None => frame.names.remove(&key),
             };
         }
+        self.epoch += 1;
         flow
     }
 
@@ -127,13 +161,15 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn repeat(&mut self, condition: Span, body: &'a [Statement], at: Span) -> Flow {
+        self.events += 1;
         let scope = self.scope();
         let before = self.marker();
-        // A condition that nothing in the loop changes never ends it.
-        let endless = self.evaluate(scope, condition).bool() == Some(true) && !self.depends(scope, condition, body);
         let mut rounds = 0;
-        while !endless && rounds < MAX_ROUNDS {
-            match self.evaluate(scope, condition).bool() {
+        let mut known = self.evaluate(scope, condition).bool();
+        // A condition that nothing in the loop changes never ends it.
+        let endless = known == Some(true) && !self.depends(scope, condition, body);
+        while !endless && rounds < MAX_ROUNDS && !Self::jumps(body) {
+            match known {
                 Some(false) => return Flow::Next,
                 None => break,
                 Some(true) => {
@@ -148,26 +184,71 @@ impl<'a> Runner<'a> {
                 }
             }
             rounds += 1;
+            known = self.evaluate(scope, condition).bool();
         }
         if rounds == MAX_ROUNDS {
             self.back_to(before);
         }
         self.note(at, "rapid.loop", "how often this loop runs is known only at run time: it is taken once");
-        self.forget_assigned(body);
-        if endless {
-            // What stands behind is reached only by leaving the routine.
-            return self.block(body);
+        self.rounds(body)
+    }
+
+    /// Rounds of a number that is not known: one, from what holds whenever one begins.
+    fn rounds(&mut self, body: &'a [Statement]) -> Flow {
+        let Some(routine) = self.frames.last().map(|frame| frame.routine) else { return Flow::Next };
+        self.events += 1;
+        let changes = self.symbols.changed_in(routine, body);
+        self.forget(&changes, LOOP);
+        // An error in a round before may have gone to the handler.
+        self.run_handler();
+        if changes.displacement || changes.axis_offset || changes.marks {
+            self.settle(body);
         }
-        self.branches(std::iter::once(body))
+        let mut before = self.standing.clone();
+        self.open();
+        let flow = self.block(body);
+        let left = self.take();
+        if changes.displacement {
+            // The next round may count from where this one ends.
+            self.hold_where_it_stands();
+        }
+        self.standing.append(&mut before);
+        if flow == Flow::Next {
+            let none = Left { changed: BTreeMap::new(), state: self.state };
+            let left = self.join(left, none);
+            self.apply(left);
+        }
+        Flow::Next
+    }
+
+    /// What is switched on where any round of a loop begins.
+    fn settle(&mut self, body: &'a [Statement]) {
+        if self.dry == DRY_DEPTH {
+            self.state.displacement = Switch::Unknown;
+            self.state.axis_offset = Switch::Unknown;
+            self.state.mark_unknown = true;
+            return;
+        }
+        self.dry += 1;
+        for _ in 0..DRY_ROUNDS {
+            self.open();
+            let flow = self.quietly(Mode::Dry, |this| this.block(body));
+            let left = self.take();
+            let joined = if flow == Flow::Next { self.state.join(left.state) } else { self.state };
+            if joined == self.state {
+                break;
+            }
+            self.state = joined;
+        }
+        self.dry -= 1;
     }
 
     /// Whether a block may change a name in an expression, or the expression calls a function.
     pub(super) fn depends(&self, scope: Scope, expression: Span, body: &'a [Statement]) -> bool {
         let Some(frame) = self.frames.last() else { return true };
-        let mut assigned = Vec::new();
-        self.symbols.assigned_names(frame.routine, body, &mut assigned);
-        for callee in self.reached(frame.routine, body) {
-            assigned.extend(self.symbols.changed_by(callee).iter().cloned());
+        let changes = self.symbols.changed_in(frame.routine, body);
+        if changes.anything || self.symbols.routine(frame.routine).error.is_some() {
+            return true;
         }
         let mut cursor = Cursor::new(self.bytes(scope.source as usize), expression);
         loop {
@@ -177,8 +258,14 @@ impl<'a> Runner<'a> {
                 Kind::Mark(b'(') => return true,
                 Kind::Word => {
                     let name = Upper::new(cursor.text(lexeme));
-                    let volatile = self.find(scope, &name).is_some_and(|at| self.symbols.variables[at].volatile);
-                    if volatile || assigned.iter().any(|n| **n == *name) {
+                    let found = self.find(scope, &name);
+                    let part = |at: usize| matches!(self.symbols.variables[at].content, Content::Part(_));
+                    let changed = found.is_some_and(|at| {
+                        self.symbols.variables[at].volatile.is_some() || changes.data.contains(&at) || part(at)
+                    });
+                    // A parameter by reference may be any of what else is changed.
+                    let alias = found.is_some_and(|at| !changes.own.is_empty() && at >= self.symbols.data);
+                    if changed || alias || changes.own.contains(&*name) {
                         return true;
                     }
                 }
@@ -189,7 +276,14 @@ impl<'a> Runner<'a> {
 
     /// How much was found so far.
     fn marker(&self) -> Marker {
-        Marker { targets: self.targets.len(), offsets: self.offsets.len(), motions: self.motions, arcs: self.arcs }
+        let unknown = self.unknown.clone();
+        Marker {
+            targets: self.targets.len(),
+            offsets: self.offsets.len(),
+            motions: self.motions,
+            arcs: self.arcs,
+            unknown,
+        }
     }
 
     /// Forgets what was found since.
@@ -198,7 +292,7 @@ impl<'a> Runner<'a> {
         self.sites.truncate(marker.targets);
         self.on_axes.truncate(marker.targets);
         self.offsets.truncate(marker.offsets);
-        (self.motions, self.arcs) = (marker.motions, marker.arcs);
+        (self.motions, self.arcs, self.unknown) = (marker.motions, marker.arcs, marker.unknown);
     }
 
     pub(super) fn choice(
@@ -208,6 +302,7 @@ impl<'a> Runner<'a> {
         otherwise: &'a [Statement],
         at: Span,
     ) -> Flow {
+        self.events += 1;
         let scope = self.scope();
         let subject = self.evaluate(scope, subject);
         for (i, (values, body)) in cases.iter().enumerate() {
@@ -235,20 +330,25 @@ impl<'a> Runner<'a> {
         motion::arguments(&mut cursor, scope.source, &mut call)?;
         let mut sure = true;
         for span in call.positional() {
-            #[allow(clippy::float_cmp)] // RAPID's own comparison
-            let same = match (subject, self.evaluate(scope, *span)) {
-                (Value::Num(a, _), Value::Num(b, _)) => *a == b,
-                (Value::Bool(a), Value::Bool(b)) => *a == b,
-                (Value::Text(a), Value::Text(b)) => *a == b,
-                _ => {
-                    sure = false;
-                    continue;
-                }
-            };
-            if same {
-                return Some(true);
+            let value = self.evaluate(scope, *span);
+            match super::eval::equal(subject, &value) {
+                Some(true) => return Some(true),
+                Some(false) => {}
+                None => sure = false,
             }
         }
         sure.then_some(false)
     }
+}
+
+/// Whether single precision, in which the controller counts, goes round as often as double precision.
+fn rounds_are_known(from: f64, to: f64, step: f64) -> bool {
+    let whole = |v: f64| v.fract() == 0.0 && v.abs() < f64::from(1_u32 << 24);
+    if whole(from) && whole(to) && whole(step) {
+        return true;
+    }
+    // A bound that is neither met nor nearly met by any round.
+    let rounds = (to - from) / step;
+    let near = (rounds - rounds.round()).abs();
+    rounds < 0.0 || near > 1e-3
 }

@@ -2,8 +2,8 @@
 
 use super::lex;
 use super::pieces::{PIECE, first_word, is_motion};
+use super::predefined::harmless;
 use super::routines::Routine;
-use super::symbols::harmless;
 use crate::text::lines;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::ops::Range;

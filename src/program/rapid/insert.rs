@@ -1,26 +1,25 @@
-//! Points between two targets: a straight move of its own before the instruction, in the file's layout.
+//! Points between two targets: motions of their own before the instruction, in the file's layout.
 
 use super::clone::layout_at;
 use super::motion::{self, Simple, ToolAt, Zone};
 use super::rewrite::{Writer, quarters, single};
 use super::value::{Place, unit};
 use super::{Layout, Site};
-use crate::program::{Goal, Insert, Motion};
+use crate::program::{Conf, Goal, Insert, Motion, Role, Target};
 use crate::text::{Edit, Span, number};
 
-/// Where the instruction stops at its point, the piece before it must not: the smallest fly-by zone that
-/// every controller has.
-const FLY_BY: &[u8] = b"z1";
+/// Zones of a point that the controller flies by, by the room that they take: radius of the TCP path, mm.
+const FLY_BY: [(&[u8], f64); 2] = [(b"z0", 0.3), (b"z1", 1.0)];
 /// External axes of a target that has none written.
 const NO_AXES: &[u8] = b"[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]";
 
-/// Writes the inserts; gives each as the controller will hold it.
-pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<([f64; 3], [f64; 4])> {
+/// Writes the inserts; gives each as the controller will hold it, where it could be written.
+pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<([f64; 3], [f64; 4])>> {
     let mut poses = Vec::new();
     for insert in inserts {
-        let (text, pose) = numbers(writer, insert);
-        poses.push(pose);
-        match instruction(writer, insert, &text) {
+        let (text, pose) = numbers(writer, (insert.position_mm, insert.quat));
+        let via = insert.via.map(|via| numbers(writer, via).0);
+        match instruction(writer, insert, via.as_deref(), &text) {
             Ok((source, edit)) => {
                 // Several points before one instruction, in their order: one edit.
                 let edits = &mut writer.edits[source];
@@ -28,20 +27,25 @@ pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<([f64; 3
                     Some(other) => other.content.extend_from_slice(&edit.content),
                     None => edits.push(edit),
                 }
+                poses.push(Some(pose));
             }
-            Err(reason) => writer.kept.push((insert.before, reason)),
+            Err(reason) => {
+                writer.not_inserted.push((insert.before, reason));
+                poses.push(None);
+            }
         }
     }
-    writer.kept.dedup();
+    writer.not_inserted.dedup();
+    writer.wide_zones.dedup();
     poses
 }
 
 /// `[x,y,z],[q1,q2,q3,q4]` and what single precision makes of it.
-fn numbers(writer: &Writer<'_>, insert: &Insert) -> (Vec<u8>, ([f64; 3], [f64; 4])) {
+fn numbers(writer: &Writer<'_>, (position_mm, quat): ([f64; 3], [f64; 4])) -> (Vec<u8>, ([f64; 3], [f64; 4])) {
     let mut text = b"[".to_vec();
     let mut held = [0.0; 7];
-    let quat = unit(insert.quat);
-    for (i, value) in insert.position_mm.into_iter().chain(quat).enumerate() {
+    let quat = unit(quat);
+    for (i, value) in position_mm.into_iter().chain(quat).enumerate() {
         if i > 0 {
             text.extend_from_slice(if i == 3 { b"],[" } else { b"," });
         }
@@ -55,17 +59,23 @@ fn numbers(writer: &Writer<'_>, insert: &Insert) -> (Vec<u8>, ([f64; 3], [f64; 4
     (text, ([x, y, z], unit([q1, q2, q3, q4])))
 }
 
-fn instruction(writer: &Writer<'_>, insert: &Insert, numbers: &[u8]) -> Result<(usize, Edit), &'static str> {
+fn instruction(
+    writer: &mut Writer<'_>,
+    insert: &Insert,
+    via: Option<&[u8]>,
+    numbers: &[u8],
+) -> Result<(usize, Edit), &'static str> {
     let target = writer.program.targets.get(insert.before).ok_or("no such target")?;
     let source = &writer.program.sources[target.source as usize];
     let bytes = &source.bytes;
     if target.source as usize >= writer.program.written {
         return Err("declared in a context module");
     }
-    if target.motion != Motion::Linear {
-        return Err("only straight motions can be subdivided");
+    if !matches!(target.motion, Motion::Linear | Motion::Circular) {
+        return Err("only lines and arcs can be subdivided");
     }
     let same = |t: &&crate::program::Target| t.source == target.source && t.span == target.span;
+    let same = |t: &&crate::program::Target| same(t) && t.role == Role::End;
     let near = writer.program.targets[insert.before.saturating_sub(1)..].iter().take(3).filter(same).count();
     if near != 1 || writer.program.targets.iter().filter(same).take(2).count() != 1 {
         return Err("motion runs more than once: a point before it would too");
@@ -92,23 +102,26 @@ fn instruction(writer: &Writer<'_>, insert: &Insert, numbers: &[u8]) -> Result<(
     if line + indent.len() != target.span.start as usize {
         return Err("motion does not begin its line");
     }
-    let mut content = b"MoveL [".to_vec();
-    content.extend_from_slice(numbers);
-    content.push(b',');
-    let (conf, axes) = rest(writer.layout, writer, insert.before, &target.goal);
-    content.extend_from_slice(&conf);
-    content.push(b',');
-    content.extend_from_slice(&axes);
-    content.extend_from_slice(b"],");
+    let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
+    let mut content = if via.is_some() { b"MoveC ".to_vec() } else { b"MoveL ".to_vec() };
+    for numbers in via.into_iter().chain([numbers]) {
+        for part in [b"[", numbers, b",", &conf, b",", &axes, b"],"] {
+            content.extend_from_slice(part);
+        }
+    }
     content.extend_from_slice(argument(shape.to + 1)?);
     if let Some(speed) = call.option(bytes, b"V") {
         content.extend_from_slice(b"\\V:=");
         content.extend_from_slice(text(speed));
     }
     content.push(b',');
-    let zone = if shape.zone == Zone::BeforeTool && tool_at > 0 { argument(tool_at - 1)? } else { FLY_BY };
-    let stops = zone.eq_ignore_ascii_case(b"fine") || zone.to_ascii_uppercase().starts_with(b"[TRUE");
-    content.extend_from_slice(if stops { FLY_BY } else { zone });
+    let own = if shape.zone == Zone::BeforeTool && tool_at > 0 { argument(tool_at - 1)? } else { b"fine" };
+    content.extend_from_slice(fly_by(own, insert.room_mm));
+    let before = writer.program.targets[..insert.before].iter().rev().find(|before| before.role == Role::End);
+    let wide = |zone: &[u8]| radius_mm(zone).is_some_and(|radius| radius > insert.room_mm);
+    if wide(own) || before.is_some_and(|before| zone_of(writer, before).is_some_and(wide)) {
+        writer.wide_zones.push(insert.before);
+    }
     content.push(b',');
     content.extend_from_slice(argument(tool_at)?);
     if let Some(wobj) = call.option(bytes, b"WObj") {
@@ -126,19 +139,58 @@ fn instruction(writer: &Writer<'_>, insert: &Insert, numbers: &[u8]) -> Result<(
     Ok((target.source as usize, Edit { span: at, content: content.into() }))
 }
 
+/// The zone of a point that the controller flies by, with so much room (mm) about it: the instruction's own where that fits.
+fn fly_by(own: &[u8], room_mm: f64) -> &[u8] {
+    // Zones of neighbours meet half way.
+    let fits = |radius: f64| radius <= 0.5 * room_mm;
+    if radius_mm(own).is_some_and(fits) {
+        return own;
+    }
+    FLY_BY.iter().rev().find(|(_, radius)| fits(*radius)).map_or(FLY_BY[0].0, |(name, _)| name)
+}
+
+/// Radius of the TCP path of a zone that is predefined or written out, mm; `None` of a stop, and of names.
+fn radius_mm(zone: &[u8]) -> Option<f64> {
+    let upper = zone.to_ascii_uppercase();
+    if let Some(mm) = upper.strip_prefix(b"Z") {
+        // z0 is the least that there is.
+        return number::read(mm).filter(|_| mm.iter().all(u8::is_ascii_digit)).map(|mm| mm.max(FLY_BY[0].1));
+    }
+    let mut fields = upper.strip_prefix(b"[")?.split(|b| *b == b',');
+    let flies = fields.next()?.trim_ascii() == b"FALSE";
+    number::read(fields.next()?.trim_ascii()).filter(|_| flies)
+}
+
+/// The zone of a motion, as it is written.
+fn zone_of<'p>(writer: &Writer<'p>, target: &Target) -> Option<&'p [u8]> {
+    let bytes: &'p [u8] = &writer.program.sources[target.source as usize].bytes;
+    let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
+    let shape = motion::shape(&bytes[call.name.range()]).filter(|shape| shape.zone == Zone::BeforeTool)?;
+    let arguments = call.positional();
+    let tool_at = match shape.tool {
+        ToolAt::Index(at) => at,
+        ToolAt::Last => arguments.len().checked_sub(1)?,
+    };
+    Some(&bytes[arguments.get(tool_at.checked_sub(1)?)?.range()])
+}
+
 /// Configuration and external axes of the target, as text.
-fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, goal: &Goal) -> (Vec<u8>, Vec<u8>) {
+fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, own: Option<Conf>, goal: &Goal) -> (Vec<u8>, Vec<u8>) {
     let literal = match layout.sites[i] {
         Site::Literal { literal, .. } => Some(literal),
         Site::Offset(at) => Some(layout.offsets[at as usize].root),
         Site::None => None,
     };
-    let conf = match goal {
-        Goal::Pose { conf: Some(conf), .. } => {
-            let [a, b, c, d] = quarters(*conf);
+    let written = match goal {
+        Goal::Pose { conf, .. } => *conf,
+        Goal::Axis { .. } | Goal::Joints { .. } => None,
+    };
+    let conf = match own.or(written) {
+        Some(conf) => {
+            let [a, b, c, d] = quarters(conf);
             format!("[{a},{b},{c},{d}]").into_bytes()
         }
-        _ => b"[0,0,0,0]".to_vec(),
+        None => b"[0,0,0,0]".to_vec(),
     };
     let axes = literal.map(|l| {
         let literal = &layout.literals[l as usize];

@@ -21,6 +21,7 @@ mod insert;
 mod kinds;
 mod lex;
 mod literal;
+mod memory;
 mod motion;
 mod moves;
 mod named;
@@ -28,6 +29,7 @@ mod outcome;
 mod own;
 mod piece;
 mod pieces;
+mod predefined;
 mod rewrite;
 mod routines;
 mod run;
@@ -39,6 +41,7 @@ mod symbols;
 mod syntax;
 mod token;
 mod tree;
+mod uses;
 mod value;
 
 // What passes between `Pieces` and the line that corrects them; not for callers.
@@ -162,7 +165,7 @@ fn read_cut(
                 if let Some(last) = file.cut.filter(|_| cut_off) {
                     let line = source.line_column(last.range().start).line;
                     let reason = "the file ends inside a module";
-                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true });
+                    cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
                 } else if let Some(last) = file.cut {
                     let message = "the file ends inside a module: expected ENDMODULE";
                     let error = Diagnostic::error("rapid.truncated", &source.name, message).at(source, last);
@@ -178,6 +181,7 @@ fn read_cut(
     }
     let mut outcome = run::Runner::new(&sources, &files, written).run(&files);
     if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        outcome.diagnostics.sort_by_key(|d| d.severity != Severity::Error);
         return Err(outcome.diagnostics);
     }
     for (source, file) in sources.iter().zip(&files).take(written) {
@@ -195,6 +199,7 @@ fn read_cut(
         literal_targets,
         arcs: outcome.arcs,
         cutter: None,
+        actions: Vec::new(),
         diagnostics: outcome.diagnostics,
         layout: super::Layout::Rapid(outcome.layout),
         sources,

@@ -1,102 +1,96 @@
 //! Executed motions: their targets, tools, work objects and speeds, and what of them may be edited.
 
+use super::calls::ABSENT;
+use super::changes::{Changes, is_synchronised};
 use super::eval::{RUN_TIME, Scope};
 use super::literal::{Literal, UNUSED_AXIS};
 use super::motion::{Call, Shape, ToolAt, Zone};
-use super::run::{Cached, MAX_NORM_ERROR, Runner};
-use super::symbols::{self, Content, Upper, first_word};
-use super::tree::Storage;
+use super::predefined::Instruction;
+use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner, Switch};
+use super::symbols::{Upper, first_word};
 use super::value::{Place, Pose, Value, axes_in_use, predefined, unit};
 use super::{Offset, Site};
-use crate::program::{Editable, Goal, Motion, Role, Target, Tool, ToolData, Wobj};
-use crate::text::{Span, decode};
+use crate::program::{Editable, Goal, Motion, Role, Target, Tool, ToolData, Wobj, WobjData};
+use crate::text::{Severity, Span, decode};
+use smallvec::SmallVec;
+use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
+const BY_SYNCHRONISED: &str = "may be changed by the procedure of a synchronised motion";
+const MANY_FRAMES: &str = "the program has more than 65,536 tools or work objects";
 const CONTEXT: &str = "declared in a context module";
 
 impl<'a> Runner<'a> {
-    /// An instruction that is neither a known motion nor in the files.
-    pub(super) fn instruction(&mut self, scope: Scope, call: &Call, span: Span) {
+    /// A predefined instruction that does not move to a robtarget.
+    pub(super) fn instruction(&mut self, scope: Scope, call: &Call, known: Instruction, span: Span) -> Flow {
         let bytes = self.bytes(scope.source as usize);
-        let name = Upper::new(&bytes[call.name.range()]);
-        match &*name {
-            b"PDISPON" | b"PDISPSET" => self.state.program_displacement = true,
-            b"PDISPOFF" => self.state.program_displacement &= self.unsure > 0,
-            b"EOFFSON" | b"EOFFSSET" => self.state.axis_offset = true,
-            b"EOFFSOFF" => self.state.axis_offset &= self.unsure > 0,
-            b"MOVEEXTJ" => self.keep_here(span, "moves external axes only"),
-            b"INCR" | b"DECR" | b"ADD" | b"CLEAR" => return self.step_variable(scope, call, &name),
-            _ => {}
+        // What it is told of a robtarget is told of the numbers that stand there.
+        for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
+            let value = self.evaluate(scope, argument);
+            self.pin_value(&value);
         }
-        if symbols::harmless(&bytes[call.name.range()]) {
-            return;
+        if known == Instruction::Nothing {
+            return Flow::Next;
         }
-        // A motion instruction of the user's own is known by the types of its arguments.
-        let mut targets = Vec::new();
-        let mut tool = None;
-        for (i, argument) in call.positional().iter().enumerate() {
-            match self.kind_of(scope, *argument) {
-                Some(kind) if *kind == *b"ROBTARGET" => targets.push(i),
-                Some(kind) if *kind == *b"TOOLDATA" => tool = Some(i),
-                _ => {}
+        self.events += 1;
+        match known {
+            Instruction::Nothing => {}
+            Instruction::Arguments => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"GetDataVal") {
+                    // Data that it reads by their name.
+                    let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                        Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
+                        _ => self.symbols.all_named(None),
+                    };
+                    named.into_iter().for_each(|at| self.pin_declared(at));
+                }
+                for argument in call.given().collect::<SmallVec<[Span; 4]>>() {
+                    self.forget_argument(scope, argument, RUN_TIME);
+                }
             }
-        }
-        match (targets.last(), tool) {
-            (Some(&to), Some(tool)) if tool > to => {
-                let last = name.last();
-                let motion = match (last, targets.len()) {
-                    (Some(b'C'), 2) => Motion::Circular,
-                    (Some(b'J'), _) => Motion::Joint,
-                    _ => Motion::Linear,
+            Instruction::Steps => self.step_variable(scope, call, &Upper::new(&bytes[call.name.range()])),
+            Instruction::DisplacementOn => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
+                    self.hold_where_it_stands();
+                }
+                self.state.displacement = self.switched(0, Switch::On);
+            }
+            Instruction::DisplacementOff => self.state.displacement = self.switched(0, Switch::Off),
+            Instruction::AxisOffsetOn => self.state.axis_offset = self.switched(1, Switch::On),
+            Instruction::AxisOffsetOff => self.state.axis_offset = self.switched(1, Switch::Off),
+            Instruction::DataByName => {
+                let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                    Some(Value::Text(name)) if bytes[call.name.range()].eq_ignore_ascii_case(b"SetDataVal") => {
+                        self.symbols.data_named(Some(&name))
+                    }
+                    _ => self.symbols.data_named(None),
                 };
-                let via = (motion == Motion::Circular).then(|| targets[0]);
-                let shape = Shape { motion, via, to, tool: ToolAt::Index(tool), zone: Zone::Absent };
-                self.motion(scope, call, shape, span);
+                named.into_iter().for_each(|at| self.forget_data(at, RUN_TIME));
             }
-            (Some(_), _) => {
-                for at in targets {
-                    let value = self.evaluate(scope, call.positional()[at]);
-                    self.pin_value(&value);
-                }
-                self.keep_here(span, "robtarget given to a procedure that is not known");
-            }
-            _ => {}
+            Instruction::Moves => self.keep_here(span, "moves external axes only, or along a recorded path"),
+            Instruction::Ends => return Flow::Gone,
+            Instruction::Raises => return self.raise(),
         }
-        // What it is given it may change.
-        for argument in call.given() {
-            let word = first_word(bytes, argument);
-            if word.is_empty() {
-                continue;
-            }
-            if let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()])) {
-                let variable = &self.symbols.variables[at];
-                if variable.assigned && variable.storage != Storage::Const {
-                    self.symbols.variables[at].content = Content::Is(Value::Unknown(RUN_TIME));
-                    self.epoch += 1;
-                }
+        Flow::Next
+    }
+
+    /// Something is counted from where the robot stands: that must not move.
+    pub(super) fn hold_where_it_stands(&mut self) {
+        for at in std::mem::take(&mut self.standing) {
+            if let Some(target) = self.targets.get_mut(at)
+                && !matches!(target.editable, Editable::No(_))
+            {
+                target.editable = Editable::No("program displacement is counted from it");
             }
         }
     }
 
-    /// Declared type of an argument, in upper case, as far as its text shows it.
-    pub(super) fn kind_of(&mut self, scope: Scope, argument: Span) -> Option<Arc<[u8]>> {
-        let bytes = self.bytes(scope.source as usize);
-        let robtarget = || Some(Arc::from(&b"ROBTARGET"[..]));
-        if bytes.get(argument.start as usize) == Some(&b'[') {
-            let value = self.evaluate(scope, argument);
-            return if self.as_target(&value).is_some() { robtarget() } else { None };
-        }
-        let word = first_word(bytes, argument);
-        let name = Upper::new(&bytes[word.range()]);
-        match &*name {
-            b"OFFS" | b"RELTOOL" => return robtarget(),
-            b"TOOL0" => return Some(Arc::from(&b"TOOLDATA"[..])),
-            _ => {}
-        }
-        let at = self.find(scope, &name)?;
-        let component = bytes[word.end as usize..argument.end as usize].contains(&b'.');
-        (!component).then(|| Arc::clone(&self.symbols.variables[at].kind))
+    /// Displacement (0) or axis offset (1) as an instruction leaves it, as far as nothing else switches it at any moment.
+    fn switched(&self, which: usize, to: Switch) -> Switch {
+        let at_any_moment = &self.symbols.known.at_any_moment;
+        let others = [at_any_moment.displacement, at_any_moment.axis_offset][which];
+        if others || self.jumping[which] > 0 { Switch::Unknown } else { to }
     }
 
     /// One executed motion.
@@ -109,16 +103,36 @@ impl<'a> Runner<'a> {
             ToolAt::Index(at) => Some(at),
             ToolAt::Last => arguments.len().checked_sub(1),
         };
-        let Some(&tool) = tool_at
+        let Some((tool_at, &tool)) = tool_at
             .filter(|at| *at > shape.to + 1 || *at > shape.to && shape.zone == Zone::Absent)
-            .and_then(|at| arguments.get(at))
+            .and_then(|at| Some((at, arguments.get(at)?)))
         else {
             return self.keep_here(span, "motion without a tool");
         };
-        self.motions += 1;
+        let via = shape.via.and_then(|at| Some((at, *arguments.get(at)?)));
+        if self.mode == Mode::Real {
+            self.motions += 1;
+            self.arcs += usize::from(shape.motion == Motion::Circular);
+        }
         let bytes = self.bytes(scope.source as usize);
-        let tool = self.tool_index(scope, tool);
-        let wobj = self.wobj_index(scope, call.option(bytes, b"WObj"));
+        self.other_arguments(scope, call, shape, tool_at);
+        let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4).copied());
+        if let Some(procedure) = synchronised {
+            self.run_on_the_way(scope, procedure);
+        }
+        if self.mode == Mode::Dry {
+            // Only what it calls and what it finds matters.
+            self.evaluate(scope, to);
+            return self.found_by_search(scope, arguments, shape);
+        }
+        let frames = match self.frames_of(scope, call, tool) {
+            Ok(frames) => frames,
+            Err(reason) => {
+                self.hold(scope, via.map(|via| via.1).into_iter().chain([to]));
+                self.found_by_search(scope, arguments, shape);
+                return self.keep_motion(span, reason);
+            }
+        };
         let feed_mm_s = self.speed(scope, call, arguments.get(shape.to + 1).copied());
         let line = self.lines[scope.source as usize].line(span.start);
         let target = Target {
@@ -126,8 +140,8 @@ impl<'a> Runner<'a> {
             role: Role::End,
             motion: shape.motion,
             goal: Goal::Joints { deg: [0.0; 6] },
-            tool,
-            wobj,
+            tool: frames.0,
+            wobj: frames.1,
             feed_mm_s,
             spindle_rpm: None,
             rapid: false,
@@ -145,19 +159,101 @@ impl<'a> Runner<'a> {
             }
             return;
         }
-        let via = shape.via.and_then(|at| Some((at, *arguments.get(at)?)));
-        if shape.motion == Motion::Circular {
-            self.arcs += 1;
+        // An arc is known by both its points, or not at all.
+        let circle = via.map(|(at, via)| (self.pose(scope, call, at, via), via));
+        let end = self.pose(scope, call, shape.to, to);
+        match (circle, end) {
+            (Some((Ok(circle), via)), Ok(end)) => {
+                self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
+                self.point(scope, &end, to, target);
+            }
+            (None, Ok(end)) => self.point(scope, &end, to, target),
+            (circle, end) => {
+                let both = [circle.map(|circle| circle.0), Some(end)].into_iter().flatten();
+                let mut reason = None;
+                for pose in both {
+                    match pose {
+                        Ok(pose) => self.pin_pose(&pose),
+                        Err(why) => reason = Some(why),
+                    }
+                }
+                self.keep_motion(span, reason.unwrap_or(RUN_TIME));
+            }
         }
-        if let Some((at, via)) = via {
-            let target = Target { role: Role::Via, ..target.clone() };
-            self.point(scope, call, at, via, target);
-        }
-        self.point(scope, call, shape.to, to, target);
+        self.found_by_search(scope, arguments, shape);
     }
 
-    /// One robtarget of a motion.
-    pub(super) fn point(&mut self, scope: Scope, call: &Call, at: usize, argument: Span, mut target: Target) {
+    /// A procedure runs while the robot passes here, some time while the program goes on: what it changes is not known from
+    /// here on.
+    fn run_on_the_way(&mut self, scope: Scope, procedure: Option<Span>) {
+        self.events += 1;
+        let name = procedure.map(|name| self.evaluate(scope, name));
+        let id = match &name {
+            Some(Value::Text(name)) => {
+                let name = name.rsplit(|b| *b == b':').next().unwrap_or_default();
+                self.symbols.find_routine(scope.module, name)
+            }
+            _ => None,
+        };
+        let changes = id.map(|id| self.symbols.changed_by(id).clone()).unwrap_or_else(Changes::anything);
+        self.forget(&changes, BY_SYNCHRONISED);
+        let everything = self.symbols.everything();
+        let others = everything.iter().filter(|_| changes.anything);
+        for at in changes.data.iter().chain(others) {
+            self.symbols.variables[*at].volatile.get_or_insert(BY_SYNCHRONISED);
+        }
+        let at_any_moment = &mut self.symbols.known.at_any_moment;
+        at_any_moment.displacement |= changes.displacement;
+        at_any_moment.axis_offset |= changes.axis_offset;
+        if changes.displacement {
+            self.state.displacement = Switch::Unknown;
+        }
+        if changes.axis_offset {
+            self.state.axis_offset = Switch::Unknown;
+        }
+    }
+
+    /// Tool and work object of a motion, or why they are not known.
+    fn frames_of(&mut self, scope: Scope, call: &Call, tool: Span) -> Result<(u16, u16), &'static str> {
+        let bytes = self.bytes(scope.source as usize);
+        let tool = self.tool_index(scope, tool)?;
+        Ok((tool, self.wobj_index(scope, call.option(bytes, b"WObj"))?))
+    }
+
+    /// SearchPoint, which stands before the targets, is where the search stopped.
+    fn found_by_search(&mut self, scope: Scope, arguments: &[Span], shape: Shape) {
+        if shape.zone == Zone::Absent
+            && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
+        {
+            self.events += 1;
+            self.forget_argument(scope, *point, RUN_TIME);
+        }
+    }
+
+    /// Robtargets that are used where they cannot be edited.
+    fn hold(&mut self, scope: Scope, arguments: impl Iterator<Item = Span>) {
+        for argument in arguments {
+            let value = self.evaluate(scope, argument);
+            self.pin_value(&value);
+        }
+    }
+
+    /// Arguments that do not say where to: for the functions that they call, and the robtargets that they are made of.
+    fn other_arguments(&mut self, scope: Scope, call: &Call, shape: Shape, tool_at: usize) {
+        let bytes = self.bytes(scope.source as usize);
+        let own = |(at, _): &(usize, &Span)| *at != shape.to && Some(*at) != shape.via && *at != tool_at;
+        let positional = call.positional().iter().enumerate().filter(own).map(|(_, span)| *span);
+        let named = call.optional().iter().map(|(_, value)| *value);
+        let made = |span: &Span| {
+            let text = &bytes[span.range()];
+            text.iter().any(|b| matches!(b, b'(' | b'{' | b'.')) && text.iter().any(u8::is_ascii_alphabetic)
+        };
+        let others = positional.chain(named).filter(made).collect::<SmallVec<[Span; 4]>>();
+        self.hold(scope, others.into_iter());
+    }
+
+    /// What a robtarget of a motion is worth, or why that is not known.
+    fn pose(&mut self, scope: Scope, call: &Call, at: usize, argument: Span) -> Result<Rc<Pose>, &'static str> {
         let pose = match call.literal(at) {
             Some((_, literal, written)) => {
                 let (literal, written) = (*literal, *written);
@@ -168,19 +264,23 @@ impl<'a> Runner<'a> {
                 match self.as_target(&value) {
                     Some(pose) => pose,
                     None => {
-                        let reason = match value {
+                        self.pin_value(&value);
+                        return Err(match value {
                             Value::List(..) => value.unknown().unwrap_or("not a complete robtarget"),
                             _ => value.unknown().unwrap_or("not a robtarget"),
-                        };
-                        return self.keep_point(&target, reason);
+                        });
                     }
                 }
             }
         };
+        if is_unit(pose.written.quat) { Ok(pose) } else { Err(NOT_UNIT) }
+    }
+
+    /// One robtarget of a motion.
+    fn point(&mut self, scope: Scope, pose: &Pose, argument: Span, mut target: Target) {
         let written = &pose.written;
-        let norm = written.quat.iter().map(|c| c * c).sum::<f64>();
-        if !norm.is_finite() || (norm - 1.0).abs() > MAX_NORM_ERROR {
-            return self.keep_point(&target, "orientation is not a unit quaternion");
+        if self.mode != Mode::Real {
+            return self.use_aside(&target, pose);
         }
         target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
         let bytes = self.bytes(scope.source as usize);
@@ -188,7 +288,7 @@ impl<'a> Runner<'a> {
         if named && pose.steps.is_empty() {
             target.name = self.name_of(pose.root, &bytes[argument.range()]);
         }
-        (target.editable, target.motion) = (self.editable(&target, &pose), target.motion);
+        (target.editable, target.motion) = (self.editable(&target, pose), target.motion);
         let site = match pose.root {
             None => Site::None,
             Some(root) if pose.steps.is_empty() => {
@@ -210,16 +310,12 @@ impl<'a> Runner<'a> {
         self.push(target, site, in_use);
     }
 
-    /// Keeps a point whose target is not known; a circle point counts with its end.
-    fn keep_point(&mut self, target: &Target, reason: &'static str) {
-        if target.role == Role::End {
-            self.keep_motion(target.span, reason);
-        } else {
-            self.keep_here(target.span, reason);
-        }
-    }
-
     pub(super) fn push(&mut self, target: Target, site: Site, in_use: bool) {
+        if self.mode != Mode::Real {
+            return;
+        }
+        self.standing.clear();
+        self.standing.push(self.targets.len());
         self.targets.push(target);
         self.sites.push(site);
         self.on_axes.push(in_use);
@@ -239,10 +335,16 @@ impl<'a> Runner<'a> {
         let tool = self.tools[target.tool as usize].data;
         let wobj = self.wobjs[target.wobj as usize].data;
         let stationary = tool.is_some_and(|t: ToolData| !t.robhold) || wobj.is_some_and(|w| w.robhold);
-        let reason = if self.state.program_displacement {
+        let reason = if self.state.displacement == Switch::On {
             Some("program displacement is active")
-        } else if self.state.axis_offset {
+        } else if self.state.displacement == Switch::Unknown {
+            Some("program displacement is known only at run time")
+        } else if self.state.axis_offset == Switch::On && axes_in_use(&pose.written.external) {
             Some("offset of external axes is active")
+        } else if self.state.axis_offset == Switch::Unknown && axes_in_use(&pose.written.external) {
+            Some("offset of external axes is known only at run time")
+        } else if self.state.mark_unknown {
+            Some("air or cut is known only at run time")
         } else if stationary {
             Some("stationary tool")
         } else if wobj.is_some_and(|w| !w.fixed) {
@@ -265,33 +367,88 @@ impl<'a> Runner<'a> {
         Editable::No(reason.unwrap_or(RUN_TIME))
     }
 
-    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> u16 {
+    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, &'static str> {
         let place = Place { source: scope.source, span: argument };
         if self.fresh(self.tool, place) {
-            return self.tool.index;
+            return Ok(self.tool.index);
         }
-        let (name, value) = self.named(scope, argument);
-        let tool = Tool { name, data: value.tool() };
-        let index = index(&mut self.tools, tool, Tool::is);
-        self.tool = Cached { place: Some(place), epoch: self.epoch, index };
-        index
+        let (name, value, declared) = self.named(scope, argument);
+        let data = value.tool();
+        if declared && data.is_none() {
+            self.tell_frame(argument, "tool", &name, &value);
+            return Err("tool known only at run time");
+        }
+        if data.is_some_and(|data| !is_unit(data.tcp_quat)) {
+            return Err(NOT_UNIT);
+        }
+        let numbers = data.map_or(Vec::new(), |d| {
+            [&d.tcp_mm[..], &d.tcp_quat, &[d.mass_kg], &d.cog_mm, &[f64::from(u8::from(d.robhold))]].concat()
+        });
+        let key = frame_key(&name, &numbers);
+        let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
+        let index = number(&mut self.tools, &mut self.tool_numbers, key, self.mode, Tool { name, data })?;
+        let Some(index) = index else {
+            self.refuse(scope.source, argument, "rapid.frames", MANY_FRAMES, "split the program");
+            return Err("too many tools");
+        };
+        self.tool = self.cached(scope, place, index);
+        Ok(index)
     }
 
-    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> u16 {
+    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, &'static str> {
         let argument = argument.filter(|a| !a.is_empty());
         // No argument: the same empty place whatever the instruction.
         let place = Place { source: scope.source, span: argument.unwrap_or_default() };
         if self.fresh(self.wobj, place) {
-            return self.wobj.index;
+            return Ok(self.wobj.index);
         }
-        let (name, value) = match argument {
-            Some(argument) => self.named(scope, argument),
-            None => ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(RUN_TIME))),
+        let wobj0 = || ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(RUN_TIME)), true);
+        let (name, value, declared) = match argument {
+            Some(argument) => match self.named(scope, argument) {
+                (_, Value::Unknown(ABSENT), _) => wobj0(),
+                named => named,
+            },
+            None => wobj0(),
         };
-        let wobj = Wobj { name, data: value.wobj() };
-        let index = index(&mut self.wobjs, wobj, Wobj::is);
-        self.wobj = Cached { place: Some(place), epoch: self.epoch, index };
-        index
+        let data = value.wobj();
+        if let Some(argument) = argument.filter(|_| declared && data.is_none()) {
+            self.tell_frame(argument, "work object", &name, &value);
+            return Err("work object known only at run time");
+        }
+        if data.as_ref().is_some_and(|data| !is_unit(data.uframe_quat) || !is_unit(data.oframe_quat)) {
+            return Err(NOT_UNIT);
+        }
+        let numbers = data.map_or(Vec::new(), |d| {
+            let flags = [f64::from(u8::from(d.robhold)), f64::from(u8::from(d.fixed))];
+            [&d.uframe_mm[..], &d.uframe_quat, &d.oframe_mm, &d.oframe_quat, &flags].concat()
+        });
+        let key = frame_key(&name, &numbers);
+        let data = data.map(|data| WobjData {
+            uframe_quat: unit(data.uframe_quat),
+            oframe_quat: unit(data.oframe_quat),
+            ..data
+        });
+        let index = number(&mut self.wobjs, &mut self.wobj_numbers, key, self.mode, Wobj { name, data })?;
+        let Some(index) = index else {
+            self.refuse(scope.source, argument.unwrap_or_default(), "rapid.frames", MANY_FRAMES, "split the program");
+            return Err("too many work objects");
+        };
+        self.wobj = self.cached(scope, place, index);
+        Ok(index)
+    }
+
+    /// What is remembered of an argument: a plain name means the same until something is assigned or called.
+    fn cached(&self, scope: Scope, place: Place, index: u16) -> Cached {
+        let bytes = self.bytes(scope.source as usize);
+        let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
+        Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
+    }
+
+    /// Says why a frame is not known, once a place.
+    fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
+        let why = value.unknown().unwrap_or("not of numbers");
+        let message = format!("{what} `{name}` is known only at run time here: {why}");
+        self.tell(argument, "rapid.frame", &message, Severity::Note);
     }
 
     /// Whether an argument reads like the last one, and nothing was assigned or called in between.
@@ -303,17 +460,25 @@ impl<'a> Runner<'a> {
             })
     }
 
-    /// Tool or work object: the name that it was declared with, also through parameters, and its value.
-    pub(super) fn named(&mut self, scope: Scope, argument: Span) -> (Arc<str>, Value) {
+    /// Tool or work object: the name that it was declared with, also through parameters, its value, and whether the program
+    /// says what that is: else the cell may.
+    pub(super) fn named(&mut self, scope: Scope, argument: Span) -> (Arc<str>, Value, bool) {
         let bytes = self.bytes(scope.source as usize);
         let word = first_word(bytes, argument);
-        if word == argument
-            && let Some(at) = self.find(scope, &Upper::new(&bytes[word.range()]))
-        {
-            let name = Arc::clone(&self.symbols.variables[at].name);
-            return (name, self.content(at));
+        if word == argument {
+            let key = Upper::new(&bytes[word.range()]);
+            if let Some(at) = self.find(scope, &key) {
+                let variable = &self.symbols.variables[at];
+                let (name, foreign) = (Arc::clone(&variable.name), variable.foreign);
+                let assigned = foreign && self.symbols.foreign_assigned.contains(&*Upper::new(name.as_bytes()));
+                return (name, self.content(at), !foreign || assigned);
+            }
+            let known = predefined(&key);
+            let declared = known.is_some() || self.symbols.foreign_assigned.contains(&*key);
+            let value = known.unwrap_or(Value::Unknown("name is not declared in the files given"));
+            return (decode(&bytes[argument.range()]).as_ref().into(), value, declared);
         }
-        (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument))
+        (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument), true)
     }
 
     /// Programmed TCP speed, mm/s.
@@ -366,9 +531,15 @@ impl<'a> Runner<'a> {
         self.pinned.extend(root);
     }
 
+    /// The same with the offsets that it was made by.
+    pub(super) fn pin_pose(&mut self, pose: &Pose) {
+        self.pin(pose.root);
+        self.held.extend(pose.steps.iter().filter_map(|step| step.tokens).map(|tokens| tokens[0]));
+    }
+
     pub(super) fn pin_value(&mut self, value: &Value) {
         match value {
-            Value::Target(pose) => self.pin(pose.root),
+            Value::Target(pose) => self.pin_pose(pose),
             Value::List(items, _) => items.iter().for_each(|v| self.pin_value(v)),
             _ => {}
         }
@@ -381,6 +552,40 @@ impl<'a> Runner<'a> {
             Site::Offset(at) => Some(self.offsets[*at as usize].root),
         }
     }
+}
+
+/// Whether a quaternion is one of an orientation, but for printing.
+fn is_unit(quat: [f64; 4]) -> bool {
+    let norm = quat.iter().map(|c| c * c).sum::<f64>();
+    (norm - 1.0).abs() <= MAX_NORM_ERROR
+}
+
+/// A tool or work object as a key: its name, whatever the case, and its numbers.
+fn frame_key(name: &str, numbers: &[f64]) -> Vec<u8> {
+    let mut key = name.to_ascii_uppercase().into_bytes();
+    key.push(0);
+    numbers.iter().for_each(|number| key.extend_from_slice(&number.to_bits().to_le_bytes()));
+    key
+}
+
+/// The number of a frame; it gets one where it has none, as long as there are any.
+fn number<T>(
+    all: &mut Vec<T>,
+    numbers: &mut HashMap<Vec<u8>, u16>,
+    key: Vec<u8>,
+    mode: Mode,
+    one: T,
+) -> Result<Option<u16>, &'static str> {
+    if let Some(known) = numbers.get(&key) {
+        return Ok(Some(*known));
+    }
+    if mode != Mode::Real {
+        return Err("not a frame of the program as it runs");
+    }
+    let Ok(number) = u16::try_from(all.len()) else { return Ok(None) };
+    all.push(one);
+    numbers.insert(key, number);
+    Ok(Some(number))
 }
 
 /// Where one of a few stands; it is added where it does not.

@@ -4,7 +4,7 @@ use super::run::Runner;
 use super::tree::{File, RoutineKind, Statement};
 use super::value::Place;
 use super::{Layout, Site};
-use crate::program::{Editable, Goal, Kept, Motion, Target, Tool, Wobj};
+use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, Wobj};
 use crate::text::Diagnostic;
 use std::collections::HashSet;
 
@@ -22,11 +22,22 @@ pub(super) struct Outcome {
 impl Runner<'_> {
     /// The end of the run.
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+        self.hold_what_runs_aside();
+        self.hold_what_is_used_otherwise();
         let plain = self.plain(files);
         let straight = plain && self.inline();
         self.refuse_what_axes_move();
-        self.refuse_shared_offsets();
-        self.refuse_shared_declarations();
+        self.refuse_what_calls_itself();
+        // What one refuses may be what another rests on.
+        loop {
+            let before = self.refused();
+            self.refuse_halves_of_arcs();
+            self.refuse_shared_offsets();
+            self.refuse_shared_declarations();
+            if self.refused() == before {
+                break;
+            }
+        }
         self.keep_what_is_refused();
         self.kept.sort_by_key(|k| (k.source, k.span.start));
         let layout = Layout {
@@ -50,6 +61,26 @@ impl Runner<'_> {
         }
     }
 
+    /// How many targets are not edited.
+    fn refused(&self) -> usize {
+        self.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count()
+    }
+
+    /// An arc with one of its points moved is another arc.
+    fn refuse_halves_of_arcs(&mut self) {
+        for i in 1..self.targets.len() {
+            let [circle, end] = [i - 1, i].map(|i| self.targets[i].editable);
+            if self.targets[i - 1].role == Role::Via {
+                match (circle, end) {
+                    (Editable::No(_), Editable::No(_)) => {}
+                    (Editable::No(why), _) => self.targets[i].editable = Editable::No(why),
+                    (_, Editable::No(why)) => self.targets[i - 1].editable = Editable::No(why),
+                    _ => {}
+                }
+            }
+        }
+    }
+
     fn refuse_what_axes_move(&mut self) {
         if !self.external_moves {
             return;
@@ -69,7 +100,8 @@ impl Runner<'_> {
         };
         let of_kept =
             |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
-        let held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
+        let mut held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
+        held.extend(&self.held);
         for (target, site) in self.targets.iter_mut().zip(&self.sites) {
             let shared = offset(site).is_some_and(|place| held.contains(&place));
             if shared && target.editable == Editable::Position {
@@ -107,8 +139,6 @@ impl Runner<'_> {
 
     /// Whether each statement was a motion to a literal target or one that leaves nothing behind.
     fn plain(&self, files: &[File]) -> bool {
-        // Entering and leaving the one procedure; assignments and unknown calls count on.
-        const EPOCH: u64 = 3;
         let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
         let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
         let [module] = &file.modules[..] else { return false };
@@ -124,10 +154,7 @@ impl Runner<'_> {
             && proc.handlers.is_empty()
             && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
             && file.odd.is_empty()
-            && self.steps == proc.body.len()
-            && (self.epoch, self.changes) == (EPOCH, 0)
-            && !self.state.program_displacement
-            && !self.state.axis_offset
+            && self.events == 0
             && self.external.is_none()
             && self.pinned.is_empty()
             && self.unknown.is_empty()

@@ -9,7 +9,7 @@
 use super::kinds::Kinds;
 use super::lex::{self, Cursor, Kind};
 use super::piece::{Piece, layout};
-use super::symbols::harmless;
+use super::predefined::harmless;
 use crate::program::{Language, Mark, Next, detect};
 use crate::text::{Source, Span, lines};
 use std::io::{self, Read, Seek, SeekFrom};

@@ -4,13 +4,14 @@ use super::literal::Literal;
 use super::token::{New, signed};
 use super::value::{Place, rotate, unit};
 use super::{Layout, Offset, Site, clone, insert, own};
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 const SHARED: &str = "declared target used by motions whose corrections differ";
+const FROZEN: &str = "would move a target that cannot be edited";
 const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 
 /// New token texts of one literal; `None` where a token stays.
@@ -50,10 +51,16 @@ pub(super) fn rewrite_agreed(
     let mut writer = Writer::new(program, layout, options);
     let mut prints: Vec<Option<Print>> = Vec::new();
     let mut cloned = HashMap::new();
-    if changes.iter().any(Option::is_some) {
+    let mut offsets = HashMap::new();
+    // What stays as it is must not move with something else: what moves it stays too, until that is so.
+    while changes.iter().any(Option::is_some) {
+        writer.start_over();
         (prints, cloned) = writer.literals(changes);
+        offsets = writer.offsets(changes, &prints);
+        if !writer.freeze(&prints) {
+            break;
+        }
     }
-    let offsets = writer.offsets(changes, &prints);
     let written = (0..program.targets.len()).map(|i| writer.written(i, &prints, &cloned, &offsets)).collect();
     for (literal, print) in prints.into_iter().enumerate() {
         if let Some(print) = print {
@@ -70,11 +77,61 @@ pub(super) struct Writer<'a> {
     pub(super) options: &'a RewriteOptions,
     pub(super) edits: Vec<Vec<Edit>>,
     pub(super) kept: Vec<(usize, &'static str)>,
+    /// Literals and offsets, these by their first number, that stay for the sake of others.
+    frozen: BTreeSet<u32>,
+    frozen_offsets: HashSet<Place>,
+    pub(super) not_inserted: Vec<(usize, &'static str)>,
+    pub(super) wide_zones: Vec<usize>,
 }
 
 impl<'a> Writer<'a> {
     fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
-        Self { program, layout, options, edits: vec![Vec::new(); program.written], kept: Vec::new() }
+        Self {
+            program,
+            layout,
+            options,
+            edits: vec![Vec::new(); program.written],
+            kept: Vec::new(),
+            frozen: BTreeSet::new(),
+            frozen_offsets: HashSet::new(),
+            not_inserted: Vec::new(),
+            wide_zones: Vec::new(),
+        }
+    }
+
+    fn start_over(&mut self) {
+        self.edits.iter_mut().for_each(Vec::clear);
+        self.kept.clear();
+    }
+
+    /// Freezes what would move a target that is kept: an offset's base, and the other point of an arc; whether there is any.
+    fn freeze(&mut self, prints: &[Option<Print>]) -> bool {
+        let kept: BTreeSet<usize> = self.kept.iter().map(|kept| kept.0).collect();
+        let before = (self.frozen.len(), self.frozen_offsets.len());
+        for &i in &kept {
+            if let Site::Offset(at) = self.layout.sites[i] {
+                let root = self.layout.offsets[at as usize].root;
+                self.frozen.extend(prints.get(root as usize).and_then(Option::as_ref).map(|_| root));
+            }
+            let targets = &self.program.targets;
+            let other = match targets[i].role {
+                Role::Via => i + 1,
+                _ if i > 0 && targets[i - 1].role == Role::Via => i - 1,
+                _ => continue,
+            };
+            if kept.contains(&other) || matches!(targets.get(other).map(|t| t.editable), None | Some(Editable::No(_))) {
+                continue;
+            }
+            match self.layout.sites[other] {
+                Site::Literal { literal, .. } => drop(self.frozen.insert(literal)),
+                Site::Offset(at) => {
+                    let last = self.layout.offsets[at as usize].steps.last();
+                    self.frozen_offsets.extend(last.and_then(|step| step.tokens).map(|tokens| tokens[0]));
+                }
+                Site::None => {}
+            }
+        }
+        before != (self.frozen.len(), self.frozen_offsets.len())
     }
 
     fn done(mut self, written: Vec<Pose>, inserts: &[Insert]) -> Rewritten {
@@ -83,7 +140,8 @@ impl<'a> Writer<'a> {
             edits.sort_by_key(|e| (e.span.start, e.span.end));
         }
         self.kept.sort_unstable();
-        Rewritten { edits: self.edits, written, inserted, kept: self.kept }
+        let Self { edits, kept, not_inserted, wide_zones, .. } = self;
+        Rewritten { edits, written, inserted, kept, not_inserted, wide_zones }
     }
 
     pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
@@ -116,6 +174,12 @@ impl<'a> Writer<'a> {
                     continue;
                 }
             };
+            if self.frozen.contains(&literal) {
+                if change.as_ref().is_some_and(|c| self.differs(i, c)) {
+                    self.kept.push((i, FROZEN));
+                }
+                continue;
+            }
             let slot = literal as usize;
             if first[slot] == u32::MAX {
                 first[slot] = u32::try_from(i).unwrap_or(u32::MAX - 1);
@@ -259,10 +323,10 @@ impl<'a> Writer<'a> {
                 Some(_) => {}
             }
         }
-        for place in &disputed {
+        for place in disputed.iter().chain(&self.frozen_offsets) {
             wishes.remove(place);
         }
-        let mut done = std::collections::HashSet::new();
+        let mut done = HashSet::new();
         for (i, place, tokens) in users {
             match wishes.get(&place) {
                 None => self.kept.push((i, SHARED_OFFSET)),

@@ -2,32 +2,38 @@
 
 use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
+use super::memory::{Layer, Left};
 use super::motion::{self, Simple};
 use super::outcome::Outcome;
+use super::predefined;
 use super::symbols::{Names, RoutineId, Symbols};
 use super::tree::{File, RoutineKind, Statement};
+use super::uses::{Ran, Use};
 use super::value::Place;
 use super::{Offset, Site};
 use crate::program::{Kept, Mark, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 /// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
 const STEPS: usize = 500_000;
 const STEPS_PER_BYTE: usize = 4;
+/// So many bytes of a statement count as one more: long ones take longer.
+const BYTES_PER_STEP: usize = 256;
 /// Targets in all, loops expanded, and for each byte of the program besides: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
-/// Largest deviation of |q|² from 1 that can be a matter of printing (LANGUAGES: repairable up to 0.1).
-pub(super) const MAX_NORM_ERROR: f64 = 0.1;
+/// Largest deviation of |q|² from 1 that a controller takes for a matter of printing: its length is 1 ± 0.001 then. ABB's page
+/// on `orient` asks for a sum of squares of 1; three decimals, the fewest that posts print, keep within this.
+pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
 
-/// Whether the statements behind are still run.
+/// Whether the statement behind is run next.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
     Next,
-    Return,
-    Stop,
+    /// The program goes on elsewhere: what it leaves there is noted.
+    Gone,
 }
 
 /// A routine that is being run.
@@ -35,14 +41,63 @@ pub(super) struct Frame {
     pub(super) routine: RoutineId,
     pub(super) module: usize,
     pub(super) names: Names,
+    /// The layer that began with it.
+    pub(super) layer: usize,
+    /// What it leaves where it returns before its end.
+    pub(super) returns: Vec<Left>,
+    /// What it leaves where an error goes to whoever called it.
+    pub(super) raises: Vec<Left>,
+    /// A GOTO stands in it.
+    pub(super) jumps: bool,
+    /// What was in force when an error was noted last.
+    pub(super) noted: Option<(u64, State)>,
+}
+
+/// Whether something is switched on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Switch {
+    #[default]
+    Off,
+    On,
+    Unknown,
+}
+
+impl Switch {
+    fn join(self, other: Self) -> Self {
+        if self == other { self } else { Self::Unknown }
+    }
 }
 
 /// What the instructions before leave in force.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct State {
     pub(super) mark: Option<Mark>,
-    pub(super) program_displacement: bool,
-    pub(super) axis_offset: bool,
+    /// Which mark holds is known only at run time.
+    pub(super) mark_unknown: bool,
+    pub(super) displacement: Switch,
+    pub(super) axis_offset: Switch,
+}
+
+impl State {
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            mark: self.mark,
+            mark_unknown: self.mark_unknown || other.mark_unknown || self.mark != other.mark,
+            displacement: self.displacement.join(other.displacement),
+            axis_offset: self.axis_offset.join(other.axis_offset),
+        }
+    }
+}
+
+/// What comes of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Mode {
+    /// Targets.
+    Real,
+    /// What routines that nothing runs would use.
+    Aside,
+    /// Nothing but what holds behind it.
+    Dry,
 }
 
 /// The last tool or work object argument and what it meant, while no name can have changed.
@@ -57,17 +112,34 @@ pub(super) struct Runner<'a> {
     pub(super) symbols: Symbols<'a>,
     pub(super) written: usize,
     pub(super) frames: Vec<Frame>,
+    pub(super) layers: Vec<Layer>,
     pub(super) state: State,
-    /// Inside a branch or loop whose condition is not known.
-    pub(super) unsure: usize,
+    pub(super) mode: Mode,
+    /// Routines on the way that catch errors.
+    pub(super) guards: usize,
+    /// Routines with a GOTO on the way that may switch displacement or axis offsets on, or mark, at any of their statements.
+    pub(super) jumping: [usize; 3],
+    /// Loops within one another that are run for what holds when their rounds begin.
+    pub(super) dry: usize,
     pub(super) steps: usize,
     pub(super) most_steps: usize,
     pub(super) most_targets: usize,
     /// Routines that were run.
     pub(super) entered: HashSet<RoutineId>,
+    /// Routines that call themselves so often that they were not followed.
+    pub(super) endless: BTreeSet<RoutineId>,
+    /// Routines that were run for what they would use, were they run.
+    pub(super) entered_aside: HashSet<RoutineId>,
+    pub(super) looking_aside: bool,
+    /// Literals that parameters stood for, by routine and name.
+    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
+    /// A procedure was called whose name is known only at run time.
+    pub(super) any_called: bool,
     pub(super) epoch: u64,
     /// Assignments so far: a loop without any never ends by itself.
     pub(super) changes: u64,
+    /// Anything but motions and what changes nothing.
+    pub(super) events: u64,
     pub(super) tool: Cached,
     pub(super) wobj: Cached,
     /// The last speed argument and its value.
@@ -77,13 +149,23 @@ pub(super) struct Runner<'a> {
     pub(super) first_literal: Vec<usize>,
     pub(super) next_literal: usize,
     pub(super) own: HashMap<Place, u32>,
-    pub(super) pinned: HashSet<u32>,
+    pub(super) pinned: BTreeSet<u32>,
+    /// Offsets that may not be edited, by their first number.
+    pub(super) held: HashSet<Place>,
     pub(super) names: HashMap<u32, Arc<str>>,
     pub(super) tools: Vec<Tool>,
+    pub(super) tool_numbers: HashMap<Vec<u8>, u16>,
     pub(super) wobjs: Vec<Wobj>,
+    pub(super) wobj_numbers: HashMap<Vec<u8>, u16>,
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
+    /// Targets that the robot may stand at.
+    pub(super) standing: Vec<usize>,
     pub(super) offsets: Vec<Offset>,
+    /// Statements that were run.
+    pub(super) ran: Ran,
+    /// Uses by routines that nothing runs.
+    pub(super) aside: Vec<Use>,
     pub(super) external: Option<[f64; 6]>,
     pub(super) external_moves: bool,
     pub(super) on_axes: Vec<bool>,
@@ -111,14 +193,24 @@ impl<'a> Runner<'a> {
             symbols: Symbols::new(sources, files),
             written,
             frames: Vec::new(),
+            layers: Vec::new(),
             state: State::default(),
-            unsure: 0,
+            mode: Mode::Real,
+            guards: 0,
+            jumping: [0; 3],
+            dry: 0,
             steps: 0,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
             most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
             entered: HashSet::new(),
+            endless: BTreeSet::new(),
+            entered_aside: HashSet::new(),
+            looking_aside: false,
+            given: HashMap::new(),
+            any_called: false,
             epoch: 1,
             changes: 0,
+            events: 0,
             tool: Cached::default(),
             wobj: Cached::default(),
             speed: (Cached::default(), None),
@@ -126,13 +218,19 @@ impl<'a> Runner<'a> {
             first_literal,
             next_literal: 0,
             own: HashMap::new(),
-            pinned: HashSet::new(),
+            pinned: BTreeSet::new(),
+            held: HashSet::new(),
             names: HashMap::new(),
             tools: Vec::new(),
+            tool_numbers: HashMap::new(),
             wobjs: Vec::new(),
+            wobj_numbers: HashMap::new(),
             targets: Vec::new(),
             sites: Vec::new(),
+            standing: Vec::new(),
             offsets: Vec::new(),
+            ran: Ran::new(sources),
+            aside: Vec::new(),
             external: None,
             external_moves: false,
             on_axes: Vec::new(),
@@ -150,6 +248,13 @@ impl<'a> Runner<'a> {
             }
         }
         runner.state.mark = files.iter().take(written).find_map(|f| f.mark);
+        let at_any_moment = &runner.symbols.known.at_any_moment;
+        if at_any_moment.displacement {
+            runner.state.displacement = Switch::Unknown;
+        }
+        if at_any_moment.axis_offset {
+            runner.state.axis_offset = Switch::Unknown;
+        }
         runner
     }
 
@@ -162,24 +267,15 @@ impl<'a> Runner<'a> {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             self.enter_all(&others);
         }
+        self.look_aside(&procs);
         self.keep_what_is_not_run();
         self.finish(files)
     }
 
     fn enter_all(&mut self, entries: &[RoutineId]) {
         for &id in entries {
-            if self.start(id) == Flow::Stop && self.steps >= self.most_steps {
+            if self.start(id) == Flow::Gone && self.steps >= self.most_steps {
                 break;
-            }
-        }
-    }
-
-    /// Routines with motions in them that nothing in the files runs: their targets stay as they are.
-    fn keep_what_is_not_run(&mut self) {
-        let idle = |id: &RoutineId| id.file < self.written && !self.entered.contains(id);
-        for id in self.symbols.all().filter(idle).collect::<Vec<_>>() {
-            if self.symbols.moves(id) {
-                self.keep(id.file, self.symbols.routine(id).name, "routine that nothing in the files runs");
             }
         }
     }
@@ -190,21 +286,32 @@ impl<'a> Runner<'a> {
         self.symbols.all().filter(own).collect()
     }
 
-    fn routine_name(&self, id: RoutineId) -> &'a [u8] {
+    pub(super) fn routine_name(&self, id: RoutineId) -> &'a [u8] {
         &self.bytes(id.file)[self.symbols.routine(id).name.range()]
     }
 
     pub(super) fn scope(&self) -> Scope {
         match self.frames.last() {
             #[allow(clippy::cast_possible_truncation)]
-            Some(frame) => Scope { source: frame.routine.file as u16, module: frame.module, local: true },
-            None => Scope { source: 0, module: 0, local: false },
+            Some(frame) => {
+                Scope { source: frame.routine.file as u16, module: frame.module, local: true, running: true }
+            }
+            None => Scope { source: 0, module: 0, local: false, running: true },
         }
     }
 
     pub(super) fn bytes(&self, source: usize) -> &'a [u8] {
         let sources = self.symbols.sources;
         &sources[source].bytes
+    }
+
+    /// Runs something for what holds behind it, or for what it uses.
+    pub(super) fn quietly<T>(&mut self, mode: Mode, run: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.mode;
+        self.mode = before.max(mode);
+        let done = run(self);
+        self.mode = before;
+        done
     }
 
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
@@ -214,9 +321,16 @@ impl<'a> Runner<'a> {
                 return self.give_up();
             }
             let flow = match statement {
-                Statement::Simple(span) => self.simple(*span),
+                Statement::Simple(span) => {
+                    self.steps = self.steps.saturating_add(span.len() / BYTES_PER_STEP);
+                    if self.mode == Mode::Real {
+                        self.ran.add(self.scope().source, span.start);
+                    }
+                    self.simple(*span)
+                }
                 Statement::Mark(mark) => {
                     self.state.mark = Some(*mark);
+                    self.state.mark_unknown = self.jumping[2] > 0;
                     Flow::Next
                 }
                 Statement::If { arms, otherwise, at } => self.condition(arms, otherwise, *at),
@@ -225,19 +339,33 @@ impl<'a> Runner<'a> {
                 }
                 Statement::While { condition, body, at } => self.repeat(*condition, body, *at),
                 Statement::Test { subject, cases, otherwise, at } => self.choice(*subject, cases, otherwise, *at),
-                Statement::Return => Flow::Return,
-                Statement::Exit => Flow::Stop,
+                Statement::Return(value) => {
+                    if !value.is_empty() {
+                        let value = self.evaluate(self.scope(), *value);
+                        self.pin_value(&value);
+                    }
+                    self.leave();
+                    Flow::Gone
+                }
+                Statement::Raise => self.raise(),
+                // Of a handler, which is not run, or out of place.
+                Statement::Exit | Statement::Retry | Statement::TryNext => Flow::Gone,
+                Statement::Connect(_) => {
+                    self.events += 1;
+                    Flow::Next
+                }
                 Statement::Goto(label) => {
                     self.note(
                         *label,
                         "rapid.goto",
-                        "GOTO is not followed: statements are taken in the order of the text",
+                        "GOTO is not followed: statements are taken in the order of the text, and what the routine \
+                         changes is not known in it",
                     );
                     Flow::Next
                 }
             };
-            // Under a condition that is not known, what stands behind may run as well.
-            if flow != Flow::Next && self.unsure == 0 {
+            // Where labels stand, what is behind may be reached in other ways.
+            if flow == Flow::Gone && !self.frames.last().is_some_and(|frame| frame.jumps) {
                 return flow;
             }
         }
@@ -248,6 +376,9 @@ impl<'a> Runner<'a> {
         if self.steps < usize::MAX {
             // Once is enough: whatever runs on ends at its next step.
             self.steps = usize::MAX;
+            if self.looking_aside {
+                return Flow::Gone;
+            }
             let place = self
                 .frames
                 .last()
@@ -257,21 +388,36 @@ impl<'a> Runner<'a> {
             let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[place.0], place.1);
             self.diagnostics.push(error.help("split the program, or bound its loops"));
         }
-        Flow::Stop
+        Flow::Gone
+    }
+
+    /// The program does what no controller lets it do.
+    pub(super) fn refuse(&mut self, source: u16, span: Span, code: &'static str, message: &str, help: &str) {
+        if self.mode == Mode::Real && self.seen.insert((usize::from(source), span, code)) {
+            let error = Diagnostic::error(code, "", message).at(&self.symbols.sources[usize::from(source)], span);
+            self.diagnostics.push(error.help(help));
+        }
     }
 
     pub(super) fn note(&mut self, span: Span, code: &'static str, message: &str) {
+        self.tell(span, code, message, Severity::Note);
+    }
+
+    pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
-        if self.seen.insert((source, span, code)) {
-            let note = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
-            self.diagnostics.push(note.severity(Severity::Note));
+        if self.mode == Mode::Real && self.seen.insert((source, span, code)) {
+            let told = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);
+            self.diagnostics.push(told.severity(severity));
         }
     }
 
     /// Keeps a motion whose target is not known.
     pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+        if self.mode != Mode::Real {
+            return;
+        }
         // What no controller loads, whatever runs before.
-        let fault = matches!(reason, NOT_A_NUMBER | BROKEN_AGGREGATE);
+        let fault = matches!(reason, NOT_A_NUMBER | BROKEN_AGGREGATE | NOT_UNIT);
         self.keep_as(self.scope().source as usize, span, reason, fault);
         match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
             Some((_, count)) => *count += 1,
@@ -281,7 +427,9 @@ impl<'a> Runner<'a> {
 
     /// Keeps a statement of the running routine.
     pub(super) fn keep_here(&mut self, span: Span, reason: &'static str) {
-        self.keep(self.scope().source as usize, span, reason);
+        if self.mode == Mode::Real {
+            self.keep(self.scope().source as usize, span, reason);
+        }
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
@@ -291,7 +439,8 @@ impl<'a> Runner<'a> {
     fn keep_as(&mut self, source: usize, span: Span, reason: &'static str, fault: bool) {
         if source < self.written && self.seen.insert((source, span, reason)) {
             let line = self.lines[source].line(span.start);
-            self.kept.push(Kept { source, span, line: line as usize, reason, fault });
+            let help = "";
+            self.kept.push(Kept { source, span, line: line as usize, reason, fault, help });
         }
     }
 
@@ -300,11 +449,21 @@ impl<'a> Runner<'a> {
         let bytes = self.bytes(scope.source as usize);
         let Some(simple) = motion::split(bytes, scope.source, span) else {
             self.keep_here(span, "statement is not understood");
+            self.events += 1;
             return Flow::Next;
         };
         let call = match simple {
             Simple::Assignment { target, value } => {
+                // A function may fail.
+                let fails = self.guards > 0 && bytes[value.range()].contains(&b'(');
+                if fails {
+                    self.may_fail();
+                    self.may_be_handled(false);
+                }
                 self.assign(scope, target, value);
+                if fails {
+                    self.may_be_handled(true);
+                }
                 return Flow::Next;
             }
             Simple::Call(call) => call,
@@ -316,11 +475,37 @@ impl<'a> Runner<'a> {
         if let Some(id) = self.symbols.find_routine(scope.module, name) {
             return self.enter(scope, id, &call, span);
         }
-        if let Some(shape) = motion::shape(name) {
-            self.motion(scope, &call, shape, span);
-            return Flow::Next;
+        let shape = motion::shape(name);
+        // A motion that is stopped stops the program; a search may find nothing.
+        let plain = shape.is_some_and(|shape| shape.zone != motion::Zone::Absent);
+        let known = if shape.is_none() { predefined::instruction(name) } else { None };
+        let fails = match known {
+            _ if plain => call.option(bytes, b"Conc").is_some(),
+            Some(known) => known.may_fail(),
+            None => true,
+        };
+        let fails = self.guards > 0 && fails;
+        if fails {
+            self.may_fail();
+            self.may_be_handled(false);
         }
-        self.instruction(scope, &call, span);
-        Flow::Next
+        let flow = match (shape, known) {
+            (Some(shape), _) => {
+                self.motion(scope, &call, shape, span);
+                Flow::Next
+            }
+            (None, Some(instruction)) => self.instruction(scope, &call, instruction, span),
+            (None, None) => {
+                self.unknown_procedure(scope, &call, span);
+                Flow::Next
+            }
+        };
+        if fails && flow == Flow::Next {
+            self.may_be_handled(true);
+        }
+        flow
     }
 }
+
+/// What no controller moves to.
+pub(super) const NOT_UNIT: &str = "orientation is not a unit quaternion";

@@ -278,6 +278,7 @@ impl Read {
             literal_targets: self.literals.len(),
             arcs: 0,
             cutter: None,
+            actions: Vec::new(),
             diagnostics: Vec::new(),
             layout: crate::program::Layout::Rapid(Layout {
                 literals: self.literals,

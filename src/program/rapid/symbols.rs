@@ -1,12 +1,12 @@
 //! Names: data and routines of all modules, and what is known of those that RAPID itself declares.
 
-use super::changes::Changes;
+use super::changes::Known;
 use super::lex::{Cursor, Kind};
-use super::motion;
-use super::tree::{Data, File, Routine, Storage, simple_statements};
+use super::tree::{Data, File, Routine, Storage};
 use super::value::Value;
 use crate::text::{Source, Span, decode};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Longest name that is looked up; RAPID itself stops at 32.
@@ -46,7 +46,19 @@ pub(super) enum Content {
     Declared(Span),
     /// Being read: an initial value that needs itself.
     Busy,
+    /// A part of another variable: a parameter by reference, given a component or an element.
+    Part(Rc<Part>),
     Is(Value),
+}
+
+/// A part of a variable.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub(super) of: usize,
+    /// Components and elements, counted from 0, as far as they are known.
+    pub(super) path: Vec<usize>,
+    /// Whether they all are.
+    pub(super) known: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -61,8 +73,10 @@ pub(super) struct Variable {
     pub(super) content: Content,
     /// The program assigns it somewhere.
     pub(super) assigned: bool,
-    /// It is assigned where the run as read does not pass (traps, error handlers).
-    pub(super) volatile: bool,
+    /// Why it may change at any moment (traps, error handlers).
+    pub(super) volatile: Option<&'static str>,
+    /// Stands for a name that the files do not declare.
+    pub(super) foreign: bool,
     /// Declared data (not a parameter or a loop's variable): its statement.
     pub(super) declared: Option<Span>,
 }
@@ -88,9 +102,15 @@ pub(super) struct Symbols<'a> {
     /// Number of modules in the files before each.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable>,
+    /// How many of them are data of modules; parameters and own data of routines stand behind them.
+    pub(super) data: usize,
     /// Components of the program's own record types: type → name → place and type.
     pub(super) records: HashMap<Box<[u8]>, Vec<Field>>,
-    pub(super) changes: Changes,
+    pub(super) known: Known,
+    /// Names that nothing declares and the program assigns, in upper case.
+    pub(super) foreign_assigned: BTreeSet<Box<[u8]>>,
+    /// Own data of routines that their handlers assign.
+    pub(super) volatile_own: HashMap<RoutineId, Vec<Box<[u8]>>>,
 }
 
 /// Name and type of a component, in upper case.
@@ -107,8 +127,11 @@ impl<'a> Symbols<'a> {
             local_routines: Vec::new(),
             first_module: Vec::new(),
             variables: Vec::new(),
+            data: 0,
             records: HashMap::new(),
-            changes: Changes::default(),
+            known: Known::default(),
+            foreign_assigned: BTreeSet::new(),
+            volatile_own: HashMap::new(),
         };
         for (f, file) in files.iter().enumerate() {
             let bytes = &sources[f].bytes;
@@ -145,7 +168,8 @@ impl<'a> Symbols<'a> {
                 }
             }
         }
-        symbols.find_assignments();
+        symbols.data = symbols.variables.len();
+        symbols.find_changes();
         symbols
     }
 
@@ -179,11 +203,23 @@ impl<'a> Symbols<'a> {
         })
     }
 
-    /// Whether a known motion instruction stands in a routine.
-    pub(super) fn moves(&self, id: RoutineId) -> bool {
-        let bytes = &self.sources[id.file].bytes;
-        let is_motion = |span: &Span| motion::shape(&bytes[first_word(bytes, *span).range()]).is_some();
-        simple_statements(&self.routine(id).body).iter().any(is_motion)
+    /// Data that are not LOCAL.
+    pub(super) fn global_data(&self) -> impl Iterator<Item = usize> {
+        let mut data: Vec<usize> = self.global.values().copied().collect();
+        data.sort_unstable();
+        data.into_iter()
+    }
+
+    /// Data of a name in any module, or all of them.
+    pub(super) fn all_named(&self, name: Option<&[u8]>) -> Vec<usize> {
+        let named = |variable: &Variable| name.is_none_or(|name| variable.name.as_bytes().eq_ignore_ascii_case(name));
+        (0..self.data).filter(|at| named(&self.variables[*at])).collect()
+    }
+
+    /// Those of them that can be changed.
+    pub(super) fn data_named(&self, name: Option<&[u8]>) -> Vec<usize> {
+        let open = |at: &usize| self.variables[*at].storage != Storage::Const;
+        self.all_named(name).into_iter().filter(open).collect()
     }
 }
 
@@ -192,7 +228,7 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
     let unset = || match &*kind {
         b"NUM" | b"DNUM" if data.dims.is_none() => Value::Num(0.0, None),
         b"BOOL" if data.dims.is_none() => Value::Bool(false),
-        b"STRING" if data.dims.is_none() => Value::Text(std::rc::Rc::from(&b""[..])),
+        b"STRING" if data.dims.is_none() => Value::Text(Rc::from(&b""[..])),
         _ => Value::Unknown("data without an initial value"),
     };
     Variable {
@@ -204,7 +240,8 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
         module,
         content: data.value.map_or_else(|| Content::Is(unset()), Content::Declared),
         assigned: false,
-        volatile: false,
+        volatile: None,
+        foreign: false,
         declared: Some(data.statement),
     }
 }
@@ -213,73 +250,4 @@ pub(super) fn declared(bytes: &[u8], file: usize, module: usize, data: &Data) ->
 pub(super) fn first_word(bytes: &[u8], span: Span) -> Span {
     let lexeme = Cursor::new(bytes, span).peek();
     if lexeme.kind == Kind::Word { lexeme.span() } else { Span { start: span.start, end: span.start } }
-}
-
-/// Predefined instructions that change none of their arguments, and are met often.
-pub(super) fn harmless(name: &[u8]) -> bool {
-    const NAMES: [&str; 62] = [
-        "TPWrite",
-        "TPErase",
-        "TPShow",
-        "WaitTime",
-        "WaitDI",
-        "WaitDO",
-        "WaitAI",
-        "WaitAO",
-        "WaitGI",
-        "WaitGO",
-        "WaitUntil",
-        "WaitRob",
-        "Set",
-        "Reset",
-        "SetDO",
-        "SetAO",
-        "SetGO",
-        "PulseDO",
-        "InvertDO",
-        "ConfL",
-        "ConfJ",
-        "SingArea",
-        "AccSet",
-        "VelSet",
-        "WorldAccLim",
-        "PathAccLim",
-        "PathResol",
-        "GripLoad",
-        "ActUnit",
-        "DeactUnit",
-        "PDispSet",
-        "PDispOff",
-        "PDispOn",
-        "EOffsSet",
-        "EOffsOn",
-        "EOffsOff",
-        "SoftAct",
-        "SoftDeact",
-        "Stop",
-        "Break",
-        "StopMove",
-        "StartMove",
-        "ClkStart",
-        "ClkStop",
-        "ClkReset",
-        "Write",
-        "WriteBin",
-        "Close",
-        "SocketSend",
-        "SocketClose",
-        "Load",
-        "UnLoad",
-        "ErrWrite",
-        "IDelete",
-        "IEnable",
-        "IDisable",
-        "TriggIO",
-        "TriggEquip",
-        "CornerPathWarning",
-        "WZDisable",
-        "MotionSup",
-        "CirPathMode",
-    ];
-    NAMES.iter().any(|n| n.as_bytes().eq_ignore_ascii_case(name))
 }

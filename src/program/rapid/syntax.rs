@@ -275,8 +275,16 @@ impl<'a> Parser<'a> {
             Span::new(start, start)
         };
         let params = if kind == RoutineKind::Trap { Vec::new() } else { self.params() };
-        let mut routine =
-            Routine { kind, local, name, params, data: Vec::new(), body: Vec::new(), handlers: Vec::new() };
+        let mut routine = Routine {
+            kind,
+            local,
+            name,
+            params,
+            data: Vec::new(),
+            body: Vec::new(),
+            handlers: Vec::new(),
+            error: None,
+        };
         routine.body = self.block(&mut routine.data, 0)?;
         loop {
             let end = self.cursor.peek();
@@ -286,7 +294,11 @@ impl<'a> Parser<'a> {
                     if self.cursor.peek().kind == Kind::Mark(b'(') {
                         while !matches!(self.cursor.next().kind, Kind::Mark(b')' | b';') | Kind::End) {}
                     }
+                    let start = routine.handlers.len();
                     routine.handlers.append(&mut self.block(&mut routine.data, 0)?);
+                    if self.key_of(end) == Some(Key::Error) {
+                        routine.error = Some(start..routine.handlers.len());
+                    }
                 }
                 Some(Key::EndProc | Key::EndFunc | Key::EndTrap) => {
                     self.cursor.pass(end);

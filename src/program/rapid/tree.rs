@@ -67,6 +67,21 @@ pub(super) struct Routine {
     pub(super) body: Vec<Statement>,
     /// ERROR, UNDO and BACKWARD parts: not on the way of a run without faults.
     pub(super) handlers: Vec<Statement>,
+    /// Which of them are its ERROR part: where there is one, what is raised goes no further by itself.
+    pub(super) error: Option<std::ops::Range<usize>>,
+}
+
+impl Routine {
+    /// What it does with an error, as far as that is its own.
+    pub(super) fn on_error(&self) -> &[Statement] {
+        self.error.clone().and_then(|part| self.handlers.get(part)).unwrap_or_default()
+    }
+
+    /// UNDO and BACKWARD parts.
+    pub(super) fn other_handlers(&self) -> [&[Statement]; 2] {
+        let Some(part) = self.error.clone() else { return [&self.handlers, &[]] };
+        [self.handlers.get(..part.start), self.handlers.get(part.end..)].map(Option::unwrap_or_default)
+    }
 }
 
 #[derive(Debug)]
@@ -106,11 +121,36 @@ pub(super) enum Statement {
         otherwise: Vec<Statement>,
         at: Span,
     },
-    Return,
-    /// EXIT and RAISE end the run as read.
+    /// With the value of a function; empty without one.
+    Return(Span),
     Exit,
+    /// To the error handler of this routine or of one that called it.
+    Raise,
+    /// Of an error handler: the statement that failed again.
+    Retry,
+    /// Of an error handler: the statement behind the one that failed.
+    TryNext,
+    /// `CONNECT interrupt WITH trap`: the whole of it.
+    Connect(Span),
     Goto(Span),
     Mark(Mark),
+}
+
+/// Whether a statement of a block, of its branches or of its loops is one that is looked for.
+pub(super) fn any(block: &[Statement], is: &impl Fn(&Statement) -> bool) -> bool {
+    block.iter().any(|statement| {
+        is(statement)
+            || match statement {
+                Statement::If { arms, otherwise, .. } => {
+                    arms.iter().any(|(_, block)| any(block, is)) || any(otherwise, is)
+                }
+                Statement::For { body, .. } | Statement::While { body, .. } => any(body, is),
+                Statement::Test { cases, otherwise, .. } => {
+                    cases.iter().any(|(_, block)| any(block, is)) || any(otherwise, is)
+                }
+                _ => false,
+            }
+    })
 }
 
 /// Calls and assignments of a block, and of the branches and loops in it, in text order.
@@ -133,7 +173,7 @@ fn collect(block: &[Statement], all: &mut Vec<Span>) {
                 cases.iter().for_each(|(_, block)| collect(block, all));
                 collect(otherwise, all);
             }
-            Statement::Return | Statement::Exit | Statement::Goto(_) | Statement::Mark(_) => {}
+            _ => {}
         }
     }
 }

@@ -38,7 +38,7 @@ pub(super) struct Pose {
 }
 
 /// One `Offs` or `RelTool`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) offset_mm: [f64; 3],
     /// Number tokens of the offset, where all three are literal.
@@ -181,7 +181,7 @@ impl Value {
         Some(ToolData {
             robhold: robhold.bool()?,
             tcp_mm: tcp.nums()?,
-            tcp_quat: unit(quat.nums()?),
+            tcp_quat: quat.nums()?,
             mass_kg: mass.num()?,
             cog_mm: cog.nums()?,
         })
@@ -194,9 +194,9 @@ impl Value {
             robhold: robhold.bool()?,
             fixed: fixed.bool()?,
             uframe_mm: user_mm.nums()?,
-            uframe_quat: unit(user_quat.nums()?),
+            uframe_quat: user_quat.nums()?,
             oframe_mm: object_mm.nums()?,
-            oframe_quat: unit(object_quat.nums()?),
+            oframe_quat: object_quat.nums()?,
         })
     }
 
@@ -218,6 +218,25 @@ fn n(value: f64) -> Value {
 
 fn l(items: impl IntoIterator<Item = Value>) -> Value {
     Value::List(items.into_iter().collect(), None)
+}
+
+/// Numbers, texts and aggregates of more parts than this are not what RAPID data are: its arrays are declared in the text.
+const MOST_PARTS: usize = 1 << 16;
+/// Records and arrays within one another: more than any type of RAPID has.
+const DEEPEST: usize = 12;
+
+impl Value {
+    /// Of how many parts it is; `None` where that is more than RAPID data have.
+    pub(super) fn parts(&self) -> Option<usize> {
+        fn count(value: &Value, depth: usize, left: &mut usize) -> Option<()> {
+            let Value::List(items, _) = value else { return Some(()) };
+            *left = left.checked_sub(items.len()).filter(|_| depth < DEEPEST)?;
+            items.iter().try_for_each(|item| count(item, depth + 1, left))
+        }
+        let mut left = MOST_PARTS;
+        count(self, 0, &mut left)?;
+        Some(MOST_PARTS - left)
+    }
 }
 
 /// Predefined data, by upper-case name.
@@ -246,7 +265,7 @@ pub(super) fn predefined(name: &[u8]) -> Option<Value> {
     None
 }
 
-/// LANGUAGES 1.3: v5 … v7000 are `[n, 500, 5000, 1000]`.
+/// RAPID reference, speeddata: v5 … v7000 are `[n, 500, 5000, 1000]`.
 const SPEEDS: [u32; 25] = [
     5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000, 4000, 5000,
     6000, 7000,

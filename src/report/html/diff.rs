@@ -3,7 +3,7 @@
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::program::{Goal, Program, Role};
-use crate::report::Difference;
+use crate::report::{Difference, Origin};
 use serde_json::json;
 
 const CHANNELS: &[Channel] = &[
@@ -63,7 +63,9 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
     body += &section("words", "What the figures are", WORDS);
     let data = json!({ "kind": "diff", "paths": [path] });
     let (title, subtitle) = (format!("{name} → {corrected}"), "targets of the second program against the first");
-    Document { kicker: "diff", title: &title, subtitle, body: &body, data: &data }.html()
+    let sources: Vec<Origin> = original.sources.iter().map(|source| Origin::of(&source.name, &source.bytes)).collect();
+    let origins: Vec<&Origin> = sources.iter().collect();
+    Document { kicker: "diff", title: &title, subtitle, body: &body, data: &data, origins: &origins }.html()
 }
 
 /// Targets of the first program that have a position of their own: joint targets have none without a cell.

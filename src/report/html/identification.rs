@@ -2,7 +2,8 @@
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
-use crate::identify::{Added, Identification, ResidualRow, Separation};
+use crate::identify::{Added, Identification, ResidualRow, Separation, SetShare};
+use crate::report::{Origin, identify_answer};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -23,10 +24,11 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "postfit_mm", decimals: 6 },
 ];
 
-/// The page of what was found about the cell called `cell`, from the files called `data`.
+/// The page of what was found about a cell, from programs and measured files.
 #[must_use]
-pub fn identification_page(found: &Identification, cell: &str, data: &[String]) -> String {
-    let mut body = figures(found);
+pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin]) -> String {
+    let mut body = format!("<p class=\"answer\"><strong>{}</strong></p>\n", escape(&identify_answer(found)));
+    body += &figures(found);
     body += CHARTS;
     let mut outcome = section("added", "Added to the cell", added(&found.added));
     outcome += &section("left", "What is left", left(found));
@@ -34,7 +36,8 @@ pub fn identification_page(found: &Identification, cell: &str, data: &[String]) 
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
         outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
     }
-    let grounds = section("ranking", "Every effect alone", ranking(found));
+    let mut grounds = section("sets", "What the fitted rows leave open", sets(&found.sets));
+    grounds += &section("ranking", "Every effect alone", ranking(found));
     if !found.separability.is_empty() {
         outcome += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
     }
@@ -43,8 +46,11 @@ pub fn identification_page(found: &Identification, cell: &str, data: &[String]) 
     let mut rows = trace(&found.residuals).json();
     rows["title"] = json!("residuals");
     let page = json!({ "kind": "identify", "paths": [rows] });
-    let (title, subtitle) = (data.join(", "), format!("measured on cell {cell}"));
-    Document { kicker: "identify", title: &title, subtitle: &subtitle, body: &body, data: &page }.html()
+    let names: Vec<&str> = data.iter().map(|origin| &*origin.path).collect();
+    let (title, subtitle) = (names.join(", "), format!("measured on cell {}", cell.path));
+    let origins: Vec<&Origin> = [cell].into_iter().chain(data).collect();
+    Document { kicker: "identify", title: &title, subtitle: &subtitle, body: &body, data: &page, origins: &origins }
+        .html()
 }
 
 fn figures(found: &Identification) -> String {
@@ -133,6 +139,20 @@ fn added(added: &[Added]) -> String {
         }
     }
     out
+}
+
+/// The posterior over sets.
+fn sets(sets: &[SetShare]) -> String {
+    if sets.is_empty() {
+        return "<p>Over the whole robot effects are told in stages, not set against one another.</p>\n".to_owned();
+    }
+    let mut table = Table::new("sets", &[("set", false), ("posterior", true)]);
+    for SetShare { kinds, probability } in sets {
+        let kinds: Vec<String> = kinds.iter().map(|kind| format!("<code>{}</code>", escape(kind))).collect();
+        let kinds = if kinds.is_empty() { "nothing".to_owned() } else { kinds.join(" + ") };
+        table.row([kinds, bar(&decimals(*probability, 3), *probability)]);
+    }
+    table.html()
 }
 
 fn ranking(found: &Identification) -> String {
@@ -255,6 +275,8 @@ const CHARTS: &str = r#"<section class="view twin" id="stage">
 const WORDS: &str = "<dl>
 <dt>Residual</dt><dd>Measured minus predicted position. Before: by the declared cell, nothing fitted but the pose of the measuring device. After: by the extended cell.</dd>
 <dt>Held out</dt><dd>Rows that no fit, no choice of effect and no smoothing has seen.</dd>
+<dt>Written</dt><dd>Before and after are of held-out rows; the numbers that are written to the cell are then fitted to all rows of a part, held-out ones among them.</dd>
+<dt>Sets</dt><dd>Posterior over the sets of effects and faults about the one that was chosen: itself, each member left out or swapped, each further one.</dd>
 <dt>Posterior</dt><dd>Probability of the effect against everything that could stand in its place, given these data.</dd>
 <dt>d′</dt><dd>What is left of an effect of 0.03 mm rms after all that the other one could imitate, over the noise: from 5 on the two are told apart, below 3 they are not, whatever is measured more of the same.</dd>
 <dt>ΔBIC</dt><dd>Twice the log evidence of the declared cell over that of the cell with this one effect: negative is better.</dd>

@@ -1,5 +1,7 @@
 //! The shell of a page, and what its tables are made of.
 
+use crate::report::{Origin, VERSION};
+use crate::text::printable;
 use serde_json::Value;
 use std::fmt::{Display, Write};
 
@@ -26,15 +28,22 @@ pub(super) struct Document<'a> {
     pub(super) body: &'a str,
     /// What the scripts draw.
     pub(super) data: &'a Value,
+    /// What it was made from.
+    pub(super) origins: &'a [&'a Origin],
 }
 
 impl Document<'_> {
     pub(super) fn html(&self) -> String {
+        self.html_with(&SCRIPTS.concat())
+    }
+
+    /// The same with scripts of its own.
+    pub(super) fn html_with(&self, scripts: &str) -> String {
         let (kicker, title, subtitle) = (escape(self.kicker), escape(self.title), escape(self.subtitle));
         // `<` would end the element that the data stand in.
-        let data = self.data.to_string().replace('<', "\\u003c");
-        let (version, licence, body) = (env!("CARGO_PKG_VERSION"), escape(UPLOT_LICENSE), self.body);
-        let scripts = SCRIPTS.concat();
+        let data = shown(self.data).to_string().replace('<', "\\u003c");
+        let (version, licence, body) = (VERSION, escape(UPLOT_LICENSE), self.body);
+        let made_from = made_from(self.origins);
         format!(
             r#"<!DOCTYPE html>
 <html lang="en">
@@ -61,6 +70,7 @@ impl Document<'_> {
 {body}</main>
 <footer>
 <p>Made by deflex {version}. This page is complete in itself and loads nothing.</p>
+{made_from}
 <details><summary>Licence of the charts: uPlot 1.6.32</summary><pre>{licence}</pre></details>
 </footer>
 <script type="application/json" id="data">{data}</script>
@@ -79,10 +89,30 @@ impl Document<'_> {
     }
 }
 
-/// Text as HTML.
+/// Files with their hashes.
+fn made_from(origins: &[&Origin]) -> String {
+    if origins.is_empty() {
+        return String::new();
+    }
+    let line = |origin: &&Origin| format!("<li>{} <code>{}</code></li>\n", escape(&origin.path), origin.sha256);
+    let lines: String = origins.iter().map(line).collect();
+    format!("<details id=\"origins\"><summary>Made from these files (SHA-256)</summary><ul>\n{lines}</ul></details>\n")
+}
+
+/// The data with every text in them as it may be shown.
+fn shown(data: &Value) -> Value {
+    match data {
+        Value::String(text) => printable(text).into(),
+        Value::Array(all) => all.iter().map(shown).collect(),
+        Value::Object(all) => all.iter().map(|(key, value)| (key.clone(), shown(value))).collect(),
+        other => other.clone(),
+    }
+}
+
+/// Text as HTML, as it may be shown.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in printable(text).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),
@@ -204,8 +234,20 @@ mod tests {
 
     #[test]
     fn nothing_in_a_name_or_the_data_is_markup() {
-        let data = serde_json::json!({ "name": "</script><b>" });
-        let page = Document { kicker: "diff", title: "<i>\"&", subtitle: "", body: "", data: &data }.html();
-        assert!(page.contains("<h1>&lt;i&gt;&quot;&amp;</h1>") && page.contains("\\u003c/script>\\u003cb>"));
+        let data = serde_json::json!({ "name": "</script><b>", "names": ["\u{202e}\x1b\u{9b}"] });
+        let page = Document {
+            kicker: "diff",
+            title: "<i>\"&\u{202e}\u{9b}\x1b",
+            subtitle: "",
+            body: "",
+            data: &data,
+            origins: &[],
+        }
+        .html();
+        assert!(!page.contains(['\u{202e}', '\u{9b}', '\x1b']) && !page.contains("\\u001b"));
+        assert!(
+            page.contains("<h1>&lt;i&gt;&quot;&amp;\u{fffd}\u{fffd}\u{241b}</h1>")
+                && page.contains("\\u003c/script>\\u003cb>")
+        );
     }
 }

@@ -12,8 +12,10 @@ mod diff;
 mod identification;
 mod markup;
 mod path;
+mod simulation;
 mod trace;
 
 pub use diff::diff_page;
 pub use identification::identification_page;
 pub use path::{PathKind, PathPage, PathTrace};
+pub use simulation::simulation_page;

@@ -3,7 +3,7 @@
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::correct::{Row, Status};
-use crate::report::FileSummary;
+use crate::report::{FileSummary, Origin};
 use serde_json::json;
 
 /// What a page is about.
@@ -38,6 +38,7 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "stiffness_normal_n_per_mm", decimals: 1 },
     Channel { key: "stiffness_least_n_per_mm", decimals: 1 },
     Channel { key: "stiffness_most_n_per_mm", decimals: 1 },
+    Channel { key: "remaining_path_mm", decimals: 6 },
     Channel { key: "correction_x_mm", decimals: 6 },
     Channel { key: "correction_y_mm", decimals: 6 },
     Channel { key: "correction_z_mm", decimals: 6 },
@@ -65,6 +66,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
     values.push(row.sigma_mm.unwrap_or(f64::NAN));
     let stiffness = row.stiffness.map(|s| [s.normal_n_per_mm, s.least_n_per_mm, s.most_n_per_mm]);
     values.extend(stiffness.unwrap_or([f64::NAN; 3]));
+    values.push(row.remaining_path_mm().unwrap_or(f64::NAN));
     if kind == PathKind::Compensate {
         values.extend(row.correction_mm);
         values.push(row.correction_norm_mm());
@@ -79,7 +81,10 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
 #[derive(Clone, Debug)]
 pub struct PathTrace {
     kind: PathKind,
-    trace: Trace,
+    /// One a file that motions stand in, by name; a program in one file has one without.
+    parts: Vec<(Option<String>, Trace)>,
+    /// Which of them takes the next rows.
+    at: usize,
 }
 
 impl PathTrace {
@@ -90,13 +95,24 @@ impl PathTrace {
             PathKind::Compensate => CHANNELS,
             PathKind::Predict | PathKind::Check => &CHANNELS[..CHANNELS.len() - CORRECTED],
         };
-        Self { kind, trace: Trace::new(channels, MOST_STRETCHES / programs.max(1)) }
+        Self { kind, parts: vec![(None, Trace::new(channels, MOST_STRETCHES / programs.max(1)))], at: 0 }
+    }
+
+    /// The next rows are of motions in this file: a program of many files is one tangle otherwise.
+    pub fn continue_in(&mut self, file: &str) {
+        let named = |(name, _): &(Option<String>, Trace)| name.as_deref().is_none_or(|name| name == file);
+        self.at = self.parts.iter().position(named).unwrap_or_else(|| {
+            let empty = self.parts[0].1.emptied();
+            self.parts.push((None, empty));
+            self.parts.len() - 1
+        });
+        self.parts[self.at].0.get_or_insert_with(|| file.to_owned());
     }
 
     /// Adds rows in running order.
     pub fn extend(&mut self, rows: &[Row]) {
         for row in rows {
-            self.trace.push(Sample {
+            self.parts[self.at].1.push(Sample {
                 target: row.target,
                 line: row.line,
                 name: row.name.clone(),
@@ -113,8 +129,8 @@ impl PathTrace {
 
     /// Quotes the program at every target that the page will show, once all rows are in: `line_of` gives the text of the
     /// line for a target's ordinal and its line, asked in running order.
-    pub fn quote(&mut self, line_of: impl FnMut(u32, u32) -> Option<String>) {
-        self.trace.quote(line_of);
+    pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
+        self.parts.iter_mut().for_each(|(_, trace)| trace.quote(&mut line_of));
     }
 }
 
@@ -123,8 +139,8 @@ impl PathTrace {
 pub struct PathPage<'a> {
     /// What was done.
     pub kind: PathKind,
-    /// Cell file, as the user typed it.
-    pub cell: &'a str,
+    /// Cell file.
+    pub cell: &'a Origin,
     /// Each program: its sums, which are over all targets, and its path.
     pub programs: &'a [(FileSummary, PathTrace)],
 }
@@ -142,7 +158,7 @@ impl PathPage<'_> {
         if self.kind == PathKind::Check {
             body += &section("findings", "Findings", self.findings());
         }
-        if self.programs.len() > 1 {
+        if self.programs.iter().map(|(_, path)| path.parts.len()).sum::<usize>() > 1 {
             body += "<p class=\"choice\"><label>Program <select id=\"program\"></select></label></p>\n";
         }
         body += STAGE;
@@ -157,10 +173,12 @@ impl PathPage<'_> {
         let programs: Vec<_> = self
             .programs
             .iter()
-            .map(|(sum, trace)| {
-                let mut path = trace.trace.json();
-                path["title"] = json!(sum.path);
-                path
+            .flat_map(|(sum, path)| {
+                path.parts.iter().map(|(file, trace)| {
+                    let mut path = trace.json();
+                    path["title"] = json!(file.as_ref().unwrap_or(&sum.path));
+                    path
+                })
             })
             .collect();
         let kicker = match self.kind {
@@ -169,8 +187,10 @@ impl PathPage<'_> {
             PathKind::Check => "check",
         };
         let data = json!({ "kind": kicker, "paths": programs });
-        let subtitle = format!("cell {}", self.cell);
-        Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data }.html()
+        let subtitle = format!("cell {}", self.cell.path);
+        let sources = self.programs.iter().flat_map(|(sum, _)| &sum.sources);
+        let origins: Vec<&Origin> = [self.cell].into_iter().chain(sources).collect();
+        Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data, origins: &origins }.html()
     }
 
     /// Sums over all programs.
@@ -267,6 +287,8 @@ impl PathPage<'_> {
             ("rms error, mm", true),
             ("largest correction, mm", true),
             ("largest remaining, mm", true),
+            ("on the path rms, mm", true),
+            ("largest on the path, mm", true),
         ];
         let mut table = Table::new("sums", &head);
         for (sum, _) in self.programs {
@@ -284,6 +306,8 @@ impl PathPage<'_> {
                 mm(sum.rms_error_mm),
                 mm(sum.max_correction_mm),
                 mm(sum.max_remaining_mm),
+                mm(sum.remaining_path_rms_mm),
+                mm(sum.remaining_path_max_mm),
             ]);
         }
         table.html()
@@ -292,6 +316,7 @@ impl PathPage<'_> {
 
 const WORDS: &str = "<dl>
 <dt>Error</dt><dd>Actual minus programmed position of the loaded tool centre point (TCP), as the cell predicts it, in the axes of the target's work object. <em>Along the normal</em>: at the point of contact, out of the material.</dd>
+<dt>Remaining on the path</dt><dd>Largest distance, on the way into the target, between the path that the tip takes and the path programmed: the same prediction between the targets, under the force that acts there.</dd>
 <dt>Force</dt><dd>What the workpiece exerts on the tool, in work object axes.</dd>
 <dt>Stiffness</dt><dd>Force on the tool that moves the TCP by a millimetre, through every effect of the cell, at the force that acts there: along the surface normal n, 1/(nᵀCn), and in the softest and the stiffest direction, one over the largest and the smallest eigenvalue of the compliance C.</dd>
 </dl>

@@ -106,6 +106,11 @@ impl Trace {
         Self { channels, most, stride: 1, count: 0, stretches: Vec::new(), last: None, quotes: Vec::new() }
     }
 
+    /// Another one like it, without samples.
+    pub(super) fn emptied(&self) -> Self {
+        Self::new(self.channels, self.most)
+    }
+
     /// Adds the next sample.
     pub(super) fn push(&mut self, sample: Sample) {
         let fixed = |(channel, value): (&Channel, f64)| fixed(value, channel.decimals);

@@ -3,6 +3,7 @@
 use super::super::calls::{ABSENT, NOT_KNOWN};
 use super::super::lex::Cursor;
 use super::super::motion::Call;
+use super::super::predefined;
 use super::super::run::Runner;
 use super::super::symbols::Upper;
 use super::super::value::{NO_TURN, Step, Value, multiply};
@@ -24,10 +25,27 @@ impl Runner<'_> {
             let mut cursor = Cursor::new(bytes, *span);
             values.push(self.expression(scope, &mut cursor, 0, depth + 1));
         }
-        self.forget_what_a_function_changes(scope, call);
-        if self.symbols.find_routine(scope.module, &bytes[call.name.range()]).is_some() {
+        if let Some(id) = self.symbols.find_routine(scope.module, &bytes[call.name.range()]) {
             values.iter().for_each(|v| self.pin_value(v));
+            self.not_followed(scope, id, call);
             return Value::Unknown(RUN_TIME);
+        }
+        match predefined::function(&name) {
+            Some(predefined::Function::Nothing) => {}
+            Some(predefined::Function::Arguments) => {
+                self.events += 1;
+                for argument in call.given().collect::<Vec<_>>() {
+                    self.forget_argument(scope, argument, RUN_TIME);
+                }
+            }
+            None => self.unknown_function(scope, call),
+        }
+        if !call.optional().is_empty() && !matches!(&*name, b"RELTOOL") {
+            for (_, span) in call.optional() {
+                let mut cursor = Cursor::new(bytes, *span);
+                let value = self.expression(scope, &mut cursor, 0, depth + 1);
+                self.pin_value(&value);
+            }
         }
         let known = match (&*name, values.len()) {
             (b"PRESENT", 1) => return present(&values[0]),
@@ -40,6 +58,7 @@ impl Runner<'_> {
                 return self.shifted(&values, true, turn);
             }
             (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
+            (b"ORIENTZYX", 3) => orientation(&values),
             (b"DIM", 2) => dimension(&values[0], &values[1]),
             _ => arithmetic(&name, &values, call.optional().is_empty()),
         };
@@ -122,6 +141,18 @@ fn arithmetic(name: &[u8], values: &[Value], whole: bool) -> Option<Value> {
         _ => return None,
     };
     value.is_finite().then_some(Value::Num(value, None))
+}
+
+/// `OrientZYX`: turns about z, then the new y, then the new x, degrees.
+fn orientation(values: &[Value]) -> Option<Value> {
+    let mut turn = NO_TURN;
+    for (axis, value) in [3, 2, 1].into_iter().zip(values) {
+        let half = value.num()?.to_radians() / 2.0;
+        let mut q = [half.cos(), 0.0, 0.0, 0.0];
+        q[axis] = half.sin();
+        turn = multiply(turn, q);
+    }
+    Some(Value::List(turn.into_iter().map(|v| Value::Num(v, None)).collect(), None))
 }
 
 /// `NumToStr`.

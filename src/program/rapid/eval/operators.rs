@@ -5,6 +5,29 @@ use super::super::symbols::Upper;
 use super::super::value::Value;
 use super::RUN_TIME;
 
+/// ABB, *RAPID overview*: a string has at most 80 characters.
+const MOST_TEXT: usize = 80;
+pub(in super::super) const TOO_LONG: &str = "a text of more than 80 characters";
+
+/// Whether single precision, in which the controller counts, sees the same of two numbers: they are one, or are apart.
+#[allow(clippy::float_cmp)] // the very number
+fn can_be_told_apart(a: f64, b: f64) -> bool {
+    /// A few roundings of single precision.
+    const NEAR: f64 = 16.0 * f32::EPSILON as f64;
+    a == b || (a - b).abs() > NEAR * a.abs().max(b.abs())
+}
+
+/// Whether two values are the same, as RAPID compares them.
+#[allow(clippy::float_cmp)] // RAPID's own comparison
+pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
+    match (left, right) {
+        (Value::Num(a, _), Value::Num(b, _)) => can_be_told_apart(*a, *b).then_some(*a == *b),
+        (Value::Bool(a), Value::Bool(b)) => Some(a == b),
+        (Value::Text(a), Value::Text(b)) => Some(a == b),
+        _ => None,
+    }
+}
+
 /// Level and sign of the operator that a lexeme is.
 #[inline]
 pub(super) fn operator(cursor: &Cursor<'_>, lexeme: Lexeme) -> Option<(u8, &'static str)> {
@@ -41,17 +64,21 @@ pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
     }
     match (left, right) {
         (Value::Num(a, _), Value::Num(b, _)) => number_operation(operator, *a, *b).unwrap_or_else(unknown),
+        (_, _)
+            if matches!(operator, "=" | "<>")
+                && !matches!((left, right), (Value::List(..), _) | (_, Value::List(..))) =>
+        {
+            equal(left, right).map_or_else(unknown, |same| Value::Bool(same == (operator == "=")))
+        }
         (Value::Bool(a), Value::Bool(b)) => match operator {
             "OR" => Value::Bool(a | b),
             "AND" => Value::Bool(a & b),
-            "XOR" | "<>" => Value::Bool(a != b),
-            "=" => Value::Bool(a == b),
+            "XOR" => Value::Bool(a != b),
             _ => unknown(),
         },
         (Value::Text(a), Value::Text(b)) => match operator {
+            "+" if a.len() + b.len() > MOST_TEXT => Value::Unknown(TOO_LONG),
             "+" => Value::Text([&**a, &**b].concat().into()),
-            "=" => Value::Bool(a == b),
-            "<>" => Value::Bool(a != b),
             _ => unknown(),
         },
         // pos + pos, pos * num
@@ -71,6 +98,9 @@ pub(super) fn apply(operator: &str, left: &Value, right: &Value) -> Value {
 #[allow(clippy::float_cmp)] // RAPID's own comparison
 fn number_operation(operator: &str, a: f64, b: f64) -> Option<Value> {
     let number = |v: f64| v.is_finite().then_some(Value::Num(v, None));
+    if matches!(operator, "=" | "<>" | "<" | ">" | "<=" | ">=") && !can_be_told_apart(a, b) {
+        return None;
+    }
     match operator {
         "+" => number(a + b),
         "-" => number(a - b),

@@ -59,11 +59,8 @@ impl Parser<'_> {
                     k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto | Key::Connect),
                 ) => {
                     self.cursor.pass(start);
-                    let name = self.cursor.peek().span();
-                    if let Scan::Broken(reason) = self.scan() {
-                        self.odd(at, reason);
-                    }
-                    block.extend(leaving(k, name));
+                    let statement = self.leaving(k, at);
+                    block.push(statement);
                 }
                 Some(_) => return Ok(block),
             }
@@ -110,9 +107,7 @@ impl Parser<'_> {
         let inner = match self.key_of(start) {
             Some(k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto)) => {
                 self.cursor.pass(start);
-                let name = self.cursor.peek().span();
-                self.scan();
-                leaving(k, name)
+                Some(self.leaving(k, start.start))
             }
             None if start.kind != Kind::End => self.simple(start),
             _ => {
@@ -176,14 +171,24 @@ impl Parser<'_> {
         self.close(Key::EndTest, head);
         Ok(Statement::Test { subject, cases, otherwise, at: head })
     }
-}
 
-/// RETURN, EXIT, RAISE and GOTO; what else leaves its place is no statement here.
-fn leaving(word: Key, label: Span) -> Option<Statement> {
-    match word {
-        Key::Return => Some(Statement::Return),
-        Key::Exit | Key::Raise => Some(Statement::Exit),
-        Key::Goto => Some(Statement::Goto(label)),
-        _ => None,
+    /// Behind RETURN, EXIT, RAISE, RETRY, TRYNEXT, GOTO or CONNECT, which stands at `at`.
+    fn leaving(&mut self, word: Key, at: usize) -> Statement {
+        let first = self.cursor.peek().span();
+        let from = first.start as usize;
+        if let Scan::Broken(reason) = self.scan() {
+            self.odd(at, reason);
+        }
+        let end = self.cursor.behind;
+        let stop = if self.cursor.bytes.get(end.wrapping_sub(1)) == Some(&b';') { end - 1 } else { end };
+        match word {
+            Key::Return => Statement::Return(Span::new(from.min(stop), stop)),
+            Key::Exit => Statement::Exit,
+            Key::Retry => Statement::Retry,
+            Key::TryNext => Statement::TryNext,
+            Key::Goto => Statement::Goto(first),
+            Key::Connect => Statement::Connect(Span::new(at, end)),
+            _ => Statement::Raise,
+        }
     }
 }

@@ -1,3 +1,12 @@
+// Ticks with the decimals that tell them apart: a scale of micrometres in millimetres is no row of zeros.
+const tickLabels = (ticks, step) => {
+  const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
+  return ticks.map((tick) => {
+    if (decimals > 6) return Math.abs(tick) < step / 2 ? "0" : tick.toExponential(1);
+    return tick.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1");
+  });
+};
+
 // Charts along the path, one above the other with a common cursor and a common zoom (uPlot).
 
 class Charts {
@@ -67,7 +76,7 @@ class Charts {
       legend: { live: true },
       axes: [
         { ...axis, label: last ? xLabel : undefined, labelSize: 20, labelFont: axis.font, size: last ? 30 : 6, values: (_, ticks) => ticks.map((tick) => (last && Number.isInteger(tick) ? grouped(tick) : "")) },
-        { ...axis, label: `${panel.title}, ${panel.unit}`, labelSize: 20, labelFont: `600 12px ${theme("--font")}`, size: 62, space: 24 },
+        { ...axis, label: `${panel.title}, ${panel.unit}`, labelSize: 20, labelFont: `600 12px ${theme("--font")}`, size: 62, space: 24, values: (_, ticks, axis, space, step) => tickLabels(ticks, step) },
       ],
       series: [{ label: xLabel, value: (_, value) => (value == null ? "" : grouped(value)) }, ...series],
       hooks: {

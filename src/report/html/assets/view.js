@@ -21,6 +21,25 @@ const REACH = 14;
 
 const VIEWS = { iso: [-55, 28], top: [-90, 90], front: [-90, 0], side: [0, 0] };
 
+// The box that a picture is of: that of the targets that cut, and of the others that are not far from them. A home position
+// at the other end of the cell would leave the part a dot.
+const framed = (points, cuts) => {
+  const all = Array.from(points[0], (_, i) => i);
+  const range = (indices) => points.map((v) => indices.reduce(([low, high], i) => [Math.min(low, v[i]), Math.max(high, v[i])], [Infinity, -Infinity]));
+  // Where nothing cuts, the middle eight tenths along each axis stand for it.
+  const middle = () => points.map((v) => {
+    const sorted = Array.from(v).sort((a, b) => a - b);
+    const at = (share) => sorted[Math.round(share * (sorted.length - 1))];
+    return [at(0.1), at(0.9)];
+  });
+  const cutting = all.filter(cuts);
+  const core = cutting.length ? range(cutting) : middle();
+  const room = Math.hypot(...core.map(([low, high]) => high - low));
+  const near = (i) => points.every((v, axis) => v[i] >= core[axis][0] - room && v[i] <= core[axis][1] + room);
+  const shown = room > 0 ? all.filter((i) => cuts(i) && cutting.length || near(i)) : all;
+  return range(shown);
+};
+
 class View {
   constructor(canvas, { hover, choose, step }) {
     this.canvas = canvas;
@@ -39,8 +58,7 @@ class View {
     const [x, y, z] = ["x_mm", "y_mm", "z_mm"].map((key) => path.column(key).numbers());
     this.path = path;
     this.points = [x, y, z];
-    const range = (v) => v.reduce(([low, high], w) => [Math.min(low, w), Math.max(high, w)], [Infinity, -Infinity]);
-    this.box = this.points.map(range);
+    this.box = framed(this.points, (i) => path.status(i) === "ok");
     this.screen = new Float32Array(2 * path.length);
     this.fit();
   }

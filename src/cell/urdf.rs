@@ -1,0 +1,319 @@
+//! A cell from a robot description (URDF): its chain of joints as modified Denavit-Hartenberg rows.
+
+use crate::robot::{Axes, DhRow, Joints, Limits, Pose, Robot};
+use crate::text::{Diagnostic, Source};
+use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
+use std::f64::consts::{PI, TAU};
+use urdf_rs::{Joint, JointType};
+
+/// Axes closer to parallel than this sine are parallel: descriptions print six digits at least, and a common normal of axes
+/// closer than that lies anywhere.
+const PARALLEL: f64 = 1e-7;
+/// Rows and description put the flange in the same place within this, m.
+const SAME: f64 = 1e-12;
+/// Axis angles at which rows and description are held against each other.
+const TRIALS: usize = 32;
+
+/// What a description comes to.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Described {
+    /// Name of the robot in the file.
+    pub name: String,
+    /// The arm, standing where its base link stands in the world.
+    pub robot: Robot,
+    /// The last link in the flange of the rows, where it does not stand on axis 6: as a tool.
+    pub flange_from_tip: Option<Pose>,
+    /// Name of the last link.
+    pub tip: String,
+}
+
+/// Reads a robot description; `tip` names its last link (left out: `tool0`, `flange`, or the end of the only chain of six
+/// turning joints).
+///
+/// # Errors
+/// The file is no URDF, or holds no chain of six turning joints up to the tip: every reason found.
+pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Diagnostic>> {
+    let refuse = |message: String, help: &str| vec![Diagnostic::error("urdf", &source.name, message).help(help)];
+    let text = String::from_utf8_lossy(&source.bytes);
+    if text.contains("<xacro:") {
+        return Err(refuse(
+            "the file is xacro: expected URDF".to_owned(),
+            "expand it first: xacro FILE.xacro > robot.urdf",
+        ));
+    }
+    let urdf = urdf_rs::read_from_string(&text).map_err(|error| {
+        refuse(format!("the file is not URDF: {error}"), "give a .urdf file, an XML with <robot> at its top")
+    })?;
+    let tip = match tip {
+        Some(tip) if urdf.links.iter().any(|link| link.name == tip) => tip.to_owned(),
+        Some(tip) => {
+            let near = super::nearest(tip, urdf.links.iter().map(|link| &link.name[..]));
+            let help =
+                near.map_or_else(|| "name one of its links".to_owned(), |near| format!("did you mean `{near}`?"));
+            return Err(refuse(format!("--tip {tip}: the description has no such link"), &help));
+        }
+        None => tip_of(&urdf.joints).map_err(|message| refuse(message, "name the last link with --tip"))?,
+    };
+    let chain = chain_to(&urdf.joints, &tip);
+    let turning: Vec<&&Joint> = chain.iter().filter(|joint| joint.joint_type != JointType::Fixed).collect();
+    let turns = |joint: &Joint| matches!(joint.joint_type, JointType::Revolute | JointType::Continuous);
+    if turning.len() != 6 || !turning.iter().all(|joint| turns(joint)) {
+        let names: Vec<String> =
+            turning.iter().map(|joint| format!("{} ({:?})", joint.name, joint.joint_type)).collect();
+        let message = format!(
+            "the chain to `{tip}` has {} joints that move, expected six that turn: {}",
+            names.len(),
+            names.join(", ")
+        );
+        return Err(refuse(
+            message,
+            "a track or a table goes into [[unit]]: give the arm's own description, or another --tip",
+        ));
+    }
+    let of_joint = |joint: &Joint| {
+        let [roll, pitch, yaw] = *joint.origin.rpy;
+        Pose::from_parts(
+            Translation3::from(Vector3::from(*joint.origin.xyz)),
+            Rotation3::from_euler_angles(roll, pitch, yaw),
+        )
+    };
+    // What the controller counts from, where the description tells it apart from its own root.
+    let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.link.clone());
+    let start = chain_to(&urdf.joints, "base");
+    let counted = start.first().is_some_and(|joint| joint.parent.link == root)
+        && start.iter().all(|joint| joint.joint_type == JointType::Fixed);
+    let root_from_base =
+        if counted { start.iter().fold(Pose::identity(), |at, joint| at * of_joint(joint)) } else { Pose::identity() };
+
+    let (mut at, mut axes) = (root_from_base.inverse(), Vec::with_capacity(6));
+    for joint in &chain {
+        at *= of_joint(joint);
+        if turns(joint) {
+            let axis = Vector3::from(*joint.axis.xyz);
+            let Some(along) = axis.try_normalize(0.0) else {
+                return Err(refuse(
+                    format!("joint {}: its axis has no direction", joint.name),
+                    "give it an <axis xyz=…/>",
+                ));
+            };
+            axes.push(Line { point: at.translation.vector, along: at.rotation * along });
+        }
+    }
+    let rows = Rows::of(&axes, &at).map_err(|(i, message)| {
+        refuse(
+            format!("joint {}: {message}", turning[i].name),
+            "deflex takes six axes of which no two that follow each other are one",
+        )
+    })?;
+    let limit = |i: usize| {
+        let joint = turning[i];
+        let (lower, upper) = (joint.limit.lower, joint.limit.upper);
+        if joint.joint_type == JointType::Continuous || !(lower.is_finite() && upper.is_finite()) {
+            (-TAU, TAU)
+        } else {
+            (lower, upper)
+        }
+    };
+    if let Some(i) = (0..6).find(|&i| limit(i).0 >= limit(i).1) {
+        return Err(refuse(
+            format!("joint {}: its limits leave no room", turning[i].name),
+            "lower must lie below upper, in radians",
+        ));
+    }
+    let limits =
+        Limits { min: Joints::from_fn(|i, _| limit(i).0), max: Joints::from_fn(|i, _| limit(i).1), elbow: None };
+    let axes_of = Axes { sign: rows.sign, ..Axes::SERIAL };
+    let robot = Robot::new(&urdf.name, rows.rows, axes_of, limits).standing_at(rows.base);
+
+    // The rows are the description, or nothing is said.
+    let flange_from_tip = rows.flange_from_tip;
+    for trial in 0..TRIALS {
+        let angles = Joints::from_fn(|i, _| PI * ((trial * 6 + i) as f64 * 0.754_877_666).fract().mul_add(2.0, -1.0));
+        let mut described = root_from_base.inverse();
+        let mut next = angles.iter();
+        for joint in &chain {
+            described *= of_joint(joint);
+            if turns(joint) {
+                let axis = Vector3::from(*joint.axis.xyz).normalize();
+                described *= Rotation3::new(axis * *next.next().unwrap_or(&0.0));
+            }
+        }
+        let ours = rows.base * robot.forward(&angles) * flange_from_tip;
+        let off = (ours.translation.vector - described.translation.vector).norm();
+        let turned = (ours.rotation.matrix() - described.rotation.matrix()).amax();
+        if off > SAME || turned > SAME {
+            let message = format!("the rows miss the description by {:.1e} mm", 1e3 * off);
+            return Err(refuse(message, "please report this description: its chain should be one of six axes"));
+        }
+    }
+    let identity = flange_from_tip.translation.vector.norm() < SAME
+        && (flange_from_tip.rotation.matrix() - Matrix3::identity()).amax() < SAME;
+    Ok(Described { name: urdf.name, robot, flange_from_tip: (!identity).then_some(flange_from_tip), tip })
+}
+
+/// The joints from the root to a link, in order.
+fn chain_to<'a>(joints: &'a [Joint], tip: &str) -> Vec<&'a Joint> {
+    let mut chain = Vec::new();
+    let mut link = tip;
+    // A description that names a link as its own ancestor has no root.
+    while let Some(joint) = joints.iter().find(|joint| joint.child.link == link).filter(|_| chain.len() <= joints.len())
+    {
+        chain.push(joint);
+        link = &joint.parent.link;
+    }
+    chain.reverse();
+    chain
+}
+
+/// The last link, where nobody names it.
+fn tip_of(joints: &[Joint]) -> Result<String, String> {
+    let moves = |chain: &[&Joint]| chain.iter().filter(|joint| joint.joint_type != JointType::Fixed).count();
+    for usual in ["tool0", "flange"] {
+        let chain = chain_to(joints, usual);
+        if moves(&chain) == 6 {
+            return Ok(usual.to_owned());
+        }
+    }
+    let parents =
+        |link: &str| joints.iter().any(|joint| joint.parent.link == link && joint.joint_type != JointType::Fixed);
+    let ends: Vec<&str> = joints
+        .iter()
+        .filter(|joint| joint.joint_type != JointType::Fixed && !parents(&joint.child.link))
+        .map(|joint| &joint.child.link[..])
+        .filter(|link| moves(&chain_to(joints, link)) == 6)
+        .collect();
+    match ends[..] {
+        [end] => Ok(end.to_owned()),
+        [] => Err("no chain of six joints that turn was found".to_owned()),
+        _ => Err(format!("several chains have six joints, to {}", ends.join(", "))),
+    }
+}
+
+/// An axis in space, base frame, m.
+#[derive(Clone, Copy)]
+struct Line {
+    point: Vector3<f64>,
+    along: Vector3<f64>,
+}
+
+impl Line {
+    /// Where another axis is nearest on this one.
+    fn foot(&self, other: &Self) -> Vector3<f64> {
+        let normal = self.along.cross(&other.along);
+        let between = other.point - self.point;
+        let along = between.cross(&other.along).dot(&normal) / normal.norm_squared();
+        self.point + self.along * along
+    }
+
+    /// Where a point is nearest on this axis.
+    fn foot_of(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.point + self.along * self.along.dot(&(point - self.point))
+    }
+
+    fn parallel(&self, other: &Self) -> bool {
+        self.along.cross(&other.along).norm() < PARALLEL
+    }
+}
+
+struct Rows {
+    rows: [DhRow; 6],
+    sign: [f64; 6],
+    /// The frame that the first row starts in, in the description's base.
+    base: Pose,
+    flange_from_tip: Pose,
+}
+
+impl Rows {
+    /// Modified rows (Craig) of six axes and the last link at zero joints; where it fails, at which axis and why.
+    ///
+    /// Directions are chosen so that an arm with parallel axes 2 and 3 and a spherical wrist gets the twists
+    /// 0, −90, 0, −90, 90, −90 degrees that the explicit inverse knows.
+    fn of(given: &[Line], tip: &Pose) -> Result<Self, (usize, &'static str)> {
+        const TWIST: [f64; 5] = [-1.0, 1.0, -1.0, 1.0, -1.0];
+        let mut axes: Vec<Line> = given.to_vec();
+        let mut point_along = |i: usize, direction: Vector3<f64>| {
+            if axes[i].along.dot(&direction) < 0.0 {
+                axes[i].along = -axes[i].along;
+            }
+        };
+        point_along(0, Vector3::z());
+        point_along(5, tip.rotation * Vector3::z());
+        let (first, second) = (axes[0], axes[1]);
+        if !first.parallel(&second) {
+            // Axis 2 lies ahead of axis 1, or looks to the left.
+            let ahead = second.foot(&first) - first.foot(&second);
+            let turned = first.along.cross(&second.along);
+            let flip = if ahead.norm() > SAME { turned.dot(&ahead) > 0.0 } else { second.along.y < 0.0 };
+            if flip {
+                axes[1].along = -second.along;
+            }
+        }
+        for i in [2, 4] {
+            let along = axes[1].along;
+            if axes[i].along.dot(&along) < 0.0 {
+                axes[i].along = -axes[i].along;
+            }
+        }
+        // The forearm's axis looks from the elbow to the wrist.
+        let forearm = if axes[3].parallel(&axes[2]) { axes[2].along } else { axes[4].point - axes[2].point };
+        if axes[3].along.dot(&forearm) < 0.0 {
+            axes[3].along = -axes[3].along;
+        }
+
+        // The base frame stands as described where axis 1 is upright through it.
+        let upright =
+            axes[0].along.cross(&Vector3::z()).norm() < PARALLEL && axes[0].foot_of(&Vector3::zeros()).norm() < SAME;
+        let base = if upright {
+            Pose::identity()
+        } else {
+            let z = axes[0].along;
+            let x = (Vector3::x() - z * z.x).try_normalize(1e-3).unwrap_or_else(|| z.cross(&Vector3::y()).normalize());
+            Pose::from_parts(Translation3::from(axes[0].foot_of(&Vector3::zeros())), frame(&x, &z))
+        };
+        let mut frames = vec![(base.translation.vector, base.rotation * Vector3::x(), base.rotation * Vector3::z())];
+        for i in 0..5 {
+            let (axis, next) = (axes[i], axes[i + 1]);
+            let (origin, x) = if axis.parallel(&next) {
+                let before = frames[i];
+                let from = Line { point: before.0, along: before.2 };
+                let origin = if i == 0 || from.parallel(&axis) { axis.foot_of(&before.0) } else { axis.foot(&from) };
+                let across = next.foot_of(&origin) - origin;
+                (origin, across.try_normalize(SAME).ok_or((i + 1, "it turns about the same axis as the one before"))?)
+            } else {
+                let normal = axis.along.cross(&next.along).normalize();
+                (axis.foot(&next), normal * if i == 1 { 1.0 } else { TWIST[i] })
+            };
+            frames.push((origin, x, axis.along));
+        }
+        let (last, point) = (axes[5], tip.translation.vector);
+        let tip_z = tip.rotation * Vector3::z();
+        let origin = last.foot_of(&point);
+        let tip_x = tip.rotation * Vector3::x();
+        let x = if tip_z.cross(&last.along).norm() < PARALLEL {
+            (tip_x - last.along * tip_x.dot(&last.along)).normalize()
+        } else {
+            frames[5].1
+        };
+        frames.push((origin, x, last.along));
+        let base_from_flange = Pose::from_parts(Translation3::from(origin), frame(&x, &last.along));
+        let rows = std::array::from_fn(|i| {
+            let ((o0, x0, z0), (o1, x1, z1)) = (frames[i], frames[i + 1]);
+            DhRow {
+                alpha: z0.cross(&z1).dot(&x0).atan2(z0.dot(&z1)),
+                a: (o1 - o0).dot(&x0),
+                theta: x0.cross(&x1).dot(&z1).atan2(x0.dot(&x1)),
+                d: (o1 - o0).dot(&z1),
+            }
+        });
+        let sign = std::array::from_fn(|i| axes[i].along.dot(&given[i].along).signum());
+        Ok(Self { rows, sign, base, flange_from_tip: base_from_flange.inv_mul(tip) })
+    }
+}
+
+/// A frame by two of its axes, unit and square to each other.
+fn frame(x: &Vector3<f64>, z: &Vector3<f64>) -> Rotation3<f64> {
+    let mut frame = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[*x, z.cross(x), *z]));
+    frame.renormalize();
+    frame
+}

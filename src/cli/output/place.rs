@@ -1,0 +1,134 @@
+//! One file into another's place, as an editor saves: through symbolic links, with the owner, the group and the permissions
+//! that were there.
+
+use super::staging;
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// How a file gets its new content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum How {
+    /// The waiting file takes its name.
+    Rename,
+    /// The content is written into the file that is there: it has other names too, or an owner that a new file cannot have.
+    Overwrite,
+}
+
+/// The file that a path means: through symbolic links, so that the file behind one is replaced, not the link; behind a link to
+/// nothing, the file that it names.
+pub(super) fn resolved(path: &Path) -> PathBuf {
+    /// As many links as Linux follows.
+    const MOST: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..MOST {
+        if let Ok(there) = fs::canonicalize(&path) {
+            return there;
+        }
+        match fs::read_link(&path) {
+            Ok(link) => path = folder_of(&path).join(link),
+            Err(_) => break,
+        }
+    }
+    let in_folder = || Some(fs::canonicalize(folder_of(&path)).ok()?.join(path.file_name()?));
+    in_folder().unwrap_or(path)
+}
+
+/// The folder that a path is in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Whether a file may be replaced: an editor would not save over one without write permission, though its folder allows it.
+pub(super) fn writable(target: &Path, existing: &Metadata) -> io::Result<()> {
+    if existing.permissions().readonly() {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
+    }
+    OpenOptions::new().write(true).open(target).map(drop)
+}
+
+/// Gives a new file what an existing one has; how the new one can take its place.
+pub(super) fn adopt(new: &File, existing: &Metadata) -> io::Result<How> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{MetadataExt, fchown};
+        let own = new.metadata()?;
+        let same = (own.uid(), own.gid()) == (existing.uid(), existing.gid());
+        if existing.nlink() > 1 || !same && fchown(new, Some(existing.uid()), Some(existing.gid())).is_err() {
+            return Ok(How::Overwrite);
+        }
+    }
+    // After the owner: a change of owner takes set-user-ID bits away.
+    new.set_permissions(existing.permissions())?;
+    Ok(How::Rename)
+}
+
+/// Puts a waiting file into its place.
+pub(super) fn place(waits: &Path, target: &Path, how: How) -> io::Result<()> {
+    match how {
+        How::Rename => fs::rename(waits, target),
+        How::Overwrite => {
+            let mut from = File::open(waits)?;
+            overwrite(&mut from, target)
+        }
+    }
+}
+
+/// Writes into a file that is there; it is cut off only when all is in it.
+fn overwrite(from: &mut impl Read, target: &Path) -> io::Result<()> {
+    let mut to = OpenOptions::new().write(true).open(target)?;
+    let length = io::copy(from, &mut to)?;
+    to.set_len(length)?;
+    to.sync_all()
+}
+
+/// What a file was before it was replaced.
+pub(super) enum Old {
+    /// There was none.
+    Nothing,
+    /// Another name for it, which goes with this.
+    Link(PathBuf),
+    /// Its content, where it has no second name.
+    Content(Vec<u8>),
+}
+
+/// Keeps what a file is.
+pub(super) fn keep_old(target: &Path, how: How) -> io::Result<Old> {
+    let Ok(metadata) = fs::metadata(target) else { return Ok(Old::Nothing) };
+    if !metadata.is_file() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is no file any more"));
+    }
+    if how == How::Rename {
+        let path = staging::reserve(folder_of(target))?;
+        if fs::hard_link(target, &path).is_ok() {
+            return Ok(Old::Link(path));
+        }
+        staging::forget(&path);
+    }
+    fs::read(target).map(Old::Content)
+}
+
+impl Old {
+    /// Puts it back; what cannot be put back stays as it is.
+    pub(super) fn restore(mut self, target: &Path, how: How) {
+        let _ = match (&mut self, how) {
+            (Self::Nothing, _) => fs::remove_file(target),
+            (Self::Link(path), How::Rename) => fs::rename(path, target),
+            (Self::Content(bytes), How::Rename) => fs::write(target, bytes),
+            (Self::Link(_), How::Overwrite) => Ok(()),
+            (Self::Content(bytes), How::Overwrite) => overwrite(&mut &bytes[..], target),
+        };
+    }
+}
+
+impl Drop for Old {
+    fn drop(&mut self) {
+        if let Self::Link(path) = self {
+            // Gone already where it was put back.
+            let _ = fs::remove_file(&*path);
+            staging::forget(path);
+        }
+    }
+}

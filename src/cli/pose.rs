@@ -1,0 +1,158 @@
+//! `pose`: joints to TCP and back.
+
+use super::args::Pose as Arguments;
+use super::input::CellFile;
+use super::output::{Outputs, is_stdout, print};
+use super::{Answer, Outcome};
+use deflex::cell::{Cell, nearest};
+use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
+use deflex::robot::{Joints, Pose, conf_of};
+use deflex::text::Diagnostic;
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+/// A quaternion typed off a pendant has four decimals or so; further from one it is no orientation.
+const UNIT_NORM: f64 = 1e-2;
+
+pub(super) fn run(args: &Arguments) -> Outcome {
+    let cell = CellFile::read(&args.cell)?.cell;
+    let flange_from_tcp = match &args.tool {
+        Some(name) => named("tool", name, &cell.tools)?.flange_from_tcp,
+        None => Pose::identity(),
+    };
+    let world_from_wobj = match &args.wobj {
+        Some(name) => *named("wobj", name, &cell.wobjs)?,
+        None => Pose::identity(),
+    };
+    let base_from_wobj = cell.arm.robot.world_from_base.inv_mul(&world_from_wobj);
+    let frames = Frames { cell: &cell, base_from_wobj, flange_from_tcp };
+    let (text, answer) =
+        if args.joints.is_empty() { frames.joints(&target(&args.target)?)? } else { frames.tcp(&args.joints)? };
+    let Some(file) = &args.json else {
+        print(text.as_bytes())?;
+        return Ok(Answer::Yes);
+    };
+    if !is_stdout(file) {
+        print(text.as_bytes())?;
+    }
+    let mut outputs = Outputs::default();
+    outputs.add(file, format!("{answer:#}\n").as_bytes())?;
+    outputs.commit()?;
+    Ok(Answer::Yes)
+}
+
+/// An entry of the cell, by the name typed.
+fn named<'a, T>(
+    what: &str,
+    name: &str,
+    all: &'a std::collections::BTreeMap<String, T>,
+) -> Result<&'a T, Vec<Diagnostic>> {
+    all.get(&name.to_ascii_uppercase()).ok_or_else(|| {
+        let known = all.keys().cloned().collect::<Vec<_>>().join(", ");
+        let meant = nearest(&name.to_ascii_uppercase(), all.keys().map(String::as_str));
+        let meant = meant.map_or_else(String::new, |meant| format!("did you mean `{meant}`? "));
+        Diagnostic::error("pose.name", "", format!("--{what} {name}: the cell declares no such {what}"))
+            .help(format!("{meant}declared: {known}"))
+            .into()
+    })
+}
+
+/// The TCP that was typed, m.
+fn target(numbers: &[f64]) -> Result<Pose, Vec<Diagnostic>> {
+    let bad = |message: String| {
+        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees";
+        vec![Diagnostic::error("pose.target", "", message).help(help)]
+    };
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err(bad("--target: a number is not finite".to_owned()));
+    }
+    let turn = match *numbers {
+        [_, _, _, a, b, c] => from_zyx_deg([a, b, c]),
+        [_, _, _, w, x, y, z] => {
+            let norm = (w * w + x * x + y * y + z * z).sqrt();
+            if (norm - 1.0).abs() > UNIT_NORM {
+                return Err(bad(format!("--target: the quaternion's norm is {norm:.4}, expected 1")));
+            }
+            rotation([w, x, y, z])
+        }
+        _ => return Err(bad(format!("--target has {} numbers, expected 6 or 7", numbers.len()))),
+    };
+    Ok(Pose::from_parts(nalgebra::Translation3::new(1e-3 * numbers[0], 1e-3 * numbers[1], 1e-3 * numbers[2]), turn))
+}
+
+struct Frames<'a> {
+    cell: &'a Cell,
+    base_from_wobj: Pose,
+    flange_from_tcp: Pose,
+}
+
+impl Frames<'_> {
+    /// The TCP at axis angles, as text and as JSON.
+    fn tcp(&self, axes_deg: &[f64]) -> Result<(String, Value), Vec<Diagnostic>> {
+        let robot = &self.cell.arm.robot;
+        let axes_deg: [f64; 6] =
+            axes_deg.try_into().ok().filter(|deg: &[f64; 6]| deg.iter().all(|angle| angle.is_finite())).ok_or_else(
+                || {
+                    Diagnostic::error("pose.joints", "", format!("--joints has {} angles, expected 6", axes_deg.len()))
+                        .help("six axis angles in degrees, as the pendant shows them, with commas between")
+                },
+            )?;
+        let motor = robot.motor_from_axes_deg(&axes_deg);
+        let tcp = self.base_from_wobj.inv_mul(&(robot.forward(&motor) * self.flange_from_tcp));
+        let mut text = String::new();
+        let mm: [f64; 3] = (tcp.translation.vector * 1e3).into();
+        let (quat, zyx, xyz) = (quaternion(&tcp.rotation), zyx_deg(&tcp.rotation), xyz_deg(&tcp.rotation));
+        let vector: [f64; 3] = tcp.rotation.scaled_axis().into();
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "position                      {}   mm", fixed(&mm, 4));
+        let _ = writeln!(text, "quaternion q1…q4              {}", fixed(&quat, 8));
+        let _ = writeln!(text, "ABB EulerZYX, KUKA A B C      {}   degrees, about z, y', x''", fixed(&zyx, 5));
+        let [a, b, c] = zyx;
+        let _ = writeln!(text, "FANUC W P R, Yaskawa Rx Ry Rz {}   degrees, about fixed x, y, z", fixed(&[c, b, a], 5));
+        let _ = writeln!(text, "Stäubli Rx Ry Rz              {}   degrees, about x, y', z''", fixed(&xyz, 5));
+        let _ = writeln!(text, "UR rotation vector            {}   rad", fixed(&vector, 6));
+        let conf = conf_of(robot, &motor);
+        let _ = writeln!(text, "ABB confdata                    [{},{},{},{}]", conf.cf1, conf.cf4, conf.cf6, conf.cfx);
+        let beyond = robot.limit_violation(&motor).map(|violation| violation.to_string());
+        if let Some(beyond) = &beyond {
+            let _ = writeln!(text, "beyond a limit: {beyond}");
+        }
+        let answer = json!({
+            "joints_deg": axes_deg, "position_mm": mm, "quat": quat, "zyx_deg": zyx, "fixed_xyz_deg": [c, b, a], "xyz_deg": xyz,
+            "rotation_vector_rad": vector, "confdata": [conf.cf1, conf.cf4, conf.cf6, conf.cfx], "beyond_limit": beyond,
+        });
+        Ok((text, answer))
+    }
+
+    /// Axis angles of every way to reach a TCP.
+    fn joints(&self, wobj_from_tcp: &Pose) -> Result<(String, Value), Vec<Diagnostic>> {
+        let robot = &self.cell.arm.robot;
+        let base_from_flange = self.base_from_wobj * wobj_from_tcp * self.flange_from_tcp.inverse();
+        let mut ways = robot.inverse_all(&base_from_flange).map_err(|error| {
+            Diagnostic::error("pose.unreachable", "", format!("the target is not reached: {error}"))
+                .help("check the work object, the tool and the robot of the cell")
+        })?;
+        // Nearest to where the arm starts first.
+        let from = self.cell.start.unwrap_or_else(Joints::zeros);
+        ways.sort_by(|a, b| (a - from).norm_squared().total_cmp(&(b - from).norm_squared()));
+        let mut text = String::new();
+        let mut list = Vec::new();
+        for motor in &ways {
+            let (deg, conf) = (robot.axes_deg_from_motor(motor), conf_of(robot, motor));
+            let _ =
+                writeln!(text, "{}   confdata [{},{},{},{}]", fixed(&deg, 5), conf.cf1, conf.cf4, conf.cf6, conf.cfx);
+            list.push(json!({ "joints_deg": deg, "confdata": [conf.cf1, conf.cf4, conf.cf6, conf.cfx] }));
+        }
+        Ok((text, json!({ "solutions": list })))
+    }
+}
+
+/// Numbers in columns; no negative zero.
+fn fixed(numbers: &[f64], decimals: usize) -> String {
+    let number = |value: &f64| {
+        let text = format!("{value:.decimals$}");
+        let zero = text.trim_start_matches('-').bytes().all(|byte| matches!(byte, b'0' | b'.'));
+        format!("{:>12}", if zero { text.trim_start_matches('-') } else { &text })
+    };
+    numbers.iter().map(number).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,185 @@
+//! `simulate`: the part before it is cut.
+
+use super::against::Originals;
+use super::args::{Corrected, Simulate};
+use super::input::{Context, both, source};
+use super::output::{Outputs, is_stdout, one_thing};
+use super::piped::{Piped, jobs};
+use super::report::pretty;
+use super::run::Setup;
+use super::{Answer, Outcome, message, progress};
+use deflex::correct::{Cuts, Removal, cut_stock};
+use deflex::program::Program;
+use deflex::report::html::simulation_page;
+use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, probe, stl};
+use deflex::text::Diagnostic;
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
+const PAGE_TRIANGLES: f64 = 40_000.0;
+
+pub(super) fn run(args: &Simulate) -> Outcome {
+    let reports = args.reports();
+    let setup = Setup::read(&args.model, Context::read(&args.reading)?, Corrected::Pose, &reports);
+    let piped = Piped::new(&args.inputs)?;
+    // None is left out: a file that is not understood stops the run.
+    let (setup, (jobs, _)) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format, false))?;
+    let several = jobs.len() > 1 && (args.stl.is_some() || args.html.is_some() || args.report.is_some());
+    if several {
+        let message = "--stl, --html and --report take one program, but there are several inputs";
+        return Err(vec![Diagnostic::error("usage.several", "", message).help("give one program, or --json only")]);
+    }
+    let probes = args.probe.as_deref().map(probes).transpose()?;
+    let to_stdout = [&args.report, &args.json, &args.html, &args.stl];
+    let printed = to_stdout.into_iter().flatten().filter(|path| is_stdout(path)).count();
+    one_thing(printed)?;
+    let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
+    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
+    let mut outputs = Outputs::new(read.chain(&args.against).chain(&args.probe));
+    let (mut files, mut text) = (Vec::new(), String::new());
+    // Cut as programmed, as commanded, and before a correction.
+    let steps = jobs.len() * if args.against.is_some() { 4 } else { 3 };
+    let bar = progress::bar(steps, args.common.quiet);
+    for job in jobs {
+        let name = job.name.clone();
+        let original = originals.of(&job, &setup)?;
+        let program = setup.program(job)?;
+        let intended = original.as_ref().unwrap_or(&program);
+        let cut = |program: &Program, against: Option<&Program>, cuts: Cuts| -> Result<Removal, Vec<Diagnostic>> {
+            let done = cut_stock(program, &setup.cell.cell, &setup.options, against, cuts);
+            bar.inc(1);
+            done.map_err(|errors| setup.cell.own(errors))
+        };
+        let programmed = cut(intended, None, Cuts::Programmed)?;
+        let mut actual = Vec::new();
+        if let Some(original) = &original {
+            actual.push(("before", cut(original, None, Cuts::Deflected)?));
+        }
+        actual.push(("after", cut(&program, original.as_ref(), Cuts::Deflected)?));
+        if original.is_none() {
+            actual[0].0 = "as it is";
+        }
+        let cell = map_cell(&programmed.stock);
+        let mesh = programmed.stock.surface(cell);
+        let map = |removal: &Removal| DeviationMap::new(mesh.clone(), &programmed.stock, &removal.stock);
+        let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
+        let figures: Vec<(&str, MapFigures)> = maps.iter().map(|(name, map)| (*name, map.figures())).collect();
+        let Some(((_, last), (_, last_map))) = actual.last().zip(maps.last()) else { continue };
+        if let Some(path) = &args.stl {
+            outputs.add_report(path, &stl(&last.stock.surface(cell)))?;
+        }
+        if let Some(path) = &args.html {
+            let larger = (last_map.programmed.triangles.len() as f64 / PAGE_TRIANGLES).sqrt().max(1.0);
+            let mesh = programmed.stock.surface(cell * larger);
+            let map = |removal: &Removal| DeviationMap::new(mesh.clone(), &programmed.stock, &removal.stock);
+            let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
+            outputs.add_report(path, simulation_page(&name, &setup.cell.name, &maps, &figures).as_bytes())?;
+        }
+        let probed = probes.as_ref().map(|points| probed(points, last)).transpose()?;
+        let rows = probed.unwrap_or_else(|| last_map.points());
+        if let Some(path) = &args.report {
+            outputs.add_report(path, &map_csv(&rows))?;
+        } else if probes.is_some() && printed == 0 {
+            outputs.add(Path::new("-"), &map_csv(&rows))?;
+        }
+        for (which, f) in &figures {
+            text += &format!(
+                "{name}, {which}: deviation rms {:.4} mm, mean {:.4}, largest {:.4}; gouge at most {:.4} ({:.1} % of the surface), left over at most {:.4} ({:.1} %)\n",
+                f.rms_mm,
+                f.mean_mm,
+                f.max_mm,
+                f.gouge.max_mm,
+                100.0 * f.gouge.share,
+                f.leftover.max_mm,
+                100.0 * f.leftover.share
+            );
+        }
+        files.push(summary(&name, &programmed, last, &figures));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if let Some(path) = &args.json {
+        outputs.add_report(path, pretty(&json!({ "files": files }))?.as_bytes())?;
+    }
+    let silent = printed > 0 || args.common.quiet || (probes.is_some() && args.report.is_none());
+    if !silent {
+        outputs.add(Path::new("-"), text.as_bytes())?;
+    }
+    outputs.commit()?;
+    if !args.common.quiet {
+        message::print(&setup.notes(), true);
+    }
+    Ok(Answer::Yes)
+}
+
+fn summary(name: &str, programmed: &Removal, actual: &Removal, figures: &[(&str, MapFigures)]) -> Value {
+    let of = |wanted: &str| figures.iter().find(|(name, _)| *name == wanted).map(|(_, figures)| *figures);
+    let after = figures.last().map(|(_, figures)| *figures).unwrap_or_default();
+    let mm3 = |volume: f64| 1e9 * volume;
+    json!({
+        "path": name,
+        "resolution_mm": 1e3 * programmed.stock.spacing(),
+        "removed_programmed_mm3": mm3(programmed.stock.removed()),
+        "removed_mm3": mm3(actual.stock.removed()),
+        "left_mm3": mm3(actual.stock.volume()),
+        "rms_mm": after.rms_mm,
+        "mean_mm": after.mean_mm,
+        "mean_signed_mm": after.mean_signed_mm,
+        "max_mm": after.max_mm,
+        "points": after.points,
+        "gouge": after.gouge,
+        "leftover": after.leftover,
+        "before": of("before"),
+        "after": after,
+    })
+}
+
+/// A nominal point, and its normal where the file has one; m.
+type Probe = (Vector3<f64>, Option<Vector3<f64>>);
+
+/// Reads `x_mm,y_mm,z_mm` and, where they stand, `nx,ny,nz`.
+fn probes(path: &Path) -> Result<Vec<Probe>, Vec<Diagnostic>> {
+    let file = source(path)?;
+    let fail = |message: String| {
+        let help = "expected a header row with x_mm, y_mm, z_mm and, for deviations along a normal, nx, ny, nz";
+        vec![Diagnostic::error("probe.csv", &file.name, message).help(help)]
+    };
+    let mut reader = csv::Reader::from_reader(&file.bytes[..]);
+    let header = reader.headers().map_err(|error| fail(error.to_string()))?.clone();
+    let column = |name: &str| header.iter().position(|field| field.trim() == name);
+    let three = |names: [&str; 3]| Some([column(names[0])?, column(names[1])?, column(names[2])?]);
+    let position = three(["x_mm", "y_mm", "z_mm"]).ok_or_else(|| fail("x_mm, y_mm or z_mm is missing".to_owned()))?;
+    let normal = three(["nx", "ny", "nz"]);
+    let mut points = Vec::new();
+    for (i, row) in reader.records().enumerate() {
+        let row = row.map_err(|error| fail(error.to_string()))?;
+        let vector = |columns: [usize; 3]| -> Result<Vector3<f64>, Vec<Diagnostic>> {
+            let mut out = Vector3::zeros();
+            for (k, column) in columns.into_iter().enumerate() {
+                let text = row.get(column).unwrap_or_default().trim();
+                let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+                out[k] = value.ok_or_else(|| fail(format!("row {}: `{text}` is no number", i + 2)))?;
+            }
+            Ok(out)
+        };
+        let normal = normal.map(vector).transpose()?.and_then(|normal| normal.try_normalize(0.0));
+        points.push((vector(position)? * 1e-3, normal));
+    }
+    Ok(points)
+}
+
+fn probed(points: &[Probe], actual: &Removal) -> Result<Vec<SurfacePoint>, Vec<Diagnostic>> {
+    let row = |(i, (point, normal)): (usize, &Probe)| {
+        let deviation_mm = probe(&actual.stock, point, normal.as_ref()).ok_or_else(|| {
+            let message = format!("probed point {}: no surface of the part within 10 mm", i + 1);
+            vec![
+                Diagnostic::error("probe.far", "", message)
+                    .help("points and normals are in the axes of the stock's work object, on the nominal surface"),
+            ]
+        })?;
+        Ok(SurfacePoint { position_mm: (point * 1e3).into(), deviation_mm })
+    };
+    points.iter().enumerate().map(row).collect()
+}

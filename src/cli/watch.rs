@@ -1,0 +1,122 @@
+//! Inputs that change while they are read: a program is read several times over, and must be the same each time.
+
+use super::{message, output};
+use deflex::text::{Diagnostic, Severity};
+use std::collections::BTreeMap;
+use std::fs::{self, File, Metadata};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime};
+
+/// What tells one state of a file from another without reading it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(super) struct State {
+    length: u64,
+    modified: Option<SystemTime>,
+    /// Device, inode and the time of the last change of any of them; 0 where the system has none.
+    own: [i64; 4],
+}
+
+impl State {
+    pub(super) fn of(metadata: &Metadata) -> Self {
+        #[cfg(unix)]
+        let own = {
+            use std::os::unix::fs::MetadataExt;
+            [metadata.dev().cast_signed(), metadata.ino().cast_signed(), metadata.ctime(), metadata.ctime_nsec()]
+        };
+        #[cfg(not(unix))]
+        let own = [0; 4];
+        Self { length: metadata.len(), modified: metadata.modified().ok(), own }
+    }
+
+    /// Without what a second name for the same file changes.
+    pub(super) fn of_content(metadata: &Metadata) -> Self {
+        let mut state = Self::of(metadata);
+        state.own[2..].fill(0);
+        state
+    }
+}
+
+/// A file as it was when it was first opened.
+#[derive(Debug)]
+struct Watched {
+    state: State,
+    /// Of the content, where the file was written so shortly before that times do not tell a later write.
+    hash: Option<u64>,
+}
+
+/// Systems count times of files in ticks of up to 10 ms, some network drives in seconds.
+const TICK: Duration = Duration::from_millis(50);
+
+/// All that was opened.
+#[derive(Debug)]
+struct All {
+    files: BTreeMap<PathBuf, Watched>,
+    /// By folder, what killed runs left unfinished there.
+    unfinished: BTreeMap<PathBuf, Vec<(PathBuf, String)>>,
+}
+
+static WATCHED: Mutex<All> = Mutex::new(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
+
+fn watched() -> MutexGuard<'static, All> {
+    // Entries are put in whole.
+    WATCHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Remembers a file before it is read; what is no regular file (a pipe, a device) can be read once only, and is not watched.
+pub(super) fn watch(path: &Path) {
+    let Ok(metadata) = fs::metadata(path) else { return };
+    if !metadata.is_file() || watched().files.contains_key(path) {
+        return;
+    }
+    message::print(unfinished(path).as_slice(), false);
+    let state = State::of(&metadata);
+    let fresh = |modified: SystemTime| modified.elapsed().map_or(true, |age| age < TICK);
+    let hash = state.modified.is_none_or(fresh).then(|| hash(path).ok()).flatten();
+    watched().files.insert(path.to_owned(), Watched { state, hash });
+}
+
+/// A warning for a file that belongs to a set which is unfinished.
+fn unfinished(path: &Path) -> Option<Diagnostic> {
+    let target = fs::canonicalize(path).ok()?;
+    let folder = target.parent()?.to_owned();
+    let mut all = watched();
+    let files = all.unfinished.entry(folder).or_insert_with_key(|folder| output::unfinished(folder));
+    let (_, marker) = files.iter().find(|(file, _)| *file == target)?;
+    let message = format!("is one of several outputs that a killed run left unfinished ({marker})");
+    let help = "run again what wrote it: its files are not of one run";
+    let file = path.display().to_string();
+    Some(Diagnostic::error("io.unfinished", &file, message).severity(Severity::Warning).help(help))
+}
+
+/// One message for each file that is not as it was.
+pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
+    let same = |(path, before): (&PathBuf, &Watched)| {
+        let now = fs::metadata(path).ok().map(|metadata| State::of(&metadata));
+        now == Some(before.state) && before.hash.is_none_or(|before| hash(path).ok() == Some(before))
+    };
+    let watched = watched();
+    let errors: Vec<Diagnostic> =
+        watched.files.iter().filter(|entry| !same(*entry)).map(|(path, _)| told(path)).collect();
+    if errors.is_empty() { Ok(()) } else { Err(errors) }
+}
+
+fn told(path: &Path) -> Diagnostic {
+    let message = "changed while it was read: nothing is written";
+    Diagnostic::error("io.changed", &path.display().to_string(), message)
+        .help("run again when nobody writes to it any more")
+}
+
+/// FNV-1a of a file's bytes: tells states apart, guards against nothing.
+fn hash(path: &Path) -> io::Result<u64> {
+    let (mut file, mut block) = (File::open(path)?, vec![0; 64 * 1024]);
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    loop {
+        let count = file.read(&mut block)?;
+        if count == 0 {
+            return Ok(hash);
+        }
+        hash = block[..count].iter().fold(hash, |hash, &b| (hash ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+    }
+}

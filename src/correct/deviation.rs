@@ -1,0 +1,478 @@
+//! How far the tip is off the programmed path between targets, by the forward model.
+//!
+//! At the start of a segment acts the force of the move into its end, while the command there is that of the target before;
+//! in between, the command runs straight (or round) where the deflection does not. Both are solved where they are not surely
+//! small: a segment so short that the joints hardly move is known from its ends.
+
+use super::Prepared;
+use super::path::{self, travel};
+use super::point::Point;
+use super::segment::{Kind, SMOOTH, Segment, Start};
+use super::solve::{Solver, controller_motor};
+use super::track::Track;
+use crate::equilibrium::{EquilibriumError, Foreseen, Landing};
+use crate::program::Program;
+use crate::robot::{Joints, Pose};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+
+/// What is left on the way into a target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PathDeviation {
+    /// Largest distance of the tip from the programmed path, mm.
+    pub max_mm: f64,
+    /// Mean of its square over the length, mm².
+    pub mean_square_mm2: f64,
+    /// Length of the way, mm; 0 where no path is programmed, and only its end is judged.
+    pub length_mm: f64,
+}
+
+impl PathDeviation {
+    /// Of a way of which only the end is judged: joint moves, and before the first target.
+    fn at_end(shift: &Vector3<f64>) -> Self {
+        let max_mm = 1e3 * shift.norm();
+        Self { max_mm, mean_square_mm2: max_mm * max_mm, length_mm: 0.0 }
+    }
+
+    /// Of two ways one after the other.
+    pub(super) fn and(self, other: Self) -> Self {
+        let length_mm = self.length_mm + other.length_mm;
+        let sum = self.mean_square_mm2 * self.length_mm + other.mean_square_mm2 * other.length_mm;
+        Self {
+            max_mm: self.max_mm.max(other.max_mm),
+            mean_square_mm2: if length_mm > 0.0 {
+                sum / length_mm
+            } else {
+                self.mean_square_mm2.max(other.mean_square_mm2)
+            },
+            length_mm,
+        }
+    }
+}
+
+/// A place on the way into a target that the controller is sent to besides it.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    /// Index of the target.
+    pub(super) before: usize,
+    /// Share of the way, and the length of all of it, m.
+    pub(super) share: f64,
+    pub(super) length: f64,
+    /// As the controller holds it.
+    pub(super) commanded: Pose,
+    /// Of the arc that ends here, its circle point; `None` for a line.
+    pub(super) via: Option<Pose>,
+}
+
+/// A program as it is commanded, target by target.
+pub(super) struct Commanded<'a> {
+    pub(super) poses: &'a (dyn Fn(usize) -> Pose + Sync),
+    /// Motor angles, rad, and the direction of travel into them; `None` where the target has no answer.
+    pub(super) motors: &'a (dyn Fn(usize) -> Option<(Joints, Joints)> + Sync),
+    /// Where each target ends up.
+    pub(super) landings: &'a [Result<Landing, EquilibriumError>],
+    /// About how the joints yield at each, to begin with.
+    pub(super) near: &'a (dyn Fn(usize) -> Foreseen + Sync),
+    /// Places besides the targets, in order.
+    pub(super) nodes: &'a [Node],
+}
+
+/// Joints that move by less than this between two targets, all together (rad), change compliance and posture by no more than
+/// that share: what lies between is known from both ends.
+const SHORT: f64 = 0.01;
+
+/// What a segment may be off by when it is known from its ends, m.
+const KNOWN: f64 = 2e-6;
+
+/// An interval is resolved where the curve through its ends and middle meets its quarters to this, m, or to this share.
+const RESOLVED: f64 = 0.5e-6;
+const RESOLVED_SHARE: f64 = 0.02;
+
+/// Places on a part are told in ticks: an interval that is not resolved is halved down to four of them, so that jumps inside (a
+/// joint that turns back) are told to that.
+const TICKS: u16 = 256;
+
+/// A part of a segment between two commanded places.
+struct Part {
+    /// Index into the segments.
+    segment: usize,
+    /// Shares of the segment.
+    from: f64,
+    to: f64,
+    commanded: Track,
+    /// Motor angles at the ends, rad.
+    motors: [Joints; 2],
+    travel: Joints,
+    short: bool,
+}
+
+/// The end of these targets, where the way to further ones begins: that of the targets before, `last`, becomes it and is given.
+pub(super) fn pass_end(
+    program: &Program,
+    prepared: &Prepared,
+    commanded: &Commanded<'_>,
+    last: &mut Option<Start>,
+) -> Option<Start> {
+    let way = Way { program, prepared, commanded, last: last.as_ref() };
+    match (0..prepared.points.len()).rev().find(|i| Kind::of(program, *i) != Kind::Point) {
+        Some(end) => {
+            let end = way.start(Some(end));
+            std::mem::replace(last, end)
+        }
+        None => last.clone(),
+    }
+}
+
+/// What is left on the way into every target, in their order; `last` is the end of the targets before.
+pub(super) fn measure(
+    program: &Program,
+    solver: &Solver<'_>,
+    commanded: &Commanded<'_>,
+    last: Option<&Start>,
+) -> Vec<Option<PathDeviation>> {
+    let way = Way { program, prepared: solver.prepared, commanded, last };
+    let count = solver.prepared.points.len();
+    let mut out = vec![None; count];
+    let mut wanted = Vec::new();
+    let (mut from, mut before) = (None, way.last.and_then(|last| last.tangent));
+    for i in 0..count {
+        let kind = Kind::of(program, i);
+        if kind == Kind::Point {
+            continue;
+        }
+        let start = from.replace(i);
+        let (Ok(landing), Some((motor, _))) = (&commanded.landings[i], (commanded.motors)(i)) else {
+            before = None;
+            continue;
+        };
+        if kind == Kind::Joint || start.is_none() && way.last.is_none() {
+            out[i] = Some(PathDeviation::at_end(&landing.shift));
+            before = None;
+            continue;
+        }
+        match way.known_from_ends(i, start, &motor, &mut before) {
+            Some(known) => out[i] = Some(known),
+            None => wanted.push((i, start)),
+        }
+    }
+    if !wanted.is_empty() {
+        let starts: Vec<(usize, Start)> = wanted.iter().filter_map(|(i, from)| Some((*i, way.start(*from)?))).collect();
+        let segments: Vec<(Segment<'_>, &Start)> = starts
+            .iter()
+            .filter_map(|(i, start)| Some((Segment::into(program, solver.prepared, *i, start)?, start)))
+            .collect();
+        way.solve(solver, &segments, &mut out);
+    }
+    out
+}
+
+/// A program on its way.
+pub(super) struct Way<'a> {
+    pub(super) program: &'a Program,
+    pub(super) prepared: &'a Prepared,
+    pub(super) commanded: &'a Commanded<'a>,
+    /// End of the targets before.
+    pub(super) last: Option<&'a Start>,
+}
+
+impl Way<'_> {
+    /// The target that the way into target `i` begins at: one of these, or (`Some(None)`) the end of those before.
+    pub(super) fn before(&self, i: usize) -> Option<Option<usize>> {
+        let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
+        own.map(Some).or_else(|| self.last.map(|_| None))
+    }
+
+    /// Target `from` as the start of the way behind it, else the end of the targets before.
+    pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
+        let Some(i) = from else { return self.last.cloned() };
+        let (motor, _) = (self.commanded.motors)(i)?;
+        let setting = *self.prepared.setting(i);
+        // Its own way, which may turn into the next one.
+        let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
+        let before = own.map(|own| &self.prepared.points[own]).or(self.last.map(|last| &last.point));
+        let before = before.filter(|before| before.setting == self.prepared.points[i].setting);
+        let track = before.and_then(|before| Segment::track(self.program, self.prepared, i, &before.reference));
+        let tangent = track.and_then(|track| track.tangent(1.0)).map(|along| setting.base_from_wobj.rotation * along);
+        let commanded = (self.commanded.poses)(i);
+        Some(Start { point: self.prepared.points[i].clone(), setting, commanded, motor, tangent })
+    }
+
+    /// The deviation on a line so short that compliance and force hardly change along it: at its start, what is left at the
+    /// end and what both commands differ by. `before` is the direction of the path before, base axes, and becomes this one's.
+    fn known_from_ends(
+        &self,
+        i: usize,
+        from: Option<usize>,
+        motor: &Joints,
+        before: &mut Option<Vector3<f64>>,
+    ) -> Option<PathDeviation> {
+        let (commanded, point) = (self.commanded, &self.prepared.points[i]);
+        let (start, sent, at) = match from {
+            Some(from) => (&self.prepared.points[from], (commanded.poses)(from), (commanded.motors)(from)?.0),
+            None => self.last.map(|last| (&last.point, last.commanded, last.motor))?,
+        };
+        let turned = before.take();
+        if Kind::of(self.program, i) != Kind::Line || start.setting != point.setting {
+            return None;
+        }
+        let chord = point.reference.translation.vector - start.reference.translation.vector;
+        let along = chord.try_normalize(path::CHORD);
+        let rotation = &self.prepared.base_from_wobj(i).rotation;
+        *before = along.map(|along| rotation * along).or(turned);
+        let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();
+        let left = commanded.landings[i].as_ref().ok()?.shift;
+        let correction = |sent: &Pose, wanted: &Pose| sent.translation.vector - wanted.translation.vector;
+        let (first, here) = (correction(&sent, &start.reference), correction(&(commanded.poses)(i), &point.reference));
+        let yields = here.norm() + left.norm();
+        let node = commanded.nodes.partition_point(|node| node.before < i);
+        let split = commanded.nodes.get(node).is_some_and(|node| node.before == i);
+        if moved > SHORT || moved * yields > KNOWN || split {
+            return None;
+        }
+        let Some(along) = along else { return Some(PathDeviation::at_end(&left)) };
+        let smooth = turned.zip(*before).is_some_and(|(turned, now)| turned.dot(&now) > SMOOTH);
+        let across = |shift: Vector3<f64>, behind: f64| shift - along * along.dot(&shift).max(behind);
+        let behind = if smooth { f64::NEG_INFINITY } else { 0.0 };
+        Some(linear(&across(left + first - here, behind), &across(left, f64::NEG_INFINITY), chord.norm()))
+    }
+
+    /// Cuts segments into parts at their nodes, and finds how far the tip is off on each.
+    fn solve(&self, solver: &Solver<'_>, segments: &[(Segment<'_>, &Start)], out: &mut [Option<PathDeviation>]) {
+        let mut parts = Vec::new();
+        for (at, (segment, start)) in segments.iter().enumerate() {
+            self.parts(solver, (at, segment), start, &mut parts);
+        }
+        let measured = Measure { way: self, solver, segments, parts: &parts }.all();
+        for (part, measured) in parts.iter().zip(measured) {
+            let i = segments[part.segment].0.end;
+            out[i] = match (out[i].take(), measured) {
+                (Some(before), Some(part)) => Some(before.and(part)),
+                (before, measured) => before.or(measured),
+            };
+        }
+    }
+
+    fn parts(&self, solver: &Solver<'_>, (at, segment): (usize, &Segment<'_>), start: &Start, parts: &mut Vec<Part>) {
+        let (i, commanded, setting) = (segment.end, self.commanded, self.prepared.setting(segment.end));
+        let Some((motor, travel)) = (commanded.motors)(i) else { return };
+        let first = commanded.nodes.partition_point(|node| node.before < i);
+        let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
+        let (mut share, mut pose, mut near) = (0.0, start.seen(&start.commanded, setting), start.motor);
+        for node in nodes {
+            let track = match &node.via {
+                Some(via) => Track::arc(&pose, via, &node.commanded),
+                None => Track::line(&pose, &node.commanded),
+            };
+            let to = controller_motor(&solver.arm.robot, setting, &node.commanded, &near).unwrap_or(near);
+            parts.push(Part::new(at, (share, node.share), track, [near, to], travel));
+            (share, pose, near) = (node.share, node.commanded, to);
+        }
+        let to = (commanded.poses)(i);
+        let track = match Kind::of(self.program, i) {
+            Kind::Arc => Track::arc(&pose, &(commanded.poses)(i - 1), &to),
+            _ => Track::line(&pose, &to),
+        };
+        parts.push(Part::new(at, (share, 1.0), track, [near, motor], travel));
+    }
+}
+
+impl Part {
+    fn new(segment: usize, (from, to): (f64, f64), commanded: Track, motors: [Joints; 2], travel: Joints) -> Self {
+        let moved: f64 = (motors[1] - motors[0]).iter().map(|step| step.abs()).sum();
+        let short = moved < SHORT && !commanded.is_arc();
+        Self { segment, from, to, commanded, motors, travel, short }
+    }
+
+    /// Share of the segment at a tick.
+    fn share(&self, tick: u16) -> f64 {
+        self.from + f64::from(tick) / f64::from(TICKS) * (self.to - self.from)
+    }
+}
+
+/// Deviations on parts, found in rounds: all that a round asks is solved at once.
+struct Measure<'a, 's, 'p> {
+    way: &'a Way<'a>,
+    solver: &'a Solver<'s>,
+    segments: &'a [(Segment<'p>, &'p Start)],
+    parts: &'a [Part],
+}
+
+/// What is known of a part: deviations across the programmed path by ticks, m; `None` where there is no equilibrium.
+#[derive(Default)]
+struct Known {
+    off: BTreeMap<u16, Option<Vector3<f64>>>,
+    /// Intervals whose ends, middle and quarters are known, and that are resolved.
+    resolved: Vec<(u16, u16)>,
+    open: Vec<(u16, u16)>,
+}
+
+impl<'p> Measure<'_, '_, 'p> {
+    /// The segment of a part.
+    fn segment(&self, part: &Part) -> &Segment<'p> {
+        &self.segments[part.segment].0
+    }
+
+    /// One a part.
+    fn all(&self) -> Vec<Option<PathDeviation>> {
+        let mut known: Vec<Known> = self.parts.iter().map(|part| self.begin(part)).collect();
+        loop {
+            let wanted: Vec<(usize, u16)> =
+                known.iter().enumerate().flat_map(|(at, known)| known.wanted().map(move |tick| (at, tick))).collect();
+            if wanted.is_empty() {
+                break;
+            }
+            for ((at, tick), off) in wanted.iter().zip(self.deviations(&wanted)) {
+                known[*at].off.insert(*tick, off);
+            }
+            known.iter_mut().for_each(Known::judge);
+        }
+        self.parts.iter().zip(&known).map(|(part, known)| self.result(part, known)).collect()
+    }
+
+    fn begin(&self, part: &Part) -> Known {
+        let mut known = Known::default();
+        let segment = self.segment(part);
+        let landing = self.way.commanded.landings[segment.end].as_ref().ok();
+        // At the end of a line acts what acts at the target itself.
+        if let Some(landing) = landing.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
+            known.off.insert(TICKS, Some(segment.track.across(1.0, &landing.shift)));
+        }
+        if part.short {
+            known.resolved.push((0, TICKS))
+        } else {
+            known.open.push((0, TICKS))
+        }
+        known
+    }
+
+    /// How far the tip is off at ticks of parts, m.
+    fn deviations(&self, wanted: &[(usize, u16)]) -> Vec<Option<Vector3<f64>>> {
+        let prepared = self.solver.prepared;
+        let points = self.solver.spread.map(wanted.len(), |k| {
+            let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
+            self.point(part, tick)
+        });
+        let reached: Vec<bool> = points.iter().map(Option::is_some).collect();
+        // Something stands in for what is not reached.
+        let points = points.into_iter().zip(wanted).map(|(point, (part, _))| {
+            point.unwrap_or_else(|| prepared.points[self.segment(&self.parts[*part]).end].clone())
+        });
+        let batch = prepared.with_points(points.collect());
+        let solver = Solver::new(self.solver.arm, &batch, self.solver.spread);
+        let near = |k: usize| (self.way.commanded.near)(self.segment(&self.parts[wanted[k].0]).end);
+        let landings = solver.forward(|k| batch.points[k].as_programmed(), near);
+        let off = |k: usize| {
+            let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
+            let (segment, share) = (self.segment(part), part.share(tick));
+            let shift = landings[k].as_ref().ok().filter(|_| reached[k])?.shift;
+            let begins = segment.corner && tick == 0 && part.from <= 0.0;
+            Some(if begins { segment.track.across_start(&shift) } else { segment.track.across(share, &shift) })
+        };
+        (0..wanted.len()).map(off).collect()
+    }
+
+    /// Circumstances at a tick of a part.
+    fn point(&self, part: &Part, tick: u16) -> Option<Point> {
+        let segment = self.segment(part);
+        let (robot, setting) = (&self.solver.arm.robot, self.solver.prepared.setting(segment.end));
+        let at = |tick: f64| {
+            let share = tick / f64::from(TICKS);
+            let near = part.motors[0] + (part.motors[1] - part.motors[0]) * share;
+            let pose = part.commanded.pose(share);
+            Some((pose, controller_motor(robot, setting, &pose, &near)?))
+        };
+        let (commanded, motor) = match tick {
+            0 => (part.commanded.pose(0.0), part.motors[0]),
+            TICKS => (part.commanded.pose(1.0), part.motors[1]),
+            _ => at(f64::from(tick))?,
+        };
+        let mut point = segment.at(part.share(tick));
+        (point.wobj_from_tcp, point.motor) = (commanded, motor);
+        point.travel = if part.short {
+            part.travel
+        } else if tick == 0 {
+            travel(&motor, &at(1.0)?.1, &part.travel)
+        } else {
+            travel(&at(f64::from(tick) - 1.0)?.1, &motor, &part.travel)
+        };
+        Some(point)
+    }
+
+    fn result(&self, part: &Part, known: &Known) -> Option<PathDeviation> {
+        let length = (part.to - part.from) * self.segment(part).track.length();
+        let off = |tick: u16| known.off.get(&tick).copied().flatten();
+        if part.short {
+            return Some(linear(&off(0)?, &off(TICKS)?, length));
+        }
+        let mut all: Option<PathDeviation> = None;
+        for &(from, to) in &known.resolved {
+            let quarter = (to - from) / 4;
+            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| off(from + k * quarter));
+            let here = resolved([a?, b?, c?, d?, e?], length * f64::from(to - from) / f64::from(TICKS));
+            all = Some(all.map_or(here, |all| all.and(here)));
+        }
+        all
+    }
+}
+
+impl Known {
+    /// Ticks that are not known yet.
+    fn wanted(&self) -> impl Iterator<Item = u16> {
+        let open = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
+        let ends = self.resolved.iter().flat_map(|(from, to)| [*from, *to]);
+        let mut all: Vec<u16> = open.chain(ends).filter(|tick| !self.off.contains_key(tick)).collect();
+        all.sort_unstable();
+        all.dedup();
+        all.into_iter()
+    }
+
+    /// Halves the intervals whose quarters are not on the curve through ends and middle.
+    fn judge(&mut self) {
+        for (from, to) in std::mem::take(&mut self.open) {
+            let quarter = (to - from) / 4;
+            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| self.off.get(&(from + k * quarter)).copied().flatten());
+            let (Some(a), Some(b), Some(c), Some(d), Some(e)) = (a, b, c, d, e) else {
+                // Told by the lack of a result.
+                self.resolved.push((from, to));
+                continue;
+            };
+            let misses = [b - (a * 3.0 + c * 6.0 - e) / 8.0, d - (e * 3.0 + c * 6.0 - a) / 8.0];
+            let most = [a, b, c, d, e].iter().map(Vector3::norm).fold(0.0, f64::max);
+            let enough = misses.iter().all(|miss| miss.norm() <= RESOLVED.max(RESOLVED_SHARE * most));
+            if enough || quarter <= 1 {
+                self.resolved.push((from, to));
+            } else {
+                let middle = from + 2 * quarter;
+                self.open.extend([(from, middle), (middle, to)]);
+            }
+        }
+    }
+}
+
+/// Of five deviations (m) at even distances along a length (m).
+fn resolved(off: [Vector3<f64>; 5], length: f64) -> PathDeviation {
+    let squares = off.map(|off| off.norm_squared());
+    // Between three of them a parabola: its values half way.
+    let [a, b, c, d, e] = off;
+    let between = [
+        (a * 3.0 + b * 6.0 - c) / 8.0,
+        (c * 3.0 + b * 6.0 - a) / 8.0,
+        (c * 3.0 + d * 6.0 - e) / 8.0,
+        (e * 3.0 + d * 6.0 - c) / 8.0,
+    ];
+    let most = squares.into_iter().chain(between.map(|off| off.norm_squared())).fold(0.0, f64::max);
+    // Boole's rule.
+    let mean =
+        [7.0, 32.0, 12.0, 32.0, 7.0].iter().zip(squares).map(|(weight, square)| weight * square).sum::<f64>() / 90.0;
+    PathDeviation { max_mm: 1e3 * most.sqrt(), mean_square_mm2: 1e6 * mean, length_mm: 1e3 * length }
+}
+
+/// Of a deviation that changes evenly from one end to the other (m), along a length (m).
+fn linear(from: &Vector3<f64>, to: &Vector3<f64>, length: f64) -> PathDeviation {
+    let (a, b) = (from.norm_squared(), to.norm_squared());
+    PathDeviation {
+        max_mm: 1e3 * a.max(b).sqrt(),
+        mean_square_mm2: 1e6 * (a + from.dot(to) + b) / 3.0,
+        length_mm: 1e3 * length,
+    }
+}

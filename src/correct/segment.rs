@@ -1,0 +1,179 @@
+//! A segment is what the controller does between two targets; the force that acts on it is a law over its length.
+//!
+//! The cut of a segment is that of the move into its end, over all of its length: at its start too, where the target before
+//! has the correction of *its* cut. [`Segment::at`] is the one place that tells the circumstances anywhere on the way: the
+//! programmed pose, and the load there ([`Segment::load`]). A force that changes along the way, such as that of a stock,
+//! is told there.
+
+use super::Prepared;
+use super::laws::Law;
+use super::point::{Follows, Point, PointLoad, tool_axis};
+use super::track::Track;
+use crate::cutting::Lean;
+use crate::equilibrium::Setting;
+use crate::program::{Motion, Program, Role};
+use crate::robot::{Joints, Pose};
+use nalgebra::{Unit, Vector3};
+
+/// Where a segment begins: a target as it was solved.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    pub(super) point: Point,
+    pub(super) setting: Setting,
+    /// Where the controller is sent to.
+    pub(super) commanded: Pose,
+    /// Its motor angles there, rad.
+    pub(super) motor: Joints,
+    /// Unit vector along the path that ends there, base axes, where it is one.
+    pub(super) tangent: Option<Vector3<f64>>,
+}
+
+/// A way into a target that is a line or an arc.
+#[derive(Clone, Debug)]
+pub(super) struct Segment<'p> {
+    /// Index of the target that it ends at.
+    pub(super) end: usize,
+    /// As programmed.
+    pub(super) track: Track,
+    from: &'p Point,
+    to: &'p Point,
+    laws: &'p [Law],
+    /// Whether the path turns sharply where it begins, or begins there.
+    pub(super) corner: bool,
+}
+
+/// Paths that turn by more than this have a corner there: its cosine (5°).
+pub(super) const SMOOTH: f64 = 0.996;
+
+impl Start {
+    /// A pose of this target as the setting of another has it: the same joints, with other tool and work object.
+    pub(super) fn seen(&self, pose: &Pose, setting: &Setting) -> Pose {
+        if *setting == self.setting {
+            return *pose;
+        }
+        let base_from_flange = self.setting.base_from_wobj * pose * self.setting.tool.flange_from_tcp.inverse();
+        setting.base_from_wobj.inv_mul(&(base_from_flange * setting.tool.flange_from_tcp))
+    }
+}
+
+/// What the way into a target is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Line,
+    /// Through the circle point before.
+    Arc,
+    /// Joints move evenly: no path is programmed.
+    Joint,
+    /// No way of its own: a circle point.
+    Point,
+}
+
+impl Kind {
+    pub(super) fn of(program: &Program, i: usize) -> Self {
+        let target = &program.targets[i];
+        let via = || i.checked_sub(1).map(|via| &program.targets[via]).filter(|via| via.role == Role::Via);
+        match (target.role, target.motion) {
+            (Role::Via, _) => Self::Point,
+            (_, Motion::Joint | Motion::AbsoluteJoint) => Self::Joint,
+            (_, Motion::Circular) if via().is_some_and(|via| via.ordinal == target.ordinal) => Self::Arc,
+            // Arcs that are made of lines are lines.
+            _ => Self::Line,
+        }
+    }
+}
+
+impl<'p> Segment<'p> {
+    /// The way into target `i` from `start`; `None` where it is no line and no arc.
+    pub(super) fn into(program: &Program, prepared: &'p Prepared, i: usize, start: &'p Start) -> Option<Self> {
+        let (to, setting) = (&prepared.points[i], prepared.setting(i));
+        let track = Self::track(program, prepared, i, &start.seen(&start.point.reference, setting))?;
+        let leaving = track.tangent(0.0).map(|tangent| setting.base_from_wobj.rotation * tangent);
+        let smooth = start.tangent.zip(leaving).is_some_and(|(a, b)| a.dot(&b) > SMOOTH);
+        Some(Self { end: i, track, from: &start.point, to, laws: &prepared.laws, corner: !smooth })
+    }
+
+    /// The programmed way into target `i` from a pose.
+    pub(super) fn track(program: &Program, prepared: &Prepared, i: usize, from: &Pose) -> Option<Track> {
+        let to = &prepared.points[i].reference;
+        match Kind::of(program, i) {
+            Kind::Joint | Kind::Point => None,
+            Kind::Line => Some(Track::line(from, to)),
+            Kind::Arc => Some(Track::arc(from, &prepared.points[i - 1].reference, to)),
+        }
+    }
+
+    /// Circumstances at a share of the way, with the controller sent to the programmed pose; motor angles and direction of
+    /// travel are those of the end.
+    pub(super) fn at(&self, share: f64) -> Point {
+        let wobj_from_tcp = self.track.pose(share);
+        let tangent = self.track.tangent(share);
+        let (from, to) = (self.from, self.to);
+        let milled = self.to.milled.as_ref().and_then(|milled| milled.at(share));
+        let load = match milled {
+            Some(force) if force == Vector3::zeros() => PointLoad::Air,
+            Some(force) => PointLoad::Constant { force, follows: Follows::WorkObject },
+            None => self.load(&wobj_from_tcp, tangent.as_ref()),
+        };
+        let normal = match load {
+            PointLoad::Law { wobj_from_feed, .. } => wobj_from_feed.matrix().column(2).into(),
+            // As at the end, turned with the tool.
+            _ if self.track.keeps_orientation() => to.normal,
+            _ => wobj_from_tcp.rotation * to.reference.rotation.inverse_transform_vector(&to.normal),
+        };
+        let between = |a: f64, b: f64| a + share * (b - a);
+        let speed = to.velocity.norm();
+        Point {
+            wobj_from_tcp,
+            reference: wobj_from_tcp,
+            normal,
+            velocity: tangent.map_or(to.velocity, |tangent| tangent * speed),
+            cut_length: if to.cuts() { between(from.cut_length, to.cut_length) } else { to.cut_length },
+            time: between(from.time, to.time),
+            load,
+            ..to.clone()
+        }
+    }
+
+    /// The load where the programmed pose is this one and the path runs along `tangent`.
+    fn load(&self, pose: &Pose, tangent: Option<&Vector3<f64>>) -> PointLoad {
+        let straight = self.track.keeps_orientation() && !self.track.is_arc();
+        let feed_frame = |lean: &Lean, axis: Vector3<f64>, tangent: Option<&Vector3<f64>>| {
+            tangent.and_then(|tangent| lean.feed_frame(&Unit::new_unchecked(axis), tangent))
+        };
+        match self.to.load {
+            PointLoad::Law { law, .. } if !straight => {
+                let frame = feed_frame(&self.laws[law].lean, tool_axis(pose), tangent);
+                frame.map_or(self.to.load, |wobj_from_feed| PointLoad::Law { law, wobj_from_feed, leaned: true })
+            }
+            PointLoad::Constant { force, follows: Follows::Tool } if !straight => PointLoad::Constant {
+                force: pose.rotation * self.to.reference.rotation.inverse_transform_vector(&force),
+                follows: Follows::Tool,
+            },
+            PointLoad::Constant { force, follows: Follows::Feed(in_feed) } if !straight => {
+                let frame = feed_frame(&Lean::new(0.0, 0.0), tool_axis(pose), tangent);
+                let force = frame.map_or(force, |frame| frame * in_feed);
+                PointLoad::Constant { force, follows: Follows::Feed(in_feed) }
+            }
+            load => load,
+        }
+    }
+}
+
+/// Lets the cut of arcs follow them: their points have the force of the path's direction there, as they have when the arc is
+/// split into many, instead of that of the chord from the point before.
+pub(super) fn follow_arcs(program: &Program, prepared: &mut Prepared) {
+    for i in (0..prepared.points.len()).filter(|i| Kind::of(program, *i) == Kind::Arc) {
+        let before = (0..i).rev().find(|before| Kind::of(program, *before) != Kind::Point);
+        let before = before.map(|before| &prepared.points[before]).or(prepared.before.as_ref());
+        let Some(from) = before.filter(|before| before.setting == prepared.points[i].setting) else { continue };
+        let Some(track) = Segment::track(program, prepared, i, &from.reference) else { continue };
+        let Some(via) = track.via() else { continue };
+        let segment = Segment { end: i, track, from, to: &prepared.points[i], laws: &prepared.laws, corner: false };
+        let [at_via, at_end] = [via, 1.0].map(|share| segment.at(share));
+        for (i, there) in [(i - 1, at_via), (i, at_end)] {
+            if prepared.points[i].cuts() {
+                (prepared.points[i].load, prepared.points[i].normal) = (there.load, there.normal);
+            }
+        }
+    }
+}

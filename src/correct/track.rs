@@ -1,0 +1,224 @@
+//! The curve that the controller leads the TCP along between two poses: a line or an arc, the orientation turning evenly.
+//!
+//! Positions are metres in the work object of the pose that the curve ends at.
+
+use crate::robot::{Pose, turn_between};
+use nalgebra::{Rotation3, Translation3, Unit, Vector3};
+
+/// A curve from one pose to another, told by the share of its length that is behind.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    from: Pose,
+    to: Pose,
+    curve: Curve,
+    /// Rotation vector of the whole turn, rad; through the circle point's orientation where there is one.
+    turn: Turn,
+}
+
+#[derive(Clone, Debug)]
+enum Curve {
+    Line,
+    Arc {
+        circle: Circle,
+        /// From the start to the end, counterclockwise about the circle's axis, rad.
+        angle: f64,
+        /// Share of the circle point.
+        via: f64,
+    },
+}
+
+/// How the orientation gets from the start to the end.
+#[derive(Clone, Debug)]
+enum Turn {
+    None,
+    /// Rotation vector, rad.
+    Even(Vector3<f64>),
+    /// At the circle point, which is at this share: its orientation, and the rotation vectors to it and from it on.
+    Through {
+        share: f64,
+        at: Rotation3<f64>,
+        to: Vector3<f64>,
+        on: Vector3<f64>,
+    },
+}
+
+impl Track {
+    /// A line (`MoveL`).
+    pub(super) fn line(from: &Pose, to: &Pose) -> Self {
+        Self { from: *from, to: *to, curve: Curve::Line, turn: Turn::between(from, to) }
+    }
+
+    /// An arc through a circle point (`MoveC`); the line where the three points lie on one.
+    pub(super) fn arc(from: &Pose, via: &Pose, to: &Pose) -> Self {
+        let [a, b, c] = [from, via, to].map(|pose| pose.translation.vector);
+        let Some(circle) = Circle::through([a, b, c]) else { return Self::line(from, to) };
+        let (angle, share) = (circle.angle(&a, &c), circle.angle(&a, &b));
+        let share = share / angle;
+        let (first, second) = (turn_between(&from.rotation, &via.rotation), turn_between(&via.rotation, &to.rotation));
+        let turn = if first == Vector3::zeros() && second == Vector3::zeros() {
+            Turn::None
+        } else {
+            Turn::Through { share, at: via.rotation, to: first, on: second }
+        };
+        Self { from: *from, to: *to, curve: Curve::Arc { circle, angle, via: share }, turn }
+    }
+
+    /// Its length, m.
+    pub(super) fn length(&self) -> f64 {
+        match &self.curve {
+            Curve::Line => (self.to.translation.vector - self.from.translation.vector).norm(),
+            Curve::Arc { circle, angle, .. } => circle.radius * angle,
+        }
+    }
+
+    /// The angle of an arc, rad; 0 of a line.
+    pub(super) fn angle(&self) -> f64 {
+        match &self.curve {
+            Curve::Line => 0.0,
+            Curve::Arc { angle, .. } => *angle,
+        }
+    }
+
+    /// Share of an arc's circle point.
+    pub(super) fn via(&self) -> Option<f64> {
+        match &self.curve {
+            Curve::Line => None,
+            Curve::Arc { via, .. } => Some(*via),
+        }
+    }
+
+    pub(super) fn is_arc(&self) -> bool {
+        matches!(self.curve, Curve::Arc { .. })
+    }
+
+    /// The pose at a share of the length.
+    pub(super) fn pose(&self, share: f64) -> Pose {
+        let (a, b) = (self.from.translation.vector, self.to.translation.vector);
+        let at = match &self.curve {
+            Curve::Line => a.lerp(&b, share),
+            Curve::Arc { circle, angle, .. } => circle.turned(&a, share * angle),
+        };
+        let rotation = match &self.turn {
+            Turn::None => self.to.rotation,
+            Turn::Even(turn) => Rotation3::from_scaled_axis(share * turn) * self.from.rotation,
+            Turn::Through { share: via, to, .. } if share <= *via => {
+                Rotation3::from_scaled_axis((share / via) * to) * self.from.rotation
+            }
+            Turn::Through { share: via, at, on, .. } => {
+                Rotation3::from_scaled_axis(((share - via) / (1.0 - via)) * on) * at
+            }
+        };
+        Pose::from_parts(Translation3::from(at), rotation)
+    }
+
+    /// Unit vector along the curve at a share of its length; `None` where it has no length.
+    pub(super) fn tangent(&self, share: f64) -> Option<Vector3<f64>> {
+        let (a, b) = (self.from.translation.vector, self.to.translation.vector);
+        match &self.curve {
+            Curve::Line => (b - a).try_normalize(0.0),
+            Curve::Arc { circle, angle, .. } => {
+                let out = circle.turned(&a, share * angle) - circle.centre;
+                circle.axis.cross(&out).try_normalize(0.0)
+            }
+        }
+    }
+
+    /// Whether the orientation stays as it is at the end.
+    pub(super) fn keeps_orientation(&self) -> bool {
+        matches!(self.turn, Turn::None)
+    }
+
+    /// What of a shift away from the curve at a share of its length is across it: the nearest place of the curve is that far.
+    pub(super) fn across(&self, share: f64, shift: &Vector3<f64>) -> Vector3<f64> {
+        self.tangent(share).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift))
+    }
+
+    /// The same at the start of a curve that begins with a corner: behind the start there is no curve.
+    pub(super) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
+        self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
+    }
+}
+
+impl Turn {
+    fn between(from: &Pose, to: &Pose) -> Self {
+        let turn = turn_between(&from.rotation, &to.rotation);
+        if turn == Vector3::zeros() { Self::None } else { Self::Even(turn) }
+    }
+}
+
+/// A circle in space, m.
+#[derive(Clone, Debug)]
+struct Circle {
+    centre: Vector3<f64>,
+    /// The points that it was made of follow each other counterclockwise about it.
+    axis: Unit<Vector3<f64>>,
+    radius: f64,
+}
+
+impl Circle {
+    /// `None` for points on a line.
+    fn through([a, b, c]: [Vector3<f64>; 3]) -> Option<Self> {
+        let (ab, ac) = (b - a, c - a);
+        let normal = ab.cross(&ac);
+        let axis = Unit::try_new(normal, 1e-12)?;
+        // Circumcentre of a triangle from a corner.
+        let to_centre = (ac.norm_squared() * normal.cross(&ab) + ab.norm_squared() * ac.cross(&normal))
+            / (2.0 * normal.norm_squared());
+        Some(Self { centre: a + to_centre, axis, radius: to_centre.norm() })
+    }
+
+    /// The angle from one of its points to another, counterclockwise, rad.
+    fn angle(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+        let (a, b) = (from - self.centre, to - self.centre);
+        a.cross(&b).dot(&self.axis).atan2(a.dot(&b)).rem_euclid(std::f64::consts::TAU)
+    }
+
+    /// The point an angle (rad) counterclockwise of another.
+    fn turned(&self, from: &Vector3<f64>, angle: f64) -> Vector3<f64> {
+        self.centre + Rotation3::from_axis_angle(&self.axis, angle) * (from - self.centre)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn at(x: f64, y: f64, z: f64) -> Pose {
+        Pose::from_parts(Translation3::new(x, y, z), Rotation3::identity())
+    }
+
+    #[test]
+    fn an_arc_by_hand() {
+        // Radius 5 about (1, 2) in the plane z = 3: east, north, west.
+        let on = |x: f64, y: f64| at(1.0 + x, 2.0 + y, 3.0);
+        let arc = Track::arc(&on(5.0, 0.0), &on(0.0, 5.0), &on(-5.0, 0.0));
+        assert!(arc.is_arc());
+        assert_relative_eq!(arc.length(), 5.0 * std::f64::consts::PI, epsilon = 1e-12);
+        let diagonal = 5.0 * std::f64::consts::FRAC_1_SQRT_2;
+        assert_relative_eq!(arc.pose(0.25), on(diagonal, diagonal), epsilon = 1e-12);
+        assert_relative_eq!(arc.tangent(0.5).unwrap(), -Vector3::x(), epsilon = 1e-12);
+        let off = arc.across(0.5, &Vector3::new(0.3, 0.4, -0.1));
+        assert_relative_eq!(off, Vector3::new(0.0, 0.4, -0.1), epsilon = 1e-12);
+        // More than half way round, and on a line.
+        let far = Track::arc(&on(0.0, 5.0), &on(-5.0, 0.0), &on(5.0, 0.0));
+        assert_relative_eq!(far.pose(0.5), on(-diagonal, -diagonal), epsilon = 1e-12);
+        assert!(!Track::arc(&at(0.0, 0.0, 0.0), &at(1.0, 0.0, 0.0), &at(2.0, 0.0, 0.0)).is_arc());
+    }
+
+    #[test]
+    fn an_orientation_turns_evenly() {
+        let turned = |x: f64, angle: f64| {
+            Pose::from_parts(Translation3::new(x, 0.0, 0.0), Rotation3::from_axis_angle(&Vector3::y_axis(), angle))
+        };
+        let line = Track::line(&turned(0.0, 0.2), &turned(4.0, 1.0));
+        assert_relative_eq!(line.pose(0.75), turned(3.0, 0.8), epsilon = 1e-12);
+        let corner = line.across_start(&Vector3::new(-0.3, 0.4, 0.0));
+        assert_relative_eq!(corner, Vector3::new(-0.3, 0.4, 0.0), epsilon = 1e-12);
+        assert_relative_eq!(
+            line.across_start(&Vector3::new(0.3, 0.4, 0.0)),
+            Vector3::new(0.0, 0.4, 0.0),
+            epsilon = 1e-12
+        );
+    }
+}

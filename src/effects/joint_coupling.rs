@@ -1,0 +1,122 @@
+//! A wrist whose gears couple its axes by another ratio than the controller takes off.
+
+use super::{ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, Survey, checked, scalar, table_of};
+use crate::lanes::Real;
+use serde::de::Error;
+use serde::{Deserialize, Serialize};
+
+pub(super) const KIND: Kind = Kind {
+    name: "joint_coupling",
+    summary: "a joint turns with another joint's motor",
+    forms: &["terms = [{ joint = 5, on = 4, ratio = 0 }, { joint = 6, on = 5, ratio = 0 }]"],
+    read,
+    candidates,
+    ..Kind::PLAIN
+};
+
+/// A joint that turned less shows no coupling to it, rad: over a little of a turn the other joint's zero is the same.
+const LEAST_RANGE: f64 = 0.5;
+
+/// Actual = commanded + ratio · motor angle of `on`, as commanded: the motor is where the controller holds it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct JointCoupling {
+    terms: Vec<Term>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Term {
+    /// 1 to 6.
+    joint: usize,
+    /// Another one.
+    on: usize,
+    ratio: f64,
+}
+
+fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
+    let effect: JointCoupling = table.try_into()?;
+    for (i, Term { joint, on, .. }) in effect.terms.iter().enumerate() {
+        for (key, value) in [("joint", joint), ("on", on)] {
+            if !(1..=6).contains(value) {
+                return Err(Error::custom(format!("`terms[{i}].{key}` is {value}, expected 1 to 6")));
+            }
+        }
+        if joint == on {
+            return Err(Error::custom(format!("`terms[{i}].on` is {on}, expected another joint than {joint}")));
+        }
+    }
+    checked(effect)
+}
+
+/// Where the motors of a hollow wrist drive through one another: axes 5 and 6.
+fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+    const WRIST: [(usize, usize); 3] = [(5, 4), (6, 4), (6, 5)];
+    let range = survey.motor_max - survey.motor_min;
+    let terms: Vec<Term> = WRIST
+        .into_iter()
+        .filter(|(_, on)| range[on - 1] >= LEAST_RANGE)
+        .map(|(joint, on)| Term { joint, on, ratio: 0.0 })
+        .collect();
+    if terms.is_empty() { vec![] } else { vec![Box::new(JointCoupling { terms })] }
+}
+
+impl Physics for JointCoupling {
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        for Term { joint, on, ratio } in &self.terms {
+            out.joints[joint - 1] = out.joints[joint - 1] + site.commanded[on - 1] * *ratio;
+        }
+    }
+}
+
+impl Effect for JointCoupling {
+    fn kind(&self) -> &'static str {
+        KIND.name
+    }
+
+    fn law(&self) -> Law<'_> {
+        self.into()
+    }
+
+    fn follows_command(&self) -> bool {
+        true
+    }
+
+    fn covered_by(&self) -> Option<Covered> {
+        Some(Covered::Geometry)
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        // A tooth of some hundred wrong, or a ratio rounded in a table: a milliradian a turn.
+        let of = |(i, term): (usize, &Term)| scalar(&format!("terms[{i}].ratio"), term.ratio, "1", 2e-4, 0.0, ANY);
+        self.terms.iter().enumerate().map(of).collect()
+    }
+
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        let with = |(term, ratio): (&Term, &f64)| Term { ratio: *ratio, ..*term };
+        Box::new(Self { terms: self.terms.iter().zip(values).map(with).collect() })
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(KIND.name, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+
+    #[test]
+    fn a_joint_goes_along_by_the_ratio() {
+        let mut bench = Bench::default();
+        (bench.motor[3], bench.motor[4]) = (0.5, -0.4);
+        let (_, out) = bench.run(
+            "kind = 'joint_coupling'\nterms = [{ joint = 5, on = 4, ratio = 1e-3 }, { joint = 6, on = 5, ratio = 2e-3 }]",
+        );
+        assert_abs_diff_eq!(out.joints[4], 5e-4, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.joints[5], -8e-4, epsilon = 1e-18);
+        assert_abs_diff_eq!(out.joints[3], 0.0);
+    }
+}

@@ -1,0 +1,440 @@
+//! What an effect does, written once over any number of targets.
+
+use crate::lanes::{Frame, Real, Vector, six};
+use crate::robot::kinematics::{Chain, Six};
+use crate::robot::{Joints, Robot};
+use nalgebra::Vector3;
+
+/// The physics of an effect, over one target or several: **loads**, **offsets** that move the geometry whatever the load, and
+/// **deflections** that turn loads into motion.
+///
+/// All methods are pure: the same state gives the same answer, so that targets can be solved in any order. Every method adds
+/// to what other effects have put there.
+pub(crate) trait Physics {
+    /// What it touches beyond cutting force and joint angles.
+    fn parts(&self) -> Parts {
+        Parts::NONE
+    }
+
+    /// Adds to the loads. Called before [`Physics::deflect`] of any effect, in the order of the cell file.
+    #[inline(always)]
+    fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
+        let _ = (state, load);
+    }
+
+    /// Adds what is off whatever the load: asked once for a command.
+    #[inline(always)]
+    fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+        let _ = (site, out);
+    }
+
+    /// Adds what yields to `load`, in which all loads are known and motor torques filled in.
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let _ = (state, load, out);
+    }
+
+    /// Compliance of the joints at the motors, rad/(N·m), about: a guess at how a change of the force feeds back. `stiffness`
+    /// is the declared one.
+    fn compliance(&self, stiffness: Option<&Joints>) -> [f64; 6] {
+        let _ = stiffness;
+        [0.0; 6]
+    }
+}
+
+/// What effects touch beyond cutting force and joint angles: the rest is not looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Parts(u16);
+
+impl Parts {
+    pub(crate) const NONE: Self = Self(0);
+    /// [`Load::links`].
+    pub(crate) const WEIGHTS: Self = Self(1);
+    /// [`Load::cut`] is not the law's.
+    pub(crate) const CUT: Self = Self(1 << 1);
+    /// [`Offset::rows`].
+    pub(crate) const ROWS: Self = Self(1 << 2);
+    /// [`Offset::tcp`].
+    pub(crate) const TCP: Self = Self(1 << 3);
+    /// [`Offset::wobj`].
+    pub(crate) const WOBJ: Self = Self(1 << 4);
+    /// [`Offset::lag`].
+    pub(crate) const LAG: Self = Self(1 << 5);
+    /// [`Deflection::lost`].
+    pub(crate) const LOST: Self = Self(1 << 6);
+    /// [`Deflection::tilt`].
+    pub(crate) const TILT: Self = Self(1 << 7);
+    /// [`Deflection::base`].
+    pub(crate) const BASE: Self = Self(1 << 8);
+    /// [`Deflection::flange`].
+    pub(crate) const FLANGE: Self = Self(1 << 9);
+    /// [`Deflection::tip`].
+    pub(crate) const TIP: Self = Self(1 << 10);
+    /// [`Deflection::part`].
+    pub(crate) const PART: Self = Self(1 << 11);
+
+    /// Both.
+    #[must_use]
+    pub(crate) const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether any of these is among them.
+    #[inline(always)]
+    pub(crate) const fn has(self, any: Self) -> bool {
+        self.0 & any.0 != 0
+    }
+
+    /// Whether the TCP is elsewhere than joint angles say.
+    pub(crate) const fn moves_geometry(self) -> bool {
+        const OFFSETS: Parts = Parts::ROWS.and(Parts::TCP).and(Parts::WOBJ).and(Parts::LAG);
+        const DEFLECTIONS: Parts = Parts::TILT.and(Parts::BASE).and(Parts::FLANGE).and(Parts::TIP).and(Parts::PART);
+        self.has(OFFSETS.and(DEFLECTIONS))
+    }
+}
+
+/// What is known of targets before their equilibria are solved: as much of a [`Situation`](super::Situation) as effects ask.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Site<R> {
+    /// Commanded motor angles, rad.
+    pub(crate) commanded: Six<R>,
+    /// Declared work object in the base, m.
+    pub(crate) base_from_wobj: Frame<R>,
+    /// Where the TCP should be, work object axes, m.
+    pub(crate) wanted: Vector<R>,
+    /// Surface normal, out of the material, unit, work object axes.
+    pub(crate) normal: Vector<R>,
+    /// Programmed velocity of the TCP, m/s, work object axes; zero where unknown.
+    pub(crate) velocity: Vector<R>,
+    /// Length cut so far, m.
+    pub(crate) cut_length: R,
+    /// Time since the start from cold, s.
+    pub(crate) time: R,
+    /// Temperature, °C; NaN where it was not measured.
+    pub(crate) temperature: R,
+    /// Payload besides the tool, kg.
+    pub(crate) payload: R,
+    /// Mass of the declared tool, kg, and its centre of gravity in the flange frame, m.
+    pub(crate) tool_mass: R,
+    pub(crate) tool_cog: Vector<R>,
+}
+
+/// The arms' state at targets: what an effect may depend on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct State<'a, R> {
+    /// Declared joint stiffness, N·m/rad at the motors, where the cell has one.
+    pub(crate) stiffness: Option<&'a Joints>,
+    /// Actual frames of the links in the base.
+    pub(crate) chain: &'a Chain<R>,
+    /// Actual TCP in the base, m.
+    pub(crate) base_from_tcp: &'a Frame<R>,
+    /// Gravity, base axes, m/s².
+    pub(crate) gravity: Vector3<f64>,
+    /// The targets' circumstances.
+    pub(crate) site: &'a Site<R>,
+}
+
+/// A force and a moment about the base origin, base axes, N and N·m.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wrench<R> {
+    pub(crate) force: Vector<R>,
+    pub(crate) moment: Vector<R>,
+}
+
+impl<R: Real> Wrench<R> {
+    /// Adds a force (N) acting at a point (m), both in the base frame.
+    #[inline(always)]
+    pub(crate) fn add_force(&mut self, force: Vector<R>, point: Vector<R>) {
+        self.force = self.force + force;
+        self.moment = self.moment + point.cross(force);
+    }
+}
+
+/// All loads on arms at targets.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Load<R> {
+    /// Cutting force on the tool at the TCP, base axes, N.
+    pub(crate) cut: Vector<R>,
+    /// Weights on links 1 to 6 (tool and payload on link 6); looked at where [`Parts::WEIGHTS`] says so.
+    pub(crate) links: [Wrench<R>; 6],
+    /// What acts on link i and beyond but for the cut; filled in as the torques are.
+    beyond: [Wrench<R>; 6],
+    /// Whether there are weights.
+    weights: bool,
+    /// Torques that cut and weights put on the motors, N·m, in motor coordinates (τ = Jᵀ F).
+    pub(crate) torque: Six<R>,
+}
+
+impl<R: Real> Load<R> {
+    /// Nothing but a cutting force, N, base axes.
+    #[inline(always)]
+    pub(crate) fn start(&mut self, cut: Vector<R>, parts: Parts) {
+        self.cut = cut;
+        self.weights = parts.has(Parts::WEIGHTS);
+        if self.weights {
+            self.links = [Wrench { force: Vector::ZERO, moment: Vector::ZERO }; 6];
+        }
+    }
+
+    /// Moment about the origin of link i (0 to 5) of everything that acts on it and beyond, base axes, N·m.
+    #[inline(always)]
+    pub(crate) fn moment_about(&self, i: usize, chain: &Chain<R>, tcp: Vector<R>) -> Vector<R> {
+        let origin = chain.links[i].origin;
+        let cut = (tcp - origin).cross(self.cut);
+        if self.weights { cut + (self.beyond[i].moment - origin.cross(self.beyond[i].force)) } else { cut }
+    }
+
+    /// Everything that acts on the arm, about the base origin.
+    #[inline(always)]
+    pub(crate) fn all(&self, tcp: Vector<R>) -> Wrench<R> {
+        let mut all = self.beyond[0];
+        all.add_force(self.cut, tcp);
+        all
+    }
+
+    /// Fills in the motor torques: each joint carries what acts beyond it, about its own axis.
+    #[inline(always)]
+    pub(crate) fn fill_torque(&mut self, robot: &Robot, chain: &Chain<R>, tcp: Vector<R>) {
+        if self.weights {
+            self.beyond[5] = self.links[5];
+            for i in (0..5).rev() {
+                let (link, after) = (self.links[i], self.beyond[i + 1]);
+                self.beyond[i] = Wrench { force: after.force + link.force, moment: after.moment + link.moment };
+            }
+        }
+        let serial = six!(i => chain.axes[i].dot(self.moment_about(i, chain, tcp)));
+        self.torque = robot.by_motor(&serial);
+    }
+}
+
+/// A small motion: shift, m, and rotation vector, rad.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Twist<R> {
+    pub(crate) shift: Vector<R>,
+    pub(crate) turn: Vector<R>,
+}
+
+impl<R: Real> Twist<R> {
+    /// Adds a shift in mm and a rotation vector in rad, as cells have them.
+    #[inline(always)]
+    pub(crate) fn add_mm(&mut self, shift_mm: [f64; 3], turn: [f64; 3]) {
+        let shift = Vector3::from(shift_mm) * 1e-3;
+        self.shift = self.shift + Vector::of(&shift);
+        self.turn = self.turn + Vector::of(&turn.into());
+    }
+
+    /// The motion as a pose: turn, then shift, in the axes it is given in; of any size.
+    #[inline(always)]
+    pub(crate) fn pose(&self) -> Frame<R> {
+        Frame { origin: self.shift, ..Frame::of_rotation_vector(self.turn) }
+    }
+
+    /// The motion as a pose where it is small, exact to rounding up to 0.2 rad.
+    #[inline(always)]
+    pub(crate) fn small(&self) -> Frame<R> {
+        Frame { origin: self.shift, ..Frame::identity().turned_by(self.turn) }
+    }
+}
+
+/// Additions to the modified-DH rows, rad and m.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RowOffset<R> {
+    pub(crate) alpha: R,
+    pub(crate) a: R,
+    pub(crate) d: R,
+    pub(crate) theta: R,
+}
+
+/// By how much the real arm is off whatever the load, at targets; effects add to it.
+///
+/// ```text
+/// base_from_tcp = T(lag) · base · chain(rows, actual joints, tilt) · flange · flange_from_tcp · tcp · T(tip)
+/// seen          = (base_from_wobj · wobj)⁻¹ · T(part)⁻¹ · base_from_tcp
+/// actual joints = commanded + joints − travel ∘ lost
+/// ```
+///
+/// where base, tilt, flange, tip and part are a [`Deflection`]'s, and joints and lost the sums of both.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Offset<R> {
+    /// Actual minus commanded motor angles, but for lost motion, rad.
+    pub(crate) joints: Six<R>,
+    /// Lost motion: half of what the joint gives when its travel turns, rad, not negative.
+    pub(crate) lost: Six<R>,
+    /// Added to the rows.
+    pub(crate) rows: [RowOffset<R>; 6],
+    /// Actual TCP in the declared one.
+    pub(crate) tcp: Twist<R>,
+    /// Actual work object in the declared one.
+    pub(crate) wobj: Twist<R>,
+    /// Shift of the TCP, base axes, m.
+    pub(crate) lag: Vector<R>,
+}
+
+/// By how much the real arm yields to its loads, at targets; effects add to it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Deflection<R> {
+    /// Actual minus commanded motor angles, but for lost motion, rad.
+    pub(crate) joints: Six<R>,
+    /// Lost motion that grows with the load, rad, not negative.
+    pub(crate) lost: Six<R>,
+    /// Turn of each link about x and y of its own frame, rad.
+    pub(crate) tilt: [[R; 2]; 6],
+    /// Motion of the base, in base axes about the base origin.
+    pub(crate) base: Twist<R>,
+    /// Turn at the flange, in the flange frame, rad.
+    pub(crate) flange: Vector<R>,
+    /// Shift of the TCP, in the axes of the declared TCP frame, m.
+    pub(crate) tip: Vector<R>,
+    /// Shift of the workpiece, base axes, m.
+    pub(crate) part: Vector<R>,
+}
+
+impl<R: Real> Deflection<R> {
+    /// None, as far as the parts that are looked at go.
+    #[inline(always)]
+    pub(crate) fn clear(&mut self, parts: Parts) {
+        self.joints = [R::ZERO; 6];
+        self.lost = [R::ZERO; 6];
+        if parts.moves_geometry() {
+            *self = Self::none();
+        }
+    }
+
+    #[inline(always)]
+    fn none() -> Self {
+        let (zero, none) = (Vector::ZERO, [R::ZERO; 6]);
+        let base = Twist { shift: zero, turn: zero };
+        Self { joints: none, lost: none, tilt: [[R::ZERO; 2]; 6], base, flange: zero, tip: zero, part: zero }
+    }
+
+    /// Each number from those of three, of the parts that are looked at.
+    #[inline(always)]
+    pub(crate) fn mix(&mut self, a: &Self, b: &Self, parts: Parts, f: impl Fn(R, R, R) -> R) {
+        for i in 0..6 {
+            self.joints[i] = f(self.joints[i], a.joints[i], b.joints[i]);
+        }
+        let vector = |out: &mut Vector<R>, a: &Vector<R>, b: &Vector<R>| {
+            *out = Vector::new(f(out.x, a.x, b.x), f(out.y, a.y, b.y), f(out.z, a.z, b.z));
+        };
+        if parts.has(Parts::LOST) {
+            for i in 0..6 {
+                self.lost[i] = f(self.lost[i], a.lost[i], b.lost[i]);
+            }
+        }
+        if parts.has(Parts::TILT) {
+            for i in 0..6 {
+                for k in 0..2 {
+                    self.tilt[i][k] = f(self.tilt[i][k], a.tilt[i][k], b.tilt[i][k]);
+                }
+            }
+        }
+        if parts.has(Parts::BASE) {
+            vector(&mut self.base.shift, &a.base.shift, &b.base.shift);
+            vector(&mut self.base.turn, &a.base.turn, &b.base.turn);
+        }
+        if parts.has(Parts::FLANGE) {
+            vector(&mut self.flange, &a.flange, &b.flange);
+        }
+        if parts.has(Parts::TIP) {
+            vector(&mut self.tip, &a.tip, &b.tip);
+        }
+        if parts.has(Parts::PART) {
+            vector(&mut self.part, &a.part, &b.part);
+        }
+    }
+
+    /// Sum of products, rad and m alike: an arm is some metres long.
+    #[inline(always)]
+    pub(crate) fn dot(&self, other: &Self, parts: Parts) -> R {
+        use crate::robot::kinematics::dot;
+        let mut sum = dot(&self.joints, &other.joints);
+        if parts.has(Parts::LOST) {
+            sum = sum + dot(&self.lost, &other.lost);
+        }
+        if parts.has(Parts::TILT) {
+            for i in 0..6 {
+                sum = sum + (self.tilt[i][0] * other.tilt[i][0] + self.tilt[i][1] * other.tilt[i][1]);
+            }
+        }
+        if parts.has(Parts::BASE) {
+            sum = sum + self.base.shift.dot(other.base.shift) + self.base.turn.dot(other.base.turn);
+        }
+        if parts.has(Parts::FLANGE) {
+            sum = sum + self.flange.dot(other.flange);
+        }
+        if parts.has(Parts::TIP) {
+            sum = sum + self.tip.dot(other.tip);
+        }
+        if parts.has(Parts::PART) {
+            sum = sum + self.part.dot(other.part);
+        }
+        sum
+    }
+}
+
+/// The registry as an enum over borrowed effects, so that the physics of each is compiled for every number.
+macro_rules! registry {
+    ($($kind:ident: $($effect:ident),+;)*) => {
+        /// Every effect that deflex knows, in the order of the documentation.
+        pub static KINDS: &[Kind] = &[$($kind::KIND),*];
+
+        /// An effect of any kind.
+        #[derive(Clone, Copy, Debug)]
+        enum AnyEffect<'a> {
+            $($($effect(&'a $kind::$effect)),+),*
+        }
+
+        $($(
+            impl<'a> From<&'a $kind::$effect> for Law<'a> {
+                fn from(effect: &'a $kind::$effect) -> Self {
+                    Self(AnyEffect::$effect(effect))
+                }
+            }
+        )+)*
+
+        impl Law<'_> {
+            /// [`Physics::parts`].
+            pub(crate) fn parts(&self) -> Parts {
+                match self.0 {
+                    $($(AnyEffect::$effect(effect) => effect.parts()),+),*
+                }
+            }
+
+            /// [`Physics::compliance`].
+            pub(crate) fn compliance(&self, stiffness: Option<&Joints>) -> [f64; 6] {
+                match self.0 {
+                    $($(AnyEffect::$effect(effect) => effect.compliance(stiffness)),+),*
+                }
+            }
+
+            /// [`Physics::load`].
+            #[inline(always)]
+            pub(crate) fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
+                match self.0 {
+                    $($(AnyEffect::$effect(effect) => effect.load(state, load)),+),*
+                }
+            }
+
+            /// [`Physics::offset`].
+            #[inline(always)]
+            pub(crate) fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
+                match self.0 {
+                    $($(AnyEffect::$effect(effect) => effect.offset(site, out)),+),*
+                }
+            }
+
+            /// [`Physics::deflect`].
+            #[inline(always)]
+            pub(crate) fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+                match self.0 {
+                    $($(AnyEffect::$effect(effect) => effect.deflect(state, load, out)),+),*
+                }
+            }
+        }
+    };
+}
+pub(super) use registry;
+
+/// The physics of an effect: what equilibria ask of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Law<'a>(pub(super) super::AnyEffect<'a>);

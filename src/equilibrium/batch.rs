@@ -1,0 +1,250 @@
+//! Both questions for as many targets at once as there are lanes. What is left open here, the scalar solver answers; from the
+//! evaluation at a wanted pose it is foreseen how the cut feeds back close by, which saves rounds and decides nothing.
+
+use super::Arm;
+use super::block::{Setting, Site};
+use super::command::{Aim, Feedback};
+use super::evaluation::{self, Evaluation};
+use super::forward::Forward;
+use super::inverse::{self, Inverse};
+use super::model::Model;
+use super::predict::{Foreseen, Landing, PRINTED, Workspace};
+use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, six, widest};
+use crate::robot::eight::turn_of;
+use crate::robot::kinematics::{Six, dot, one, set};
+use crate::robot::{EightFound, Joints, Pose, turns_between};
+
+/// Rounds before the scalar solver is asked: with the secant real arms take four.
+const ROUNDS: usize = 8;
+
+/// An arm that is asked for many targets at once.
+#[derive(Debug)]
+pub(crate) struct Batch<'a> {
+    model: Model<'a>,
+}
+
+/// A command whose pose is sought.
+pub(crate) struct Given<'a, 'b> {
+    pub(crate) site: Site<'a>,
+    /// Commanded motor angles, rad.
+    pub(crate) motor: &'b Joints,
+    /// Direction of travel into them.
+    pub(crate) travel: &'b Joints,
+    pub(crate) near: Foreseen,
+}
+
+/// What a batch is solved in, some kilobytes that are used again.
+#[derive(Default)]
+pub(crate) struct Room<'a> {
+    workspace: Workspace<'a, Lanes>,
+    /// Nominal arm's motor angles at the wanted poses, rad.
+    at: Six<Lanes>,
+    feedback: evaluation::Feedback<Lanes>,
+    nominal: Frame,
+    landings: Landings,
+    pub(crate) found: EightFound,
+}
+
+/// As many of [`Landing`], but for what rounds know.
+#[derive(Default)]
+struct Landings {
+    /// Actual TCP in the work object.
+    seen: Frame,
+    shift: Vector,
+    turn: Vector,
+    /// Where `turn` is right.
+    small: LaneMask,
+    cut: Vector,
+}
+
+impl Landings {
+    /// Takes what the rounds have come to.
+    fn take(&mut self, model: &Model<'_>, workspace: &mut Workspace<'_, Lanes>) {
+        let Workspace { block, at, forward, .. } = workspace;
+        forward.place(model, block, at, PRINTED);
+        widest!(<'a> (
+            forward: &'a Forward<Lanes> = forward,
+            at: &'a Evaluation<Lanes> = at,
+            wanted: &'a Frame = &block.wanted,
+            base_from_wobj: &'a Frame = &block.site.base_from_wobj,
+            landings: &'a mut Landings = self,
+        ) {
+            landings.seen = at.wobj_from_tcp();
+            landings.shift = landings.seen.origin - wanted.origin;
+            (landings.turn, landings.small) = turns_between(wanted, &landings.seen);
+            landings.cut = base_from_wobj.turn_back(forward.cut);
+        });
+    }
+
+    /// Where a lane has come to, if it has.
+    #[inline(always)]
+    fn landing(&self, workspace: &Workspace<'_, Lanes>, lane: usize) -> Option<Landing> {
+        let forward = &workspace.forward;
+        let finite = (self.shift.x.lane(lane) + self.shift.y.lane(lane) + self.shift.z.lane(lane)).is_finite();
+        (forward.done.lane(lane) && forward.close.lane(lane) && finite).then(|| {
+            let most = forward.most.lane(lane);
+            Landing {
+                shift: self.shift.lane(lane),
+                turn: turn_of(lane, (&self.turn, self.small), &workspace.block.wanted, &self.seen),
+                axis: -self.seen.z.lane(lane),
+                cut: self.cut.lane(lane),
+                mixing: forward.mixing.lane(lane),
+                gain: if most > 0.0 { most } else { 1.0 },
+            }
+        })
+    }
+}
+
+impl<'a> Batch<'a> {
+    pub(crate) fn new(arm: &'a Arm) -> Self {
+        Self { model: Model::new(arm) }
+    }
+
+    /// [`Arm::command_from`] of up to eight targets, at the nominal arm's motor angles (rad) there; where the TCP of the nominal
+    /// arm is at the command, if that does not depend on the travel; and where the targets end up uncorrected, with the
+    /// direction of travel into them, see [`Arm::land`].
+    pub(crate) fn aim<'s, 'm>(
+        &self,
+        room: &mut Room<'s>,
+        count: usize,
+        wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
+        mut put: impl FnMut(usize, Aim, Option<Pose>, Landing),
+    ) {
+        let model = &self.model;
+        let Room { workspace, at: nominal_motor, feedback, nominal, landings, .. } = room;
+        for lane in 0..count {
+            let (site, at, travel) = wanted(lane);
+            workspace.block.set(lane, &site);
+            set(nominal_motor, lane, at);
+            set(&mut workspace.inverse.travel, lane, travel);
+        }
+        let Workspace { block, at, forward, inverse } = workspace;
+        block.first(count);
+        (inverse.motor, inverse.wanted, inverse.at_reference) = (*nominal_motor, block.wanted, true);
+        let sure = LaneMask::first(count);
+        let invert = |asked: &Frame, near: &Six<Lanes>| -> Result<_, std::convert::Infallible> {
+            let Some(robot) = &model.inverse else { return Ok((*near, LaneMask::default())) };
+            let mut found = (*near, LaneMask::default());
+            widest!(<'a, 'b> (
+                robot: &'a crate::robot::Eight<'b> = robot,
+                asked: &'a Frame = asked,
+                near: &'a Six<Lanes> = near,
+                found: &'a mut (Six<Lanes>, LaneMask) = &mut found,
+            ) {
+                *found = robot.nearest(asked, near);
+            });
+            Ok(found)
+        };
+        // It cannot fail: what is not found is left open.
+        let _ = inverse.run(model, block, at, (sure, inverse::ROUNDS), invert);
+        let sure = inverse.done;
+        block.site.commanded = *nominal_motor;
+        forward.travel = inverse.travel;
+        widest!(<'a, 'b, 's> (
+            model: &'a Model<'b> = model,
+            block: &'a super::block::Block<'s, Lanes> = block,
+            at: &'a mut Evaluation<Lanes> = at,
+            inverse: &'a Inverse<Lanes> = inverse,
+            forward: &'a mut Forward<Lanes> = forward,
+            feedback: &'a mut evaluation::Feedback<Lanes> = feedback,
+            nominal: &'a mut Frame = nominal,
+        ) {
+            let Inverse { motor, free, lost, under, travel, .. } = inverse;
+            let commanded = &block.site.commanded;
+            let rest = six!(i => motor[i] - free[i] - travel[i] * lost[i]);
+            *feedback = at.feedback(model, block, &six!(i => commanded[i] + rest[i] - motor[i]));
+            *nominal = evaluation::nominal(model, block, free);
+            forward.under = *under;
+            for i in 0..6 {
+                forward.under.joints[i] = under.joints[i] + feedback.yielding[i] * feedback.lift;
+            }
+            (forward.mixing, forward.left, forward.gain) =
+                (feedback.mixing, dot(&under.joints, &under.joints), Lanes::from(1.0));
+        });
+        if model.follows_command {
+            at.set_offsets(model, block);
+        }
+        forward.begin(model, block, at);
+        forward.run(model, block, at, (sure, ROUNDS, PRINTED));
+        landings.take(model, workspace);
+        let inverse = &workspace.inverse;
+        for lane in 0..count {
+            let lost = one(&inverse.lost, lane);
+            let feedback = Feedback {
+                under: one(&inverse.under.joints, lane),
+                yielding: one(&feedback.yielding, lane),
+                mixing: feedback.mixing.lane(lane),
+                lift: feedback.lift.lane(lane),
+            };
+            let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
+            if let Some(landing) = landings.landing(workspace, lane).filter(|_| sure.lane(lane)) {
+                let nominal = (lost == Joints::zeros()).then(|| nominal.lane(lane));
+                put(lane, Aim { motor, free, lost, feedback }, nominal, landing);
+            }
+        }
+    }
+
+    /// The TCP in the work object, of the nominal arm, at up to eight motor angles (rad), where they are known.
+    pub(crate) fn nominal<'s>(
+        &self,
+        room: &mut Room<'s>,
+        count: usize,
+        given: impl Fn(usize) -> Option<(&'s Setting, Joints)>,
+        mut put: impl FnMut(usize, Joints, Pose),
+    ) {
+        let Room { workspace: Workspace { block, .. }, nominal, at, .. } = room;
+        let mut known = [false; WIDTH];
+        for lane in 0..count {
+            if let Some((setting, motor)) = given(lane) {
+                block.run_with(lane, setting);
+                set(at, lane, &motor);
+                known[lane] = true;
+            }
+        }
+        widest!(<'a, 'b, 's> (
+            model: &'a Model<'b> = &self.model,
+            block: &'a super::block::Block<'s, Lanes> = block,
+            motor: &'a Six<Lanes> = at,
+            nominal: &'a mut Frame = nominal,
+        ) {
+            *nominal = evaluation::nominal(model, block, motor);
+        });
+        for lane in (0..count).filter(|lane| known[*lane]) {
+            put(lane, one(at, lane), nominal.lane(lane));
+        }
+    }
+
+    /// [`Arm::land`] of up to eight commands.
+    pub(crate) fn land<'s, 'm>(
+        &self,
+        room: &mut Room<'s>,
+        count: usize,
+        given: impl Fn(usize) -> Given<'s, 'm>,
+        mut put: impl FnMut(usize, Landing),
+    ) {
+        let model = &self.model;
+        let Room { workspace, landings, .. } = room;
+        let Workspace { block, at, forward, .. } = workspace;
+        forward.under.clear(model.parts);
+        for lane in 0..count {
+            let Given { site, motor, travel, near } = given(lane);
+            block.set(lane, &site);
+            set(&mut block.site.commanded, lane, motor);
+            set(&mut forward.travel, lane, travel);
+            set(&mut forward.under.joints, lane, &near.under);
+            forward.mixing.set(lane, near.mixing);
+            forward.left.set(lane, near.left);
+            forward.gain.set(lane, near.gain);
+        }
+        block.first(count);
+        at.set_offsets(model, block);
+        forward.begin(model, block, at);
+        forward.run(model, block, at, (LaneMask::first(count), ROUNDS, PRINTED));
+        landings.take(model, workspace);
+        for lane in 0..count {
+            if let Some(landing) = landings.landing(workspace, lane) {
+                put(lane, landing);
+            }
+        }
+    }
+}

@@ -1,0 +1,185 @@
+use super::Number;
+use crate::effects::{self, Cutting, ForceLaw, Situation, ToolFrame};
+use crate::lanes::{Frame, Mask, Vector, WIDTH};
+use crate::robot::Pose;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use smallvec::SmallVec;
+
+/// A tool and a work object that targets are run with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Setting {
+    /// Declared work object in the base.
+    pub(crate) base_from_wobj: Pose,
+    /// Declared tool.
+    pub(crate) tool: ToolFrame,
+}
+
+/// A [`Situation`] that borrows what many targets have in common.
+#[derive(Clone, Copy)]
+pub(crate) struct Site<'a> {
+    pub(crate) setting: &'a Setting,
+    /// Where the TCP should be, m.
+    pub(crate) wobj_from_tcp: &'a Pose,
+    pub(crate) cutting: Cutting<'a>,
+    /// Whether the tool leans against the surface as the law of the cut has it.
+    pub(crate) leaned: bool,
+    /// See [`Situation`].
+    pub(crate) normal: Vector3<f64>,
+    pub(crate) velocity: Vector3<f64>,
+    pub(crate) cut_length: f64,
+    pub(crate) time: f64,
+    pub(crate) temperature: Option<f64>,
+    pub(crate) payload: f64,
+}
+
+impl Setting {
+    pub(super) fn of(situation: &Situation<'_>) -> Self {
+        Self { base_from_wobj: situation.base_from_wobj, tool: situation.tool }
+    }
+}
+
+impl<'a> Site<'a> {
+    pub(super) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
+        let Situation { wobj_from_tcp, cutting, normal, velocity, cut_length, time, temperature, payload, .. } =
+            situation;
+        Self {
+            setting,
+            wobj_from_tcp,
+            cutting: *cutting,
+            leaned: false,
+            normal: *normal,
+            velocity: *velocity,
+            cut_length: *cut_length,
+            time: *time,
+            temperature: *temperature,
+            payload: *payload,
+        }
+    }
+}
+
+/// What is known of targets, lane by lane.
+#[derive(Default)]
+pub(super) struct Block<'a, R: Number> {
+    /// As effects see it, the commanded angles being filled in as they are found.
+    pub(super) site: effects::Site<R>,
+    /// Where the TCP should be, in the declared work object.
+    pub(super) wanted: Frame<R>,
+    /// Declared.
+    pub(super) flange_from_tcp: Frame<R>,
+    /// Axes only.
+    pub(super) wobj_from_feed: Frame<R>,
+    /// See [`ForceLaw::slope`].
+    pub(super) slope: Vector<R>,
+    /// See [`ForceLaw::rest`]; where there is one; and where it is the force at the wanted pose.
+    rest: Vector<R>,
+    has_rest: [bool; WIDTH],
+    rests: [bool; WIDTH],
+    /// What is in the lanes already: it seldom changes.
+    settings: [Option<&'a Setting>; WIDTH],
+    laws: [Option<&'a dyn ForceLaw>; WIDTH],
+    /// The lanes of each law.
+    lanes: SmallVec<[R::Mask; 2]>,
+    /// Whether laws have changed since these were found.
+    changed: bool,
+}
+
+impl<'a, R: Number> Block<'a, R> {
+    /// Puts another site into a lane.
+    pub(super) fn set(&mut self, lane: usize, site: &Site<'a>) {
+        self.run_with(lane, site.setting);
+        self.wanted.set(lane, site.wobj_from_tcp);
+        let own = &mut self.site;
+        own.wanted.set(lane, &site.wobj_from_tcp.translation.vector);
+        own.normal.set(lane, &site.normal);
+        own.velocity.set(lane, &site.velocity);
+        own.cut_length.set(lane, site.cut_length);
+        own.time.set(lane, site.time);
+        own.temperature.set(lane, site.temperature.unwrap_or(f64::NAN));
+        own.payload.set(lane, site.payload);
+        match &site.cutting {
+            Cutting::Air => self.cut(lane, &NOWHERE, None),
+            // As a law whose frame is the force's own: along its first axis.
+            Cutting::Constant(force) => {
+                self.cut(lane, &NOWHERE, None);
+                self.wobj_from_feed.x.set(lane, force);
+            }
+            Cutting::Law { law, wobj_from_feed } => self.cut(lane, wobj_from_feed, Some(*law)),
+        }
+        self.rests[lane] = self.has_rest[lane] && (site.leaned || self.laws[lane].is_none());
+    }
+
+    /// All lanes are set that are of interest: the first ones.
+    pub(super) fn first(&mut self, count: usize) {
+        if !std::mem::take(&mut self.changed) && count == R::WIDTH {
+            return;
+        }
+        for lane in count..R::WIDTH {
+            self.cut(lane, &NOWHERE, None);
+            self.rests[lane] = true;
+        }
+        self.changed = count < R::WIDTH;
+        self.lanes.clear();
+        let mut left = R::Mask::of(|lane| self.laws[lane].is_some());
+        while let Some(law) = left.next().and_then(|lane| self.laws[lane]) {
+            let here = left & R::Mask::of(|lane| same(Some(law), self.laws[lane]));
+            self.lanes.push(here);
+            left = left & here.not();
+        }
+    }
+
+    /// Puts another setting into a lane.
+    pub(super) fn run_with(&mut self, lane: usize, setting: &'a Setting) {
+        if self.settings[lane].is_some_and(|here| std::ptr::eq(here, setting)) {
+            return;
+        }
+        self.settings[lane] = Some(setting);
+        let Setting { base_from_wobj, tool } = setting;
+        self.site.base_from_wobj.set(lane, base_from_wobj);
+        self.flange_from_tcp.set(lane, &tool.flange_from_tcp);
+        self.site.tool_mass.set(lane, tool.mass);
+        self.site.tool_cog.set(lane, &tool.cog);
+    }
+
+    fn cut(&mut self, lane: usize, wobj_from_feed: &Rotation3<f64>, law: Option<&'a dyn ForceLaw>) {
+        self.wobj_from_feed.set_axes(lane, wobj_from_feed);
+        if same(self.laws[lane], law) && law.is_some() {
+            return;
+        }
+        let rest = law.map_or(Some(FORCE), ForceLaw::rest);
+        self.slope.set(lane, &law.map_or_else(Vector3::zeros, ForceLaw::slope));
+        self.rest.set(lane, &rest.unwrap_or(FORCE));
+        self.has_rest[lane] = rest.is_some();
+        self.changed |= !same(self.laws[lane], law);
+        self.laws[lane] = law;
+    }
+
+    /// Cutting forces at the wanted poses, N, feed frame, where all are known.
+    pub(super) fn resting(&self) -> Option<&Vector<R>> {
+        self.rests.iter().take(R::WIDTH).all(|rests| *rests).then_some(&self.rest)
+    }
+
+    /// Cutting forces, N, feed frame, for shifts of the tip, m, and tool axes there.
+    pub(super) fn forces(&self, shift: &Vector<R>, axis: &Vector<R>, force: &mut Vector<R>) {
+        *force = Vector::of(&FORCE);
+        for here in &self.lanes {
+            if let Some(law) = here.next().and_then(|lane| self.laws[lane]) {
+                R::force(law, *here, shift, axis, force);
+            }
+        }
+    }
+}
+
+/// Without a law the frame is the force's own.
+const FORCE: Vector3<f64> = Vector3::new(1.0, 0.0, 0.0);
+
+/// The axes of no frame: nothing that is turned into it is left.
+const NOWHERE: Rotation3<f64> =
+    Rotation3::from_matrix_unchecked(Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0));
+
+fn same(law: Option<&dyn ForceLaw>, other: Option<&dyn ForceLaw>) -> bool {
+    match (law, other) {
+        (Some(law), Some(other)) => std::ptr::addr_eq(law, other),
+        (None, None) => true,
+        _ => false,
+    }
+}

@@ -1,0 +1,52 @@
+use super::Arm;
+use crate::effects::{Law, Parts};
+use crate::robot::{Eight, Joints, Robot};
+use nalgebra::Vector3;
+use smallvec::SmallVec;
+
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+
+/// An arm with its effects, ready to be asked.
+#[derive(Debug)]
+pub(crate) struct Model<'a> {
+    pub(super) robot: &'a Robot,
+    /// Where there is an explicit inverse.
+    pub(super) inverse: Option<Eight<'a>>,
+    /// N·m/rad
+    pub(super) stiffness: Option<&'a Joints>,
+    pub(super) laws: SmallVec<[Law<'a>; 4]>,
+    /// What any of them touches.
+    pub(super) parts: Parts,
+    pub(super) follows_command: bool,
+    /// Of the joints at the motors, about, rad/(N·m).
+    pub(super) compliance: [f64; 6],
+    /// Base axes, m/s².
+    pub(super) gravity: Vector3<f64>,
+}
+
+impl<'a> Model<'a> {
+    pub(crate) fn new(arm: &'a Arm) -> Self {
+        let laws: SmallVec<[Law<'a>; 4]> = arm.effects.iter().map(|effect| effect.law()).collect();
+        let stiffness = arm.stiffness.as_ref();
+        let mut compliance = [0.0; 6];
+        for law in &laws {
+            compliance.iter_mut().zip(law.compliance(stiffness)).for_each(|(sum, own)| *sum += own);
+        }
+        Self {
+            robot: &arm.robot,
+            inverse: Eight::of(&arm.robot),
+            stiffness,
+            parts: laws.iter().fold(Parts::NONE, |parts, law| parts.and(law.parts())),
+            laws,
+            follows_command: arm.follows_command(),
+            compliance,
+            gravity: arm.robot.world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY)),
+        }
+    }
+
+    /// Whether a command is explicit: what is off are joint angles, whatever the command.
+    pub(super) fn is_explicit(&self) -> bool {
+        !self.parts.moves_geometry() && !self.follows_command
+    }
+}

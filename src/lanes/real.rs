@@ -1,0 +1,265 @@
+use super::number::{LaneMask, Lanes, WIDTH};
+use std::fmt::Debug;
+use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
+
+/// A number of one target, or of each of several side by side: what formulas are written over.
+pub trait Real:
+    Copy
+    + Default
+    + Debug
+    + Send
+    + Sync
+    + 'static
+    + From<f64>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+    + Div<f64, Output = Self>
+{
+    /// What comparisons give.
+    type Mask: Mask<Self>;
+    /// Targets side by side.
+    const WIDTH: usize;
+    const ZERO: Self;
+
+    /// The same for every target.
+    fn of(value: f64) -> Self;
+    /// One target's number; lanes are counted below [`Real::WIDTH`].
+    fn lane(&self, lane: usize) -> f64;
+    fn set(&mut self, lane: usize, value: f64);
+    fn sqrt(self) -> Self;
+    fn abs(self) -> Self;
+    fn floor(self) -> Self;
+    /// False where either is NaN, as all comparisons.
+    fn lt(self, other: impl Into<Self>) -> Self::Mask;
+    fn eq(self, other: impl Into<Self>) -> Self::Mask;
+    fn ge(self, other: impl Into<Self>) -> Self::Mask;
+    /// Where a bit of the number is set.
+    fn bit(self, bit: u32) -> Self::Mask;
+    /// Runs work with the widest lanes that the processor has, where it is in lanes.
+    fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W);
+
+    /// The larger of two, this one where either is NaN.
+    #[inline(always)]
+    fn or_larger(self, other: Self) -> Self {
+        self.lt(other).select(other, self)
+    }
+
+    /// What cannot be said in arithmetic, target by target.
+    #[inline(always)]
+    fn each(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = self;
+        for lane in 0..Self::WIDTH {
+            out.set(lane, f(self.lane(lane)));
+        }
+        out
+    }
+}
+
+/// A yes or no for each target of a [`Real`]: what `if` does.
+pub trait Mask<R>: Copy + Default + Debug + Send + Sync + 'static + BitAnd<Output = Self> {
+    /// Target by target.
+    fn of(wanted: impl FnMut(usize) -> bool) -> Self;
+    /// One number where it is set, another elsewhere.
+    fn select(self, yes: R, no: R) -> R;
+    fn or(self, other: Self) -> Self;
+    fn not(self) -> Self;
+    fn any(self) -> bool;
+    fn lane(&self, lane: usize) -> bool;
+    fn set(&mut self, lane: usize, value: bool);
+    /// Changes the sign where it is set.
+    fn negate(self, value: R) -> R;
+    /// The first target for which it is set.
+    fn next(self) -> Option<usize>;
+
+    /// The first so many targets.
+    fn first(count: usize) -> Self {
+        Self::of(|lane| lane < count)
+    }
+}
+
+impl Real for f64 {
+    type Mask = bool;
+    const WIDTH: usize = 1;
+    const ZERO: Self = 0.0;
+
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        *self
+    }
+
+    #[inline(always)]
+    fn set(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f64::floor(self)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: impl Into<Self>) -> bool {
+        self < other.into()
+    }
+
+    #[inline(always)]
+    #[allow(clippy::float_cmp)] // the very number is meant
+    fn eq(self, other: impl Into<Self>) -> bool {
+        self == other.into()
+    }
+
+    #[inline(always)]
+    fn ge(self, other: impl Into<Self>) -> bool {
+        self >= other.into()
+    }
+
+    #[inline(always)]
+    fn bit(self, bit: u32) -> bool {
+        self.to_bits() >> bit & 1 == 1
+    }
+
+    #[inline(always)]
+    fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
+        work.call();
+    }
+}
+
+impl Mask<f64> for bool {
+    #[inline(always)]
+    fn of(mut wanted: impl FnMut(usize) -> bool) -> Self {
+        wanted(0)
+    }
+
+    #[inline(always)]
+    fn select(self, yes: f64, no: f64) -> f64 {
+        if self { yes } else { no }
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        self | other
+    }
+
+    #[inline(always)]
+    fn not(self) -> Self {
+        !self
+    }
+
+    #[inline(always)]
+    fn any(self) -> bool {
+        self
+    }
+
+    #[inline(always)]
+    fn lane(&self, _: usize) -> bool {
+        *self
+    }
+
+    #[inline(always)]
+    fn set(&mut self, _: usize, value: bool) {
+        *self = value;
+    }
+
+    #[inline(always)]
+    fn negate(self, value: f64) -> f64 {
+        if self { -value } else { value }
+    }
+
+    #[inline(always)]
+    fn next(self) -> Option<usize> {
+        self.then_some(0)
+    }
+}
+
+/// Runs work with the widest lanes that the processor has. Never inlined: without optimisation, work takes hundreds of
+/// kilobytes of stack, which callers must not take too.
+#[inline(never)]
+pub(crate) fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
+    pulp::Arch::new().dispatch(work);
+}
+
+impl Real for Lanes {
+    type Mask = LaneMask;
+    const WIDTH: usize = WIDTH;
+    const ZERO: Self = Self([0.0; WIDTH]);
+
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        Self([value; WIDTH])
+    }
+
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> f64 {
+        debug_assert!(lane < WIDTH);
+        // The remainder tells the compiler that it is in bounds.
+        self.0[lane % WIDTH]
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, value: f64) {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] = value;
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        self.map(f64::floor)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a < b)
+    }
+
+    #[inline(always)]
+    #[allow(clippy::float_cmp)] // the very number is meant
+    fn eq(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a == b)
+    }
+
+    #[inline(always)]
+    fn ge(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a >= b)
+    }
+
+    #[inline(always)]
+    fn bit(self, bit: u32) -> LaneMask {
+        LaneMask::of_bits(self, bit)
+    }
+
+    #[inline(always)]
+    fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
+        dispatch(work);
+    }
+}

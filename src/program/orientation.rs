@@ -1,0 +1,88 @@
+//! Orientations as makers write them: three angles in degrees for one quaternion (scalar first).
+
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+
+/// Below this cosine of the middle angle the outer two turn about one axis, and the last is set to zero: what is left of
+/// them is printed digits.
+const GIMBAL: f64 = 1e-9;
+
+/// The rotation of a quaternion, scalar first, of any length but zero.
+#[must_use]
+pub fn rotation(quat: [f64; 4]) -> Rotation3<f64> {
+    let [w, x, y, z] = quat;
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
+}
+
+/// The quaternion of a rotation, scalar first, unit norm, scalar not negative.
+#[must_use]
+pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
+    let q = UnitQuaternion::from_rotation_matrix(rotation);
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
+}
+
+/// Angles [A, B, C] about z, the turned y, the turned x: `Rz(A) Ry(B) Rx(C)`, degrees. KUKA's A, B, C; ABB's EulerZYX; read
+/// backwards, [C, B, A], they are FANUC's W, P, R and Yaskawa's Rx, Ry, Rz about fixed x, y, z.
+#[must_use]
+pub fn zyx_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
+    let r = rotation.matrix();
+    let cosine = r[(0, 0)].hypot(r[(1, 0)]);
+    let b = (-r[(2, 0)]).atan2(cosine);
+    let (a, c) = if cosine < GIMBAL {
+        ((-r[(0, 1)]).atan2(r[(1, 1)]), 0.0)
+    } else {
+        (r[(1, 0)].atan2(r[(0, 0)]), r[(2, 1)].atan2(r[(2, 2)]))
+    };
+    [a, b, c].map(f64::to_degrees)
+}
+
+/// The rotation of [`zyx_deg`].
+#[must_use]
+pub fn from_zyx_deg([a, b, c]: [f64; 3]) -> Rotation3<f64> {
+    let about = |axis: Vector3<f64>, deg: f64| Rotation3::new(axis * deg.to_radians());
+    about(Vector3::z(), a) * about(Vector3::y(), b) * about(Vector3::x(), c)
+}
+
+/// Angles [Rx, Ry, Rz] about x, the turned y, the turned z: `Rx Ry Rz`, degrees: Stäubli's.
+#[must_use]
+pub fn xyz_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
+    // The inverse turns about z, y, x by the negative angles.
+    let [z, y, x] = zyx_deg(&rotation.inverse());
+    [-x, -y, -z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_quarter_turn_about_each_axis_is_its_angle() {
+        let about = |axis: Vector3<f64>| Rotation3::new(axis * std::f64::consts::FRAC_PI_2);
+        assert!((Vector3::from(zyx_deg(&about(Vector3::z()))) - Vector3::new(90.0, 0.0, 0.0)).amax() < 1e-12);
+        assert!((Vector3::from(zyx_deg(&about(Vector3::y()))) - Vector3::new(0.0, 90.0, 0.0)).amax() < 1e-6);
+        assert!((Vector3::from(zyx_deg(&about(Vector3::x()))) - Vector3::new(0.0, 0.0, 90.0)).amax() < 1e-12);
+        assert!((Vector3::from(xyz_deg(&about(Vector3::z()))) - Vector3::new(0.0, 0.0, 90.0)).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_hand_solved_pair_turns_in_order() {
+        // A = 90°, C = 90°: z first, then the turned x (world y): x goes to y, y to z, z to x.
+        let r = from_zyx_deg([90.0, 0.0, 90.0]);
+        assert!((r * Vector3::x() - Vector3::y()).amax() < 1e-15);
+        assert!((r * Vector3::y() - Vector3::z()).amax() < 1e-15);
+        assert!((r * Vector3::z() - Vector3::x()).amax() < 1e-15);
+    }
+
+    proptest! {
+        #[test]
+        fn angles_give_their_rotation_back(a in -180.0..180.0, b in -90.0..90.0, c in -180.0..180.0) {
+            let r = from_zyx_deg([a, b, c]);
+            prop_assert!((from_zyx_deg(zyx_deg(&r)).matrix() - r.matrix()).amax() < 1e-12);
+            prop_assert!((rotation(quaternion(&r)).matrix() - r.matrix()).amax() < 1e-12);
+            let [x, y, z] = xyz_deg(&r).map(f64::to_radians);
+            let turned = Rotation3::new(Vector3::x() * x) * Rotation3::new(Vector3::y() * y) * Rotation3::new(Vector3::z() * z);
+            prop_assert!((turned.matrix() - r.matrix()).amax() < 1e-12);
+        }
+    }
+}

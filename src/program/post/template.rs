@@ -1,0 +1,116 @@
+//! Lines of a posted program that call the cell's own routines (`[cl.post]`).
+
+use crate::program::ActionKind;
+use std::collections::BTreeMap;
+
+/// Every key of `[cl.post]`, with what may stand in its braces.
+pub(crate) const TEMPLATES: [(&str, &[&str]); 8] = [
+    ("tool_change", &["number", "tool"]),
+    ("spindle_on", &["rpm", "direction"]),
+    ("spindle_off", &[]),
+    ("coolant_on", &["kind"]),
+    ("coolant_off", &[]),
+    ("stop", &[]),
+    ("optional_stop", &[]),
+    ("home", &[]),
+];
+
+/// What is written where CL data ask for something that RAPID has no instruction for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Templates(BTreeMap<&'static str, String>);
+
+impl Templates {
+    /// Takes a template, checked by [`Templates::fault`].
+    pub(crate) fn insert(&mut self, key: &'static str, text: String) {
+        self.0.insert(key, text);
+    }
+
+    /// What is wrong with a template, if anything.
+    pub(crate) fn fault(key: &str, text: &str) -> Option<String> {
+        let allowed = TEMPLATES.iter().find(|(known, _)| *known == key).map_or(&[][..], |(_, names)| names);
+        if text.trim().is_empty() {
+            return Some("the template is empty: leave it out where nothing is to be written".to_owned());
+        }
+        if !text.chars().all(|c| c == '\n' || c == ' ' || c.is_ascii_graphic()) {
+            return Some("a template is of printable ASCII characters".to_owned());
+        }
+        if text.contains('%') || text.to_ascii_uppercase().split(|c: char| !c.is_ascii_alphanumeric()).any(closes) {
+            return Some("a template is a line of instructions, within a procedure".to_owned());
+        }
+        for (at, _) in text.match_indices('{') {
+            let name = text[at + 1..].split('}').next().unwrap_or_default();
+            if !allowed.contains(&name) {
+                let names = allowed.iter().map(|name| format!("{{{name}}}")).collect::<Vec<_>>().join(", ");
+                let may =
+                    if names.is_empty() { "nothing is filled in here".to_owned() } else { format!("expected {names}") };
+                return Some(format!("`{{{name}}}` is not known: {may}"));
+            }
+        }
+        None
+    }
+
+    /// Whether an action is written.
+    pub(crate) fn has(&self, kind: &ActionKind) -> bool {
+        kind.template().is_none_or(|key| self.0.contains_key(key))
+    }
+
+    /// Whether a template fills a name in.
+    pub(crate) fn fills(&self, key: &str, name: &str) -> bool {
+        self.0.get(key).is_some_and(|text| text.contains(&format!("{{{name}}}")))
+    }
+
+    /// Lines of an action, without their indentation; `None` where it has no template, or lacks what is filled in.
+    pub(crate) fn lines(&self, kind: &ActionKind, tool: &str) -> Option<String> {
+        if let ActionKind::Dwell { seconds } = kind {
+            return Some(format!("WaitTime {};", decimal(*seconds)));
+        }
+        let text = self.0.get(kind.template()?)?;
+        Some(match kind {
+            ActionKind::ToolChange { number } => text.replace("{number}", number).replace("{tool}", tool),
+            ActionKind::SpindleOn { rpm: None, .. } if text.contains("{rpm}") => return None,
+            ActionKind::SpindleOn { rpm, clockwise } => text
+                .replace("{rpm}", &rpm.map_or_else(String::new, decimal))
+                .replace("{direction}", if *clockwise { "CLW" } else { "CCLW" }),
+            ActionKind::CoolantOn { kind } => text.replace("{kind}", kind),
+            _ => text.clone(),
+        })
+    }
+}
+
+/// Words that would end the procedure, or the module.
+fn closes(word: &str) -> bool {
+    matches!(word, "ENDPROC" | "ENDMODULE" | "PROC" | "MODULE" | "FUNC" | "TRAP")
+}
+
+/// A number without digits that say nothing.
+fn decimal(value: f64) -> String {
+    let text = format!("{value:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_known_is_named() {
+        assert_eq!(Templates::fault("tool_change", "rTool {number}, {tool};"), None);
+        assert_eq!(Templates::fault("home", "rHome;"), None);
+        assert!(Templates::fault("spindle_on", "rSpindle {number};").unwrap().contains("{rpm}, {direction}"));
+        assert!(Templates::fault("stop", "{rpm};").unwrap().contains("nothing"));
+        assert!(Templates::fault("stop", " ").is_some());
+        assert!(Templates::fault("stop", "Stop; ENDPROC").is_some());
+    }
+
+    #[test]
+    fn numbers_are_filled_in_as_people_write_them() {
+        let mut templates = Templates::default();
+        templates.insert("spindle_on", "rSpindle {rpm};".to_owned());
+        let on = |rpm| ActionKind::SpindleOn { rpm, clockwise: true };
+        assert_eq!(templates.lines(&on(Some(9000.0)), "").as_deref(), Some("rSpindle 9000;"));
+        assert_eq!(templates.lines(&on(Some(0.5)), "").as_deref(), Some("rSpindle 0.5;"));
+        assert_eq!(templates.lines(&on(None), ""), None);
+        assert_eq!(templates.lines(&ActionKind::Dwell { seconds: 2.5 }, "").as_deref(), Some("WaitTime 2.5;"));
+        assert_eq!(templates.lines(&ActionKind::Stop, ""), None);
+    }
+}

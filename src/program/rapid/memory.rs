@@ -1,0 +1,186 @@
+//! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
+
+use super::changes::Changes;
+use super::run::{Runner, State};
+use super::symbols::Content;
+use super::value::Value;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Why a value is not known behind branches.
+const BRANCHES: &str = "different from branch to branch";
+
+/// What was there when a branch began.
+pub(super) struct Layer {
+    old: BTreeMap<usize, Content>,
+    state: State,
+    /// Variables that existed then.
+    variables: usize,
+}
+
+/// What a branch left.
+#[derive(Clone, Debug)]
+pub(super) struct Left {
+    pub(super) changed: BTreeMap<usize, Value>,
+    pub(super) state: State,
+}
+
+impl Runner<'_> {
+    /// Changes a variable.
+    pub(super) fn set(&mut self, at: usize, value: Value) {
+        (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
+        let variable = &mut self.symbols.variables[at];
+        variable.foreign = false;
+        let value = variable.volatile.map_or(value, Value::Unknown);
+        let old = std::mem::replace(&mut variable.content, Content::Is(value));
+        if let Some(layer) = self.layers.last_mut().filter(|layer| at < layer.variables) {
+            layer.old.entry(at).or_insert(old);
+        }
+    }
+
+    /// A branch begins.
+    pub(super) fn open(&mut self) {
+        let (old, variables) = (BTreeMap::new(), self.symbols.variables.len());
+        self.layers.push(Layer { old, state: self.state, variables });
+    }
+
+    /// Ends a branch and takes back what it changed.
+    pub(super) fn take(&mut self) -> Left {
+        let mut left = Left { changed: BTreeMap::new(), state: self.state };
+        let Some(layer) = self.layers.pop() else { return left };
+        for (at, old) in layer.old {
+            if let Some(variable) = self.symbols.variables.get_mut(at)
+                && let Content::Is(value) = std::mem::replace(&mut variable.content, old)
+            {
+                left.changed.insert(at, value);
+            }
+        }
+        self.state = layer.state;
+        self.epoch += 1;
+        left
+    }
+
+    /// Ends a branch that is the only one.
+    pub(super) fn commit(&mut self) {
+        let Some(layer) = self.layers.pop() else { return };
+        if let Some(below) = self.layers.last_mut() {
+            for (at, old) in layer.old {
+                if at < below.variables {
+                    below.old.entry(at).or_insert(old);
+                }
+            }
+        }
+    }
+
+    /// What has changed since a layer, without ending anything.
+    pub(super) fn since(&self, layer: usize) -> Left {
+        let layers = self.layers.get(layer..).unwrap_or_default();
+        let most = layers.first().map_or(0, |layer| layer.variables);
+        let keys: BTreeSet<usize> =
+            layers.iter().flat_map(|layer| layer.old.keys().copied()).filter(|at| *at < most).collect();
+        let value = |at: usize| match &self.symbols.variables[at].content {
+            Content::Is(value) => Some((at, value.clone())),
+            _ => None,
+        };
+        Left { changed: keys.into_iter().filter_map(value).collect(), state: self.state }
+    }
+
+    /// Goes on from what a branch left.
+    pub(super) fn apply(&mut self, left: Left) {
+        for (at, value) in left.changed {
+            self.set(at, value);
+        }
+        self.state = left.state;
+    }
+
+    /// What two branches leave together; what was there before them is in force.
+    pub(super) fn join(&mut self, a: Left, b: Left) -> Left {
+        let keys: BTreeSet<usize> = a.changed.keys().chain(b.changed.keys()).copied().collect();
+        let state = a.state.join(b.state);
+        let mut changed = BTreeMap::new();
+        for at in keys {
+            let [a, b] = [&a, &b].map(|left| match left.changed.get(&at) {
+                Some(value) => value.clone(),
+                None => self.content(at),
+            });
+            let value = self.joined(&a, &b);
+            changed.insert(at, value);
+        }
+        Left { changed, state }
+    }
+
+    /// A value that is one or the other.
+    fn joined(&mut self, a: &Value, b: &Value) -> Value {
+        match (a, b) {
+            (Value::Unknown(why), _) | (_, Value::Unknown(why)) => {
+                self.pin_value(a);
+                self.pin_value(b);
+                Value::Unknown(why)
+            }
+            #[allow(clippy::float_cmp)] // the very number
+            (Value::Num(a, _), Value::Num(b, _)) if a == b => Value::Num(*a, None),
+            (Value::Bool(a), Value::Bool(b)) if a == b => Value::Bool(*a),
+            (Value::Text(a), Value::Text(b)) if a == b => Value::Text(std::rc::Rc::clone(a)),
+            (Value::List(a, _), Value::List(b, _)) if a.len() == b.len() => {
+                let items: Vec<Value> = a.iter().zip(b.iter()).map(|(a, b)| self.joined(a, b)).collect();
+                Value::List(items.into(), None)
+            }
+            (Value::Target(a), Value::Target(b))
+                if a.root == b.root && a.written == b.written && a.steps == b.steps =>
+            {
+                Value::Target(std::rc::Rc::clone(a))
+            }
+            _ => {
+                self.pin_value(a);
+                self.pin_value(b);
+                Value::Unknown(BRANCHES)
+            }
+        }
+    }
+
+    /// Takes what may have been changed for unknown.
+    pub(super) fn forget(&mut self, changes: &Changes, why: &'static str) {
+        for &at in &changes.data {
+            self.forget_data(at, why);
+        }
+        if changes.anything {
+            let everything = self.symbols.everything();
+            for &at in everything.iter() {
+                self.forget_data(at, why);
+            }
+        }
+        for name in &changes.own {
+            if let Some(at) = self.frames.last().and_then(|frame| frame.names.get(name)).copied() {
+                self.forget_data(at, why);
+            }
+        }
+    }
+
+    /// Takes a variable, or the one that it is a part of, for unknown.
+    pub(super) fn forget_data(&mut self, at: usize, why: &'static str) {
+        let at = match &self.symbols.variables[at].content {
+            Content::Part(part) => part.of,
+            Content::Is(Value::Unknown(_)) => {
+                // Known to be unknown; counted as a change all the same.
+                (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
+                return;
+            }
+            _ => at,
+        };
+        self.pin_declared(at);
+        let old = match &self.symbols.variables[at].content {
+            Content::Is(value) => value.clone(),
+            _ => Value::Unknown(why),
+        };
+        self.pin_value(&old);
+        self.set(at, Value::Unknown(why));
+    }
+
+    /// Data that a declaration's own text gives are held where they are: whoever changes them at run time uses them too.
+    pub(super) fn pin_declared(&mut self, at: usize) {
+        if let Some(statement) = self.symbols.variables[at].declared {
+            let source = usize::from(self.symbols.variables[at].source);
+            let inside = self.literals_in(source, statement);
+            self.pinned.extend(inside);
+        }
+    }
+}

@@ -1,0 +1,515 @@
+//! What RAPID's own instructions and functions may change of what decides where the tool goes: the one list of it.
+//!
+//! Source: ABB, *Technical reference manual: RAPID Instructions, Functions and Data types* (3HAC050917-001), each name's own
+//! page: its arguments (which of them are `VAR`, `PERS` or `INOUT`) and what it does to frames and displacement. A name that
+//! is not here is taken for one that may change anything: see `docs/soundness.md`, which repeats these lists.
+
+/// What an instruction may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Instruction {
+    /// Neither data nor frames.
+    Nothing,
+    /// The data that it is given, and no other.
+    Arguments,
+    /// `Incr`, `Decr`, `Add`, `Clear`: its first argument, by a number.
+    Steps,
+    /// Switches program displacement on.
+    DisplacementOn,
+    /// Switches it off.
+    DisplacementOff,
+    /// Switches the offset of external axes on.
+    AxisOffsetOn,
+    /// Switches it off.
+    AxisOffsetOff,
+    /// Data by their names as texts.
+    DataByName,
+    /// Moves, but to no robtarget that the program states.
+    Moves,
+    /// Ends the cycle.
+    Ends,
+    /// Raises an error.
+    Raises,
+}
+
+impl Instruction {
+    /// Whether a handler may get an error from it: the pages of those that switch displacement name none.
+    pub(super) fn may_fail(self) -> bool {
+        !matches!(
+            self,
+            Self::DisplacementOn | Self::DisplacementOff | Self::AxisOffsetOn | Self::AxisOffsetOff | Self::Ends
+        )
+    }
+}
+
+/// Change neither data nor frames.
+pub(super) const NOTHING: &[&str] = &[
+    "AccSet",
+    "ActEventBuffer",
+    "ActUnit",
+    "AliasIOReset",
+    "BookErrNo",
+    "Break",
+    "CamFlush",
+    "CancelLoad",
+    "CheckProgRef",
+    "CirPathMode",
+    "ClearIOBuff",
+    "ClearPath",
+    "ClkReset",
+    "ClkStart",
+    "ClkStop",
+    "Close",
+    "CloseDir",
+    "ConfJ",
+    "ConfL",
+    "CopyFile",
+    "CornerPathWarning",
+    "DeactEventBuffer",
+    "DeactUnit",
+    "DitherAct",
+    "DitherDeact",
+    "EraseModule",
+    "ErrLog",
+    "ErrWrite",
+    "GripLoad",
+    "HollowWristReset",
+    "IDelete",
+    "IDisable",
+    "IEnable",
+    "InvertDO",
+    "IODisable",
+    "IOEnable",
+    "ISleep",
+    "IWatch",
+    "Load",
+    "MakeDir",
+    "MechUnitLoad",
+    "MotionProcessModeSet",
+    "MotionSup",
+    "PathAccLim",
+    "PathLengthReset",
+    "PathLengthStart",
+    "PathLengthStop",
+    "PathRecStart",
+    "PathRecStop",
+    "PathResol",
+    "PulseDO",
+    "RemoveDir",
+    "RemoveFile",
+    "RenameFile",
+    "Reset",
+    "ResetPPMoved",
+    "ResetRetryCount",
+    "RestoPath",
+    "Rewind",
+    "Save",
+    "SCWrite",
+    "Set",
+    "SetAO",
+    "SetDO",
+    "SetGO",
+    "SingArea",
+    "SkipWarn",
+    "SocketBind",
+    "SocketClose",
+    "SocketConnect",
+    "SocketListen",
+    "SocketSend",
+    "SocketSendTo",
+    "SoftAct",
+    "SoftDeact",
+    "SpeedLimAxis",
+    "SpeedLimCheckPoint",
+    "SpeedRefresh",
+    "SpyStart",
+    "SpyStop",
+    "StartMove",
+    "StartMoveRetry",
+    "Stop",
+    "StopMove",
+    "StopMoveReset",
+    "StorePath",
+    "SystemStopAction",
+    "TestSignDefine",
+    "TestSignReset",
+    "TextTabInstall",
+    "TPErase",
+    "TPShow",
+    "TPWrite",
+    "TuneReset",
+    "TuneServo",
+    "UIMsgBox",
+    "UIMsgWrite",
+    "UIShow",
+    "UnLoad",
+    "VelSet",
+    "WaitAI",
+    "WaitAO",
+    "WaitDI",
+    "WaitDO",
+    "WaitGI",
+    "WaitGO",
+    "WaitRob",
+    "WaitSyncTask",
+    "WaitTime",
+    "WaitUntil",
+    "WorldAccLim",
+    "Write",
+    "WriteAnyBin",
+    "WriteBin",
+    "WriteBlock",
+    "WriteStrBin",
+    "WriteVar",
+    "WriteVarArr",
+    "WZDisable",
+    "WZEnable",
+];
+
+/// Change what they are given, and no other data.
+pub(super) const ARGUMENTS: &[&str] = &[
+    "AliasIO",
+    "BitClear",
+    "BitSet",
+    "ClearRawBytes",
+    "CopyRawBytes",
+    "FitCircle",
+    "GetDataVal",
+    "GetJointData",
+    "GetSysData",
+    "GetTrapData",
+    "ICap",
+    "IError",
+    "IPers",
+    "ISignalAI",
+    "ISignalAO",
+    "ISignalDI",
+    "ISignalDO",
+    "ISignalGI",
+    "ISignalGO",
+    "ITimer",
+    "IVarValue",
+    "LoadId",
+    "MToolRotCalib",
+    "MToolTCPCalib",
+    "Open",
+    "OpenDir",
+    "PackDNHeader",
+    "PackRawBytes",
+    "ReadAnyBin",
+    "ReadBlock",
+    "ReadCfgData",
+    "ReadErrData",
+    "ReadRawBytes",
+    "ReadVarArr",
+    "SetDataSearch",
+    "SocketAccept",
+    "SocketCreate",
+    "SocketReceive",
+    "SocketReceiveFrom",
+    "StartLoad",
+    "SToolRotCalib",
+    "SToolTCPCalib",
+    "TPReadDnum",
+    "TPReadFK",
+    "TPReadNum",
+    "TriggCheckIO",
+    "TriggDataCopy",
+    "TriggDataReset",
+    "TriggEquip",
+    "TriggInt",
+    "TriggIO",
+    "TriggRampAO",
+    "TriggSpeed",
+    "TryInt",
+    "UnpackRawBytes",
+    "WaitLoad",
+    "WaitTestAndSet",
+    "WriteRawBytes",
+    "WZBoxDef",
+    "WZCylDef",
+    "WZDOSet",
+    "WZFree",
+    "WZHomeJointDef",
+    "WZLimJointDef",
+    "WZLimSup",
+    "WZSphDef",
+];
+
+/// Those with a meaning of their own.
+const OWN: &[(&str, Instruction)] = &[
+    ("Add", Instruction::Steps),
+    ("Clear", Instruction::Steps),
+    ("Decr", Instruction::Steps),
+    ("EOffsOff", Instruction::AxisOffsetOff),
+    ("EOffsOn", Instruction::AxisOffsetOn),
+    ("EOffsSet", Instruction::AxisOffsetOn),
+    ("ErrRaise", Instruction::Raises),
+    ("ExitCycle", Instruction::Ends),
+    ("Incr", Instruction::Steps),
+    ("MoveExtJ", Instruction::Moves),
+    ("PathRecMoveBwd", Instruction::Moves),
+    ("PathRecMoveFwd", Instruction::Moves),
+    ("PDispOff", Instruction::DisplacementOff),
+    ("PDispOn", Instruction::DisplacementOn),
+    ("PDispSet", Instruction::DisplacementOn),
+    ("RaiseToUser", Instruction::Raises),
+    ("SetAllDataVal", Instruction::DataByName),
+    ("SetDataVal", Instruction::DataByName),
+];
+
+/// Functions that change nothing.
+pub(super) const FUNCTIONS: &[&str] = &[
+    "Abs",
+    "AbsDnum",
+    "ACos",
+    "AInput",
+    "AOutput",
+    "ArgName",
+    "ASin",
+    "ATan",
+    "ATan2",
+    "BitAnd",
+    "BitAndDnum",
+    "BitCheck",
+    "BitCheckDnum",
+    "BitLSh",
+    "BitLShDnum",
+    "BitNeg",
+    "BitNegDnum",
+    "BitOr",
+    "BitOrDnum",
+    "BitRSh",
+    "BitRShDnum",
+    "BitXOr",
+    "BitXOrDnum",
+    "ByteToStr",
+    "CalcJointT",
+    "CalcRobT",
+    "CalcRotAxFrameZ",
+    "CalcRotAxisFrame",
+    "CDate",
+    "CJointT",
+    "ClkRead",
+    "CorrRead",
+    "Cos",
+    "CPos",
+    "CRobT",
+    "CrossProd",
+    "CSpeedOverride",
+    "CTime",
+    "CTool",
+    "CWObj",
+    "DecToHex",
+    "DefAccFrame",
+    "DefDFrame",
+    "DefFrame",
+    "Dim",
+    "Distance",
+    "DnumToNum",
+    "DnumToStr",
+    "DotProd",
+    "DOutput",
+    "EulerZYX",
+    "EventType",
+    "ExecHandler",
+    "ExecLevel",
+    "Exp",
+    "FileSize",
+    "FileTime",
+    "FileTimeDnum",
+    "FSSize",
+    "GetMecUnitName",
+    "GetMotorTorque",
+    "GetServiceInfo",
+    "GetSignalOrigin",
+    "GetSysInfo",
+    "GetTaskName",
+    "GetTime",
+    "GInput",
+    "GInputDnum",
+    "GOutput",
+    "GOutputDnum",
+    "HexToDec",
+    "IndInpos",
+    "IndSpeed",
+    "IOUnitState",
+    "IsFile",
+    "IsMechUnitActive",
+    "IsPers",
+    "IsStopMoveAct",
+    "IsStopStateEvent",
+    "IsSyncMoveOn",
+    "IsSysId",
+    "IsVar",
+    "Max",
+    "MaxRobReach",
+    "MaxRobSpeed",
+    "Min",
+    "MirPos",
+    "ModExist",
+    "ModTime",
+    "ModTimeDnum",
+    "MotionPlannerNo",
+    "NonMotionMode",
+    "NOrient",
+    "NumToDnum",
+    "NumToStr",
+    "Offs",
+    "OpMode",
+    "OrientZYX",
+    "ORobT",
+    "ParIdPosValid",
+    "ParIdRobValid",
+    "PathLengthGet",
+    "PathLevel",
+    "PathRecValidBwd",
+    "PathRecValidFwd",
+    "PFRestart",
+    "PoseInv",
+    "PoseMult",
+    "PoseVect",
+    "Pow",
+    "PowDnum",
+    "PPMovedInManMode",
+    "Present",
+    "ProgMemFree",
+    "RawBytesLen",
+    "ReadBin",
+    "ReadMotor",
+    "ReadNum",
+    "ReadStr",
+    "ReadStrBin",
+    "ReadVar",
+    "RelTool",
+    "RemainingRetries",
+    "RobName",
+    "RobOS",
+    "Round",
+    "RoundDnum",
+    "RunMode",
+    "Sin",
+    "SocketGetStatus",
+    "SocketPeek",
+    "Sqrt",
+    "SqrtDnum",
+    "StrDigCalc",
+    "StrDigCmp",
+    "StrFind",
+    "StrLen",
+    "StrMap",
+    "StrMatch",
+    "StrMemb",
+    "StrOrder",
+    "StrPart",
+    "StrToByte",
+    "Tan",
+    "TaskIsActive",
+    "TaskIsExecuting",
+    "TaskRunMec",
+    "TaskRunRob",
+    "TasksInSync",
+    "TestDI",
+    "TestSignRead",
+    "TextGet",
+    "TextTabFreeToUse",
+    "TextTabGet",
+    "TriggDataValid",
+    "Trunc",
+    "TruncDnum",
+    "Type",
+    "UIAlphaEntry",
+    "UIClientExist",
+    "UIDnumEntry",
+    "UIDnumTune",
+    "UIListView",
+    "UIMessageBox",
+    "UINumEntry",
+    "UINumTune",
+    "ValidIO",
+    "ValToStr",
+    "VectMagn",
+];
+
+/// Functions that hand back more than their value, through an argument, and change nothing else.
+pub(super) const WRITING_FUNCTIONS: &[&str] = &["GetNextMechUnit", "GetNextSym", "ReadDir", "StrToVal", "TestAndSet"];
+
+/// Whether a list that is sorted without regard to case has a name.
+fn has(sorted: &[&str], name: &[u8]) -> bool {
+    sorted.binary_search_by(|known| order(known.as_bytes(), name)).is_ok()
+}
+
+fn order(a: &[u8], b: &[u8]) -> std::cmp::Ordering {
+    let lower = u8::to_ascii_lowercase;
+    a.iter().map(lower).cmp(b.iter().map(lower))
+}
+
+/// What a predefined instruction may change; `None` where it is not one that is known.
+pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
+    if has(NOTHING, name) {
+        return Some(Instruction::Nothing);
+    }
+    if has(ARGUMENTS, name) {
+        return Some(Instruction::Arguments);
+    }
+    OWN.iter().find(|(own, _)| own.as_bytes().eq_ignore_ascii_case(name)).map(|own| own.1)
+}
+
+/// Instructions that change nothing.
+pub(super) fn harmless(name: &[u8]) -> bool {
+    has(NOTHING, name)
+}
+
+/// What a predefined function may change besides its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Function {
+    Nothing,
+    Arguments,
+}
+
+/// `None` where it is not a function that is known.
+pub(super) fn function(name: &[u8]) -> Option<Function> {
+    if has(FUNCTIONS, name) {
+        Some(Function::Nothing)
+    } else {
+        has(WRITING_FUNCTIONS, name).then_some(Function::Arguments)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_sorted_and_found_whatever_the_case() {
+        for list in [NOTHING, ARGUMENTS, FUNCTIONS, WRITING_FUNCTIONS] {
+            let wrong = list.windows(2).find(|pair| order(pair[0].as_bytes(), pair[1].as_bytes()).is_ge());
+            assert_eq!(wrong, None);
+        }
+        assert_eq!(instruction(b"TPWRITE"), Some(Instruction::Nothing));
+        assert_eq!(instruction(b"pdispon"), Some(Instruction::DisplacementOn));
+        assert_eq!(instruction(b"SpindleOn"), None);
+        assert_eq!(function(b"OFFS"), Some(Function::Nothing));
+        assert_eq!(function(b"strtoval"), Some(Function::Arguments));
+        assert_eq!(function(b"Probe"), None);
+    }
+
+    /// The page of the docs names what this file does.
+    #[test]
+    fn the_page_on_soundness_has_the_same_lists() {
+        let page = include_str!("../../../docs/soundness.md");
+        for (title, list) in [
+            ("Instructions that change nothing", NOTHING),
+            ("Instructions that change only what they are given", ARGUMENTS),
+            ("Functions that change nothing", FUNCTIONS),
+            ("Functions that change only what they are given", WRITING_FUNCTIONS),
+        ] {
+            let section = page.split(&format!("### {title}\n")).nth(1).unwrap_or_else(|| panic!("no section {title}"));
+            let section = section.split("\n#").next().unwrap();
+            let names: Vec<&str> = section.split('`').skip(1).step_by(2).collect();
+            assert_eq!(names, list, "{title}");
+        }
+        for (name, _) in OWN {
+            assert!(page.contains(&format!("`{name}`")), "{name}");
+        }
+    }
+}

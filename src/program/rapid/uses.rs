@@ -1,0 +1,294 @@
+//! Who else uses the numbers of a target: routines that nothing runs, traps, handlers and functions. A number is edited only if
+//! all who use it are known and want the same.
+
+use super::lex::{Cursor, Kind};
+use super::motion;
+use super::run::{Mode, Runner, Switch};
+use super::symbols::{RoutineId, Upper, first_word};
+use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
+use super::value::{Place, Pose};
+use crate::program::{Editable, Motion, Target};
+use crate::text::{Diagnostic, Severity, Source, Span};
+use std::collections::{BTreeSet, HashSet};
+
+/// Statements that were run, a bit for each byte that one may begin at.
+pub(super) struct Ran(Vec<Vec<u64>>);
+
+impl Ran {
+    pub(super) fn new(sources: &[Source]) -> Self {
+        Self(sources.iter().map(|source| vec![0; source.bytes.len() / 64 + 1]).collect())
+    }
+
+    pub(super) fn add(&mut self, source: u16, at: u32) {
+        if let Some(word) = self.0[usize::from(source)].get_mut(at as usize / 64) {
+            *word |= 1 << (at % 64);
+        }
+    }
+
+    fn has(&self, source: usize, at: u32) -> bool {
+        self.0[source].get(at as usize / 64).is_some_and(|word| word & (1 << (at % 64)) != 0)
+    }
+}
+
+/// A motion of a routine that nothing runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Use {
+    root: u32,
+    /// The first number of its offset.
+    offset: Option<Place>,
+    tool: u16,
+    wobj: u16,
+    cuts: bool,
+}
+
+/// Whether a kind of motion may cut.
+fn may_cut(motion: Motion) -> bool {
+    matches!(motion, Motion::Linear | Motion::Circular)
+}
+
+impl<'a> Runner<'a> {
+    /// Notes what a motion that gives no target uses.
+    pub(super) fn use_aside(&mut self, target: &Target, pose: &Pose) {
+        let Some(root) = pose.root.filter(|_| self.mode == Mode::Aside) else { return };
+        let offset = pose.steps.last().and_then(|step| step.tokens).map(|tokens| tokens[0]);
+        if let Editable::No(_) = self.editable(target, pose) {
+            self.pinned.insert(root);
+            self.held.extend(offset);
+            return;
+        }
+        let cuts = may_cut(target.motion);
+        self.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
+    }
+
+    /// Runs what nothing in the files runs, as someone may do by hand at any time, for what it would use.
+    pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
+        let waiting: Vec<RoutineId> = if self.any_called {
+            procs.to_vec()
+        } else {
+            procs.iter().filter(|id| !self.entered.contains(*id)).copied().collect()
+        };
+        if waiting.is_empty() || self.steps > self.most_steps {
+            return;
+        }
+        self.looking_aside = true;
+        self.steps = 0;
+        let open = |at: &usize| {
+            let variable = &self.symbols.variables[*at];
+            variable.assigned && variable.storage != Storage::Const
+        };
+        let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
+        let anywhere =
+            |flag: fn(&super::changes::Changes) -> bool| self.symbols.all().any(|id| flag(self.symbols.changed_by(id)));
+        let switch = |flag: bool| if flag { Switch::Unknown } else { Switch::Off };
+        self.state.displacement = switch(anywhere(|changes| changes.displacement));
+        self.state.axis_offset = switch(anywhere(|changes| changes.axis_offset));
+        self.state.mark_unknown = anywhere(|changes| changes.marks);
+        let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
+        let first = waiting.iter().filter(|id| roots.contains(*id));
+        let rest = waiting.iter().filter(|id| !roots.contains(*id));
+        let order: Vec<RoutineId> = first.chain(rest).copied().collect();
+        let state = self.state;
+        for id in order {
+            if !self.any_called && self.entered_aside.contains(&id) {
+                continue;
+            }
+            for &at in &changing {
+                self.forget_data(at, "may be anything when someone runs this by hand");
+            }
+            self.state = state;
+            self.quietly(Mode::Aside, |this| this.start(id));
+        }
+        if self.steps > self.most_steps {
+            // Not known to its end: nothing that it may use is edited.
+            let all = u32::try_from(self.literals.len()).unwrap_or(u32::MAX);
+            self.pinned.extend(0..all);
+        }
+        self.looking_aside = false;
+    }
+
+    /// Literals that stand within a span.
+    pub(super) fn literals_in(&self, source: usize, span: Span) -> Vec<u32> {
+        let (first, end) = (self.first_literal[source], self.first_literal[source + 1]);
+        let of_source = &self.literals[first..end];
+        let from = of_source.partition_point(|literal| literal.span().start < span.start);
+        let inside = of_source[from..].iter().take_while(|literal| literal.span().end <= span.end).count();
+        let numbers = first + from..first + from + inside;
+        let within = |place: &Place| {
+            usize::from(place.source) == source && span.start <= place.span.start && place.span.end <= span.end
+        };
+        let own = self.own.iter().filter(|(place, _)| within(place)).map(|(_, id)| *id);
+        numbers.filter_map(|at| u32::try_from(at).ok()).chain(own).collect()
+    }
+
+    /// Holds what traps, handlers and functions use: they may run at any moment, or their motions are not followed.
+    pub(super) fn hold_what_runs_aside(&mut self) {
+        let mut spans: Vec<(RoutineId, Span)> = Vec::new();
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            let routine = self.symbols.routine(id);
+            let aside = self.symbols.known.aside.contains(&id);
+            let mut found = Vec::new();
+            if aside {
+                texts(&routine.body, &mut found);
+            }
+            texts(&routine.handlers, &mut found);
+            spans.extend(found.into_iter().map(|span| (id, span)));
+        }
+        let mut done = BTreeSet::new();
+        for (id, span) in spans {
+            self.pinned.extend(self.literals_in(id.file, span));
+            let bytes = self.bytes(id.file);
+            let (routine, module) = (self.symbols.routine(id), self.symbols.module_of(id));
+            let mut cursor = Cursor::new(bytes, span);
+            loop {
+                let word = cursor.next();
+                match word.kind {
+                    Kind::End => break,
+                    Kind::Word => {}
+                    _ => continue,
+                }
+                let key = Upper::new(cursor.text(word));
+                if !done.insert((id, Box::<[u8]>::from(&*key))) {
+                    continue;
+                }
+                match own_data(routine, bytes, &key) {
+                    Some(Some(statement)) => self.pinned.extend(self.literals_in(id.file, statement)),
+                    Some(None) => {
+                        let given = self.given.get(&(id, Box::<[u8]>::from(&*key)));
+                        self.pinned.extend(given.into_iter().flatten());
+                    }
+                    None => {
+                        if let Some(at) = self.symbols.find_data(module, &key) {
+                            self.pin_declared(at);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Refuses targets that a routine moves to that calls itself without a known end.
+    pub(super) fn refuse_what_calls_itself(&mut self) {
+        let mut reached = self.endless.clone();
+        let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
+        let mut statements = HashSet::new();
+        while let Some(id) = waiting.pop() {
+            let body = &self.symbols.routine(id).body;
+            statements.extend(simple_statements(body).into_iter().map(|span| (id.file, span.start)));
+            let calls: Vec<RoutineId> = self.calls(id, body).collect();
+            waiting.extend(calls.into_iter().filter(|callee| reached.insert(*callee)));
+        }
+        for target in &mut self.targets {
+            let inside = statements.contains(&(usize::from(target.source), target.span.start));
+            if inside && !matches!(target.editable, Editable::No(_)) {
+                target.editable = Editable::No("procedure that calls itself");
+            }
+        }
+    }
+
+    /// Holds what routines that nothing runs use under other frames than the program does.
+    pub(super) fn hold_what_is_used_otherwise(&mut self) {
+        if self.aside.is_empty() {
+            return;
+        }
+        let mut uses: std::collections::HashMap<u32, Vec<(u16, u16, bool)>> = std::collections::HashMap::new();
+        for (target, site) in self.targets.iter().zip(&self.sites) {
+            if let Some(root) = self.root(site) {
+                let one = (target.tool, target.wobj, may_cut(target.motion));
+                let known = uses.entry(root).or_default();
+                if known.last() != Some(&one) && !known.contains(&one) {
+                    known.push(one);
+                }
+            }
+        }
+        for other in std::mem::take(&mut self.aside) {
+            let same = |used: &(u16, u16, bool)| *used == (other.tool, other.wobj, other.cuts);
+            if uses.get(&other.root).is_some_and(|used| !used.iter().all(same)) {
+                self.pinned.insert(other.root);
+                self.held.extend(other.offset);
+            }
+        }
+    }
+
+    /// Motions that were not run: their targets stay as they are.
+    pub(super) fn keep_what_is_not_run(&mut self) {
+        for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
+            let routine = self.symbols.routine(id);
+            let entered = self.entered.contains(&id);
+            let body = match routine.kind {
+                RoutineKind::Trap => "motion in a trap routine",
+                RoutineKind::Func => "motion in a function",
+                RoutineKind::Proc if !entered => "routine that nothing in the files runs",
+                RoutineKind::Proc => "motion that nothing reaches",
+            };
+            for (block, reason) in [(&routine.body, body), (&routine.handlers, "motion in an error handler")] {
+                let bytes = self.bytes(id.file);
+                let module = self.symbols.module_of(id);
+                let is_motion = |span: &Span| {
+                    let name = &bytes[first_word(bytes, *span).range()];
+                    motion::shape(name).is_some() && self.symbols.find_routine(module, name).is_none()
+                };
+                let idle: Vec<Span> = simple_statements(block)
+                    .into_iter()
+                    .filter(|span| !self.ran.has(id.file, span.start))
+                    .filter(is_motion)
+                    .collect();
+                let Some(first) = idle.first() else { continue };
+                let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
+                let message = format!("{} of `{name}` left as they are: {reason}", motions(idle.len()));
+                let note = Diagnostic::error("rapid.not-run", "", message).at(&self.symbols.sources[id.file], *first);
+                self.diagnostics.push(note.severity(Severity::Note));
+                idle.iter().for_each(|span| self.keep(id.file, *span, reason));
+            }
+        }
+    }
+}
+
+fn motions(count: usize) -> String {
+    if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
+}
+
+/// A routine's own name: the statement that declares it, or nothing for a parameter.
+fn own_data(routine: &Routine, bytes: &[u8], key: &[u8]) -> Option<Option<Span>> {
+    let is = |span: Span| *Upper::new(&bytes[span.range()]) == *key;
+    let data = routine.data.iter().find(|data| is(data.name)).map(|data| Some(data.statement));
+    data.or_else(|| routine.params.iter().any(|param| is(param.name)).then_some(None))
+}
+
+/// All that statements consist of, branches and loops included.
+fn texts(block: &[Statement], out: &mut Vec<Span>) {
+    for statement in block {
+        match statement {
+            Statement::Simple(span) | Statement::Connect(span) | Statement::Return(span) => out.push(*span),
+            Statement::If { arms, otherwise, .. } => {
+                for (condition, block) in arms {
+                    out.push(*condition);
+                    texts(block, out);
+                }
+                texts(otherwise, out);
+            }
+            Statement::For { from, to, step, body, .. } => {
+                out.extend([*from, *to]);
+                out.extend(*step);
+                texts(body, out);
+            }
+            Statement::While { condition, body, .. } => {
+                out.push(*condition);
+                texts(body, out);
+            }
+            Statement::Test { subject, cases, otherwise, .. } => {
+                out.push(*subject);
+                for (values, block) in cases {
+                    out.push(*values);
+                    texts(block, out);
+                }
+                texts(otherwise, out);
+            }
+            Statement::Exit
+            | Statement::Raise
+            | Statement::Retry
+            | Statement::TryNext
+            | Statement::Goto(_)
+            | Statement::Mark(_) => {}
+        }
+    }
+}

@@ -1,0 +1,115 @@
+// The part in 3-D: triangles from back to front on a plain canvas, coloured by deviation.
+const data = JSON.parse(document.getElementById("data").textContent);
+const canvas = document.getElementById("part");
+if (canvas && data.points) {
+  const context = canvas.getContext("2d");
+  const { points, triangles, maps } = data;
+  const count = points.length / 3;
+  const which = document.getElementById("which");
+  const limit = document.getElementById("limit");
+  const there = document.getElementById("there");
+  maps.forEach((map, i) => which.add(new Option(map.name, i)));
+  which.value = maps.length - 1;
+  const largest = Math.max(...maps.map((map) => map.values.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0)));
+  limit.value = Math.max(largest / 1e4, 0.001).toPrecision(2);
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  for (let i = 0; i < points.length; i++) {
+    low[i % 3] = Math.min(low[i % 3], points[i]);
+    high[i % 3] = Math.max(high[i % 3], points[i]);
+  }
+  const centre = low.map((v, k) => (v + high[k]) / 2);
+  const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1;
+  const view = { turn: -0.6, tilt: 0.9, zoom: 1, x: 0, y: 0 };
+  const seen = new Float64Array(points.length);
+  const order = Array.from({ length: triangles.length / 3 }, (_, i) => i);
+  const depth = new Float64Array(order.length);
+  const mix = (a, b, t) => a.map((v, k) => v + (b[k] - v) * t);
+  const colour = (value, light) => {
+    const grey = [190, 190, 190], red = [200, 30, 30], blue = [30, 70, 200];
+    const share = value === null ? null : Math.min(1, Math.abs(value) / 1e4 / limit.value);
+    const base = share === null ? [245, 245, 245] : mix(grey, value > 0 ? red : blue, share);
+    return `rgb(${base.map((v) => Math.round(v * light)).join(",")})`;
+  };
+  const draw = () => {
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    const ratio = window.devicePixelRatio || 1;
+    canvas.width = width * ratio;
+    canvas.height = height * ratio;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    const scale = (0.9 * view.zoom * Math.min(width, height)) / size;
+    const [ct, st, cl, sl] = [Math.cos(view.turn), Math.sin(view.turn), Math.cos(view.tilt), Math.sin(view.tilt)];
+    for (let i = 0; i < count; i++) {
+      const [x, y, z] = [0, 1, 2].map((k) => points[3 * i + k] - centre[k]);
+      const [u, v] = [ct * x - st * y, st * x + ct * y];
+      seen[3 * i] = width / 2 + view.x + scale * u;
+      seen[3 * i + 1] = height / 2 + view.y - scale * (v * cl + z * sl);
+      seen[3 * i + 2] = v * sl - z * cl;
+    }
+    for (let i = 0; i < order.length; i++) {
+      depth[i] = seen[3 * triangles[3 * i] + 2] + seen[3 * triangles[3 * i + 1] + 2] + seen[3 * triangles[3 * i + 2] + 2];
+    }
+    order.sort((a, b) => depth[b] - depth[a]);
+    const values = maps[which.value].values;
+    for (const i of order) {
+      const [a, b, c] = [triangles[3 * i], triangles[3 * i + 1], triangles[3 * i + 2]];
+      const [x, y] = [seen[3 * a], seen[3 * a + 1]];
+      const area = (seen[3 * b] - x) * (seen[3 * c + 1] - y) - (seen[3 * c] - x) * (seen[3 * b + 1] - y);
+      // Counterclockwise from outside: away from the viewer otherwise.
+      if (area >= 0) continue;
+      const three = [values[a], values[b], values[c]].filter((v) => v !== null);
+      const value = three.length ? three.reduce((sum, v) => sum + v, 0) / three.length : null;
+      const [p, q] = [[0, 1, 2].map((k) => points[3 * b + k] - points[3 * a + k]), [0, 1, 2].map((k) => points[3 * c + k] - points[3 * a + k])];
+      const n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+      const light = 0.7 + 0.3 * Math.abs((0.3 * n[0] + 0.2 * n[1] + 0.93 * n[2]) / (Math.hypot(...n) || 1));
+      context.fillStyle = context.strokeStyle = colour(value, light);
+      context.beginPath();
+      context.moveTo(x, y);
+      context.lineTo(seen[3 * b], seen[3 * b + 1]);
+      context.lineTo(seen[3 * c], seen[3 * c + 1]);
+      context.closePath();
+      context.fill();
+      context.stroke();
+    }
+  };
+  let waits = false;
+  const soon = () => {
+    if (!waits) requestAnimationFrame(() => { waits = false; draw(); });
+    waits = true;
+  };
+  let drag = null;
+  canvas.addEventListener("pointerdown", (event) => { drag = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+  canvas.addEventListener("pointerup", () => { drag = null; });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!drag) return;
+    const [dx, dy] = [event.clientX - drag[0], event.clientY - drag[1]];
+    drag = [event.clientX, event.clientY];
+    if (event.shiftKey) { view.x += dx; view.y += dy; } else { view.turn += 0.008 * dx; view.tilt = Math.min(1.57, Math.max(-1.57, view.tilt + 0.008 * dy)); }
+    soon();
+  });
+  canvas.addEventListener("wheel", (event) => { event.preventDefault(); view.zoom *= Math.exp(-0.001 * event.deltaY); soon(); }, { passive: false });
+  canvas.addEventListener("click", (event) => {
+    const box = canvas.getBoundingClientRect();
+    let best = null;
+    for (let i = 0; i < count; i++) {
+      const far = Math.hypot(seen[3 * i] - event.clientX + box.left, seen[3 * i + 1] - event.clientY + box.top);
+      if (far < 8 && (best === null || seen[3 * i + 2] < seen[3 * best + 2])) best = i;
+    }
+    if (best === null) return;
+    const value = maps[which.value].values[best];
+    const at = [0, 1, 2].map((k) => (points[3 * best + k] / 1e3).toFixed(2)).join(", ");
+    there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
+  });
+  canvas.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    view.turn += step[0];
+    view.tilt += step[1];
+    soon();
+  });
+  which.addEventListener("change", soon);
+  limit.addEventListener("input", soon);
+  window.addEventListener("resize", soon);
+  draw();
+}

@@ -1,0 +1,108 @@
+//! The page of `simulate`.
+
+use super::markup::{Document, Table, Tile, decimals, mm, section, tiles};
+use crate::report::{DeviationMap, MapFigures};
+use serde_json::{Value, json};
+
+const SCRIPT: &str = include_str!("assets/part.js");
+
+/// The part before it is cut, coloured by its deviation: each of the maps under its name, of one and the same surface.
+#[must_use]
+pub fn simulation_page(
+    program: &str,
+    cell: &str,
+    maps: &[(&str, DeviationMap)],
+    figures: &[(&str, MapFigures)],
+) -> String {
+    let mut body = String::new();
+    if let Some((_, last)) = figures.last() {
+        let percent = |share: f64| format!("{} % of the surface", decimals(100.0 * share, 1));
+        body += &tiles(&[
+            Tile {
+                key: "rms_mm",
+                value: mm(last.rms_mm),
+                unit: "mm",
+                label: "Deviation, rms",
+                aside: format!("{} points", last.points),
+            },
+            Tile {
+                key: "max_mm",
+                value: mm(last.max_mm),
+                unit: "mm",
+                label: "Largest",
+                aside: format!("mean {} mm", mm(last.mean_mm)),
+            },
+            Tile {
+                key: "gouge_mm",
+                value: mm(last.gouge.max_mm),
+                unit: "mm",
+                label: "Deepest gouge",
+                aside: percent(last.gouge.share),
+            },
+            Tile {
+                key: "leftover_mm",
+                value: mm(last.leftover.max_mm),
+                unit: "mm",
+                label: "Most left over",
+                aside: percent(last.leftover.share),
+            },
+        ]);
+    }
+    body += STAGE;
+    let mut table = Table::new(
+        "figures-table",
+        &[
+            ("", false),
+            ("rms, mm", true),
+            ("mean, mm", true),
+            ("mean with sign, mm", true),
+            ("largest gouge, mm", true),
+            ("most left over, mm", true),
+        ],
+    );
+    for (name, f) in figures {
+        table.row([
+            (*name).to_owned(),
+            mm(f.rms_mm),
+            mm(f.mean_mm),
+            mm(f.mean_signed_mm),
+            mm(f.gouge.max_mm),
+            mm(f.leftover.max_mm),
+        ]);
+    }
+    body += &section("table", "Figures", table.html());
+    body += &section("words", "What the figures are", WORDS);
+    let data = data(maps);
+    let subtitle = format!("the stock as the loaded arm will leave it, {cell}");
+    Document { kicker: "simulate", title: program, subtitle: &subtitle, body: &body, data: &data, origins: &[] }
+        .html_with(SCRIPT)
+}
+
+/// Thousandths of a millimetre as whole numbers, tenths of a micrometre for deviations.
+fn data(maps: &[(&str, DeviationMap)]) -> Value {
+    let whole = |value: f64| (value * 1e6).round();
+    let Some((_, first)) = maps.first() else { return json!({}) };
+    let points: Vec<f64> = first.programmed.points.iter().flat_map(|p| [p.x, p.y, p.z]).map(whole).collect();
+    let maps: Vec<Value> = maps
+        .iter()
+        .map(|(name, map)| {
+            let values: Vec<Option<f64>> = map.deviations_mm.iter().map(|d| d.map(|d| (d * 1e4).round())).collect();
+            json!({ "name": name, "values": values })
+        })
+        .collect();
+    json!({ "kind": "simulate", "points": points, "triangles": first.programmed.triangles.concat(), "maps": maps })
+}
+
+const STAGE: &str = r#"<section class="stage" id="part-stage"><div class="view">
+<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Map <select id="which"></select></label></span>
+<span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span></div>
+<canvas id="part" tabindex="0" role="img" aria-label="The part in 3-D, coloured by its deviation. Drag or arrow keys turn it, the wheel zooms." style="width:100%;height:32rem;touch-action:none"></canvas>
+<p class="hint">Blue: gouged. Grey: as programmed. Red: left over. White: not cut. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. <span id="there" role="status"></span></p>
+</div></section>
+"#;
+
+const WORDS: &str = "<dl>
+<dt>Deviation</dt><dd>The surface that the loaded arm leaves minus the programmed one, out of the material: above zero material is left over, below zero it is gouged.</dd>
+<dt>Programmed surface</dt><dd>What the cutters leave of the stock on the poses of the program (of the original, with --against).</dd>
+</dl>
+";

@@ -1,0 +1,196 @@
+//! The part before it is cut: how far the surface that the loaded arm leaves is from the one that is programmed.
+
+use crate::stock::{Mesh, Stock};
+use crate::text::number::write_fixed;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Corners of the map at most, about: its cells grow with the stock.
+const MOST_NODES: f64 = 6e6;
+
+/// A corner of the map that did not come onto the surface this closely is on an edge, where no one deviation is, m.
+const ON_SURFACE: f64 = 2e-6;
+
+/// Nearer to the blank's own surface than this nothing was cut, m.
+const UNCUT: f64 = 2e-6;
+
+/// Farther than this along its normal a probed point has no surface, m.
+const PROBE_REACH: f64 = 10e-3;
+
+/// A point of the programmed surface and the deviation there: actual minus programmed, out of the material, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Stock's frame, mm.
+    pub position_mm: [f64; 3],
+    /// Above zero: left over; below: gouged.
+    pub deviation_mm: f64,
+}
+
+/// One side of the deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OneSide {
+    /// Share of the surface.
+    pub share: f64,
+    /// Mean over it, mm.
+    pub mean_mm: f64,
+    /// Largest, mm.
+    pub max_mm: f64,
+}
+
+/// Figures of a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct MapFigures {
+    /// Points of the cut surface.
+    pub points: usize,
+    /// Root mean square, mm.
+    pub rms_mm: f64,
+    /// Mean of the sizes, mm.
+    pub mean_mm: f64,
+    /// Mean with its sign, mm: above zero, more is left than programmed.
+    pub mean_signed_mm: f64,
+    /// Largest size, mm.
+    pub max_mm: f64,
+    /// Too much taken.
+    pub gouge: OneSide,
+    /// Too little.
+    pub leftover: OneSide,
+}
+
+impl MapFigures {
+    /// Of deviations, mm.
+    #[must_use]
+    pub fn of(deviations: &[f64]) -> Self {
+        let n = deviations.len().max(1) as f64;
+        let side = |sign: f64| {
+            let own: Vec<f64> = deviations.iter().map(|d| sign * d).filter(|d| *d > 0.0).collect();
+            let count = own.len();
+            OneSide {
+                share: count as f64 / n,
+                mean_mm: own.iter().sum::<f64>() / count.max(1) as f64,
+                max_mm: own.iter().fold(0.0, |a: f64, b| a.max(*b)),
+            }
+        };
+        let (gouge, leftover) = (side(-1.0), side(1.0));
+        Self {
+            points: deviations.len(),
+            rms_mm: (deviations.iter().map(|d| d * d).sum::<f64>() / n).sqrt(),
+            mean_mm: deviations.iter().map(|d| d.abs()).sum::<f64>() / n,
+            mean_signed_mm: deviations.iter().sum::<f64>() / n,
+            max_mm: gouge.max_mm.max(leftover.max_mm),
+            gouge,
+            leftover,
+        }
+    }
+}
+
+/// The programmed surface, and deviations of an actual one from it.
+#[derive(Clone, Debug)]
+pub struct DeviationMap {
+    /// The programmed surface.
+    pub programmed: Mesh,
+    /// At its corners, mm; `None` where nothing was cut, and on edges.
+    pub deviations_mm: Vec<Option<f64>>,
+}
+
+impl DeviationMap {
+    /// Holds an actual stock against the programmed one.
+    #[must_use]
+    pub fn new(programmed: Mesh, intended: &Stock, actual: &Stock) -> Self {
+        let deviation = |point: &Vector3<f64>| {
+            let cut = intended.blank().depth(point) > UNCUT && intended.depth(point).abs() < ON_SURFACE;
+            cut.then(|| 1e3 * actual.depth(point))
+        };
+        let deviations_mm = programmed.points.par_iter().map(deviation).collect();
+        Self { programmed, deviations_mm }
+    }
+
+    /// Figures over the cut surface.
+    #[must_use]
+    pub fn figures(&self) -> MapFigures {
+        MapFigures::of(&self.deviations_mm.iter().flatten().copied().collect::<Vec<_>>())
+    }
+
+    /// The points of the cut surface.
+    #[must_use]
+    pub fn points(&self) -> Vec<SurfacePoint> {
+        let both = self.programmed.points.iter().zip(&self.deviations_mm);
+        both.filter_map(|(at, deviation)| {
+            Some(SurfacePoint { position_mm: (at * 1e3).into(), deviation_mm: (*deviation)? })
+        })
+        .collect()
+    }
+}
+
+/// Distance of a map's corners, m, for a stock.
+#[must_use]
+pub fn map_cell(stock: &Stock) -> f64 {
+    let [low, high] = stock.blank().bounds();
+    stock.spacing().max(((high - low).product() / MOST_NODES).cbrt())
+}
+
+/// Deviation at a nominal point (m) of a part, along its normal where one is given, mm: a virtual CMM. `None` where there is no
+/// surface near.
+#[must_use]
+pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>) -> Option<f64> {
+    let depth = actual.depth(point);
+    let Some(normal) = normal else { return (depth.abs() < PROBE_REACH).then_some(1e3 * depth) };
+    let sign = if depth > 0.0 { 1.0 } else { -1.0 };
+    let at = |way: f64| sign * actual.depth(&(point + normal * (sign * way)));
+    // The depth changes no faster than the way: steps of its size do not pass the surface.
+    let (mut low, mut way) = (0.0, 0.0);
+    const LEAST: f64 = 1e-6;
+    while at(way) > 0.0 {
+        low = way;
+        way += at(way).max(LEAST);
+        if way > PROBE_REACH {
+            return None;
+        }
+    }
+    let mut high = way;
+    while high - low > 1e-9 {
+        let middle = 0.5 * (low + high);
+        if at(middle) > 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Some(1e3 * sign * 0.5 * (low + high))
+}
+
+/// `x_mm,y_mm,z_mm,deviation_mm`, one row a point.
+#[must_use]
+pub fn map_csv(points: &[SurfacePoint]) -> Vec<u8> {
+    let mut out = b"x_mm,y_mm,z_mm,deviation_mm\n".to_vec();
+    for point in points {
+        for value in point.position_mm {
+            write_fixed(&mut out, value, 6);
+            out.push(b',');
+        }
+        write_fixed(&mut out, point.deviation_mm, 6);
+        out.push(b'\n');
+    }
+    out
+}
+
+/// A mesh as binary STL, mm.
+#[must_use]
+pub fn stl(mesh: &Mesh) -> Vec<u8> {
+    const HEADER: usize = 80;
+    let mut out = vec![0; HEADER];
+    let title = b"deflex simulate, mm";
+    out[..title.len()].copy_from_slice(title);
+    out.extend(u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX).to_le_bytes());
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|i| mesh.points[i as usize] * 1e3);
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
+        for value in [normal, a, b, c].iter().flat_map(Vector3::iter) {
+            #[expect(clippy::cast_possible_truncation, reason = "STL holds single precision")]
+            out.extend((*value as f32).to_le_bytes());
+        }
+        out.extend([0, 0]);
+    }
+    out
+}

@@ -1,0 +1,114 @@
+//! The chain of the arm over any number of targets: what the scalar functions of [`Robot`] and the equilibria of many at
+//! once both go through.
+
+use super::{Joints, Robot};
+use crate::lanes::{Frame, Real, SinCos, Vector, six};
+use std::ops::{Neg, Sub};
+
+/// Six numbers of one target or of several: motor angles, rad, or what goes with them.
+pub(crate) type Six<R> = [R; 6];
+
+/// Puts one target's into a lane.
+#[inline(always)]
+pub(crate) fn set<R: Real>(all: &mut Six<R>, lane: usize, one: &Joints) {
+    for (all, one) in all.iter_mut().zip(one.iter()) {
+        all.set(lane, *one);
+    }
+}
+
+/// One target's.
+#[inline(always)]
+pub(crate) fn one<R: Real>(all: &Six<R>, lane: usize) -> Joints {
+    Joints::from(six!(i => all[i].lane(lane)))
+}
+
+/// Sum of products.
+#[inline(always)]
+pub(crate) fn dot<R: Real>(a: &Six<R>, b: &Six<R>) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+}
+
+/// Modified Denavit-Hartenberg rows: `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`, m and rad.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rows<R> {
+    pub(crate) a: Six<R>,
+    pub(crate) d: Six<R>,
+    pub(crate) theta: Six<R>,
+    pub(crate) alpha: [SinCos<R>; 6],
+}
+
+/// Where the links are: modified-DH frames in the base, m, and the axes of the joints in base axes.
+///
+/// An axis is its link's z, but for the share of a link's tilt that lies behind its own joint.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Chain<R> {
+    pub(crate) links: [Frame<R>; 6],
+    pub(crate) axes: [Vector<R>; 6],
+}
+
+impl<R: Real> Rows<R> {
+    /// Frames of the links at joint angles, given by the sines and cosines of joint plus theta; `tilt`, where given, turns
+    /// each link about x and y of its own frame, rad.
+    #[inline(always)]
+    pub(crate) fn chain(&self, joints: &[SinCos<R>; 6], tilt: Option<&[[R; 2]; 6]>, chain: &mut Chain<R>) {
+        let mut link = Frame::identity();
+        for i in 0..6 {
+            let (SinCos { sin: sa, cos: ca }, SinCos { sin, cos }) = (self.alpha[i], joints[i]);
+            // Column by column.
+            let across = link.y * ca + link.z * sa;
+            let z = link.z * ca - link.y * sa;
+            let origin = link.origin + (link.x * self.a[i] + z * self.d[i]);
+            link = Frame { x: link.x * cos + across * sin, y: across * cos - link.x * sin, z, origin };
+            chain.axes[i] = z;
+            if let Some(tilt) = tilt {
+                link = link.turned_by(Vector::new(tilt[i][0], tilt[i][1], R::ZERO));
+            }
+            chain.links[i] = link;
+        }
+    }
+}
+
+impl Robot {
+    /// The nominal rows.
+    #[inline(always)]
+    pub(crate) fn rows<R: Real>(&self) -> Rows<R> {
+        self.links.numbers()
+    }
+
+    /// Serial joint angles, or changes of them, from those of motor angles, rad.
+    #[inline(always)]
+    pub(crate) fn serial<R: Real>(&self, motor: &Six<R>) -> Six<R> {
+        let mut serial = six!(i => motor[i] * self.axes.sign[i]);
+        if self.axes.parallelogram {
+            serial[2] = serial[2] - serial[1];
+        }
+        serial
+    }
+
+    /// Motor angles from serial joint angles, rad.
+    #[inline(always)]
+    pub(crate) fn motor<R: Real>(&self, serial: &Six<R>) -> Six<R> {
+        let mut motor = *serial;
+        if self.axes.parallelogram {
+            motor[2] = motor[2] + serial[1];
+        }
+        six!(i => motor[i] * self.axes.sign[i])
+    }
+
+    /// What is had by serial joints (torques, N·m; velocities of a point by angle) by motors: power is the same in both.
+    #[inline(always)]
+    pub(crate) fn by_motor<T: Copy + Sub<Output = T> + Neg<Output = T>>(&self, serial: &[T; 6]) -> [T; 6] {
+        let mut motor = *serial;
+        if self.axes.parallelogram {
+            motor[1] = motor[1] - serial[2];
+        }
+        six!(i => if self.axes.sign[i] < 0.0 { -motor[i] } else { motor[i] })
+    }
+
+    /// Sines and cosines of the Denavit-Hartenberg angles (joint plus theta) at motor angles, rad.
+    #[inline(always)]
+    pub(crate) fn joints<R: Real>(&self, theta: &Six<R>, motor: &Six<R>) -> [SinCos<R>; 6] {
+        let serial = self.serial(motor);
+        six!(i => SinCos::of(serial[i] + theta[i]))
+    }
+}

@@ -1,0 +1,43 @@
+//! The blank: what the stock is before the first cut.
+
+use nalgebra::Vector3;
+
+/// A blank in the stock's frame, m.
+#[derive(Clone, Debug)]
+pub enum Blank {
+    /// From the lower to the upper corner.
+    Box([Vector3<f64>; 2]),
+}
+
+impl Blank {
+    /// Lower and upper corner of a box about it, m.
+    #[must_use]
+    pub fn bounds(&self) -> [Vector3<f64>; 2] {
+        match self {
+            Self::Box(corners) => *corners,
+        }
+    }
+
+    /// Signed depth of a point in the blank, m: above zero inside.
+    #[inline]
+    #[must_use]
+    pub fn depth(&self, point: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Box([low, high]) => {
+                let inside = |k: usize| (point[k] - low[k]).min(high[k] - point[k]);
+                inside(0).min(inside(1)).min(inside(2))
+            }
+        }
+    }
+
+    /// Intervals of the blank on the line along z through a place.
+    pub(super) fn spans(&self, x: f64, y: f64, mut each: impl FnMut(f64, f64)) {
+        match self {
+            Self::Box([low, high]) => {
+                if x >= low.x && x < high.x && y >= low.y && y < high.y {
+                    each(low.z, high.z);
+                }
+            }
+        }
+    }
+}

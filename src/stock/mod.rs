@@ -1,0 +1,32 @@
+//! The stock: what every move of a cutter removes, and which part of its front is in material.
+//!
+//! The stock is kept as **dexels that know who cut them**: parallel lines through the blank with the intervals of material on
+//! each, and at every end the sweep that made it. Between the lines nothing is interpolated: whether a point is in material
+//! is asked of the sweeps that own the ends about it, by their exact distance. So walls, corners and cusps lie where the
+//! cutter left them, whatever the spacing of the lines, and one set of lines does what a tri-dexel needs three for. What
+//! the spacing limits is what fits between lines unseen: a sliver thinner than it whose owner no line has met.
+//!
+//! The lines stand along z of the stock's frame, on a square lattice that is turned about z by an angle with a golden tangent:
+//! walls along x, y and the diagonals are never in step with it, so that volumes do not alias.
+//!
+//! At a target the front of the cutter is a mask over the angle φ about its axis and the place along its profile. The mean
+//! force is the sum over the mask of the integrals of Tang et al. Eq. 6 (see [`cutting`](crate::cutting)), cells on the rim of
+//! the engagement counted by the share that a straight rim leaves of them.
+//!
+//! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool is as long as it needs to be:
+//! its shank removes what it meets, collisions are not looked for.
+
+mod blank;
+mod dexel;
+mod front;
+mod mask;
+mod solid;
+mod surface;
+mod sweep;
+
+pub use blank::Blank;
+pub use dexel::Stock;
+pub use front::{Engaged, Front};
+pub use solid::Solid;
+pub use surface::Mesh;
+pub use sweep::ToolPose;

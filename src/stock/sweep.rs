@@ -1,0 +1,247 @@
+//! The body that a cutter sweeps on a move.
+
+use super::solid::{HypotFast, Solid};
+use crate::robot::Pose;
+use nalgebra::{Rotation3, Unit, Vector3};
+
+/// Where a tool stands in the stock's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPose {
+    /// The tip, m.
+    pub tip: Vector3<f64>,
+    /// Tip to spindle.
+    pub axis: Unit<Vector3<f64>>,
+}
+
+impl ToolPose {
+    /// Of a TCP frame, whose −z is the tool axis.
+    #[must_use]
+    pub fn of(pose: &Pose) -> Self {
+        let axis = -pose.rotation.matrix().column(2);
+        Self { tip: pose.translation.vector, axis: Unit::new_unchecked(axis) }
+    }
+
+    /// Between this pose and another, by the shortest turn of the axis.
+    #[must_use]
+    pub fn between(&self, other: &Self, share: f64) -> Self {
+        let axis = match Rotation3::scaled_rotation_between(&self.axis, &other.axis, share) {
+            Some(turn) => turn * self.axis,
+            None => self.axis,
+        };
+        Self { tip: self.tip.lerp(&other.tip, share), axis }
+    }
+}
+
+/// A sweep turns at most so far that a point of it lies within [`CHORD_ERROR`] of where the straight way in the tool's frame
+/// has it.
+const CHORD_ERROR: f64 = 2e-6;
+
+/// Below this turn, rad, the axis stands still: a micrometre at a metre.
+const STILL: f64 = 1e-9;
+
+/// A way is straight on where the whole of it stays so near to a line, m.
+const STRAIGHT: f64 = 1e-8;
+
+/// Sine below which the axis is that of the dexels.
+const UPRIGHT: f64 = 1e-9;
+
+/// A cutter on a straight way between two poses a small turn apart.
+///
+/// In the tool's own frame a point of the stock goes from where it is at the start to where it is at the end. For a move
+/// without a turn that way is straight; with a small one nearly so (see [`CHORD_ERROR`]). The distance to the cutter is
+/// convex along it, so that its smallest value is found surely.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sweep {
+    pub(super) solid: Solid,
+    pub(super) start: ToolPose,
+    pub(super) end: ToolPose,
+    /// Two directions square to the axis, at the start and at the end, without a turn about it.
+    across: [[Vector3<f64>; 2]; 2],
+    /// Way of every point in the tool's frame where the axis stands still.
+    way: Option<Vector3<f64>>,
+    pub(super) upright: bool,
+}
+
+/// How far a point is from the sweep, and how that changes along a direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Distance {
+    pub(super) value: f64,
+    pub(super) slope: f64,
+}
+
+impl Sweep {
+    /// How many sweeps a move is made of: a turn of the axis (rad) at points up to `reach` (m) from the tip.
+    pub(super) fn count(start: &ToolPose, end: &ToolPose, reach: f64) -> usize {
+        let turn = start.axis.angle(&end.axis);
+        if turn < STILL {
+            return 1;
+        }
+        let most = (8.0 * CHORD_ERROR / reach.max(CHORD_ERROR)).sqrt();
+        (turn / most).ceil().max(1.0) as usize
+    }
+
+    pub(super) fn new(solid: Solid, start: ToolPose, end: ToolPose) -> Self {
+        let helper = if start.axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+        let x = start.axis.cross(&helper).normalize();
+        let first = [x, start.axis.cross(&x)];
+        let turn = Rotation3::rotation_between(&start.axis, &end.axis);
+        let still = start.axis.angle(&end.axis) < STILL;
+        let turn = turn.filter(|_| !still).unwrap_or_else(Rotation3::identity);
+        let across = [first, first.map(|v| turn * v)];
+        let way = still.then(|| {
+            let back = start.tip - end.tip;
+            Vector3::new(first[0].dot(&back), first[1].dot(&back), start.axis.dot(&back))
+        });
+        let upright = still && start.axis.x.hypot(start.axis.y) < UPRIGHT && start.axis.z > 0.0;
+        Self { solid, start, end, across, way, upright }
+    }
+
+    #[inline]
+    fn local(pose: &ToolPose, across: &[Vector3<f64>; 2], point: &Vector3<f64>) -> Vector3<f64> {
+        let from_tip = point - pose.tip;
+        Vector3::new(across[0].dot(&from_tip), across[1].dot(&from_tip), pose.axis.dot(&from_tip))
+    }
+
+    /// A point in the tool's frame at the start, and its way to the end.
+    #[inline]
+    fn course(&self, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let from = Self::local(&self.start, &self.across[0], point);
+        let way = self.way.unwrap_or_else(|| Self::local(&self.end, &self.across[1], point) - from);
+        (from, way)
+    }
+
+    /// Signed distance of a point, m: below zero it is cut.
+    #[inline]
+    pub(super) fn distance(&self, point: &Vector3<f64>) -> f64 {
+        let (from, way) = self.course(point);
+        let at = from + way * nearest(&self.solid, &from, &way);
+        self.solid.distance(at.x.hypot_fast(at.y), at.z)
+    }
+
+    /// The same, with its slope along z.
+    pub(super) fn distance_along_z(&self, point: &Vector3<f64>) -> Distance {
+        let (from, way) = self.course(point);
+        let share = nearest(&self.solid, &from, &way);
+        let at = from + way * share;
+        let z = |pose: &ToolPose, across: &[Vector3<f64>; 2]| Vector3::new(across[0].z, across[1].z, pose.axis.z);
+        let up = z(&self.start, &self.across[0]).lerp(&z(&self.end, &self.across[1]), share);
+        let rho = at.x.hypot_fast(at.y);
+        let (out, below) = (rho - self.solid.flat(), self.solid.corner - at.z);
+        let outwards = if rho > 0.0 { (at.x * up.x + at.y * up.y) / rho } else { up.x.hypot(up.y) };
+        let (edge, slope) = if out > 0.0 && below > 0.0 {
+            let edge = out.hypot_fast(below);
+            (edge, (out * outwards - below * up.z) / edge)
+        } else if out > below {
+            (out, outwards)
+        } else {
+            (below, -up.z)
+        };
+        Distance { value: edge - self.solid.corner, slope }
+    }
+
+    /// Goes on to another pose, where it goes on straight: the body is that of both ways.
+    pub(super) fn extend(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) -> bool {
+        let (before, now) = (self.end.tip - self.start.tip, end.tip - start.tip);
+        let goes_on = self.way.is_some()
+            && self.solid == solid
+            && self.end == *start
+            && start.axis.angle(&end.axis) < STILL
+            && before.dot(&now) > 0.0
+            && before.cross(&now).norm_squared() <= STRAIGHT * STRAIGHT * now.norm_squared();
+        if goes_on {
+            *self = Self::new(solid, self.start, ToolPose { tip: end.tip, axis: self.start.axis });
+        }
+        goes_on
+    }
+
+    /// Whether a way (m) to a tip goes straight on from where this one ends.
+    pub(super) fn leads_to(&self, tip: &Vector3<f64>, way: &Vector3<f64>) -> bool {
+        let own = self.end.tip - self.start.tip;
+        self.way.is_some()
+            && (self.end.tip + way - tip).norm_squared() <= STRAIGHT * STRAIGHT
+            && own.dot(way) > 0.0
+            && own.cross(way).norm_squared() <= 1e-6 * own.norm_squared() * way.norm_squared() * 1e-6
+    }
+
+    /// Whether, besides what the cutter at the start has taken, only points at or before this side of a plane through the tip
+    /// can be cut: the way across the axis. `None` where the cutter goes down along its axis.
+    pub(super) fn ahead(&self) -> Option<Vector3<f64>> {
+        let way = self.end.tip - self.start.tip;
+        let along = way.dot(&self.start.axis);
+        let across = way - self.start.axis.into_inner() * along;
+        (self.way.is_some() && along >= -1e-9 * across.norm()).then_some(across)
+    }
+
+    /// Points about which all lies, within a radius, that it cuts below a height, m.
+    pub(super) fn spine(&self, top: f64) -> [Vector3<f64>; 4] {
+        let [low, high] = [&self.start, &self.end].map(|pose| {
+            // A tool that lies down reaches as far as any stock.
+            let length = ((top - pose.tip.z + self.solid.radius) / pose.axis.z.max(1e-2)).clamp(0.0, LONGEST);
+            [pose.tip, pose.tip + pose.axis.into_inner() * length]
+        });
+        [low[0], low[1], high[0], high[1]]
+    }
+}
+
+/// No tool is longer, m.
+const LONGEST: f64 = 10.0;
+
+/// Share of the way at which a point is nearest to the cutter: the distance is convex along it.
+#[inline]
+fn nearest(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>) -> f64 {
+    let square = way.x * way.x + way.y * way.y;
+    if way.z.abs() <= 1e-9 * square.sqrt() {
+        // Nearer to the axis is nearer to the cutter.
+        return if square > 0.0 { (-(from.x * way.x + from.y * way.y) / square).clamp(0.0, 1.0) } else { 0.0 };
+    }
+    if square <= 1e-18 * way.z * way.z {
+        return if way.z > 0.0 { 1.0 } else { 0.0 };
+    }
+    nearest_of_ramp(solid, from, way, square)
+}
+
+/// Where the derivative of a convex distance changes sign: false position, halving where that creeps.
+fn nearest_of_ramp(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, square: f64) -> f64 {
+    let flat = solid.flat();
+    let derivative = |share: f64| {
+        let at = from + way * share;
+        let rho = at.x.hypot_fast(at.y);
+        let outwards = if rho > 0.0 { (at.x * way.x + at.y * way.y) / rho } else { square.sqrt() };
+        let (out, below) = (rho - flat, solid.corner - at.z);
+        if out > 0.0 && below > 0.0 {
+            (out * outwards - below * way.z) / out.hypot_fast(below)
+        } else if out > below {
+            outwards
+        } else {
+            -way.z
+        }
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    let (mut at_low, mut at_high) = (derivative(low), derivative(high));
+    if at_low >= 0.0 {
+        return low;
+    }
+    if at_high <= 0.0 {
+        return high;
+    }
+    // An error of the place, m, counts by its square over twice a radius.
+    const ROUNDS: usize = 24;
+    const CLOSE: f64 = 1e-5;
+    let close = CLOSE / (square + way.z * way.z).sqrt();
+    for round in 0..ROUNDS {
+        let middle = if round % 3 == 2 { 0.5 * (low + high) } else { low + (high - low) * at_low / (at_low - at_high) };
+        let at = derivative(middle);
+        if at.abs() < 1e-3 * close {
+            return middle;
+        }
+        if at < 0.0 {
+            (low, at_low) = (middle, at);
+        } else {
+            (high, at_high) = (middle, at);
+        }
+        if high - low < close {
+            break;
+        }
+    }
+    low + (high - low) * at_low / (at_low - at_high)
+}

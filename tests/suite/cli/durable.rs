@@ -1,0 +1,355 @@
+//! What is on the disk whatever happens: a kill, a full disk, another writer, an input that changes.
+
+use super::bench::{Bench, CELL, PROGRAM};
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+const RUN: &str = "compensate part.mod --cell cell.toml -o out.mod --report out.csv";
+
+/// A batch: programs, their reports, all in one report, a summary and a page.
+const BATCH: &[&str] = &[
+    "compensate",
+    "a.mod",
+    "b.mod",
+    "c.mod",
+    "--cell",
+    "cell.toml",
+    "--out-dir",
+    "out",
+    "--report",
+    "all.csv",
+    "--json",
+    "all.json",
+    "--html",
+    "all.html",
+    "--quiet",
+];
+const FOLDERS: [&str; 2] = ["", "out"];
+
+fn batch() -> Bench {
+    let bench = Bench::new();
+    for name in ["a", "b", "c"] {
+        bench.write(&format!("{name}.mod"), PROGRAM.replace("MODULE Part", &format!("MODULE {name}")));
+    }
+    bench
+}
+
+/// Another force, and so other outputs.
+fn turn(bench: &Bench, force: usize) {
+    bench.write("cell.toml", CELL.replace("[120, ", &format!("[{}, ", 120 + 10 * force)));
+}
+
+fn start(bench: &Bench, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_deflex"))
+        .args(arguments)
+        .current_dir(bench.path("."))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+fn ended(bench: &Bench, arguments: &[&str]) -> ExitStatus {
+    start(bench, arguments).wait().unwrap()
+}
+
+/// Every output of the batch with its bytes.
+fn outputs(bench: &Bench) -> BTreeMap<String, Vec<u8>> {
+    let name = |folder: &str, name: &str| Path::new(folder).join(name).to_string_lossy().into_owned();
+    let named = |folder: &'static str| bench.names(folder).into_iter().map(move |file| name(folder, &file));
+    let files = FOLDERS.into_iter().filter(|folder| bench.path(folder).is_dir()).flat_map(named);
+    let output = |file: &String| file.starts_with("out/") || file.starts_with("all.");
+    files.filter(output).map(|file| (file.clone(), fs::read(bench.path(&file)).unwrap())).collect()
+}
+
+fn hidden(bench: &Bench) -> Vec<String> {
+    let names = FOLDERS.into_iter().filter(|folder| bench.path(folder).is_dir()).flat_map(|folder| bench.names(folder));
+    names.filter(|name| name.starts_with('.')).collect()
+}
+
+fn markers(bench: &Bench) -> usize {
+    let names = FOLDERS.into_iter().filter(|folder| bench.path(folder).is_dir()).flat_map(|folder| bench.names(folder));
+    names.filter(|name| name.starts_with("deflex-unfinished-")).count()
+}
+
+/// What the outputs are, without what only says so or waits.
+fn results(bench: &Bench) -> BTreeMap<String, Vec<u8>> {
+    let mut all = outputs(bench);
+    all.retain(|name, _| !name.contains("/.") && !name.contains("deflex-unfinished"));
+    all
+}
+
+/// When a run is killed.
+#[derive(Clone, Copy, Debug)]
+enum Moment {
+    After(Duration),
+    /// As soon as something is staged.
+    Staged,
+    /// As soon as the marker is there.
+    Marked,
+    /// As soon as so many outputs are new.
+    Placed(usize),
+}
+
+/// What the kills came to.
+#[derive(Debug, Default)]
+struct Counts {
+    old: usize,
+    new: usize,
+    marked: usize,
+}
+
+/// Kills runs of the batch, and looks at what is there then and after the next run.
+fn kill_at(moments: impl Iterator<Item = Moment>) -> Counts {
+    let bench = batch();
+    let mut sets = Vec::new();
+    for force in 0..2 {
+        turn(&bench, force);
+        assert!(ended(&bench, BATCH).success());
+        sets.push(results(&bench));
+    }
+    assert!(sets[0].len() == 9 && sets[0].keys().eq(sets[1].keys()), "{:?}", sets[0].keys());
+    let mut counts = Counts::default();
+    let mut now = 1;
+    for (i, moment) in moments.enumerate() {
+        let next = 1 - now;
+        turn(&bench, next);
+        let before: Vec<u64> = sets[0].keys().map(|name| fs::metadata(bench.path(name)).unwrap().ino()).collect();
+        let placed = || {
+            let inode = |name: &String| fs::metadata(bench.path(name)).map_or(0, |metadata| metadata.ino());
+            sets[0].keys().map(inode).zip(&before).filter(|(now, before)| now != *before).count()
+        };
+        let mut run = start(&bench, BATCH);
+        let start = Instant::now();
+        loop {
+            let met = match moment {
+                Moment::After(time) => start.elapsed() >= time,
+                Moment::Staged => !hidden(&bench).is_empty(),
+                Moment::Marked => markers(&bench) > 0,
+                Moment::Placed(count) => placed() >= count,
+            };
+            if met || run.try_wait().unwrap().is_some() {
+                break;
+            }
+        }
+        // It may have ended by itself.
+        let _ = run.kill();
+        run.wait().unwrap();
+        let found = results(&bench);
+        if found == sets[now] {
+            counts.old += 1;
+        } else if found == sets[next] {
+            counts.new += 1;
+        } else {
+            counts.marked += 1;
+            assert!(markers(&bench) == 2, "{moment:?}, run {i}: a mixed set that does not say so");
+            for (name, bytes) in &found {
+                assert!(*bytes == sets[0][name] || *bytes == sets[1][name], "{moment:?}, run {i}: half of {name}");
+            }
+        }
+        // The next run of anything finishes the set, or removes what was left of it.
+        let left = bench.run("compensate part.mod --cell cell.toml --out-dir out --report other.csv").exits(0);
+        let finished =
+            results(&bench).into_iter().filter(|(name, _)| sets[0].contains_key(name)).collect::<BTreeMap<_, _>>();
+        let which: Vec<_> = finished
+            .iter()
+            .map(|(name, bytes)| (name, *bytes == sets[now][name], *bytes == sets[next][name]))
+            .collect();
+        assert!(finished == sets[now] || finished == sets[next], "{moment:?}, run {i}: {which:?} {}", left.stderr);
+        assert_eq!((hidden(&bench), markers(&bench)), (Vec::new(), 0), "{moment:?}, run {i}");
+        for name in ["out/part.mod", "out/part.report.csv", "other.csv"] {
+            fs::remove_file(bench.path(name)).unwrap();
+        }
+        now = if finished == sets[now] { now } else { next };
+    }
+    counts
+}
+
+/// Spread over the time that a run takes, in no order.
+fn random(count: usize) -> impl Iterator<Item = Moment> {
+    let bench = batch();
+    let start = Instant::now();
+    assert!(ended(&bench, BATCH).success());
+    let whole = start.elapsed();
+    let golden = 0.618_033_988_749_895;
+    (0..count).map(move |i| Moment::After(whole.mul_f64(1.1 * (golden * i as f64).fract())))
+}
+
+fn aimed(count: usize) -> impl Iterator<Item = Moment> {
+    (0..count).map(|i| match i % 10 {
+        0 => Moment::Staged,
+        1 | 2 => Moment::Marked,
+        at => Moment::Placed(at - 2),
+    })
+}
+
+#[test]
+fn a_kill_leaves_all_old_or_all_new_or_says_so() {
+    kill_at(random(6).chain(aimed(10)));
+}
+
+#[test]
+#[ignore = "minutes: cargo test --test suite -- --ignored --nocapture cli::durable"]
+fn a_thousand_random_and_two_hundred_aimed_kills() {
+    println!("random: {:?}", kill_at(random(1000)));
+    println!("aimed: {:?}", kill_at(aimed(200)));
+}
+
+/// Two runs at once that write the same files.
+fn two_writers(times: usize) -> [usize; 2] {
+    let bench = batch();
+    let cells: Vec<String> = (0..2).map(|force| format!("cell{force}.toml")).collect();
+    let with = |cell: &str| {
+        BATCH
+            .iter()
+            .map(|argument| if *argument == "cell.toml" { cell.to_owned() } else { (*argument).to_owned() })
+            .collect()
+    };
+    let mut sets = Vec::new();
+    for (force, cell) in cells.iter().enumerate() {
+        turn(&bench, force);
+        fs::rename(bench.path("cell.toml"), bench.path(cell)).unwrap();
+        let arguments: Vec<String> = with(cell);
+        assert!(ended(&bench, &arguments.iter().map(String::as_str).collect::<Vec<_>>()).success());
+        sets.push(results(&bench));
+    }
+    let mut last = [0; 2];
+    for i in 0..times {
+        let mut runs: Vec<Child> = cells
+            .iter()
+            .map(|cell| {
+                let arguments: Vec<String> = with(cell);
+                start(&bench, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
+            })
+            .collect();
+        assert!(runs.iter_mut().all(|run| run.wait().unwrap().success()));
+        let found = results(&bench);
+        let which = sets.iter().position(|set| *set == found);
+        last[which.unwrap_or_else(|| panic!("run {i}: outputs of two runs are mixed"))] += 1;
+        assert_eq!((hidden(&bench), markers(&bench)), (Vec::new(), 0));
+    }
+    last
+}
+
+#[test]
+fn two_writers_do_not_mix() {
+    two_writers(3);
+}
+
+#[test]
+#[ignore = "a minute: cargo test --test suite -- --ignored --nocapture cli::durable"]
+fn two_hundred_runs_of_two_writers() {
+    println!("{:?}", two_writers(200));
+}
+
+/// Runs the batch where no file can be longer than so many blocks of 512 bytes, as on a disk that is full then.
+fn limited(bench: &Bench, blocks: usize) -> ExitStatus {
+    let command = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+    Command::new("sh")
+        .args(["-c", &command, env!("CARGO_BIN_EXE_deflex")])
+        .args(BATCH)
+        .current_dir(bench.path("."))
+        .stderr(Stdio::null())
+        .status()
+        .unwrap()
+}
+
+/// Fills the disk at every size of file: how many runs failed.
+fn full_disk(step: usize) -> usize {
+    let bench = batch();
+    turn(&bench, 0);
+    assert!(ended(&bench, BATCH).success());
+    let old = results(&bench);
+    turn(&bench, 1);
+    for blocks in (0..100_000).step_by(step) {
+        if limited(&bench, blocks).success() {
+            assert!(blocks > 0 && results(&bench) != old);
+            return blocks / step;
+        }
+        assert!(results(&bench) == old, "{blocks} blocks");
+        assert_eq!((hidden(&bench), markers(&bench)), (Vec::new(), 0), "{blocks} blocks");
+    }
+    panic!("it never succeeds");
+}
+
+#[test]
+fn a_full_disk_leaves_all_as_it_was() {
+    full_disk(60);
+}
+
+#[test]
+#[ignore = "a minute: cargo test --test suite -- --ignored --nocapture cli::durable"]
+fn a_full_disk_at_every_block() {
+    println!("{} runs failed", full_disk(1));
+}
+
+#[test]
+fn an_input_that_changes_while_it_is_read_is_noticed() {
+    let bench = Bench::new();
+    bench.write("context.mod", "MODULE Other\nENDMODULE\n");
+    assert!(Command::new("mkfifo").arg(bench.path("forces.csv")).status().unwrap().success());
+    let arguments = "compensate part.mod --cell cell.toml --context context.mod --forces forces.csv -o out.mod";
+    for later in ["MODULE Other\nENDMODULE\n! more\n", "MODULE Othex\nENDMODULE\n"] {
+        let run = Command::new(env!("CARGO_BIN_EXE_deflex"))
+            .args(arguments.split(' '))
+            .current_dir(bench.path("."))
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The context is read before the forces, which come when it has changed.
+        let mut pipe = fs::OpenOptions::new().write(true).open(bench.path("forces.csv")).unwrap();
+        bench.write("context.mod", later);
+        std::io::Write::write_all(&mut pipe, b"target,fx_n,fy_n,fz_n\n1,0,0,0\n2,1,2,3\n3,1,2,3\n4,1,2,3\n").unwrap();
+        drop(pipe);
+        let output = run.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && said.contains("changed while it was read"), "{said}");
+        assert!(!bench.path("out.mod").exists() && hidden(&bench).is_empty());
+    }
+}
+
+#[test]
+fn a_file_without_write_permission_is_not_replaced() {
+    let bench = Bench::new();
+    bench.write("out.mod", "old");
+    fs::set_permissions(bench.path("out.mod"), PermissionsExt::from_mode(0o444)).unwrap();
+    let said = bench.run(RUN).exits(2).stderr;
+    assert!(said.contains("out.mod") && said.contains("read-only"), "{said}");
+    assert_eq!(bench.read("out.mod"), "old");
+    assert!(!bench.path("out.csv").exists());
+}
+
+#[test]
+fn a_file_is_saved_as_an_editor_does() {
+    let bench = Bench::new();
+    fs::create_dir(bench.path("there")).unwrap();
+    bench.write("there/out.mod", "old").write("out.csv", "old");
+    symlink("there/out.mod", bench.path("out.mod")).unwrap();
+    fs::hard_link(bench.path("out.csv"), bench.path("other.csv")).unwrap();
+    fs::set_permissions(bench.path("there/out.mod"), PermissionsExt::from_mode(0o640)).unwrap();
+    bench.run(RUN).exits(0);
+    assert!(fs::symlink_metadata(bench.path("out.mod")).unwrap().is_symlink());
+    assert_eq!(fs::metadata(bench.path("there/out.mod")).unwrap().permissions().mode() & 0o777, 0o640);
+    assert!(bench.read("there/out.mod").starts_with("MODULE"));
+    assert_eq!(bench.read("out.csv"), bench.read("other.csv"));
+    assert!(bench.read("other.csv").starts_with("target,"));
+    // A link to nothing yet.
+    symlink("there/new.mod", bench.path("new.mod")).unwrap();
+    bench.run("compensate part.mod --cell cell.toml -o new.mod").exits(0);
+    assert_eq!(bench.read("there/new.mod"), bench.read("out.mod"));
+    assert!(fs::symlink_metadata(bench.path("new.mod")).unwrap().is_symlink());
+}
+
+#[test]
+fn an_input_of_an_unfinished_set_is_told() {
+    let bench = Bench::new();
+    let target = fs::canonicalize(bench.path("part.mod")).unwrap();
+    let entry = format!("{{\"waits\":\"x\",\"target\":{target:?},\"how\":\"rename\",\"before\":null}}");
+    bench.write("deflex-unfinished-1-2.json", format!("{{\"deflex\":\"\",\"files\":[{entry}]}}"));
+    let said = bench.run("predict part.mod --cell cell.toml").exits(0).stderr;
+    assert!(said.contains("part.mod") && said.contains("unfinished"), "{said}");
+}

@@ -1,0 +1,84 @@
+//! How inputs are found, told apart and put together.
+
+use super::bench::{Bench, PROGRAM};
+
+const MAIN: &str = "MODULE Main\n  PROC main()\n    cut;\n  ENDPROC\nENDMODULE\n";
+
+#[test]
+fn cl_becomes_rapid_that_lands_on_the_same_points() {
+    let bench = Bench::new();
+    bench.run("compensate part.apt --cell cell.toml -o posted.mod --report r.csv").exits(0);
+    let posted = bench.read("posted.mod");
+    assert!(posted.starts_with("MODULE posted\n") && posted.contains("tMill\\WObj:=wPart"));
+    assert_eq!(posted.matches("Move").count(), 4);
+    bench.run("check posted.mod --cell cell.toml --against part.apt --max-error 0.001 --at-targets").exits(0);
+    bench.run("compensate part.apt --cell cell.toml --max-targets 2 --out-dir split").exits(0);
+    assert_eq!(bench.names("split"), ["part.mod", "part.report.csv", "part_1.mod", "part_2.mod"]);
+    bench.run("compensate part.apt --cell cell.toml --max-targets 2 -o split.mod").exits(2);
+}
+
+#[test]
+fn modules_that_use_each_other_are_one_program() {
+    let bench = Bench::new();
+    let path = PROGRAM.replace("PROC main()", "PROC cut()");
+    bench.write("main.mod", MAIN).write("path.mod", &path);
+    bench.write("part.pgf", "<?xml?>\n<Program><Module>main.mod</Module><Module>path.mod</Module></Program>\n");
+    bench.run("compensate main.mod path.mod --cell cell.toml").exits(2);
+    bench.run("compensate main.mod path.mod --cell cell.toml --out-dir a").exits(0);
+    bench.run("compensate part.pgf --cell cell.toml --out-dir b").exits(0);
+    assert_eq!(bench.read("a/main.mod"), MAIN);
+    assert_eq!(bench.read("a/path.mod"), bench.read("b/path.mod"));
+    assert_ne!(bench.read("a/path.mod"), path);
+    assert!(bench.path("b/part.pgf").exists());
+}
+
+#[test]
+fn a_context_module_declares_and_is_not_written() {
+    let bench = Bench::new();
+    let (data, rest): (Vec<&str>, Vec<&str>) = PROGRAM.lines().partition(|line| line.contains("PERS"));
+    bench.write("data.sys", format!("MODULE Data\n{}\nENDMODULE\n", data.join("\n")));
+    bench.write("moves.mod", format!("{}\n", rest.join("\n")));
+    bench.write("bare.toml", super::bench::CELL.replace("tMill", "tOther").replace("wPart", "wOther"));
+    let ran = bench.run("compensate moves.mod --cell bare.toml").exits(2);
+    assert!(ran.stderr.contains("tool `tMill`") && ran.stderr.contains("--context"), "{}", ran.stderr);
+    let ran = bench.run("compensate moves.mod --cell bare.toml --context data.sys").exits(0);
+    assert!(ran.stdout.contains("MoveL") && !ran.stdout.contains("tooldata"));
+}
+
+#[test]
+fn forces_come_from_a_measured_file() {
+    let bench = Bench::new();
+    let forces = "target,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,time_s\n2,0,0,0,100,0,0,1\n3,0,0,0,0,0,0,2\n";
+    bench.write("m.csv", forces);
+    let ran = bench.run("predict part.mod --cell cell.toml --forces m.csv").exits(0);
+    let status: Vec<&str> = ran.stdout.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
+    assert_eq!(status, ["air", "ok", "air", "air"]);
+    bench.write("m.csv", "target,fx_n,fy_n,fz_n\n9,1,2,3\n");
+    let ran = bench.run("predict part.mod --cell cell.toml --forces m.csv").exits(2);
+    assert!(ran.stderr.contains("m.csv:2") && ran.stderr.contains("4 motion targets"), "{}", ran.stderr);
+}
+
+#[test]
+fn inspect_says_what_was_understood() {
+    let bench = Bench::new();
+    bench.write("other.txt", "hello");
+    let ran = bench.run("inspect part.mod part.apt --json").exits(0);
+    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    for (i, language) in ["rapid", "cl"].into_iter().enumerate() {
+        let file = &json["files"][i];
+        assert_eq!((file["language"].as_str(), file["round_trip"].as_bool()), (Some(language), Some(true)));
+        assert_eq!((file["motion_targets"].as_u64(), file["literal_targets"].as_u64()), (Some(4), Some(4)));
+        assert!(file["refused"].is_null());
+    }
+    bench.write("saved.txt", PROGRAM).write("lost.pgf", "<Program><Module>gone.mod</Module></Program>");
+    let folder = bench.run("inspect .").exits(0).stdout;
+    for found in ["part.mod", "part.apt", "saved.txt", "not beside it: gone.mod"] {
+        assert!(folder.contains(found), "{found}: {folder}");
+    }
+    assert!(!folder.contains("other.txt"), "{folder}");
+    let other = bench.run("inspect other.txt --json").exits(0);
+    let json: serde_json::Value = serde_json::from_str(&other.stdout).unwrap();
+    assert!(json["files"][0]["refused"].is_string());
+    bench.run("inspect none.mod").exits(2);
+    bench.run("inspect part.apt --format rapid").exits(0);
+}

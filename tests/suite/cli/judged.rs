@@ -1,0 +1,184 @@
+//! `predict` and `check` on long programs: streamed, they say what they say of the whole.
+
+use super::bench::{Bench, Ran, without_hashes};
+use super::long::{long, long_cl};
+use deflex::program::rapid::PIECE;
+
+/// A procedure that nobody runs, and that is not looked at twice: the program is read whole.
+const MORE: &str = "  PROC idle(num n)\n  ENDPROC\nENDMODULE";
+
+/// Every target of a line declared, and moved to.
+fn declared(count: usize) -> String {
+    let mut text = "MODULE Part\n".to_owned();
+    for i in 0..count {
+        let x = 0.25 * (i % 400) as f64;
+        text += &format!("  CONST robtarget p{i}:=[[{x},0,0],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
+    }
+    text += "  PROC main()\n";
+    (0..count).for_each(|i| text += &format!("    MoveL p{i},v20,z1,tMill\\WObj:=wPart;\n"));
+    text + "  ENDPROC\nENDMODULE\n"
+}
+
+fn rapid_whole(text: &str) -> String {
+    text.replace("ENDMODULE", MORE)
+}
+
+/// A unit that is named far behind the first position is looked for in the whole.
+fn cl_whole(text: &str) -> String {
+    text.replace("UNITS/MM", "$$").replace("FINI", "UNITS/MM\nFINI")
+}
+
+/// The same moves in routines that `main` calls, last in the text.
+fn routines(text: &str) -> String {
+    let (head, rest) = text.split_once("  PROC main()\n").unwrap();
+    let (body, end) = rest.split_once("  ENDPROC\n").unwrap();
+    let moves: Vec<&str> = body.split_inclusive('\n').collect();
+    let paths: Vec<String> = moves.chunks(700).map(|some| some.concat()).collect();
+    let proc = |(i, body): (usize, &String)| format!("  PROC Path_{i}()\n{body}  ENDPROC\n");
+    let calls: String = (0..paths.len()).map(|i| format!("    Path_{i};\n")).collect();
+    let paths: String = paths.iter().enumerate().map(proc).collect();
+    format!("{head}{paths}  PROC main()\n    ConfL\\Off;\n{calls}  ENDPROC\n{end}")
+}
+
+/// Programs of each kind, as they are streamed and as they are held whole.
+fn programs(bench: &Bench) -> [(&'static str, &'static str, &'static str); 4] {
+    let (inline, cl, named) = (long(3 * PIECE / 400), long_cl(PIECE / 16), declared(2 * PIECE / 40));
+    bench.write("inline.mod", &inline).write("inline-whole.mod", rapid_whole(&inline));
+    bench.write("named.mod", &named).write("named-whole.mod", rapid_whole(&named));
+    let called = routines(&inline);
+    bench.write("called.mod", &called).write("called-whole.mod", rapid_whole(&called));
+    bench.write("part.apt", &cl).write("whole.apt", cl_whole(&cl));
+    [
+        ("inline.mod", "inline-whole.mod", "mod"),
+        ("called.mod", "called-whole.mod", "mod"),
+        ("named.mod", "named-whole.mod", "mod"),
+        ("part.apt", "whole.apt", "apt"),
+    ]
+}
+
+/// Runs both ways, on one thread and on three, and compares every output.
+#[track_caller]
+fn alike(bench: &Bench, command: &str, streamed: &str, whole: &str, options: &str, code: i32) -> Ran {
+    let run = |program: &str, out: &str, jobs: usize| {
+        let reports = format!("--report {out}.csv --html {out}.html --jobs {jobs}");
+        bench.run(&format!("{command} {program} --cell cell.toml {options} {reports}")).exits(code)
+    };
+    let expected = run(whole, "whole", 2);
+    for jobs in [1, 3] {
+        let came = run(streamed, "out", jobs);
+        let renamed = |text: &str| text.replace(whole, streamed);
+        let (answer, wanted) = (without_hashes(&came.stdout), without_hashes(&renamed(&expected.stdout)));
+        let other = answer.lines().zip(wanted.lines()).find(|(came, expected)| came != expected);
+        assert!(answer == wanted, "{command} {streamed}: the answers differ: {other:?}");
+        assert_eq!(came.stderr, renamed(&expected.stderr));
+        for form in ["csv", "html"] {
+            // Open: pages of programs judged against an original differ in more than hashes.
+            if form == "html" && options.contains("--against") {
+                continue;
+            }
+            let (came, expected) = (bench.read(&format!("out.{form}")), bench.read(&format!("whole.{form}")));
+            assert!(
+                without_hashes(&came) == without_hashes(&renamed(&expected)),
+                "{command} {streamed} {options}: the {form} differs"
+            );
+        }
+    }
+    expected
+}
+
+#[test]
+fn a_long_program_is_predicted_alike() {
+    let bench = Bench::new();
+    for (streamed, whole, _) in programs(&bench) {
+        alike(&bench, "predict", streamed, whole, "", 0);
+        let piped = bench.run_with("predict - --cell cell.toml --jobs 2", &bench.read(streamed)).exits(0);
+        bench.run(&format!("predict {streamed} --cell cell.toml --report file.csv")).exits(0);
+        assert!(piped.stdout == bench.read("file.csv"), "the report of the pipe differs");
+    }
+}
+
+#[test]
+fn a_long_program_is_checked_alike() {
+    let bench = Bench::new();
+    for ((streamed, whole, _), form) in programs(&bench).into_iter().zip(["text", "json", "junit", "sarif"]) {
+        alike(&bench, "check", streamed, whole, "--max-error 1 --max-correction 1", 0);
+        let options = format!("--max-error 0.84 --max-correction 0.85 --format {form}");
+        let said = alike(&bench, "check", streamed, whole, &options, 1).stdout;
+        assert!(said.contains("max-error") && said.contains("max-correction"), "{said:.1000}");
+    }
+}
+
+#[test]
+fn a_corrected_long_program_is_judged_alike_against_its_original() {
+    let bench = Bench::new();
+    for (streamed, whole, ending) in programs(&bench) {
+        let corrected = format!("corrected-{ending}.mod");
+        bench.run(&format!("compensate {streamed} --cell cell.toml -o {corrected} --report corrected.csv")).exits(0);
+        let text = bench.read(&corrected);
+        bench.write("corrected-whole.mod", rapid_whole(&text));
+        for original in [streamed, whole] {
+            let options = format!("--against {original}");
+            alike(&bench, "predict", &corrected, "corrected-whole.mod", &options, 0);
+        }
+        let options = format!("--against {streamed} --max-error 0.001 --max-correction");
+        alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 1"), 0);
+        let said = alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 0.84"), 1);
+        assert!(said.stdout.contains("correction of 0.8"), "{:.1000}", said.stdout);
+        // One target less: no original of this.
+        let line = text.lines().filter(|line| line.contains("MoveL")).nth(1000).unwrap();
+        bench.write("less.mod", text.replacen(&format!("{line}\n"), "", 1));
+        let refused = bench.run(&format!("predict less.mod --cell cell.toml --against {streamed}")).exits(2);
+        assert!(refused.stderr.contains("targets, but the original has"), "{}", refused.stderr);
+    }
+}
+
+#[test]
+fn targets_out_of_reach_are_findings_and_leave_no_rows() {
+    let bench = Bench::new();
+    let far = long(5 * PIECE / 400).replacen("[[100,0,0]", "[[9000,0,0]", 700);
+    bench.write("far.mod", &far).write("whole.mod", rapid_whole(&far));
+    let said = alike(&bench, "check", "far.mod", "whole.mod", "--max-error 1", 1);
+    assert!(said.stdout.contains("not reached") && said.stdout.contains("700 findings"), "{:.1000}", said.stdout);
+    assert_eq!(bench.read("out.csv").lines().count(), 1);
+    let refused = bench.run("predict far.mod --cell cell.toml").exits(2);
+    assert!(refused.stdout.is_empty() && refused.stderr.contains("not reached"), "{:.1000}", refused.stderr);
+}
+
+#[test]
+fn more_findings_than_anybody_reads_are_counted() {
+    let bench = Bench::new();
+    let program = long(4000);
+    bench.write("long.mod", &program).write("whole.mod", rapid_whole(&program));
+    for form in ["text", "json", "junit", "sarif"] {
+        let said = alike(&bench, "check", "long.mod", "whole.mod", &format!("--max-error 1e-6 --format {form}"), 1);
+        let targets = program.matches("MoveL").count();
+        let rest = match form {
+            "json" => format!("\"more_findings\": {}", targets - 10_000),
+            _ => format!("{} more findings", targets - 10_000),
+        };
+        assert!(said.stdout.contains(&rest), "{form}: {rest}");
+    }
+}
+
+#[test]
+fn a_batch_is_judged_as_each_of_its_programs() {
+    let bench = Bench::new();
+    let named = |name: &str| long(5 * PIECE / 400).replace("MODULE Part", &format!("MODULE {name}"));
+    bench.write("a.mod", named("A")).write("b.mod", rapid_whole(&named("B"))).write("c.apt", long_cl(10 * PIECE / 40));
+    let inputs = ["a.mod", "b.mod", "c.apt", "part.mod"];
+    for command in ["predict", "check --max-error 0.84"] {
+        let run = |inputs: &str, jobs: usize| {
+            bench.run(&format!("{command} {inputs} --cell cell.toml --report all.csv --jobs {jobs}"));
+            bench.read("all.csv")
+        };
+        let batch = run(&inputs.join(" "), 3);
+        assert!(batch == run(&inputs.join(" "), 1), "the reports of one thread and of three differ");
+        let mut expected = String::new();
+        for (i, input) in inputs.iter().enumerate() {
+            for line in run(input, 2).lines().skip(usize::from(i > 0)) {
+                expected += &format!("{line},{}\n", if line.starts_with("target,") { "file" } else { input });
+            }
+        }
+        assert!(batch == expected, "{command}: the report of the batch is not that of its programs");
+    }
+}

@@ -1,0 +1,22 @@
+//! The binary as its users drive it: exit codes, messages, what is written and where.
+
+mod bad_input;
+mod bench;
+mod care;
+mod ci;
+mod cl_post;
+#[cfg(unix)]
+mod durable;
+#[cfg(unix)]
+mod gate;
+mod help;
+mod html;
+mod identify;
+mod init;
+mod inputs;
+mod judged;
+mod long;
+mod outputs;
+mod pose;
+mod shell;
+mod urdf;

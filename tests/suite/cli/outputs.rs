@@ -1,0 +1,191 @@
+//! What is written, where, and that it is written whole or not at all.
+
+use super::bench::{Bench, PROGRAM};
+
+const RUN: &str = "compensate part.mod --cell cell.toml";
+
+#[test]
+fn stdout_carries_the_program_alone() {
+    let bench = Bench::new();
+    let ran = bench.run(RUN).exits(0);
+    assert!(ran.stdout.starts_with("MODULE Part\n") && ran.stdout.ends_with("ENDMODULE\n"));
+    assert!(ran.stderr.contains("4 targets: 3 corrected, 1 air"), "{}", ran.stderr);
+    assert_eq!(bench.run(&format!("{RUN} -o -")).exits(0).stdout, ran.stdout);
+    assert!(bench.run(&format!("{RUN} --quiet")).exits(0).stderr.is_empty());
+    let piped = bench.run_with("compensate - --cell cell.toml", PROGRAM).exits(0);
+    assert_eq!(piped.stdout, ran.stdout);
+}
+
+#[test]
+fn report_and_summary_say_the_same() {
+    let bench = Bench::new();
+    bench.run(&format!("{RUN} -o out.mod --report out.csv --json out.json")).exits(0);
+    let report = bench.read("out.csv");
+    let header = report.lines().next().unwrap();
+    insta::assert_snapshot!(header);
+    let columns: Vec<&str> = header.split(',').collect();
+    let at = |name: &str| columns.iter().position(|column| *column == name).unwrap();
+    let rows: Vec<Vec<&str>> = report.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.iter().map(|row| row[at("status")]).collect::<Vec<_>>(), ["air", "ok", "ok", "ok"]);
+    let worst = |name: &str| rows.iter().map(|row| row[at(name)].parse::<f64>().unwrap()).fold(0.0, f64::max);
+    let json: serde_json::Value = serde_json::from_str(&bench.read("out.json")).unwrap();
+    let sum = &json["files"][0];
+    assert!((sum["max_error_mm"].as_f64().unwrap() - worst("error_mm")).abs() < 1e-6);
+    assert!(worst("remaining_mm") < 1e-3);
+    assert!(!report.contains("-0.0000,"));
+}
+
+#[test]
+fn the_corrected_program_is_judged_against_the_original() {
+    let bench = Bench::new();
+    bench.run(&format!("{RUN} -o out.mod")).exits(0);
+    bench.run("check part.mod --cell cell.toml --max-error 0.01").exits(1);
+    bench.run("check out.mod --cell cell.toml --max-error 0.01").exits(1);
+    bench.run("check out.mod --cell cell.toml --max-error 0.001 --against part.mod --at-targets").exits(0);
+    // Between the targets the force sets in before its correction does.
+    let ran = bench.run("check out.mod --cell cell.toml --max-error 0.001 --against part.mod").exits(1);
+    assert!(ran.stdout.contains("[check.max-path-error]"), "{}", ran.stdout);
+    bench.run("diff part.mod part.mod").exits(0);
+    let ran = bench.run("diff part.mod out.mod").exits(1);
+    assert!(
+        ran.stdout.contains("3 of 4 targets changed") && ran.stdout.contains("; 0 other differences"),
+        "{}",
+        ran.stdout
+    );
+}
+
+#[test]
+fn diff_names_what_is_no_target() {
+    let bench = Bench::new();
+    bench.write("speed.mod", PROGRAM.replacen("v20,z1", "v30,z5", 1));
+    let ran = bench.run("diff part.mod speed.mod").exits(1);
+    assert!(ran.stdout.contains("line 7: target 3: the speed is different"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("z5"), "{}", ran.stdout);
+    bench.write("tool.mod", PROGRAM.replace("[18,[0,0,120]", "[18,[0,0,121]"));
+    let ran = bench.run("diff part.mod tool.mod").exits(1);
+    assert!(ran.stdout.contains("line 2: a number is different: 120 became 121"), "{}", ran.stdout);
+    bench.write("flip.mod", PROGRAM.replace("[0,1,0,0]", "[0,-1,0,0]"));
+    bench.run("diff part.mod flip.mod").exits(0);
+}
+
+#[test]
+fn a_run_that_fails_leaves_everything_as_it_was() {
+    let bench = Bench::new();
+    let far = PROGRAM.replace("[[100,0,0]", "[[9000,0,0]");
+    bench.write("far.mod", far).write("out.mod", "old").write("out.csv", "old");
+    let before = bench.names("");
+    bench.run("compensate far.mod --cell cell.toml -o out.mod --report out.csv --json out.json").exits(2);
+    // The second of two fails: the first is not written either.
+    bench.run("compensate part.mod far.mod --cell cell.toml --out-dir new").exits(2);
+    let ran = bench.run("compensate far.mod --cell cell.toml").exits(2);
+    assert!(ran.stdout.is_empty());
+    assert_eq!(bench.names(""), before);
+    assert_eq!((bench.read("out.mod"), bench.read("out.csv")), ("old".to_owned(), "old".to_owned()));
+}
+
+#[test]
+fn an_output_that_cannot_be_written_takes_the_others_with_it() {
+    let bench = Bench::new();
+    let before = bench.names("");
+    let ran = bench.run(&format!("{RUN} -o out.mod --report no/such/folder/out.csv")).exits(2);
+    assert!(ran.stderr.contains("no/such/folder/out.csv"), "{}", ran.stderr);
+    assert_eq!(bench.names(""), before);
+}
+
+#[test]
+fn inputs_and_programs_are_never_written_over() {
+    let bench = Bench::new();
+    bench.write("other.mod", PROGRAM);
+    for arguments in ["-o part.mod", "-o ./part.mod", "--report cell.toml -o out.mod", "--report other.mod -o out.mod"]
+    {
+        bench.run(&format!("{RUN} {arguments}")).exits(2);
+    }
+    bench.run(&format!("{RUN} -o out.mod --report out.mod")).exits(2);
+    bench.run(&format!("{RUN} --report -")).exits(2);
+    assert_eq!((bench.read("part.mod"), bench.read("other.mod")), (PROGRAM.to_owned(), PROGRAM.to_owned()));
+    assert!(!bench.path("out.mod").exists());
+}
+
+#[test]
+fn several_programs_go_to_a_folder_with_their_reports() {
+    let bench = Bench::new();
+    bench.write("two.mod", PROGRAM.replace("MODULE Part", "MODULE Two"));
+    bench.run("compensate part.mod two.mod part.apt --cell cell.toml").exits(2);
+    // part.mod and part.apt would both become part.mod.
+    bench.run("compensate part.mod part.apt --cell cell.toml --out-dir out").exits(2);
+    assert!(!bench.path("out").exists());
+    bench.run("compensate part.mod two.mod --cell cell.toml --out-dir out --report all.csv").exits(0);
+    assert_eq!(bench.names("out"), ["part.mod", "part.report.csv", "two.mod", "two.report.csv"]);
+    let all = bench.read("all.csv");
+    assert!(all.lines().next().unwrap().ends_with(",remaining_path_mm,file"));
+    assert_eq!(all.lines().filter(|line| line.ends_with(",two.mod")).count(), 4);
+}
+
+#[test]
+fn a_folder_made_for_a_run_that_fails_goes_again() {
+    let bench = Bench::new();
+    let names: Vec<String> = (0..12).map(|i| format!("p{i}.mod")).collect();
+    for name in &names {
+        bench.write(name, PROGRAM);
+    }
+    bench.write("far.mod", PROGRAM.replace("[[100,0,0]", "[[9000,0,0]"));
+    let before = bench.names("");
+    for _ in 0..10 {
+        bench.run(&format!("compensate {} far.mod --cell cell.toml --out-dir new", names.join(" "))).exits(2);
+        assert_eq!(bench.names(""), before);
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let bench = Bench::new();
+    for jobs in [1, 7] {
+        bench.run(&format!("{RUN} -o out{jobs}.mod --report out{jobs}.csv --jobs {jobs}")).exits(0);
+    }
+    assert_eq!(bench.read("out1.mod"), bench.read("out7.mod"));
+    assert_eq!(bench.read("out1.csv"), bench.read("out7.csv"));
+}
+
+#[test]
+fn no_force_changes_no_byte() {
+    let bench = Bench::new();
+    bench.write("cell.toml", super::bench::CELL.replace("force = \"constant\"", "force = \"none\""));
+    assert_eq!(bench.run(RUN).exits(0).stdout, PROGRAM);
+}
+
+#[test]
+fn position_leaves_every_orientation_alone() {
+    let bench = Bench::new();
+    bench.run(&format!("{RUN} --correct position -o out.mod")).exits(0);
+    assert_eq!(bench.read("out.mod").matches(",[0,1,0,0],").count(), 4);
+    bench.run("check out.mod --cell cell.toml --against part.mod --max-error 0.001 --at-targets").exits(0);
+}
+
+#[test]
+fn versions_in_comments_are_text_and_the_same() {
+    let bench = Bench::new();
+    bench.write("part.mod", PROGRAM.replace("MODULE Part", "MODULE Part\n  ! posted by post 1.2.3 at 10.0.0.7"));
+    bench.run("diff part.mod part.mod").exits(0);
+    bench.write("other.mod", bench.read("part.mod").replace("1.2.3", "1.2.4"));
+    let ran = bench.run("diff part.mod other.mod").exits(1);
+    assert!(ran.stdout.contains("line 2: text is different: `! posted by post 1.2.4"), "{}", ran.stdout);
+}
+
+#[test]
+fn what_an_arc_misses_between_its_points_is_said() {
+    let bench = Bench::new();
+    let line = PROGRAM.lines().find(|line| line.contains("[[100,0,0]")).unwrap();
+    let point = |x: i32, y: i32| format!("[[{x},{y},0],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    let arc = format!("    MoveC {},{},v20,fine,tMill\\WObj:=wPart;", point(150, 100), point(50, 200));
+    bench.write("arc.mod", PROGRAM.replace(line, &arc));
+    let said = bench.run("compensate arc.mod --cell cell.toml -o out.mod").exits(0).stderr;
+    assert!(said.contains("are left on the way between targets") && said.contains("`--subdivide MM`"), "{said}");
+    // A correction that is the same everywhere moves the circle as a whole.
+    let shifted = "[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.3, -0.2, 0.1]\nd_rad = [0, 0, 0]\n";
+    bench.write(
+        "shifted.toml",
+        super::bench::CELL.split("[cut]").next().unwrap().to_owned() + "[cut]\nforce = \"none\"\n" + shifted,
+    );
+    let said = bench.run("compensate arc.mod --cell shifted.toml -o out.mod").exits(0).stderr;
+    assert!(said.contains("4 corrected") && !said.contains("left on the way"), "{said}");
+}

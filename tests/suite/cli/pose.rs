@@ -1,0 +1,71 @@
+//! `pose` against the makers' own zero poses, and back again.
+
+use super::bench::Bench;
+use serde_json::Value;
+
+fn cell(model: &str) -> Bench {
+    let bench = Bench::new();
+    let tool = "[tools.tMill]\ntcp_mm = [0, 0, 200]\ntcp_quat = [1, 0, 0, 0]\n";
+    bench.write("arm.toml", format!("[robot]\nmodel = \"{model}\"\n{tool}"));
+    bench
+}
+
+fn json(bench: &Bench, arguments: &str) -> Value {
+    let ran = bench.run(&format!("pose --cell arm.toml {arguments} --json")).exits(0);
+    serde_json::from_str(&ran.stdout).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// KUKA's mastering pose with the arm upright: axis 2 at −90°, axis 3 at +90°. The flange looks forward, as far out as the
+/// makers' drawing says: 330 + 1220 + 240 mm, at 645 + 1150 + 115 mm.
+#[test]
+fn a_kuka_stands_as_its_drawing_says() {
+    let found = json(&cell("kr300-r2700-2"), "--joints 0,-90,90,0,0,0");
+    for (is, should) in numbers(&found["position_mm"]).iter().zip([1790.0, 0.0, 1910.0]) {
+        assert!((is - should).abs() < 1e-6, "{found:#}");
+    }
+    assert!((numbers(&found["zyx_deg"])[1] - 90.0).abs() < 1e-6, "{found:#}");
+}
+
+#[test]
+fn every_solution_leads_back_to_the_target() {
+    for model in ["kr300-r2700-2", "m-20ia", "gp25", "tx2-90l", "irb6660-205-1.9", "ur10e"] {
+        let bench = cell(model);
+        let there = json(&bench, "--tool tMill --joints 10,-20,30,20,40,-40");
+        let target: Vec<String> = [&there["position_mm"], &there["quat"]]
+            .into_iter()
+            .flat_map(numbers)
+            .map(|number| number.to_string())
+            .collect();
+        let back = json(&bench, &format!("--tool tMill --target {}", target.join(",")));
+        let solutions = back["solutions"].as_array().unwrap();
+        let first = |joints: &[f64]| {
+            joints.iter().zip([10.0, -20.0, 30.0, 20.0, 40.0, -40.0]).all(|(a, b)| (a - b).abs() < 1e-5)
+        };
+        assert!(solutions.iter().any(|way| first(&numbers(&way["joints_deg"]))), "{model}: {back:#}");
+        for way in solutions {
+            let joints: Vec<String> = numbers(&way["joints_deg"]).iter().map(f64::to_string).collect();
+            let again = json(&bench, &format!("--tool tMill --joints {}", joints.join(",")));
+            for (is, should) in numbers(&again["position_mm"]).iter().zip(numbers(&there["position_mm"])) {
+                assert!((is - should).abs() < 1e-6, "{model}: {again:#}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_answered_is_said_with_help() {
+    let bench = cell("ur10e");
+    let ran = bench.run("pose --cell arm.toml --joints 1,2,3").exits(2);
+    assert!(ran.stderr.contains("--joints has 3 angles, expected 6"), "{}", ran.stderr);
+    let ran = bench.run("pose --cell arm.toml --target 9000,0,0,1,0,0,0").exits(2);
+    assert!(ran.stderr.contains("not reached"), "{}", ran.stderr);
+    let ran = bench.run("pose --cell arm.toml --target 900,0,0,1,1,0,0").exits(2);
+    assert!(ran.stderr.contains("norm is 1.4142"), "{}", ran.stderr);
+    let ran = bench.run("pose --cell arm.toml --joints 0,0,0,0,0,0 --tool tMil").exits(2);
+    assert!(ran.stderr.contains("did you mean `TMILL`"), "{}", ran.stderr);
+    bench.run("pose --cell arm.toml").exits(2);
+}

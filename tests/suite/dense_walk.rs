@@ -1,0 +1,330 @@
+//! Programs of long lines, corners and arcs, walked densely on an arm of the test's own: the tip against the programmed path.
+//!
+//! Nothing of the model here is deflex's: modified DH by matrices, inverse kinematics by Newton on a numeric Jacobian, springs
+//! by a fixed point. The force is constant in the frame of the programmed path's direction and the tool axis.
+
+use deflex::cell::Cell;
+use deflex::correct::{Corrected, Options, Summary, compensate};
+use deflex::program::{Program, rapid};
+use deflex::text::{Source, apply};
+use nalgebra::{Matrix4, Matrix6, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Write;
+
+/// alpha, a (mm), d (mm), theta.
+const LINKS: [[f64; 4]; 6] = [
+    [0.0, 0.0, 780.0, 0.0],
+    [-FRAC_PI_2, 320.0, 0.0, -FRAC_PI_2],
+    [0.0, 1075.0, 0.0, 0.0],
+    [-FRAC_PI_2, 200.0, 1142.5, 0.0],
+    [FRAC_PI_2, 0.0, 0.0, 0.0],
+    [-FRAC_PI_2, 0.0, 200.0, PI],
+];
+/// N·mm/rad
+const STIFFNESS: [f64; 6] = [8.86e8, 5.5e8, 1.85e9, 3.3e8, 2.1e8, 0.881e8];
+/// Force in the feed frame: along the feed, across it, along the normal, N.
+const FORCE: [f64; 3] = [-35.0, 95.0, 85.0];
+const WOBJ: [f64; 3] = [1350.0, -250.0, 620.0];
+const TOOL_LENGTH: f64 = 260.0;
+
+const CELL: &str = "[robot]
+model = \"test arm\"
+start_deg = [0, 0, 0, 0, 60, 0]
+[robot.kinematics]
+parallelogram = false
+links = [
+  { alpha_deg = 0.0, a_mm = 0.0, d_mm = 780.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 320.0, d_mm = 0.0, theta_deg = -90.0 },
+  { alpha_deg = 0.0, a_mm = 1075.0, d_mm = 0.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 200.0, d_mm = 1142.5, theta_deg = 0.0 },
+  { alpha_deg = 90.0, a_mm = 0.0, d_mm = 0.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 0.0, d_mm = 200.0, theta_deg = 180.0 },
+]
+axis_min_deg = [-360, -360, -360, -360, -360, -360]
+axis_max_deg = [360, 360, 360, 360, 360, 360]
+[robot.stiffness]
+joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 0.881e5]
+[controller]
+compensates = []
+[cut]
+force = \"constant\"
+force_n = [-35.0, 95.0, 85.0]
+frame = \"feed\"
+";
+
+type Pose = (Vector3<f64>, UnitQuaternion<f64>);
+
+/// One motion of a program: a line, or an arc through a point.
+#[derive(Clone, Copy, Debug)]
+struct Move {
+    via: Option<Pose>,
+    to: Pose,
+}
+
+fn matrix((p, q): &Pose) -> Matrix4<f64> {
+    let mut m = q.to_homogeneous();
+    m.fixed_view_mut::<3, 1>(0, 3).copy_from(p);
+    m
+}
+
+fn forward(joints: &Vector6<f64>) -> Matrix4<f64> {
+    let mut pose = Matrix4::<f64>::identity();
+    for (i, [alpha, a, d, theta]) in LINKS.into_iter().enumerate() {
+        let (sa, ca) = alpha.sin_cos();
+        let (st, ct) = (theta + joints[i]).sin_cos();
+        pose *= Matrix4::new(
+            ct,
+            -st,
+            0.0,
+            a,
+            st * ca,
+            ct * ca,
+            -sa,
+            -sa * d,
+            st * sa,
+            ct * sa,
+            ca,
+            ca * d,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+        );
+    }
+    pose * Matrix4::new_translation(&Vector3::new(0.0, 0.0, TOOL_LENGTH))
+}
+
+/// Translation (mm) and rotation vector from one pose to another.
+fn gap(from: &Matrix4<f64>, to: &Matrix4<f64>) -> Vector6<f64> {
+    let rotation = |m: &Matrix4<f64>| Rotation3::from_matrix_unchecked(m.fixed_view::<3, 3>(0, 0).into_owned());
+    let turn = UnitQuaternion::from_rotation_matrix(&(rotation(to) * rotation(from).inverse())).scaled_axis();
+    let shift = to.fixed_view::<3, 1>(0, 3) - from.fixed_view::<3, 1>(0, 3);
+    Vector6::new(shift[0], shift[1], shift[2], turn[0], turn[1], turn[2])
+}
+
+fn jacobian(joints: &Vector6<f64>) -> Matrix6<f64> {
+    const STEP: f64 = 1e-6;
+    let mut out = Matrix6::zeros();
+    for i in 0..6 {
+        let step = Vector6::ith(i, STEP);
+        out.set_column(i, &(gap(&forward(&(joints - step)), &forward(&(joints + step))) / (2.0 * STEP)));
+    }
+    out
+}
+
+fn inverse(wanted: &Matrix4<f64>, near: &Vector6<f64>) -> Vector6<f64> {
+    let mut joints = *near;
+    // Newton with the Jacobian of where it begins: a step away.
+    let jacobian = jacobian(near).lu();
+    for _ in 0..50 {
+        let left = gap(&forward(&joints), wanted);
+        if left.norm() < 1e-7 {
+            break;
+        }
+        joints += jacobian.solve(&left).expect("regular");
+    }
+    joints
+}
+
+/// Where the tip of a commanded arm ends up under a force on it (base axes, N), mm.
+fn tip(commanded: &Vector6<f64>, force: &Vector3<f64>) -> Vector3<f64> {
+    let mut joints = *commanded;
+    // A round gains three digits.
+    for _ in 0..3 {
+        let torque = jacobian(&joints).fixed_rows::<3>(0).transpose() * force;
+        joints = Vector6::from_fn(|i, _| commanded[i] + torque[i] / STIFFNESS[i]);
+    }
+    forward(&joints).fixed_view::<3, 1>(0, 3).into_owned()
+}
+
+/// Place and direction at a share of a move.
+fn along(from: &Pose, to: &Move, share: f64) -> (Pose, Vector3<f64>) {
+    let turned = |a: &Pose, b: &Pose, t: f64| a.1.slerp(&b.1, t);
+    let Some(via) = to.via else {
+        return ((from.0.lerp(&to.to.0, share), turned(from, &to.to, share)), (to.to.0 - from.0).normalize());
+    };
+    let (ab, ac) = (via.0 - from.0, to.to.0 - from.0);
+    let n = ab.cross(&ac);
+    let centre =
+        from.0 + (ac.norm_squared() * n.cross(&ab) + ab.norm_squared() * ac.cross(&n)) / (2.0 * n.norm_squared());
+    let axis = nalgebra::Unit::new_normalize(n);
+    let angle = |p: &Vector3<f64>| {
+        let (a, b) = (from.0 - centre, p - centre);
+        a.cross(&b).dot(&axis).atan2(a.dot(&b)).rem_euclid(2.0 * PI)
+    };
+    let (whole, half) = (angle(&to.to.0), angle(&via.0));
+    let out = Rotation3::from_axis_angle(&axis, share * whole) * (from.0 - centre);
+    let first = half / whole;
+    let orientation = if share < first {
+        turned(from, &via, share / first)
+    } else {
+        turned(&via, &to.to, (share - first) / (1.0 - first))
+    };
+    ((centre + out, orientation), axis.cross(&out).normalize())
+}
+
+fn length(from: &Pose, to: &Move) -> f64 {
+    const PARTS: usize = 64;
+    let at = |k: usize| along(from, to, k as f64 / PARTS as f64).0.0;
+    (0..PARTS).map(|k| (at(k + 1) - at(k)).norm()).sum()
+}
+
+/// The numbers of every motion of a program, read by brackets alone.
+fn moves(text: &str) -> Vec<Move> {
+    let number = |text: &str| text.trim().parse::<f64>().expect("a number");
+    let pose = |text: &str| {
+        let groups: Vec<Vec<f64>> = text
+            .split('[')
+            .filter(|group| group.contains(']'))
+            .take(2)
+            .map(|group| group.split(']').next().expect("one").split(',').map(number).collect())
+            .collect();
+        let q = &groups[1];
+        let q = UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+        (Vector3::from_column_slice(&groups[0]), q)
+    };
+    text.lines()
+        .filter_map(|line| {
+            let (kind, rest) = line.trim().split_once(' ')?;
+            let mut targets = rest.split("[[").skip(1);
+            match kind {
+                "MoveL" | "MoveJ" => Some(Move { via: None, to: pose(targets.next()?) }),
+                "MoveC" => Some(Move { via: Some(pose(targets.next()?)), to: pose(targets.next()?) }),
+                _ => None,
+            }
+        })
+        .collect()
+}
+
+/// Contour errors of a dense walk over `written`, mm, each with the length that it stands for.
+struct Walk(Vec<(f64, f64)>);
+
+impl Walk {
+    fn of(written: &[Move], programmed: &[Move]) -> Self {
+        /// mm
+        const STEP: f64 = 2.0;
+        let base = |p: &Vector3<f64>| p + Vector3::from(WOBJ);
+        // The programmed path, finely: place, direction, orientation.
+        let mut path: Vec<(Vector3<f64>, Vector3<f64>)> = Vec::new();
+        for pair in programmed.windows(2) {
+            let parts = (length(&pair[0].to, &pair[1]) / 0.02).ceil() as usize;
+            for k in 0..=parts {
+                let ((place, _), direction) = along(&pair[0].to, &pair[1], k as f64 / parts as f64);
+                path.push((place, direction));
+            }
+        }
+        let mut joints = Vector6::from([0.0, 0.0, 0.0, 0.0, 60_f64.to_radians(), 0.0]);
+        let (mut at, mut out) = (0, Vec::new());
+        for pair in written.windows(2) {
+            let size = length(&pair[0].to, &pair[1]);
+            let parts = (size / STEP).ceil().max(2.0) as usize;
+            for k in 0..parts {
+                let ((place, orientation), _) = along(&pair[0].to, &pair[1], (k as f64 + 0.5) / parts as f64);
+                joints = inverse(&matrix(&(base(&place), orientation)), &joints);
+                // The nearest place of the path, not going back and not far ahead.
+                let nearest = |p: &Vector3<f64>, from: usize| {
+                    let ahead = path[from..path.len().min(from + 150)].iter().enumerate();
+                    let best = ahead.min_by(|a, b| (a.1.0 - p).norm().total_cmp(&(b.1.0 - p).norm())).expect("a path");
+                    from + best.0
+                };
+                at = nearest(&place, at);
+                // The normal is the tool axis, the feed what is seen along it.
+                let (z, x) = (orientation * -Vector3::z(), path[at].1);
+                let x = (x - z * z.dot(&x)).normalize();
+                let force = x * FORCE[0] + z.cross(&x) * FORCE[1] + z * FORCE[2];
+                let tip = tip(&joints, &force) - Vector3::from(WOBJ);
+                let there = nearest(&tip, at.saturating_sub(75));
+                let (place, direction) = path[there];
+                let off = tip - place;
+                out.push(((off - direction * direction.dot(&off)).norm(), size / parts as f64));
+            }
+        }
+        Self(out)
+    }
+
+    fn rms(&self) -> f64 {
+        let (squares, length) = self.0.iter().fold((0.0, 0.0), |(s, l), (e, w)| (s + e * e * w, l + w));
+        (squares / length).sqrt()
+    }
+
+    /// What is not passed on 95 % of the length.
+    fn most(&self) -> f64 {
+        let mut all = self.0.clone();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (total, mut sum) = (all.iter().map(|e| e.1).sum::<f64>(), 0.0);
+        all.iter()
+            .find(|e| {
+                sum += e.1;
+                sum >= 0.95 * total
+            })
+            .map_or(0.0, |e| e.0)
+    }
+}
+
+/// The five kinds of paths, as motions: positions in mm, the tool's turn about y in degrees (0 points straight down).
+fn paths() -> Vec<(&'static str, String)> {
+    let line = |x: f64, y: f64, z: f64, lean: f64| {
+        let (sin, cos) = (0.5 * lean.to_radians()).sin_cos();
+        format!("[[{x},{y},{z}],[{:.8},{:.8},{:.8},{:.8}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", 0.0, cos, 0.0, -sin)
+    };
+    let go = |target: String| format!("    MoveL {target},v20,fine,tMill\\WObj:=wPart;\n");
+    let round = |via: String, to: String| format!("    MoveC {via},{to},v20,fine,tMill\\WObj:=wPart;\n");
+    let mut zig_zag = String::new();
+    for pass in 0..4 {
+        let (y, ends) = (12.0 * f64::from(pass), if pass % 2 == 0 { [0.0, 240.0] } else { [240.0, 0.0] });
+        ends.iter().for_each(|x| zig_zag += &go(line(*x, y, 0.0, 0.0)));
+    }
+    let rail = go(line(0.0, 0.0, 0.0, 0.0)) + &go(line(60.0, 700.0, 40.0, 0.0));
+    let square = [(0.0, 0.0), (150.0, 0.0), (150.0, 150.0), (0.0, 150.0), (0.0, 0.0)];
+    let square: String = square.iter().map(|(x, y)| go(line(*x, *y, 0.0, 0.0))).collect();
+    let mut arcs = go(line(0.0, 0.0, 0.0, 0.0));
+    for k in 0..3 {
+        let (x, side) = (100.0 * f64::from(k), if k % 2 == 0 { 1.0 } else { -1.0 });
+        arcs += &round(line(x + 50.0, 50.0 * side, 0.0, 0.0), line(x + 100.0, 0.0, 0.0, 0.0));
+    }
+    let turning =
+        [(0.0, 0.0, 0.0, -15.0), (300.0, 40.0, 10.0, 20.0), (320.0, 240.0, 0.0, -10.0), (20.0, 300.0, 20.0, 15.0)];
+    let turning: String = turning.iter().map(|(x, y, z, lean)| go(line(*x, *y, *z, *lean))).collect();
+    vec![("zig-zag", zig_zag), ("rail", rail), ("square", square), ("half circles", arcs), ("turning", turning)]
+}
+
+fn module(body: &str) -> String {
+    let mut text = "MODULE Walk\n".to_owned();
+    let _ =
+        writeln!(text, "  PERS tooldata tMill:=[TRUE,[[0,0,{TOOL_LENGTH}],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];");
+    let [x, y, z] = WOBJ;
+    let _ = writeln!(text, "  PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[{x},{y},{z}],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];");
+    text + "  PROC main()\n" + body + "  ENDPROC\nENDMODULE\n"
+}
+
+fn read(text: &str) -> Program {
+    rapid::read(vec![Source::new("walk.mod", text.as_bytes())], Vec::new()).expect("a program")
+}
+
+fn corrected(program: &Program, cell: &Cell, subdivide: Option<f64>) -> (Corrected, String) {
+    let options = Options { subdivide, ..Options::default() };
+    let corrected = compensate(program, cell, &options).expect("corrected");
+    assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
+    let edits = &corrected.rewritten.as_ref().expect("RAPID").edits[0];
+    let mut text = Vec::new();
+    apply(&program.sources[0].bytes, edits, &mut text).expect("written");
+    (corrected, String::from_utf8(text).expect("text"))
+}
+
+#[test]
+fn subdivided_programs_cut_true_between_their_targets() {
+    let cell = Cell::read(&Source::new("cell.toml", CELL.as_bytes())).expect("a cell");
+    for (name, body) in paths() {
+        let text = module(&body);
+        let program = read(&text);
+        let (sparse, sparse_text) = corrected(&program, &cell, None);
+        let (dense, dense_text) = corrected(&program, &cell, Some(1e-5));
+        let programmed = moves(&text);
+        let [between, after] = [&sparse_text, &dense_text].map(|text| Walk::of(&moves(text), &programmed));
+        for (corrected, walked) in [(&sparse, between.rms()), (&dense, after.rms())] {
+            let told = Summary::of(&corrected.rows).remaining_path_rms_mm;
+            assert!((told - walked).abs() < 0.02 * told + 0.003, "{name}: told {told}, walked {walked}");
+        }
+        assert!(after.rms() <= 0.012 && after.most() <= 0.02, "{name}: {} {}", after.rms(), after.most());
+    }
+}

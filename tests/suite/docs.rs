@@ -1,0 +1,182 @@
+//! The commands of the README and of `docs/` run as they stand.
+
+use std::path::Path;
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// The reader's own cell, once its lines are filled in.
+const FILLED_IN: &str = "filled_in.toml";
+
+/// The `sh` blocks of a page.
+fn blocks(page: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    let mut block: Option<Vec<String>> = None;
+    for line in page.lines() {
+        match &mut block {
+            None if line == "```sh" => block = Some(Vec::new()),
+            None => {}
+            Some(_) if line == "```" => found.extend(block.take()),
+            Some(lines) => lines.push(line.to_owned()),
+        }
+    }
+    assert!(block.is_none(), "a block does not end");
+    found
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            if entry.file_name() != "out" {
+                copy(&entry.path(), &target);
+            }
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// A folder as a user has it: the samples, and a program and a cell of their own.
+fn workplace() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = Path::new(ROOT).join("samples");
+    copy(&samples, &folder.path().join("samples"));
+    std::fs::create_dir_all(folder.path().join("samples/out")).unwrap();
+    std::fs::copy(samples.join("slot/slot.mod"), folder.path().join("part.mod")).unwrap();
+    let tool = "[tools.tMill]\ntcp_mm = [12.0, -3.0, 310.0]\ntcp_quat = [1.0, 0.0, 0.0, 0.0]\n";
+    let cell = std::fs::read_to_string(samples.join("slot/cell.toml")).unwrap() + tool;
+    for name in ["cell.toml", FILLED_IN] {
+        std::fs::write(folder.path().join(name), &cell).unwrap();
+    }
+    std::fs::write(folder.path().join("postures.csv"), postures(&cell)).unwrap();
+    folder
+}
+
+/// Twenty postures as the pendant shows them: to 0.01° and 0.01 mm.
+fn postures(cell: &str) -> String {
+    let cell = deflex::cell::Cell::read(&deflex::text::Source::new("cell.toml", cell)).unwrap();
+    let tool = cell.tools["TMILL"].flange_from_tcp;
+    let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+    for i in 0..20 {
+        let wave = |period: i32, reach: f64| 0.1003 * reach * f64::from(i * period % 20 - 10);
+        let deg = [wave(3, 40.0), wave(7, 20.0), wave(9, 20.0), wave(11, 90.0), 30.0 + wave(13, 40.0), wave(17, 120.0)];
+        let motor = deflex::robot::Joints::from(deg.map(f64::to_radians));
+        let at = (cell.arm.robot.forward(&motor) * tool).translation.vector * 1e3;
+        csv += &deg.map(|deg| format!("{deg:.2},")).concat();
+        csv += &format!("{:.2},{:.2},{:.2}\n", at.x, at.y, at.z);
+    }
+    csv
+}
+
+/// Runs the lines of a block that call deflex or make folders, each from where `cd` has led; exit code 1 is an answer.
+fn run(block: &[String], folder: &Path, page: &str) {
+    let binary = Path::new(env!("CARGO_BIN_EXE_deflex")).parent().unwrap();
+    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
+    let text = block.join("\n").replace("\\\n", " ");
+    let mut ran = 0;
+    let ours = |part: &str| part.trim().starts_with("deflex ") || part.trim().starts_with("mkdir ");
+    for line in text.lines().filter(|line| line.split(" && ").any(ours)) {
+        // What was measured on the reader's own part is not here.
+        if line.contains("part.mod measured.csv") && !line.contains("closed-loop") {
+            continue;
+        }
+        let done = Command::new("sh")
+            .args(["-c", line])
+            .current_dir(folder)
+            .env("PATH", &path)
+            .env("HOME", folder)
+            .output()
+            .unwrap();
+        let code = done.status.code().unwrap();
+        assert!(code <= 1, "{page}: `{line}` ends with {code}:\n{}", String::from_utf8_lossy(&done.stderr));
+        ran += 1;
+        // The cell that `init` prints has lines to fill in; the reader has filled them in here.
+        if line.contains("> cell.toml") {
+            std::fs::copy(folder.join(FILLED_IN), folder.join("cell.toml")).unwrap();
+        }
+    }
+    let calls = text.lines().any(|line| line.starts_with("deflex ") || line.contains("&& deflex "));
+    assert!(ran > 0 || !calls, "{page}: nothing of a block was run");
+}
+
+#[test]
+fn commands_of_the_documentation_run() {
+    let mut pages = vec![Path::new(ROOT).join("README.md")];
+    pages.extend(std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap().map(|entry| entry.unwrap().path()));
+    pages.retain(|page| page.extension().is_some_and(|ending| ending == "md"));
+    let mut found = 0;
+    for page in pages {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let folder = workplace();
+        for block in blocks(&text) {
+            run(&block, folder.path(), &page.display().to_string());
+            found += 1;
+        }
+    }
+    assert!(found > 5);
+}
+
+/// Links between pages lead somewhere.
+#[test]
+fn links_lead_to_files() {
+    let root = Path::new(ROOT);
+    let mut pages = vec![root.join("README.md")];
+    pages.extend(std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path()));
+    for page in pages.iter().filter(|page| page.extension().is_some_and(|ending| ending == "md")) {
+        let text = std::fs::read_to_string(page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let file = link.split('#').next().unwrap();
+            assert!(file.is_empty() || page.parent().unwrap().join(file).exists(), "{}: {link}", page.display());
+        }
+    }
+}
+
+/// The page of effects has a row for each kind, in the order of the code.
+#[test]
+fn every_effect_is_documented() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/effects.md")).unwrap();
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
+    let kinds: Vec<&str> = deflex::effects::KINDS.iter().map(|kind| kind.name).collect();
+    assert_eq!(rows.collect::<Vec<_>>(), kinds);
+}
+
+/// Cell files on the pages are read; where only a part is shown, the sample's robot stands before it.
+#[test]
+fn cell_files_of_the_documentation_are_read() {
+    let robot =
+        "[robot]\nmodel = \"irb6660-205-1.9\"\n[robot.stiffness]\njoint_nm_per_rad = [1e6, 1e6, 1e6, 1e6, 1e6, 1e6]\n";
+    let mut found = 0;
+    for entry in std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap() {
+        let path = entry.unwrap().path();
+        let Ok(page) = std::fs::read_to_string(&path) else { continue };
+        for block in page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()) {
+            let text = if block.contains("[robot]") { block.to_owned() } else { format!("{robot}{block}") };
+            let read = deflex::cell::Cell::read(&deflex::text::Source::new(path.display().to_string(), text));
+            assert!(read.is_ok(), "{:?}", read.err());
+            found += 1;
+        }
+    }
+    assert!(found > 0);
+}
+
+/// The check of a new cell's kinematics: right rows leave the pendant's rounding, a wrong length shows.
+#[test]
+fn postures_from_the_pendant_tell_right_rows_from_wrong_ones() {
+    let folder = workplace();
+    let rms = |name: &str| {
+        let arguments = ["identify", "--poses", "postures.csv", "--cell", name, "--tool", "tMill", "--json", "-", "-q"];
+        let done =
+            Command::new(env!("CARGO_BIN_EXE_deflex")).args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let found: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        found["before"]["rms_mm"].as_f64().unwrap()
+    };
+    let cell = std::fs::read_to_string(folder.path().join("cell.toml")).unwrap();
+    assert!(cell.contains("a_mm = 700.0"));
+    std::fs::write(folder.path().join("wrong.toml"), cell.replace("a_mm = 700.0", "a_mm = 705.0")).unwrap();
+    let (right, wrong) = (rms("cell.toml"), rms("wrong.toml"));
+    assert!(right < 0.3 && wrong > 0.5, "{right} mm, {wrong} mm");
+}

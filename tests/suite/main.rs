@@ -1,0 +1,33 @@
+//! All tests that use deflex from outside, in one binary: linking is most of what a test binary costs. Modules mirror `src`.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)] // in helpers too, a failure is a failed test
+
+mod cell;
+mod cli;
+mod cutting;
+mod cutting_properties;
+mod cutting_table;
+mod dense_walk;
+mod docs;
+mod documents;
+mod effects;
+mod eight_at_once;
+mod equilibrium;
+mod fuzz_regressions;
+mod hard_cases;
+mod html;
+mod identify;
+mod identify_faults;
+mod identify_poses;
+mod opw;
+mod paper;
+mod program;
+mod public_api;
+mod robot;
+mod samples;
+mod scripts;
+mod second_reading;
+mod stock;
+mod stream;
+mod stream_cl;
+mod stream_declared;

@@ -1,0 +1,7 @@
+//! Programs read, written and round-tripped.
+
+mod cl;
+mod cl_corpus;
+mod cl_sound;
+mod rapid;
+mod rapid_sound;

@@ -1,0 +1,440 @@
+//! Never a wrong program without a word: what is edited is right for every run, what stays is said.
+//!
+//! Each case marks its motions: `! edit` must be corrected, `! stay` must come out as it went in, and be said.
+
+use deflex::program::{Change, Editable, Goal, Program, RewriteOptions, rapid};
+use deflex::text::{Source, apply};
+use std::collections::BTreeMap;
+
+const DATA: &str = "  PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
+  PERS tooldata t2:=[TRUE,[[0,30,250],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
+  PERS tooldata tFix{2}:=[[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]],[TRUE,[[9,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]]];
+  PERS wobjdata w1:=[FALSE,TRUE,\"\",[[800,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PERS wobjdata w2:=[FALSE,TRUE,\"\",[[900,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PERS wobjdata wFix{2}:=[[FALSE,TRUE,\"\",[[800,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]],[FALSE,TRUE,\"\",[[900,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]];
+  VAR wobjdata wSet:=[FALSE,TRUE,\"\",[[700,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  VAR wobjdata wArr{2}:=[[FALSE,TRUE,\"\",[[800,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]],[FALSE,TRUE,\"\",[[900,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]];
+  CONST robtarget p1:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  CONST robtarget p2:=[[10,20,30],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  CONST robtarget p3:=[[50,60,70],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+  CONST robtarget pa{2}:=[[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],[[4,5,6],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]];
+  VAR intnum i1;
+  VAR num n:=0;
+  VAR num nIn;
+  VAR string s:=\"\";
+";
+const INLINE: &str = "[[7,8,9],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+fn read(text: &str) -> Program {
+    rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap_or_else(|errors| panic!("{text}\n{errors:?}"))
+}
+
+fn position(goal: &Goal) -> [f64; 3] {
+    match goal {
+        Goal::Pose { position_mm, .. } => *position_mm,
+        _ => [f64::NAN; 3],
+    }
+}
+
+/// A correction that differs from frame to frame, as one does that is worked out.
+fn wanted(program: &Program, i: usize) -> Option<Change> {
+    let target = &program.targets[i];
+    if !matches!(target.editable, Editable::Pose | Editable::Position) {
+        return None;
+    }
+    let frames = [&program.tools[usize::from(target.tool)].name, &program.wobjs[usize::from(target.wobj)].name];
+    let [tool, wobj] = frames.map(|name| name.bytes().map(f64::from).sum::<f64>() / 1000.0);
+    let index = f64::from(target.wobj) / 16.0 + f64::from(target.tool) / 32.0;
+    let [x, y, z] = position(&target.goal);
+    Some(Change { position_mm: [x + tool + index, y - wobj, z + 0.5], quat: None, conf: None })
+}
+
+/// What becomes of each motion statement, by its line: corrected, or the reason that is said.
+fn fates(text: &str, clones: bool) -> BTreeMap<u32, Result<(), &'static str>> {
+    let program = read(text);
+    let changes: Vec<Option<Change>> = (0..program.targets.len()).map(|i| wanted(&program, i)).collect();
+    let options = RewriteOptions { allow_clones: clones, ..RewriteOptions::default() };
+    let rewritten = program.rewrite(&changes, &[], &options);
+    let mut out = Vec::new();
+    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let again = read(std::str::from_utf8(&out).unwrap());
+    let mut fates: BTreeMap<u32, Result<(), &'static str>> = BTreeMap::new();
+    for kept in &program.kept {
+        fates.insert(u32::try_from(kept.line).unwrap(), Err(kept.reason));
+    }
+    assert_eq!(program.targets.len(), again.targets.len(), "{text}");
+    for (i, (was, is)) in program.targets.iter().zip(&again.targets).enumerate() {
+        let said = rewritten.kept.iter().find(|kept| kept.0 == i).map(|kept| kept.1);
+        let said = said.or(if let Editable::No(reason) = was.editable { Some(reason) } else { None });
+        let (before, behind) = (position(&was.goal), position(&is.goal));
+        match said {
+            Some(reason) => {
+                assert!(
+                    before[0].is_nan() || before.map(f64::to_bits) == behind.map(f64::to_bits),
+                    "line {} is said to stay ({reason}), and moves",
+                    was.line
+                );
+                fates.insert(was.line, Err(reason));
+            }
+            None => {
+                let wanted = changes[i].as_ref().unwrap().position_mm;
+                let near = (0..3).all(|k| (wanted[k] - behind[k]).abs() < 2e-4);
+                assert!(near, "line {}: wanted {wanted:?}, written {behind:?}\n{text}", was.line);
+                fates.entry(was.line).or_insert(Ok(()));
+            }
+        }
+    }
+    fates
+}
+
+fn module(main: &str, routines: &str) -> String {
+    format!("MODULE M\n{DATA}  PROC main()\n{main}\n  ENDPROC\n{routines}\nENDMODULE\n").replace("@", INLINE)
+}
+
+fn check(main: &str, routines: &str) {
+    let text = module(main, routines);
+    check_text(&text);
+}
+
+fn check_text(text: &str) {
+    let fates = fates(text, false);
+    for (line, at) in text.lines().zip(1_u32..) {
+        let moves = line.trim_start().to_ascii_uppercase();
+        let moves = ["MOVE", "SEARCH", "IF", "ERROR"].iter().any(|word| moves.starts_with(word)) && line.contains("! ");
+        if !moves {
+            continue;
+        }
+        match (line.contains("! edit"), fates.get(&at)) {
+            (true, Some(Ok(()))) | (false, Some(Err(_))) => {}
+            (true, fate) => panic!("line {at} is not corrected: {fate:?}\n{line}\n{text}"),
+            (false, Some(Ok(()))) => panic!("line {at} is corrected\n{line}\n{text}"),
+            (false, None) => panic!("line {at} stays and is not said\n{line}\n{text}"),
+        }
+    }
+}
+
+const DISPLACE: &str = "PDispSet [[40,0,0],[1,0,0,0]];";
+
+#[test]
+fn a_counter_selects_a_frame_in_each_round() {
+    check(
+        "FOR i FROM 1 TO 2 DO
+MoveL pa{i},v50,fine,t1\\WObj:=wFix{i}; ! edit
+MoveL p1,v50,fine,t1\\WObj:=wFix{i}; ! stay
+MoveL @,v50,fine,tFix{i}\\WObj:=w1; ! stay
+ENDFOR
+MoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+}
+
+#[test]
+fn a_name_that_the_program_declares_is_never_the_cells() {
+    // Set at run time, by one branch, by a function, by a probe, in a local of the same name, in a parameter.
+    check(
+        "wSet.oframe.trans.z:=ReadNum(dev);
+MoveL p1,v50,fine,t1\\WObj:=wSet; ! stay
+wSet:=w2;
+MoveL p2,v50,fine,t1\\WObj:=wSet; ! edit
+IF di1=1 wSet:=w1;
+MoveL p3,v50,fine,t1\\WObj:=wSet; ! stay
+rOwn;",
+        "PROC rOwn()
+VAR wobjdata w1;
+MoveL pa{1},v50,fine,t1\\WObj:=w1; ! stay
+ENDPROC",
+    );
+    let program = read(&module(
+        "rPart w2;",
+        "PROC rPart(wobjdata wCell)\nwCell.oframe.trans.x:=ReadNum(dev);\nMoveL p1,v50,fine,t1\\WObj:=wCell;\nENDPROC",
+    ));
+    assert!(program.targets.is_empty() && program.wobjs.is_empty(), "{:?}", program.wobjs);
+    // A name that it assigns and does not declare is not the cell's either; one that it only uses is.
+    check("wCell:=w2;\nMoveL p1,v50,fine,t1\\WObj:=wCell; ! stay\nMoveL p2,v50,fine,tCell\\WObj:=w1; ! edit", "");
+}
+
+#[test]
+fn what_functions_and_procedures_change_is_seen() {
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit
+n:=fDisp();
+MoveL p2,v50,fine,t1\\WObj:=w1; ! stay
+PDispOff;
+MoveL p3,v50,fine,t1\\WObj:=w1; ! edit
+n:=fFrame();
+MoveL @,v50,fine,t1\\WObj:=wSet; ! stay",
+        &format!(
+            "FUNC num fDisp()\n{DISPLACE}\nRETURN 1;\nENDFUNC\nFUNC num fFrame()\nrFrame;\nRETURN 1;\nENDFUNC\nPROC rFrame()\nwSet:=w2;\nENDPROC"
+        ),
+    );
+}
+
+#[test]
+fn routines_that_are_not_known_make_unknown_what_they_could_see() {
+    for call in
+        ["rElsewhere;", "rElsewhere 1,2;", "CallByVar \"r\",nIn;", "n:=fElsewhere();", "IF fElsewhere() THEN\nENDIF"]
+    {
+        check(
+            &format!(
+                "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nnIn:=ReadNum(dev);\ns:=ReadStr(dev);\n{call}\nMoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nPDispOff;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay\nw1:=w1Const;\nMoveL pa{{1}},v50,fine,tool0\\WObj:=wobj0; ! edit"
+            ),
+            "CONST wobjdata w1Const:=[FALSE,TRUE,\"\",[[800,0,400],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];",
+        );
+    }
+    let program = read(&module("rElsewhere;", ""));
+    let said = program.diagnostics.iter().any(|d| d.code == "rapid.undeclared" && d.message.contains("`rElsewhere`"));
+    assert!(said, "{:?}", program.diagnostics);
+    // Handed to it: an inline target is not one of wobj0.
+    let text = module("rElsewhere @,t1;", "");
+    let program = read(&text);
+    assert!(program.targets.is_empty());
+    assert_eq!(program.unknown_targets(), [("robtarget given to a procedure that is not known", 1)]);
+}
+
+#[test]
+fn synchronised_procedures_run_some_time_behind() {
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nMoveLSync p2,v50,z1,t1\\WObj:=w1,\"rDisp\"; ! stay\nPDispOff;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay",
+        &format!("PROC rDisp()\n{DISPLACE}\nENDPROC"),
+    );
+}
+
+#[test]
+fn data_may_be_set_by_their_names() {
+    check(
+        "SetDataVal \"wSet\",w2;\nMoveL p1,v50,fine,t1\\WObj:=wSet; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+    check("SetAllDataVal \"wobjdata\",w2;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay", "");
+    check(
+        "GetDataVal \"p1\",pGot;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "VAR robtarget pGot;",
+    );
+    check(
+        "ReadCfgData \"/MOC/ROBOT/rob1\",\"base\",nIn;\nWriteCfgData \"/MOC/ROBOT/rob1\",\"base\",nIn;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay",
+        "",
+    );
+}
+
+#[test]
+fn traps_and_handlers_change_at_any_moment_what_they_change() {
+    check(
+        "CONNECT i1 WITH tr;\nISignalDI di1,1,i1;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay",
+        &format!("TRAP tr\n{DISPLACE}\nENDTRAP"),
+    );
+    check(
+        "CONNECT i1 WITH tr;\nMoveL p1,v50,fine,t1\\WObj:=wSet; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "TRAP tr\nrFrame;\nENDTRAP\nPROC rFrame()\nwSet:=w2;\nENDPROC",
+    );
+    check(
+        &format!("WaitDI di1,1\\MaxTime:=1;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nERROR\n{DISPLACE}\nTRYNEXT;"),
+        "",
+    );
+    check("WaitDI di1,1\\MaxTime:=1;\nMoveL p1,v50,fine,t1\\WObj:=wSet; ! stay\nERROR\nwSet:=w2;\nRETRY;", "");
+    // What an error skips is not done.
+    check(
+        "rTry;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay",
+        &format!("PROC rTry()\n{DISPLACE}\nWaitDI di1,1\\MaxTime:=1;\nPDispOff;\nERROR\nRETURN;\nENDPROC"),
+    );
+}
+
+#[test]
+fn parameters_are_copies_or_places() {
+    for given in ["wSet.oframe", "wArr{1}.oframe"] {
+        let of = given.split('.').next().unwrap();
+        check(
+            &format!(
+                "rSet {given};\nMoveL p1,v50,fine,t1\\WObj:={of}; ! stay\nMoveL p2,v50,fine,t1\\WObj:=wArr{{2}}; ! edit"
+            ),
+            "PROC rSet(INOUT pose f)\nf.trans.x:=ReadNum(dev);\nENDPROC",
+        );
+    }
+    check(
+        "rSet wArr{1},w2;\nMoveL p1,v50,fine,t1\\WObj:=wArr{1}; ! edit",
+        "PROC rSet(INOUT wobjdata w,wobjdata by)\nw:=by;\nENDPROC",
+    );
+    check(
+        "nIn:=ReadNum(dev);\nrSet wArr{nIn},w2;\nMoveL p1,v50,fine,t1\\WObj:=wArr{1}; ! stay",
+        "PROC rSet(INOUT wobjdata w,wobjdata by)\nw:=by;\nENDPROC",
+    );
+    // A copy keeps what it was given.
+    let program =
+        read(&module("rUse wSet;", "PROC rUse(wobjdata w)\nwSet:=w2;\nMoveL p1,v50,fine,t1\\WObj:=w;\nENDPROC"));
+    assert!((program.wobjs[0].data.unwrap().uframe_mm[0] - 700.0).abs() < 1e-9);
+}
+
+#[test]
+fn displacement_of_the_round_before_is_seen() {
+    check(
+        &format!(
+            "FOR i FROM 1 TO ReadNum(dev) DO\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\n{DISPLACE}\nENDFOR\nMoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nPDispOff;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! edit"
+        ),
+        "",
+    );
+    // On and off in each round.
+    check(
+        &format!(
+            "WHILE di1=1 DO\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit\n{DISPLACE}\nMoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nPDispOff;\nENDWHILE\nMoveL p3,v50,fine,t1\\WObj:=w1; ! edit"
+        ),
+        "",
+    );
+    // What it is counted from does not move.
+    check(
+        "MoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nPDispOn p3,t1\\WObj:=w1;\nPDispOff;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay",
+        "",
+    );
+}
+
+#[test]
+fn branches_join_component_by_component() {
+    check(
+        "IF di1=1 THEN\nwSet.oframe.trans.z:=5;\nn:=1;\nELSE\nn:=1;\nENDIF
+MoveL p1,v50,fine,t1\\WObj:=wSet; ! stay
+MoveL pa{n},v50,fine,t1\\WObj:=w1; ! edit
+wSet.oframe.trans.z:=5;
+MoveL p2,v50,fine,t1\\WObj:=wSet; ! edit
+TEST nIn
+CASE 1: wSet:=w1;
+DEFAULT: wSet:=w1;
+ENDTEST
+MoveL p3,v50,fine,t1\\WObj:=wSet; ! edit",
+        "",
+    );
+    check(
+        "rPart;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay",
+        &format!("PROC rPart()\n{DISPLACE}\nIF di1=1 RETURN;\nPDispOff;\nENDPROC"),
+    );
+}
+
+#[test]
+fn jumps_leave_what_the_routine_changes_unknown() {
+    check(&format!("{DISPLACE}\nIF di1=1 GOTO on;\nPDispOff;\non:\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay"), "");
+    check(
+        "again:\nMoveL p1,v50,fine,t1\\WObj:=wSet; ! stay\nwSet:=w2;\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit\nIF di1=1 GOTO again;",
+        "",
+    );
+    check(
+        "rJump;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit",
+        "PROC rJump()\nn:=0;\nagain:\nn:=n+1;\nIF n<3 GOTO again;\nENDPROC",
+    );
+}
+
+#[test]
+fn numbers_that_others_use_under_other_frames_stay() {
+    let main = "MoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit";
+    check(main, "TRAP tr\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nENDTRAP");
+    check(main, "PROC rSpare()\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nENDPROC");
+    check(main, "FUNC num f()\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nRETURN 1;\nENDFUNC");
+    check(&format!("{main}\nERROR\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nTRYNEXT;"), "");
+    // Under the same frames an operator's own routine wants the same.
+    check("MoveL p1,v50,fine,t1\\WObj:=w1; ! edit", "PROC rSpare()\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nENDPROC");
+    check(
+        "nIn:=ReadNum(dev);\nMoveL pa{nIn},v50,fine,t2\\WObj:=w2; ! stay\nMoveL pa{2},v50,fine,t1\\WObj:=w1; ! stay",
+        "",
+    );
+    // A routine that a trap calls as well.
+    check(
+        "rAway;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit",
+        "TRAP tr\nrAway;\nENDTRAP\nPROC rAway()\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay\nENDPROC",
+    );
+}
+
+#[test]
+fn offsets_that_disagree_leave_their_base_alone() {
+    check(
+        "rTo w1;\nrTo w2;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit",
+        "PROC rTo(PERS wobjdata w)\nMoveL Offs(p1,0,0,50),v50,fine,t1\\WObj:=w; ! stay\nENDPROC",
+    );
+    check(
+        "rTo p1;\nrTo p2;",
+        "PROC rTo(robtarget p)\nMoveL Offs(p,0,0,50),v50,fine,t1\\WObj:=w1; ! edit\nMoveL p,v50,fine,t1\\WObj:=w1; ! edit\nENDPROC",
+    );
+    // A round whose frame is not known holds the offset too.
+    check(
+        "FOR i FROM 1 TO 2 DO\nMoveL Offs(@,0,5,0),v50,fine,t1\\WObj:=wArr{1}; ! stay\nIF di1=1 wArr{1}.oframe.trans.z:=12;\nENDFOR",
+        "",
+    );
+    // An arc moves as a whole.
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nMoveC p2,p3,v50,fine,t1\\WObj:=w1; ! stay\nMoveL p2,v50,fine,t2\\WObj:=w2; ! stay",
+        "",
+    );
+}
+
+#[test]
+fn what_a_raise_leads_to_is_read_on() {
+    check("RAISE 5;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nERROR\nTRYNEXT;", "");
+    check(
+        "rTry;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit",
+        "PROC rTry()\nRAISE 5;\nMoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nERROR\nRETURN;\nENDPROC",
+    );
+    check(
+        "rTry;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nERROR\nTRYNEXT;",
+        "PROC rTry()\nIF di1=1 RAISE 5;\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit\nENDPROC",
+    );
+    check("RAISE 5;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay", "");
+}
+
+/// An element by a counter is no name to give a clone: it means other elements too.
+#[test]
+fn clones_take_no_others_place() {
+    let text = module(
+        "FOR i FROM 1 TO 2 DO\nMoveL pa{i},v50,fine,t1\\WObj:=w1;\nENDFOR\nMoveL pa{1},v50,fine,t1\\WObj:=w2;\nMoveL pa{2},v50,fine,t1\\WObj:=w2;",
+        "",
+    );
+    fates(&text, true);
+}
+
+#[test]
+fn many_frames_are_told_apart() {
+    // More than a saturated index would tell apart.
+    let text = "MODULE M\nVAR wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC main()\nFOR i FROM 1 TO 3000 DO\nw.uframe.trans.x:=i;\nMoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tool0\\WObj:=w;\nENDFOR\nENDPROC\nENDMODULE\n";
+    assert_eq!(read(text).wobjs.len(), 3000);
+    let more = text.replace("3000", "66000");
+    let errors = rapid::read(vec![Source::new("m.mod", more)], Vec::new()).unwrap_err();
+    assert_eq!((errors[0].code, errors[0].line), ("rapid.frames", 6));
+}
+
+#[test]
+fn what_no_controller_runs_is_refused_with_its_line() {
+    let refused = |body: &str, data: &str| {
+        let text = format!("MODULE M\n{data}\nPROC main()\n{body}\nENDPROC\nENDMODULE\n");
+        let errors = rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap_err();
+        (errors[0].code, errors[0].line)
+    };
+    assert_eq!(
+        refused("WHILE TRUE DO\ns:=\"x\";\nFOR i FROM 1 TO 30 DO\ns:=s+s;\nENDFOR\nENDWHILE", "VAR string s:=\"ab\";"),
+        ("rapid.text-length", 7)
+    );
+    assert_eq!(refused("FOR i FROM 1 TO 40 DO\nq:=[q,q];\nENDFOR", "VAR num q:=1;"), ("rapid.size", 5));
+}
+
+#[test]
+fn orientations_that_are_none_are_faults() {
+    for (data, target) in [
+        ("", "[[1,2,3],[1,0.1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"),
+        ("PERS wobjdata w1:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0.1,0]],[[0,0,0],[1,0,0,0]]];", INLINE),
+    ] {
+        let text =
+            format!("MODULE M\n{data}\nPROC main()\nMoveL {target},v50,fine,tool0\\WObj:=w1;\nENDPROC\nENDMODULE\n");
+        let faults = read(&text).faults();
+        assert_eq!((faults.len(), faults[0].line), (1, 4), "{faults:?}");
+    }
+    // Three decimals are a matter of printing.
+    let text = "MODULE M\nPROC main()\nMoveL [[1,2,3],[0.707,0,0.707,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tool0;\nENDPROC\nENDMODULE\n";
+    assert!(read(text).faults().is_empty());
+}
+
+#[test]
+fn what_is_said_agrees_with_what_is_counted() {
+    let program = read(&module(
+        "wSet.oframe.trans.z:=ReadNum(dev);\nMoveL p1,v50,fine,t1\\WObj:=wSet;\nMoveL p2,v50,fine,t1\\WObj:=w1;",
+        "PROC rSpare()\nMoveL p3,v50,fine,t1;\nENDPROC",
+    ));
+    assert_eq!(program.motion_targets(), 2);
+    assert_eq!(program.unknown_targets(), [("work object known only at run time", 1)]);
+    let kept: Vec<&str> = program.kept.iter().map(|kept| kept.reason).collect();
+    assert_eq!(kept, ["work object known only at run time", "routine that nothing in the files runs"]);
+    assert!(program.diagnostics.iter().any(|d| d.code == "rapid.not-run"), "{:?}", program.diagnostics);
+    assert!(program.diagnostics.iter().any(|d| d.code == "rapid.frame" && d.message.contains("`wSet`")));
+}

@@ -1,0 +1,189 @@
+//! Material removal and engagement against closed forms and against a brute-force witness that shares nothing with it.
+
+mod paths;
+mod program;
+mod witness;
+
+use deflex::cutting::{Coefficients, Cutter, Engagement, Milling, Mode};
+use deflex::stock::{Blank, Engaged, Front, Stock, ToolPose};
+use nalgebra::Vector3;
+use std::f64::consts::{FRAC_PI_4, PI};
+
+const MM: f64 = 1e-3;
+
+fn cutter(diameter_mm: f64, corner_mm: f64) -> Cutter {
+    Cutter { diameter: diameter_mm * MM, corner_radius: corner_mm * MM, teeth: 3, helix: 0.5 }
+}
+
+/// Al 7075 of the presets: all six coefficients count.
+fn coefficients() -> Coefficients {
+    deflex::cutting::materials::find("al7075").unwrap().coefficients
+}
+
+fn upright(x: f64, y: f64, z: f64) -> ToolPose {
+    ToolPose { tip: Vector3::new(x, y, z) * MM, axis: Vector3::z_axis() }
+}
+
+fn block(x: f64, y: f64, z: f64) -> Blank {
+    Blank::Box([Vector3::new(0.0, 0.0, -z) * MM, Vector3::new(x, y, 0.0) * MM])
+}
+
+/// Moves along poses; what is engaged at the end of each, and the volume that the move removes, m³.
+fn run(stock: &mut Stock, front: &Front, poses: &[ToolPose]) -> Vec<(Engaged, f64)> {
+    poses
+        .windows(2)
+        .map(|pair| {
+            let engaged = front.engaged(stock, &pair[1], &(pair[1].tip - pair[0].tip));
+            (engaged, stock.remove(front.solid(), &pair[0], &pair[1]))
+        })
+        .collect()
+}
+
+/// Evenly spaced poses from one to another.
+fn line(from: ToolPose, to: ToolPose, step_mm: f64) -> Vec<ToolPose> {
+    let n = ((to.tip - from.tip).norm() / (step_mm * MM)).ceil().max(1.0) as usize;
+    (0..=n).map(|i| from.between(&to, i as f64 / n as f64)).collect()
+}
+
+const FEED_PER_TOOTH: f64 = 0.07e-3;
+
+fn declared(cutter: Cutter, mode: Mode, depth_mm: f64, width_mm: f64) -> Vector3<f64> {
+    let engagement = Engagement {
+        mode,
+        depth: depth_mm * MM,
+        width: width_mm * MM,
+        feed_per_tooth: FEED_PER_TOOTH,
+        lead: 0.0,
+        tilt: 0.0,
+    };
+    let milling = Milling::new(cutter, engagement, coefficients()).unwrap();
+    milling.mean_force(&Vector3::zeros(), &milling.axis_in_feed())
+}
+
+fn force(engaged: &Engaged) -> Vector3<f64> {
+    engaged.force.at(FEED_PER_TOOTH)
+}
+
+#[track_caller]
+fn within(found: Vector3<f64>, wanted: Vector3<f64>, share: f64) {
+    let error = (found - wanted).norm() / wanted.norm();
+    println!("{found:?} for {wanted:?}: {:.3} %", 100.0 * error);
+    assert!(error <= share, "{found:?} is {:.2} % off {wanted:?}", 100.0 * error);
+}
+
+#[test]
+fn a_slot_from_the_stock_is_the_declared_slot() {
+    for (cutter, depth) in
+        [(cutter(25.0, 5.0), 1.5), (cutter(10.0, 5.0), 0.5), (cutter(12.0, 0.0), 2.0), (cutter(25.0, 5.0), 8.0)]
+    {
+        for resolution in [1.0, 0.5] {
+            let mut stock = Stock::new(block(100.0, 60.0, 20.0), resolution * MM);
+            let front = Front::new(&cutter, &coefficients());
+            let poses = line(upright(-20.0, 30.0, -depth), upright(60.0, 30.0, -depth), 2.0);
+            let done = run(&mut stock, &front, &poses);
+            let (last, _) = done.last().unwrap();
+            within(force(last), declared(cutter, Mode::Slot, depth, 0.0), 0.01);
+            assert!((last.depth / MM - depth).abs() < 0.02, "depth {}", last.depth / MM);
+            assert!((last.arc.to_degrees() - 180.0).abs() < 1.0, "{}", last.arc.to_degrees());
+        }
+    }
+}
+
+/// The cutter at y above 0 of the stock's edge: material on the right of a feed along x, climb (down) milling.
+#[test]
+fn half_immersion_up_and_down() {
+    let cutter = cutter(25.0, 5.0);
+    for (mode, y) in [(Mode::Down, 60.0), (Mode::Up, 0.0)] {
+        let mut stock = Stock::new(block(100.0, 60.0, 20.0), 0.5 * MM);
+        let front = Front::new(&cutter, &coefficients());
+        let poses = line(upright(-20.0, y, -3.0), upright(60.0, y, -3.0), 2.0);
+        let done = run(&mut stock, &front, &poses);
+        let (last, removed) = done.last().unwrap();
+        within(force(last), declared(cutter, mode, 3.0, 12.5), 0.01);
+        assert!((last.arc.to_degrees() - 90.0).abs() < 1.0, "{}", last.arc.to_degrees());
+        let section = last.section * (poses[1].tip - poses[0].tip).norm();
+        assert!((section / removed - 1.0).abs() < 0.02, "{section} {removed}");
+    }
+}
+
+/// Removed along a slot: the flat cutter's rectangle and half a disk at its end, blank's edge to tip.
+#[test]
+fn a_slot_removes_its_volume() {
+    for angle in [0.0_f64, 0.3, FRAC_PI_4, 1.1] {
+        let cutter = cutter(25.0, 0.0);
+        let mut stock = Stock::new(block(200.0, 200.0, 20.0), 0.5 * MM);
+        let front = Front::new(&cutter, &coefficients());
+        let [dx, dy] = [angle.cos(), angle.sin()];
+        let poses = line(upright(60.0, 40.0, -1.5), upright(60.0 + 90.0 * dx, 40.0 + 90.0 * dy, -1.5), 2.0);
+        let removed: f64 = run(&mut stock, &front, &poses).iter().map(|(_, removed)| removed).sum();
+        let wanted = (90.0 * 25.0 + PI * 12.5 * 12.5) * 1.5 * MM.powi(3);
+        println!("{angle}: {:.4} %", 100.0 * (removed / wanted - 1.0));
+        assert!((removed / wanted - 1.0).abs() < 5e-3, "{removed} {wanted}");
+        let left = stock.volume();
+        assert!(((200.0 * 200.0 * 20.0) * MM.powi(3) - left - removed).abs() / wanted < 2e-3, "{left}");
+    }
+}
+
+/// A plunge of a ball: the mean force goes along the axis, as the integral over the whole cap by hand has it.
+#[test]
+fn a_plunge_pushes_along_the_axis() {
+    let cutter = cutter(10.0, 5.0);
+    let mut stock = Stock::new(block(40.0, 40.0, 20.0), 0.3 * MM);
+    let front = Front::new(&cutter, &coefficients());
+    let poses = line(upright(20.0, 20.0, 2.0), upright(20.0, 20.0, -3.0), 1.0);
+    let done = run(&mut stock, &front, &poses);
+    let (last, removed) = done.last().unwrap();
+    // h = ft·cos κ, κ from 0 to κ0 = acos(1 − 3/5): Fz = N·r·∫ cos κ·(Kr·h + Kre) − sin κ·(Ka·h + Kae) dκ.
+    let (k, r) = (coefficients(), 5.0 * MM);
+    let k0 = 0.4_f64.acos();
+    let (s, c) = k0.sin_cos();
+    let fz =
+        3.0 * r * (FEED_PER_TOOTH * (k.krc * 0.5 * (k0 + s * c) - k.kac * 0.5 * s * s) + k.kre * s - k.kae * (1.0 - c));
+    let found = force(last);
+    assert!((found.z / fz - 1.0).abs() < 0.01, "{} {fz}", found.z);
+    assert!(found.x.hypot(found.y) < 0.01 * fz, "{found:?}");
+    let slice = PI * (3.0 * 3.0 * (15.0 - 3.0) - 2.0 * 2.0 * (15.0 - 2.0)) / 3.0 * MM.powi(3);
+    assert!((removed / slice - 1.0).abs() < 0.02, "{removed} {slice}");
+}
+
+/// A corner of a pocket: the arc of engagement of a cutter that runs into it grows as the wall turns towards it.
+#[test]
+fn the_arc_grows_in_a_corner() {
+    let cutter = cutter(10.0, 0.0);
+    let mut stock = Stock::new(block(80.0, 80.0, 20.0), 0.3 * MM);
+    let front = Front::new(&cutter, &coefficients());
+    // A clearing 40 wide, then along its lower wall 1 mm deeper, into the corner.
+    for k in 0..8 {
+        let y = 25.0 + 30.0 * f64::from(k) / 7.0;
+        run(&mut stock, &front, &line(upright(25.0, y, -3.0), upright(55.0, y, -3.0), 2.0));
+    }
+    run(&mut stock, &front, &line(upright(55.0, 25.0, -3.0), upright(55.0, 55.0, -3.0), 2.0));
+    let poses = line(upright(30.0, 24.0, -3.0), upright(56.0, 24.0, -3.0), 0.5);
+    let done = run(&mut stock, &front, &poses);
+    // Along the wall: acos(1 − ae/R).
+    let along = done[20].0.arc.to_degrees();
+    let wanted = (1.0_f64 - 1.0 / 5.0).acos().to_degrees();
+    assert!((along - wanted).abs() < 1.0, "{along} {wanted}");
+    // In the corner, 1 mm into the far wall at x = 60: from square to the feed to where 56 + 5·cos φ = 60.
+    let end = done.last().unwrap().0.arc.to_degrees();
+    let ahead = (1.0_f64 - 1.0 / 5.0).acos().to_degrees();
+    assert!((end - (90.0 + ahead)).abs() < 1.0, "{end} {}", 90.0 + ahead);
+}
+
+/// The bound that is printed holds the error against the closed form, and both stay small.
+#[test]
+fn the_bound_holds() {
+    for depth in [0.3, 0.7, 1.13, 2.9] {
+        let cutter = cutter(25.0, 5.0);
+        let mut stock = Stock::new(block(100.0, 60.0, 20.0), 0.5 * MM);
+        let front = Front::new(&cutter, &coefficients());
+        let done = run(&mut stock, &front, &line(upright(-20.0, 30.0, -depth), upright(60.0, 30.0, -depth), 2.0));
+        let last = &done.last().unwrap().0;
+        let wanted = declared(cutter, Mode::Slot, depth, 0.0);
+        let bound = last.bound[0] + FEED_PER_TOOTH * last.bound[1];
+        let error = (force(last) - wanted).norm();
+        println!("{depth} mm: error {error:.4} N, bound {bound:.4} N of {:.1} N", wanted.norm());
+        assert!(error <= bound + 1e-3 * wanted.norm(), "{error} {bound}");
+        assert!(bound < 0.05 * wanted.norm(), "{bound}");
+    }
+}

@@ -1,0 +1,141 @@
+//! A program through a cell with `[stock]`: the same cut as declared, volumes, collisions, feedback, and the part that comes out.
+
+use super::within;
+use deflex::cell::Cell;
+use deflex::correct::{Corrected, Cuts, Options, compensate, cut_stock, predict};
+use deflex::program::{Program, rapid};
+use deflex::report::{DeviationMap, probe, stl};
+use deflex::text::{Diagnostic, Source};
+use nalgebra::Vector3;
+
+/// A cell with an engagement, and more sections behind it.
+fn cell(engagement: &str, more: &str) -> Cell {
+    let text = format!(
+        r#"
+[robot]
+model = "irb6660-205-1.9"
+start_deg = [-5, 20, 20, 0, 60, 0]
+[robot.stiffness]
+joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
+[controller]
+compensates = []
+[cut]
+force = "mechanistic"
+max_cutting_feed_mm_s = 100.0
+[cut.cutter]
+diameter_mm = 16.0
+corner_radius_mm = 2.0
+teeth = 3
+[cut.engagement]
+feed_per_tooth_mm = 0.06
+{engagement}
+[cut.coefficients]
+material = "al7075"
+{more}
+"#
+    );
+    Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap()
+}
+
+const STOCK: &str = "[stock]\nbox_mm = [[0, 0, -20], [48, 40, 0]]\nresolution_mm = 0.4\n";
+
+/// Moves: x, y, z in mm, and a speed.
+fn program(moves: &[([f64; 3], &str)]) -> Program {
+    let mut text = "MODULE M\n\
+        PERS tooldata tMill:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n\
+        PERS wobjdata wBlock:=[FALSE,TRUE,\"\",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n\
+        PROC main()\n"
+        .to_owned();
+    for ([x, y, z], speed) in moves {
+        text += &format!(
+            "MoveL [[{x},{y},{z}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},z0,tMill\\WObj:=wBlock;\n"
+        );
+    }
+    text += "ENDPROC\nENDMODULE\n";
+    rapid::read(vec![Source::new("part.mod", text.into_bytes())], Vec::new()).unwrap()
+}
+
+fn slot() -> Program {
+    let mut moves = vec![([-12.0, 20.0, 10.0], "v200"), ([-12.0, 20.0, -1.5], "v200")];
+    moves.extend((-2..=14).map(|i| ([4.0 * f64::from(i), 20.0, -1.5], "v20")));
+    moves.push(([56.0, 20.0, 10.0], "v200"));
+    program(&moves)
+}
+
+fn force(corrected: &Corrected, row: usize) -> Vector3<f64> {
+    corrected.rows[row].force_n.into()
+}
+
+/// Unoptimised, the equilibria of a program take more stack than a test's thread has.
+const STACK: usize = 16 << 20;
+
+#[test]
+fn a_slot_from_the_stock_is_the_declared_one_in_the_report() {
+    std::thread::Builder::new().stack_size(STACK).spawn(slot_as_declared).unwrap().join().unwrap();
+}
+
+fn slot_as_declared() {
+    let options = Options::default();
+    let declared = cell("mode = \"slot\"\ndepth_mm = 1.5\nlead_deg = 0\ntilt_deg = 0", "");
+    let stock = cell("mode = \"stock\"", STOCK);
+    // Correcting leaves the force at rest; the declared cell's row has it at the uncorrected pose.
+    let wanted = predict(&slot(), &declared, &options, None).unwrap();
+    let found = predict(&slot(), &stock, &options, None).unwrap();
+    within(force(&found, 10), force(&wanted, 10), 0.01);
+    let corrected = compensate(&slot(), &stock, &options).unwrap();
+    assert!(corrected.failures.is_empty());
+    let row = &corrected.rows[10];
+    assert!((row.depth_mm.unwrap() - 1.5).abs() < 0.01 && (row.engaged_deg.unwrap() - 180.0).abs() < 0.5, "{row:?}");
+    assert!(row.remaining_norm_mm() < 1e-3);
+    // Pushed off, the tool cuts less.
+    assert!(force(&found, 10).norm() < 0.995 * force(&corrected, 10).norm());
+    assert!(found.rows[10].depth_mm.unwrap() < 1.5 - 0.5 * found.rows[10].error_mm[2]);
+    // Before the block, and over it: air.
+    assert!(force(&corrected, 0).norm() < 1e-12);
+    // 48 × 16 × 1.5 less what the rounded corners leave.
+    let removed: f64 = corrected.rows.iter().filter_map(|row| row.removed_mm3).sum();
+    let full = 48.0 * (16.0 * 1.5 - 2.0 * section_left());
+    assert!((removed / full - 1.0).abs() < 5e-3, "{removed} {full}");
+}
+
+/// Of a slot 1.5 deep, a corner of radius 2 leaves below its arc, mm².
+fn section_left() -> f64 {
+    let n = 10_000;
+    let z = |i: usize| 1.5 * (i as f64 + 0.5) / f64::from(n);
+    (0..n as usize).map(|i| 2.0 - (4.0 - (2.0 - z(i)).powi(2)).sqrt()).sum::<f64>() * 1.5 / f64::from(n)
+}
+
+#[test]
+fn a_rapid_move_through_material_names_its_line() {
+    let through = program(&[([-12.0, 20.0, -1.5], "v200"), ([0.0, 20.0, -1.5], "v20"), ([30.0, 20.0, -1.5], "v500")]);
+    let refused: Vec<Diagnostic> =
+        compensate(&through, &cell("mode = \"stock\"", STOCK), &Options::default()).unwrap_err();
+    assert_eq!(refused.len(), 1, "{refused:?}");
+    assert_eq!((refused[0].code, refused[0].line), ("stock.rapid", 7));
+}
+
+#[test]
+fn a_known_shift_is_the_deviation() {
+    // The work object stands 0.1 mm lower than declared: the tool cuts as much too high in it, whatever the force.
+    let shifted = cell(
+        "mode = \"stock\"",
+        &format!("{STOCK}[[effect]]\nkind = \"work_object_frame\"\nd_mm = [0.0, 0.0, -0.1]\nd_rad = [0.0, 0.0, 0.0]\n"),
+    );
+    let options = Options { forces: Some(deflex::correct::Forces::default()), ..Options::default() };
+    let programmed = cut_stock(&slot(), &shifted, &options, None, Cuts::Programmed).unwrap();
+    let actual = cut_stock(&slot(), &shifted, &options, None, Cuts::Deflected).unwrap();
+    let mesh = programmed.stock.surface(0.8e-3);
+    let volume = mesh.volume();
+    assert!((volume / programmed.stock.volume() - 1.0).abs() < 5e-3, "{volume}");
+    assert_eq!(stl(&mesh).len(), 84 + 50 * mesh.triangles.len());
+    let map = DeviationMap::new(mesh, &programmed.stock, &actual.stock);
+    let floor: Vec<f64> =
+        map.points().iter().filter(|p| (p.position_mm[2] + 1.5).abs() < 1e-3).map(|p| p.deviation_mm).collect();
+    assert!(floor.len() > 100 && floor.iter().all(|d| (d - 0.1).abs() < 2e-3), "{:?}", &floor[..10]);
+    let at = |z: f64| Vector3::new(24.0, 20.0, z) * 1e-3;
+    let up = Vector3::z();
+    assert!((probe(&actual.stock, &at(-1.5), Some(&up)).unwrap() - 0.1).abs() < 1e-3);
+    assert!(probe(&actual.stock, &at(-1.4), Some(&up)).unwrap().abs() < 1e-3);
+    let figures = map.figures();
+    assert!(figures.leftover.max_mm >= 0.1 && figures.max_mm < 0.11, "{figures:?}");
+}

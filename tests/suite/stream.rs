@@ -1,0 +1,281 @@
+//! Programs in pieces against the same programs as a whole: the same bytes, the same words.
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_pieces};
+use deflex::program::rapid::{self, PIECE, Pieces};
+use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
+use deflex::text::{Diagnostic, Source, apply};
+use proptest::prelude::*;
+use std::fmt::Write;
+
+const CELL: &str = r#"
+[robot]
+model = "an arm with room to turn"
+start_deg = [0, 0, 0, 0, 60, 0]
+[robot.kinematics]
+parallelogram = false
+links = [
+  { alpha_deg = 0.0, a_mm = 0.0, d_mm = 780.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 320.0, d_mm = 0.0, theta_deg = -90.0 },
+  { alpha_deg = 0.0, a_mm = 1075.0, d_mm = 0.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 200.0, d_mm = 1142.5, theta_deg = 0.0 },
+  { alpha_deg = 90.0, a_mm = 0.0, d_mm = 0.0, theta_deg = 0.0 },
+  { alpha_deg = -90.0, a_mm = 0.0, d_mm = 200.0, theta_deg = 180.0 },
+]
+axis_min_deg = [-360, -360, -360, -360, -360, -360]
+axis_max_deg = [360, 360, 360, 360, 360, 360]
+[robot.stiffness]
+joint_nm_per_rad = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
+[limits]
+max_correction_mm = 5.0
+max_step_mm = 1.0
+[controller]
+compensates = []
+[cut]
+force = "mechanistic"
+[cut.cutter]
+diameter_mm = 20.0
+corner_radius_mm = 2.0
+teeth = 4
+helix_deg = 30.0
+[cut.engagement]
+mode = "slot"
+depth_mm = 2.0
+width_mm = 20.0
+feed_per_tooth_mm = 0.1
+lead_deg = 5.0
+tilt_deg = 0.0
+[cut.coefficients]
+ktc_n_mm2 = 800.0
+krc_n_mm2 = 300.0
+kac_n_mm2 = 150.0
+kte_n_mm = 10.0
+kre_n_mm = 10.0
+kae_n_mm = 2.0
+[[effect]]
+kind = "backlash"
+half_gap_rad = [1e-5, 2e-5, 2e-5, 3e-5, 3e-5, 5e-5]
+[[effect]]
+kind = "gravity"
+mass_kg = [0, 200, 150, 60, 30, 10]
+first_moment_kg_m = [[0, 0, 0], [100, 0, 0], [30, 60, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+tool = true
+[[effect]]
+kind = "tool_wear"
+per_m = 0.02
+[[effect]]
+kind = "tracking_lag"
+time_s = 0.001
+"#;
+
+const HEAD: &str = "MODULE Mill
+  PERS tooldata tMill:=[TRUE,[[321.5,0,148.25],[0.70710678,0,0.70710678,0]],[38,[90,0,60],[1,0,0,0],0,0,0]];
+  TASK PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[1600,-200,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+  PROC main()
+    ConfL\\Off;
+";
+
+fn cell(text: &str) -> Cell {
+    Cell::read(&Source::new("cell.toml", text.as_bytes())).unwrap()
+}
+
+/// What a run gives: program, report, what is said.
+type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<Diagnostic>), Vec<Diagnostic>>;
+
+fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
+    let program = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new())?;
+    let corrected = compensate(&program, cell, options)?;
+    if !corrected.failures.is_empty() {
+        return Err(corrected.failures);
+    }
+    let (mut bytes, mut report) = (Vec::new(), Vec::new());
+    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
+    write_csv(&corrected.rows, &mut report).unwrap();
+    Ok((bytes, report, summary_line(&FileSummary::new("", &program, &corrected)), corrected.notes))
+}
+
+/// `None` where the program is not straight.
+fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
+    let pieces = Pieces::new("part.mod", text.as_bytes(), &[]).unwrap()?;
+    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
+    let mut sinks =
+        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+    Some(match compensate_pieces(pieces, cell, options, threads, &mut program, &mut sinks) {
+        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
+            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
+        }
+        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
+        Err(StreamError::NotStraight) => return None,
+        Err(error) => panic!("{error:?}"),
+    })
+}
+
+fn words(came: &Came) -> Vec<String> {
+    let said = match came {
+        Ok((.., notes)) => notes,
+        Err(errors) => errors,
+    };
+    said.iter().map(|d| format!("{d} {:?}", d.snippet)).collect()
+}
+
+fn agree(text: &str, cell: &Cell, options: &Options) -> Result<(), TestCaseError> {
+    let expected = whole(text, cell, options);
+    for threads in [1, 3] {
+        let Some(came) = streamed(text, cell, options, threads) else {
+            return Err(TestCaseError::fail("the program is straight"));
+        };
+        prop_assert_eq!(words(&came), words(&expected));
+        prop_assert_eq!(came.is_ok(), expected.is_ok());
+        if let (Ok(came), Ok(expected)) = (&came, &expected) {
+            prop_assert!(came.0 == expected.0, "the programs differ");
+            prop_assert!(came.1 == expected.1, "the reports differ");
+            prop_assert_eq!(&came.2, &expected.2);
+        }
+    }
+    Ok(())
+}
+
+/// A line of a program, as far as it matters where it is cut.
+#[derive(Clone, Copy, Debug)]
+enum Line {
+    Cut,
+    Slow,
+    Joint,
+    AbsoluteJoint,
+    Still,
+    Comment,
+    Blank,
+    Mark(bool),
+    Harmless,
+}
+
+fn line() -> impl Strategy<Value = Line> {
+    prop_oneof![
+        40 => Just(Line::Cut),
+        4 => Just(Line::Slow),
+        1 => Just(Line::Joint),
+        1 => Just(Line::AbsoluteJoint),
+        2 => Just(Line::Still),
+        2 => Just(Line::Comment),
+        1 => Just(Line::Blank),
+        1 => any::<bool>().prop_map(Line::Mark),
+        1 => Just(Line::Harmless),
+    ]
+}
+
+fn program(lines: &[Line], ends: &str) -> String {
+    let mut text = HEAD.to_owned();
+    let mut x = 0.0_f64;
+    for line in lines {
+        let turn = 0.002 * (0.01 * x).sin();
+        // There and back again, within reach.
+        let along = 600.0 - (x % 1200.0 - 600.0).abs();
+        let pose = format!(
+            "[[{along:.3},{:.3},{:.2}],[{:.8},{:.8},0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
+            20.0 * (0.013 * x).sin(),
+            40.0 + 10.0 * (0.007 * x).cos(),
+            turn,
+            (1.0 - turn * turn - 0.107_600_48_f64.powi(2)).sqrt(),
+        );
+        match line {
+            Line::Cut | Line::Slow | Line::Joint => x += 0.35,
+            _ => {}
+        }
+        let written = match line {
+            Line::Cut => write!(text, "    MoveL {pose},v50,z1,tMill\\WObj:=wPart;"),
+            Line::Slow => write!(text, "  MoveL {pose}, v20, fine, tMill \\WObj:=wPart;  "),
+            Line::Joint => write!(text, "    MoveJ {pose},v100,z1,tMill\\WObj:=wPart;"),
+            Line::Still => write!(text, "    MoveL {pose},v50,z0,tMill\\WObj:=wPart;"),
+            Line::AbsoluteJoint => {
+                // A marked cut would be one there too.
+                write!(
+                    text,
+                    "    ! deflex air\n    MoveAbsJ [[0,20,10,10,40,20],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tMill;"
+                )
+            }
+            Line::Comment => write!(text, "    ! layer; at {x}"),
+            Line::Blank => Ok(()),
+            Line::Mark(air) => write!(text, "    ! deflex {}", if *air { "air" } else { "cut" }),
+            Line::Harmless => write!(text, "    SetDO doCoolant,1;"),
+        };
+        written.unwrap();
+        text.push('\n');
+    }
+    text.push_str("  ENDPROC\nENDMODULE\n");
+    text.replace('\n', ends)
+}
+
+/// Lines that fill some pieces.
+const SOME_PIECES: std::ops::Range<usize> = 3 * PIECE / 140..5 * PIECE / 140;
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_straight_program_gives_the_same_in_pieces(
+        lines in proptest::collection::vec(line(), SOME_PIECES),
+        crlf in any::<bool>(),
+        subdivide in prop::option::of(Just(5e-6)),
+    ) {
+        let options = Options { subdivide, ..Options::default() };
+        // Lead in and out of marks and stops steps the correction: not what this is about.
+        let cell = cell(&CELL.replace("max_step_mm = 1.0", "max_step_mm = 5.0"));
+        let text = program(&lines, if crlf { "\r\n" } else { "\n" });
+        // Targets stand closer to what is inserted than a zone is wide, and that is said.
+        let said = words(&whole(&text, &cell, &options));
+        prop_assert!(said.iter().all(|said| said.contains("subdivide.zone")), "{:?}", said);
+        agree(&text, &cell, &options)?;
+    }
+}
+
+#[test]
+fn refusals_and_failures_are_told_alike() {
+    let lines = vec![Line::Cut; SOME_PIECES.start];
+    let text = program(&lines, "\n");
+    // Out of reach from somewhere on; corrections beyond the limit everywhere; a force without a stiffness.
+    let far = text.replace("40.000", "2840.000").replace(",-0.0", ",1900.0");
+    let stiffness = "[robot.stiffness]\njoint_nm_per_rad = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]\n";
+    for (text, cell) in [
+        (&far, cell(CELL)),
+        (&text, cell(&CELL.replace("max_correction_mm = 5.0", "max_correction_mm = 0.3"))),
+        (&text, cell(&CELL.replace(stiffness, ""))),
+        (&text.replace("tMill\\WObj", "tOther\\WObj"), cell(CELL)),
+    ] {
+        let expected = whole(text, &cell, &Options::default());
+        assert!(expected.is_err());
+        let came = streamed(text, &cell, &Options::default(), 3).unwrap();
+        let (came, expected) = (words(&came), words(&expected));
+        // A tool that is missing is missing in every piece; more than a thousand messages are only counted.
+        assert_eq!(came.iter().take(1).collect::<Vec<_>>(), expected.iter().take(1).collect::<Vec<_>>());
+        if !came[0].contains("tOther") && expected.len() <= 1000 {
+            assert_eq!(came, expected);
+        }
+    }
+}
+
+#[test]
+fn what_only_the_whole_tells_is_not_streamed() {
+    let text = program(&[Line::Cut; SOME_PIECES.start], "\n");
+    let cell = cell(CELL);
+    assert_eq!(words(&streamed(&text, &cell, &Options::default(), 2).unwrap()), Vec::<String>::new());
+    let pose = "[[0,0,40],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    let late = |statement: &str| text.replace("  ENDPROC", &format!("    {statement}\n  ENDPROC"));
+    let early = |data: &str| text.replace("  PROC main", &format!("  {data}\n  PROC main"));
+    let declared = early(&format!("CONST robtarget p1:={pose};"));
+    let programs = [
+        late("nParts:=nParts+1;"),
+        late("Finish;"),
+        late("IF diStop=1 THEN\n Stop;\n ENDIF"),
+        late("PDispOn tMill;"),
+        late(&format!("MoveL Offs({pose},0,0,5),v50,z1,tMill\\WObj:=wPart;")),
+        late(&format!("MoveC {pose},{pose},v50,z1,tMill\\WObj:=wPart;")),
+        late(&format!("MoveL {},v50,z1,tMill\\WObj:=wPart;", pose.replace("9E9,9E9]]", "100,9E9]]"))),
+        declared.replace("  ENDPROC", "    MoveL p1,v50,z1,tMill\\WObj:=wPart;\n  ENDPROC"),
+        text.replace("ENDMODULE", "  PROC more()\n  ENDPROC\nENDMODULE"),
+        text.replace("ENDMODULE", "ENDMODULE\nMODULE B\nENDMODULE"),
+        text.replace("    ConfL", "    WHILE TRUE DO\n    ConfL"),
+    ];
+    for program in &programs {
+        assert!(streamed(program, &cell, &Options::default(), 2).is_none(), "{}", &program[program.len() - 300..]);
+    }
+}
