@@ -2,10 +2,10 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use deflex::cell::Cell;
-use deflex::correct::{Options, Prepared, Sinks, compensate, compensate_pieces};
+use deflex::correct::{Options, Prepared, Sinks, compensate, compensate_chunks};
 use deflex::identify::{Input, identify};
 use deflex::measured::Table;
-use deflex::program::rapid::{self, Pieces};
+use deflex::program::rapid::{self, Chunks};
 use deflex::program::{Change, Goal, Program, RewriteOptions, cl};
 use deflex::report::csv_rows;
 use deflex::text::{Source, apply};
@@ -13,7 +13,7 @@ use std::fmt::Write;
 use std::hint::black_box;
 use std::path::Path;
 
-/// Targets of a benchmark: some pieces of a stream.
+/// Targets of a benchmark: some chunks of a stream.
 const TARGETS: usize = 2000;
 
 fn file(path: &str) -> Source {
@@ -121,13 +121,13 @@ fn job(c: &mut Criterion) {
     group.bench_function("whole program, all threads", |b| {
         b.iter(|| compensate(&read(black_box(&text)), &cell, &Options::default()));
     });
-    group.bench_function("in pieces, one thread", |b| {
+    group.bench_function("in chunks, one thread", |b| {
         b.iter(|| {
             let (mut program, mut report) = (Vec::new(), Vec::new());
-            let pieces = Pieces::new("part.mod", black_box(text.as_bytes()), &[]).ok().flatten()?;
+            let chunks = Chunks::new("part.mod", black_box(text.as_bytes()), &[]).ok().flatten()?;
             let mut sinks =
                 Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-            compensate_pieces(pieces, &cell, &Options::default(), 1, &mut program, &mut sinks).ok()
+            compensate_chunks(chunks, &cell, &Options::default(), 1, &mut program, &mut sinks).ok()
         });
     });
 }

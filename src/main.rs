@@ -5,7 +5,7 @@ mod cli;
 use std::process::ExitCode;
 
 /// glibc's allocator keeps freed room of up to twice the largest block that was once given back (mallopt(3), dynamic
-/// threshold); before, it gives every piece's room back to the system, and page faults are a third of a long job.
+/// threshold); before, it gives every chunk's room back to the system, and page faults are a third of a long job.
 const KEPT_BYTES: usize = 8 << 20;
 
 fn main() -> ExitCode {

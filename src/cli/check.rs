@@ -140,7 +140,7 @@ fn corrects(args: &Check) -> bool {
     args.max_correction.is_some() && args.against.is_none()
 }
 
-/// A program that went through a piece at a time.
+/// A program that went through a chunk at a time.
 fn streamed(batch: &Batch<'_>, name: &str, foreseen: Foreseen) -> Result<Checked, Vec<Diagnostic>> {
     let Foreseen { streamed, findings, outputs, rows, path } = foreseen;
     let (found, sum) = if streamed.refused.is_empty() {
@@ -208,7 +208,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
-/// What is wrong with a program, or a piece of it.
+/// What is wrong with a program, or a chunk of it.
 fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     let Judged { program, rows, failures, original } = judged;
     let place = Places::new(program);

@@ -7,8 +7,8 @@ use super::output::{Outputs, cannot_write};
 use super::report::{Noticed, ProgramReports, Rows};
 use super::run::Setup;
 use super::{progress, stream};
-use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_pieces};
-use deflex::program::{AnyPieces, Language};
+use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_chunks};
+use deflex::program::{AnyChunks, Language};
 use deflex::report::Findings;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
@@ -41,7 +41,7 @@ impl Batch<'_> {
     }
 }
 
-/// What a check asks of each piece.
+/// What a check asks of each chunk.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
     /// Whether the program is corrected too.
@@ -74,10 +74,10 @@ pub(super) fn streamed(
     // In a batch the bar counts programs.
     let bar = Some(bar).filter(|_| batch.programs == 1);
     for kind in [Kind::Any, Kind::Indexed] {
-        let Some(pieces) = pieces(batch.setup, job, kind)? else { continue };
+        let Some(chunks) = chunks(batch.setup, job, kind)? else { continue };
         let before = match &original {
-            Some(original) => match self::pieces(batch.setup, original, kind)? {
-                Some(pieces) => Some(pieces),
+            Some(original) => match self::chunks(batch.setup, original, kind)? {
+                Some(chunks) => Some(chunks),
                 None => continue,
             },
             None => None,
@@ -86,7 +86,7 @@ pub(super) fn streamed(
             let bytes = std::fs::metadata(path).map_err(|error| cannot_read(name, &error))?.len();
             progress::bytes(bar, bytes);
         }
-        let names = [pieces.names(), before.as_ref().and_then(AnyPieces::names)];
+        let names = [chunks.names(), before.as_ref().and_then(AnyChunks::names)];
         let mut outputs = batch.outputs.sibling();
         let mut reports = ProgramReports::open(
             None,
@@ -106,10 +106,10 @@ pub(super) fn streamed(
             findings,
             found: &mut found,
         });
-        let done = reports.filled(bar, |sinks| predict_pieces(pieces, before, cell, options, threads, judge, sinks));
+        let done = reports.filled(bar, |sinks| predict_chunks(chunks, before, cell, options, threads, judge, sinks));
         let streamed = match done {
             Ok(streamed) => streamed,
-            Err(StreamError::NotStraight) => continue,
+            Err(StreamError::NotStreamable) => continue,
             Err(StreamError::Refused(errors)) => return Err(batch.setup.cell.own(errors)),
             Err(StreamError::Read(error)) => return Err(cannot_read(name, &error)),
             Err(StreamError::Write(error)) => return Err(stream::cannot_write(&error)),
@@ -141,24 +141,24 @@ enum Kind {
     Indexed,
 }
 
-/// The pieces of a program; `None` where it can only be read whole.
-fn pieces(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyPieces<File>>, Vec<Diagnostic>> {
+/// The chunks of a program; `None` where it can only be read whole.
+fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>>, Vec<Diagnostic>> {
     let [Text::File { name, .. }] = &job.texts[..] else { return Ok(None) };
     let failed = |error: std::io::Error| cannot_read(name, &error);
     let context = setup.context.sources();
     match job.language {
         Language::Cl => {
             let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
-            AnyPieces::cl(name, open(job)?, &options).map_err(failed)
+            AnyChunks::cl(name, open(job)?, &options).map_err(failed)
         }
         Language::Rapid => {
             let inline = match kind {
-                Kind::Any => AnyPieces::inline(name, open(job)?, context).map_err(failed)?,
+                Kind::Any => AnyChunks::inline(name, open(job)?, context).map_err(failed)?,
                 Kind::Indexed => None,
             };
             match inline {
-                Some(pieces) => Ok(Some(pieces)),
-                None => AnyPieces::indexed(name, open(job)?, open(job)?, context).map_err(failed),
+                Some(chunks) => Ok(Some(chunks)),
+                None => AnyChunks::indexed(name, open(job)?, open(job)?, context).map_err(failed),
             }
         }
     }

@@ -126,7 +126,7 @@ impl Done {
         Ok(Self { outputs, rows, summary, line, notes, path })
     }
 
-    /// A program that was predicted a piece at a time.
+    /// A program that was predicted a chunk at a time.
     pub(super) fn streamed(name: &str, foreseen: Foreseen) -> Result<Self, Vec<Diagnostic>> {
         let Foreseen { streamed, outputs, rows, path, .. } = foreseen;
         if !streamed.failures.is_empty() {

@@ -8,7 +8,7 @@ use super::output::{Outputs, Temporary};
 use super::report::ProgramReports;
 use super::run::Done;
 use super::{lines, progress, report};
-use deflex::correct::{self, Outline, Poster, StreamError, compensate_declared, compensate_pieces, post_pieces};
+use deflex::correct::{self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, post_chunks};
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, cl, rapid};
 use deflex::report::FileSummary;
@@ -57,16 +57,16 @@ impl<'a> Long<'a> {
     /// RAPID, edited in place.
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();
-        let pieces = rapid::Pieces::of_file(self.name, self.reread()?, context);
-        let Some(pieces) = pieces.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
+        let chunks = rapid::Chunks::of_file(self.name, self.reread()?, context);
+        let Some(chunks) = chunks.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = self.reports(file)?;
         let (setup, threads) = (self.batch.setup, self.threads());
         let done = reports.filled(self.bar, |sinks| {
-            compensate_pieces(pieces, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
+            compensate_chunks(chunks, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
         });
-        if matches!(done, Err(StreamError::NotStraight)) {
+        if matches!(done, Err(StreamError::NotStreamable)) {
             self.outputs = self.batch.outputs.sibling();
             return self.patch();
         }
@@ -79,17 +79,17 @@ impl<'a> Long<'a> {
         let failed = |error: io::Error| cannot_read(name, &error);
         // Places of their own in the same file.
         let open = || File::open(path).map_err(failed);
-        let pieces = rapid::Declared::new(name, open()?, open()?, context);
-        let Some(pieces) = pieces.map_err(failed)? else { return Ok(None) };
+        let chunks = rapid::Declared::new(name, open()?, open()?, context);
+        let Some(chunks) = chunks.map_err(failed)? else { return Ok(None) };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = self.reports(file)?;
         let (_scratch, scratch) = Temporary::spool().map_err(|error| cannot_write(&error))?;
         let mut patch = Patch::new(scratch);
         let (setup, threads) = (self.batch.setup, self.threads());
-        let (names, original) = (pieces.names(), self.reread()?);
+        let (names, original) = (chunks.names(), self.reread()?);
         let done = reports.filled(self.bar, |sinks| {
-            let done = compensate_declared(pieces, &setup.cell.cell, &setup.options, threads, &mut patch, sinks)?;
+            let done = compensate_declared(chunks, &setup.cell.cell, &setup.options, threads, &mut patch, sinks)?;
             if done.failures.is_empty() {
                 patch.apply(original, &mut program).map_err(StreamError::Write)?;
             }
@@ -103,22 +103,22 @@ impl<'a> Long<'a> {
         let (args, setup) = (self.batch.args, self.batch.setup);
         let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
         // Once through for what the head of the program needs, then once more.
-        let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
+        let Some(chunks) = self.chunks(&options)? else { return Ok(None) };
         let read = |targets, bytes| self.bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
-        let mut outline = match Outline::of_pieces(pieces, read) {
+        let mut outline = match Outline::of_chunks(chunks, read) {
             Ok(outline) => outline,
             Err(why) => return self.refused(why),
         };
         if setup.options.subdivide.is_some() && args.max_targets.is_some() {
             // How many parts there are is told by what is inserted.
-            let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
+            let Some(chunks) = self.chunks(&options)? else { return Ok(None) };
             let (cell, threads, bar) = (&setup.cell.cell, self.threads(), self.bar);
             let solved = |targets, bytes| bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
-            if let Err(why) = correct::count_pieces(pieces, cell, &setup.options, threads, &mut outline, &solved) {
+            if let Err(why) = correct::count_chunks(chunks, cell, &setup.options, threads, &mut outline, &solved) {
                 return self.refused(why);
             }
         }
-        let Some(pieces) = self.pieces(&options)? else { return Ok(None) };
+        let Some(chunks) = self.chunks(&options)? else { return Ok(None) };
         let poster = Poster::new(outline, &setup.cell.cell, &post_options(args, &self.job.files[0]))?;
         in_one_file(args, poster.files())?;
         let mut reports = self.reports(Path::new(poster.main_file()))?;
@@ -133,7 +133,7 @@ impl<'a> Long<'a> {
             })
         };
         let done = reports
-            .filled(bar, |sinks| post_pieces(pieces, &setup.cell.cell, &setup.options, threads, &poster, open, sinks));
+            .filled(bar, |sinks| post_chunks(chunks, &setup.cell.cell, &setup.options, threads, &poster, open, sinks));
         match refused {
             Some(why) => Err(why),
             // Targets of CL data have no names.
@@ -160,9 +160,9 @@ impl<'a> Long<'a> {
         rayon::current_num_threads().div_ceil(self.batch.programs)
     }
 
-    /// The pieces of CL data; `None` where they can only be read whole.
-    fn pieces(&mut self, options: &ClOptions) -> Result<Option<cl::Pieces<File>>, Vec<Diagnostic>> {
-        cl::Pieces::new(self.name, self.reread()?, options).map_err(|error| cannot_read(self.name, &error))
+    /// The chunks of CL data; `None` where they can only be read whole.
+    fn chunks(&mut self, options: &ClOptions) -> Result<Option<cl::Chunks<File>>, Vec<Diagnostic>> {
+        cl::Chunks::new(self.name, self.reread()?, options).map_err(|error| cannot_read(self.name, &error))
     }
 
     /// The file from its start.
@@ -200,7 +200,7 @@ impl<'a> Long<'a> {
 
     fn refused(&self, why: StreamError) -> Result<Option<Done>, Vec<Diagnostic>> {
         match why {
-            StreamError::NotStraight => Ok(None),
+            StreamError::NotStreamable => Ok(None),
             StreamError::Refused(errors) => Err(self.batch.setup.cell.own(errors)),
             StreamError::Read(error) => Err(cannot_read(self.name, &error)),
             StreamError::Write(error) => Err(cannot_write(&error)),

@@ -8,7 +8,7 @@ use crate::cutting::Lean;
 use crate::equilibrium::Setting;
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use crate::program::{Goal, Target};
-use crate::robot::{Eight, EightFound, Joints, Place, Pose};
+use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 
 /// What is known of up to eight targets before each is looked at.
@@ -16,7 +16,7 @@ pub(super) struct Ahead {
     /// Of CL targets.
     spin: Spin,
     /// Poses and, most likely, motor angles.
-    found: EightFound,
+    found: BatchSolutions,
     posed: bool,
     /// Of CL targets, what the rule gives x up to each; see [`spin::pose`].
     held: [Option<Vector3<f64>>; WIDTH],
@@ -25,7 +25,7 @@ pub(super) struct Ahead {
     stretch: bool,
 }
 
-/// Eight of [`Way`].
+/// Lanes of [`Approach`].
 #[derive(Default)]
 struct Chords {
     /// Where they begin, m.
@@ -38,7 +38,7 @@ struct Chords {
 }
 
 /// The way into a target, work object axes; out of it at the first.
-pub(super) struct Way {
+pub(super) struct Approach {
     /// Its length, m.
     pub(super) size: f64,
     /// Where it is long enough for one.
@@ -50,7 +50,7 @@ impl Ahead {
     pub(super) fn new(cell: &Cell) -> Self {
         Self {
             spin: cell.cl.as_ref().map_or(spin::NONE, |cl| cl.spin),
-            found: EightFound::default(),
+            found: BatchSolutions::default(),
             posed: false,
             held: [None; WIDTH],
             chords: Chords::default(),
@@ -61,7 +61,7 @@ impl Ahead {
     /// Looks at targets, with their settings, and the point before them.
     pub(super) fn look(
         &mut self,
-        robot: Option<&Eight<'_>>,
+        robot: Option<&BatchArm<'_>>,
         (targets, settings): (&[Target], &[RunWith]),
         carried: &Carried<'_>,
         before: Option<&Point>,
@@ -147,7 +147,7 @@ impl Ahead {
         self.chords.chord.lane(lane)
     }
 
-    pub(super) fn way(&self, lane: usize) -> Way {
+    pub(super) fn way(&self, lane: usize) -> Approach {
         self.chords.lane(lane)
     }
 }
@@ -186,10 +186,10 @@ impl Chords {
         }
     }
 
-    fn lane(&self, lane: usize) -> Way {
+    fn lane(&self, lane: usize) -> Approach {
         let size = self.size.lane(lane);
         let far = size > CHORD;
-        Way {
+        Approach {
             size,
             direction: far.then(|| self.direction.lane(lane)),
             feed_frame: (far && self.fed.lane(lane)).then(|| self.feed_frame.rotation(lane)),

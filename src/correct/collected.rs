@@ -5,7 +5,7 @@ use super::path;
 use super::row::Row;
 use super::{PathDeviation, Prepared};
 use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, Landing};
+use crate::equilibrium::{EquilibriumError, PredictedPose};
 use crate::program::{Change, Language, Program, Rewritten, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
@@ -27,7 +27,7 @@ impl<'a> Collected<'a> {
         Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
     }
 
-    pub(super) fn row(&mut self, i: usize, there: &Landing) {
+    pub(super) fn row(&mut self, i: usize, there: &PredictedPose) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
         if !path::is_end(target) {
             return;

@@ -10,7 +10,7 @@ use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solver, controller_motor};
 use super::track::Track;
-use crate::equilibrium::{EquilibriumError, Foreseen, Landing};
+use crate::equilibrium::{EquilibriumError, PredictedPose, WarmStart};
 use crate::program::Program;
 use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
@@ -70,9 +70,9 @@ pub(super) struct Commanded<'a> {
     /// Motor angles, rad, and the direction of travel into them; `None` where the target has no answer.
     pub(super) motors: &'a (dyn Fn(usize) -> Option<(Joints, Joints)> + Sync),
     /// Where each target ends up.
-    pub(super) landings: &'a [Result<Landing, EquilibriumError>],
+    pub(super) predicted_poses: &'a [Result<PredictedPose, EquilibriumError>],
     /// About how the joints yield at each, to begin with.
-    pub(super) near: &'a (dyn Fn(usize) -> Foreseen + Sync),
+    pub(super) near: &'a (dyn Fn(usize) -> WarmStart + Sync),
     /// Places besides the targets, in order.
     pub(super) nodes: &'a [Node],
 }
@@ -113,7 +113,7 @@ pub(super) fn pass_end(
     commanded: &Commanded<'_>,
     last: &mut Option<Start>,
 ) -> Option<Start> {
-    let way = Way { program, prepared, commanded, last: last.as_ref() };
+    let way = WalkedPath { program, prepared, commanded, last: last.as_ref() };
     match (0..prepared.points.len()).rev().find(|i| Kind::of(program, *i) != Kind::Point) {
         Some(end) => {
             let end = way.start(Some(end));
@@ -130,7 +130,7 @@ pub(super) fn measure(
     commanded: &Commanded<'_>,
     last: Option<&Start>,
 ) -> Vec<Option<PathDeviation>> {
-    let way = Way { program, prepared: solver.prepared, commanded, last };
+    let way = WalkedPath { program, prepared: solver.prepared, commanded, last };
     let count = solver.prepared.points.len();
     let mut out = vec![None; count];
     let mut wanted = Vec::new();
@@ -141,12 +141,12 @@ pub(super) fn measure(
             continue;
         }
         let start = from.replace(i);
-        let (Ok(landing), Some((motor, _))) = (&commanded.landings[i], (commanded.motors)(i)) else {
+        let (Ok(predicted), Some((motor, _))) = (&commanded.predicted_poses[i], (commanded.motors)(i)) else {
             before = None;
             continue;
         };
         if kind == Kind::Joint || start.is_none() && way.last.is_none() {
-            out[i] = Some(PathDeviation::at_end(&landing.shift));
+            out[i] = Some(PathDeviation::at_end(&predicted.shift));
             before = None;
             continue;
         }
@@ -167,7 +167,7 @@ pub(super) fn measure(
 }
 
 /// A program on its way.
-pub(super) struct Way<'a> {
+pub(super) struct WalkedPath<'a> {
     pub(super) program: &'a Program,
     pub(super) prepared: &'a Prepared,
     pub(super) commanded: &'a Commanded<'a>,
@@ -175,7 +175,7 @@ pub(super) struct Way<'a> {
     pub(super) last: Option<&'a Start>,
 }
 
-impl Way<'_> {
+impl WalkedPath<'_> {
     /// The target that the way into target `i` begins at: one of these, or (`Some(None)`) the end of those before.
     pub(super) fn before(&self, i: usize) -> Option<Option<usize>> {
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
@@ -220,7 +220,7 @@ impl Way<'_> {
         let rotation = &self.prepared.base_from_wobj(i).rotation;
         *before = along.map(|along| rotation * along).or(turned);
         let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();
-        let left = commanded.landings[i].as_ref().ok()?.shift;
+        let left = commanded.predicted_poses[i].as_ref().ok()?.shift;
         let correction = |sent: &Pose, wanted: &Pose| sent.translation.vector - wanted.translation.vector;
         let (first, here) = (correction(&sent, &start.reference), correction(&(commanded.poses)(i), &point.reference));
         let yields = here.norm() + left.norm();
@@ -291,7 +291,7 @@ impl Part {
 
 /// Deviations on parts, found in rounds: all that a round asks is solved at once.
 struct Measure<'a, 's, 'p> {
-    way: &'a Way<'a>,
+    way: &'a WalkedPath<'a>,
     solver: &'a Solver<'s>,
     segments: &'a [(Segment<'p>, &'p Start)],
     parts: &'a [Part],
@@ -332,10 +332,10 @@ impl<'p> Measure<'_, '_, 'p> {
     fn begin(&self, part: &Part) -> Known {
         let mut known = Known::default();
         let segment = self.segment(part);
-        let landing = self.way.commanded.landings[segment.end].as_ref().ok();
+        let predicted = self.way.commanded.predicted_poses[segment.end].as_ref().ok();
         // At the end of a line acts what acts at the target itself.
-        if let Some(landing) = landing.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
-            known.off.insert(TICKS, Some(segment.track.across(1.0, &landing.shift)));
+        if let Some(predicted) = predicted.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
+            known.off.insert(TICKS, Some(segment.track.across(1.0, &predicted.shift)));
         }
         if part.short {
             known.resolved.push((0, TICKS))
@@ -348,7 +348,7 @@ impl<'p> Measure<'_, '_, 'p> {
     /// How far the tip is off at ticks of parts, m.
     fn deviations(&self, wanted: &[(usize, u16)]) -> Vec<Option<Vector3<f64>>> {
         let prepared = self.solver.prepared;
-        let points = self.solver.spread.map(wanted.len(), |k| {
+        let points = self.solver.parallelism.map(wanted.len(), |k| {
             let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
             self.point(part, tick)
         });
@@ -358,13 +358,13 @@ impl<'p> Measure<'_, '_, 'p> {
             point.unwrap_or_else(|| prepared.points[self.segment(&self.parts[*part]).end].clone())
         });
         let batch = prepared.with_points(points.collect());
-        let solver = Solver::new(self.solver.arm, &batch, self.solver.spread);
+        let solver = Solver::new(self.solver.arm, &batch, self.solver.parallelism);
         let near = |k: usize| (self.way.commanded.near)(self.segment(&self.parts[wanted[k].0]).end);
-        let landings = solver.forward(|k| batch.points[k].as_programmed(), near);
+        let predicted_poses = solver.forward(|k| batch.points[k].as_programmed(), near);
         let off = |k: usize| {
             let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
             let (segment, share) = (self.segment(part), part.share(tick));
-            let shift = landings[k].as_ref().ok().filter(|_| reached[k])?.shift;
+            let shift = predicted_poses[k].as_ref().ok().filter(|_| reached[k])?.shift;
             let begins = segment.corner && tick == 0 && part.from <= 0.0;
             Some(if begins { segment.track.across_start(&shift) } else { segment.track.across(share, &shift) })
         };

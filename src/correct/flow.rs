@@ -1,14 +1,14 @@
-//! Pieces of a program from their reading to their writing, on several threads.
+//! Chunks of a program from their reading to their writing, on several threads.
 //!
-//! A thread takes a piece all the way; what depends on the pieces before stands in ordered passes (see [`Turns`]), of which the
+//! A thread takes a chunk all the way; what depends on the chunks before stands in ordered passes (see [`OrderedStage`]), of which the
 //! last is the writing. So any number of threads gives the same bytes.
 
 use super::messages::{Messages, Repeated};
+use super::ordered::OrderedStage;
 use super::row::Tally;
-use super::turns::Turns;
 use super::{Corrected, Row, Summary};
-use crate::program::piece::leaves_its_start;
-use crate::program::{Next, StraightPiece};
+use crate::program::chunk::leaves_its_start;
+use crate::program::{Next, StreamableChunk};
 use crate::text::Diagnostic;
 use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
@@ -19,7 +19,7 @@ pub struct Sinks<'a> {
     pub report: &'a mut (dyn Write + Send),
     /// Report rows to text.
     pub rows: &'a (dyn Fn(&[Row]) -> Vec<u8> + Sync),
-    /// Given the report rows in running order, a piece at a time.
+    /// Given the report rows in running order, a chunk at a time.
     pub each: &'a mut (dyn FnMut(&[Row]) + Send),
     /// Told the targets and the bytes of input done so far.
     pub progress: &'a (dyn Fn(usize, u64) + Sync),
@@ -51,7 +51,7 @@ impl Streamed {
 #[derive(Debug)]
 pub enum StreamError {
     /// Something in it only [`compensate`](super::compensate) on the whole can tell the meaning of.
-    NotStraight,
+    NotStreamable,
     /// What [`compensate`](super::compensate) refuses.
     Refused(Vec<Diagnostic>),
     /// The input cannot be read.
@@ -61,22 +61,22 @@ pub enum StreamError {
 }
 
 /// How a language comes in, and what is made of it.
-pub(super) struct Way<'a, S, P, T> {
-    /// The next piece's number, and where it comes from.
-    pub(super) pieces: Mutex<(usize, S)>,
+pub(super) struct WalkedPath<'a, S, P, T> {
+    /// The next chunk's number, and where it comes from.
+    pub(super) chunks: Mutex<(usize, S)>,
     pub(super) take: fn(&mut S) -> io::Result<Next<P>>,
-    pub(super) read: fn(P) -> Option<StraightPiece>,
-    /// What a piece, of this number, comes to, and what is written of it; `None` where one before it died.
+    pub(super) read: fn(P) -> Option<StreamableChunk>,
+    /// What a chunk, of this number, comes to, and what is written of it; `None` where one before it died.
     pub(super) solve: &'a Solve<'a, T>,
-    /// Lets no piece wait for one that died.
+    /// Lets no chunk wait for one that died.
     pub(super) break_off: &'a (dyn Fn() + Sync),
     /// Where refusals go: none yet.
     pub(super) refusals: Messages,
 }
 
-type Solve<'a, T> = dyn Fn(usize, &StraightPiece) -> Option<Result<(T, Corrected), Unsolved>> + Sync + 'a;
+type Solve<'a, T> = dyn Fn(usize, &StreamableChunk) -> Option<Result<(T, Corrected), Unsolved>> + Sync + 'a;
 
-/// Why a piece comes to nothing.
+/// Why a chunk comes to nothing.
 pub(super) enum Unsolved {
     /// The program has no answer; the others are looked at all the same.
     Refused(Vec<Diagnostic>),
@@ -90,16 +90,16 @@ impl From<Vec<Diagnostic>> for Unsolved {
     }
 }
 
-/// Takes all pieces through; what they come to is written in order.
+/// Takes all chunks through; what they come to is written in order.
 pub(super) fn run<'a, S: Send, P, T: Send>(
-    way: &'a Way<'a, S, P, T>,
+    way: &'a WalkedPath<'a, S, P, T>,
     threads: usize,
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     let (rows, progress) = (sinks.rows, sinks.progress);
     let writer = Writer { refused: way.refusals.clone(), ..Writer::new(program, sinks) };
-    let run = Run { way, writer: Turns::new(writer), stop: Mutex::new(None) };
+    let run = Run { way, writer: OrderedStage::new(writer), stop: Mutex::new(None) };
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
             scope.spawn(|| run.work(rows, progress));
@@ -112,13 +112,13 @@ pub(super) fn run<'a, S: Send, P, T: Send>(
 }
 
 struct Run<'a, S, P, T> {
-    way: &'a Way<'a, S, P, T>,
-    writer: Turns<Writer<'a, T>>,
+    way: &'a WalkedPath<'a, S, P, T>,
+    writer: OrderedStage<Writer<'a, T>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
 }
 
-/// A piece, ready to be written.
+/// A chunk, ready to be written.
 struct Done<T> {
     /// The program's text, the report's and what both are made from; or why there is none.
     outcome: Result<(T, Vec<u8>, Corrected), Vec<Diagnostic>>,
@@ -131,20 +131,20 @@ impl<S, P, T> Run<'_, S, P, T> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
         // Also where this thread dies: nobody is left waiting.
         let _others = BreakOff(self);
-        while let Some((n, piece)) = self.next() {
-            // The feed out of the first target lies in the first piece, or else what follows would have to be looked at.
-            let own_start = |piece: &StraightPiece| n > 0 || piece.last || leaves_its_start(&piece.program.targets);
-            let Some(piece) = (self.way.read)(piece).filter(own_start) else {
-                return self.stop(StreamError::NotStraight);
+        while let Some((n, chunk)) = self.next() {
+            // The feed out of the first target lies in the first chunk, or else what follows would have to be looked at.
+            let own_start = |chunk: &StreamableChunk| n > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
+            let Some(chunk) = (self.way.read)(chunk).filter(own_start) else {
+                return self.stop(StreamError::NotStreamable);
             };
-            let Some(solved) = (self.way.solve)(n, &piece) else { return };
+            let Some(solved) = (self.way.solve)(n, &chunk) else { return };
             let outcome = match solved {
                 Ok((program, corrected)) => Ok((program, rows(&corrected.rows), corrected)),
                 Err(Unsolved::Refused(refused)) => Err(refused),
                 Err(Unsolved::Stop(why)) => return self.stop(why),
             };
-            let last = piece.program.targets.last().map(|t| t.ordinal);
-            let bytes = (piece.own.len() + piece.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
+            let last = chunk.program.targets.last().map(|t| t.ordinal);
+            let bytes = (chunk.own.len() + chunk.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
             let done = Done { outcome, last, bytes };
             match self.writer.take(n, |writer| writer.write(done, progress)) {
                 Some(Ok(())) => {}
@@ -155,15 +155,15 @@ impl<S, P, T> Run<'_, S, P, T> {
     }
 
     fn next(&self) -> Option<(usize, P)> {
-        let mut pieces = self.way.pieces.lock().unwrap_or_else(PoisonError::into_inner);
-        let (n, pieces) = &mut *pieces;
-        match (self.way.take)(pieces) {
-            Ok(Next::Piece(piece)) => {
+        let mut chunks = self.way.chunks.lock().unwrap_or_else(PoisonError::into_inner);
+        let (n, chunks) = &mut *chunks;
+        match (self.way.take)(chunks) {
+            Ok(Next::Chunk(chunk)) => {
                 *n += 1;
-                return Some((*n - 1, piece));
+                return Some((*n - 1, chunk));
             }
             Ok(Next::End) => {}
-            Ok(Next::NotStraight) => self.stop(StreamError::NotStraight),
+            Ok(Next::NotStreamable) => self.stop(StreamError::NotStreamable),
             Err(error) => self.stop(StreamError::Read(error)),
         }
         None

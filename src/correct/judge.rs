@@ -1,34 +1,34 @@
-//! Long programs judged as they are, a piece at a time: what [`predict`](super::predict) says of the whole.
+//! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
 
-use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, Way};
+use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, WalkedPath};
 use super::line::{self, Carried};
 use super::messages::Messages;
+use super::ordered::OrderedStage;
+use super::parallelism::Parallelism;
 use super::path;
 use super::point::Point;
-use super::spread::Spread;
-use super::turns::Turns;
 use super::{Corrected, Options, Prepared, Row};
 use crate::cell::Cell;
-use crate::program::piece::leaves_its_start;
-use crate::program::{AnyPieces, Next, Program, Target};
+use crate::program::chunk::leaves_its_start;
+use crate::program::{AnyChunks, Next, Program, Target};
 use crate::text::Diagnostic;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::sync::Mutex;
 
-/// Who looks at what each piece came to.
+/// Who looks at what each chunk came to.
 pub struct Judge<'a> {
     /// Whether the program is corrected too, for the limits that this would pass.
     pub corrects: bool,
     /// Most refusals that are held.
     pub refusals: usize,
-    /// What is wrong with a piece.
+    /// What is wrong with a chunk.
     pub findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
     /// Told of it, in running order.
     pub found: &'a mut (dyn FnMut(Vec<Diagnostic>) + Send),
 }
 
-/// A piece of a program, or all of it, as the cell would cut it.
+/// A chunk of a program, or all of it, as the cell would cut it.
 pub struct Judged<'a> {
     /// The program.
     pub program: &'a Program,
@@ -46,9 +46,9 @@ pub struct Judged<'a> {
 ///
 /// # Errors
 /// See [`StreamError`].
-pub fn predict_pieces<R: Read + Seek + Send>(
-    pieces: AnyPieces<R>,
-    original: Option<AnyPieces<R>>,
+pub fn predict_chunks<R: Read + Seek + Send>(
+    chunks: AnyChunks<R>,
+    original: Option<AnyChunks<R>>,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -57,11 +57,11 @@ pub fn predict_pieces<R: Read + Seek + Send>(
 ) -> Result<Streamed, StreamError> {
     // A stock is cut by the program as a whole.
     if cell.stock.is_some() {
-        return Err(StreamError::NotStraight);
+        return Err(StreamError::NotStreamable);
     }
-    let path = Turns::new(path::Carried::new(cell));
-    let ends = Turns::new(None);
-    let original = original.map(|pieces| Turns::new(Original::new(pieces, path::Carried::new(cell))));
+    let path = OrderedStage::new(path::Carried::new(cell));
+    let ends = OrderedStage::new(None);
+    let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, path::Carried::new(cell))));
     let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
     let carried = corrects.then(|| Carried::new(cell));
     let (refusals, findings, found) = match judge {
@@ -70,7 +70,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
     };
     let solve = |n: usize, program: &Program| -> Option<Result<(Vec<Diagnostic>, Corrected), Unsolved>> {
         let prepared = path.take(n, |path| path::prepare(program, cell, options, path))?;
-        let correction = carried.as_ref().map(|c| line::piece(program, cell, options, c, n, Spread::Here));
+        let correction = carried.as_ref().map(|c| line::chunk(program, cell, options, c, n, Parallelism::Here));
         let before = match &original {
             Some(original) => Some(original.take(n, |o| o.next(program, cell, options))?),
             None => None,
@@ -92,7 +92,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
                 return Some(Err(why));
             }
         };
-        let mut predicted = line::foreseen(program, cell, options, (&prepared, &ends), n, Spread::Here)?;
+        let mut predicted = line::warm_start(program, cell, options, (&prepared, &ends), n, Parallelism::Here)?;
         let Some(findings) = findings else { return Some(Ok((Vec::new(), predicted))) };
         let mut failures = std::mem::take(&mut predicted.failures);
         if let Some(correction) = correction {
@@ -104,16 +104,16 @@ pub fn predict_pieces<R: Read + Seek + Send>(
         let original = before.as_deref().unwrap_or_default();
         Some(Ok((findings(Judged { program, rows: &predicted.rows, failures, original }), predicted)))
     };
-    let way = Way {
-        pieces: Mutex::new((0, pieces)),
-        take: AnyPieces::take,
-        read: AnyPieces::<R>::read,
-        solve: &|n, piece| solve(n, &piece.program),
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
+        take: AnyChunks::take,
+        read: AnyChunks::<R>::read,
+        solve: &|n, chunk| solve(n, &chunk.program),
         break_off: &|| {
             path.break_off();
             ends.break_off();
             carried.iter().for_each(Carried::break_off);
-            original.iter().for_each(Turns::break_off);
+            original.iter().for_each(OrderedStage::break_off);
         },
         refusals,
     };
@@ -125,7 +125,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
         Ok(())
     };
     let mut streamed = flow::run(&way, threads, &mut told, sinks)?;
-    let warnings = way.pieces.into_inner().map(|(_, pieces)| pieces.warnings()).unwrap_or_default();
+    let warnings = way.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()
         && let Some(original) = original
@@ -137,7 +137,7 @@ pub fn predict_pieces<R: Read + Seek + Send>(
 
 /// The original of a corrected program, read along with it.
 struct Original<'a, R> {
-    pieces: AnyPieces<R>,
+    chunks: AnyChunks<R>,
     path: path::Carried<'a>,
     /// Read, and not yet asked for.
     targets: VecDeque<(Target, Point)>,
@@ -154,9 +154,9 @@ struct Original<'a, R> {
 }
 
 impl<'a, R: Read + Seek> Original<'a, R> {
-    fn new(pieces: AnyPieces<R>, path: path::Carried<'a>) -> Self {
+    fn new(chunks: AnyChunks<R>, path: path::Carried<'a>) -> Self {
         Self {
-            pieces,
+            chunks,
             path,
             targets: VecDeque::new(),
             prepared: None,
@@ -169,7 +169,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         }
     }
 
-    /// As many targets as the next piece of the program has; `None` where there are fewer, or one is refused.
+    /// As many targets as the next chunk of the program has; `None` where there are fewer, or one is refused.
     fn next(
         &mut self,
         program: &Program,
@@ -201,25 +201,25 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         Ok(Some((prepared, targets)))
     }
 
-    /// Reads its next piece.
+    /// Reads its next chunk.
     fn read(&mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
-        let piece = match self.pieces.take().map_err(StreamError::Read)? {
-            Next::Piece(piece) => AnyPieces::<R>::read(piece).ok_or(StreamError::NotStraight)?,
+        let chunk = match self.chunks.take().map_err(StreamError::Read)? {
+            Next::Chunk(chunk) => AnyChunks::<R>::read(chunk).ok_or(StreamError::NotStreamable)?,
             Next::End => {
                 self.ended = true;
                 return Ok(());
             }
-            Next::NotStraight => return Err(StreamError::NotStraight),
+            Next::NotStreamable => return Err(StreamError::NotStreamable),
         };
-        // As of the program itself: the feed out of the first target is told by the first piece.
-        if !(std::mem::replace(&mut self.begun, true) || piece.last || leaves_its_start(&piece.program.targets)) {
-            return Err(StreamError::NotStraight);
+        // As of the program itself: the feed out of the first target is told by the first chunk.
+        if !(std::mem::replace(&mut self.begun, true) || chunk.last || leaves_its_start(&chunk.program.targets)) {
+            return Err(StreamError::NotStreamable);
         }
-        self.came += piece.program.targets.len();
-        match path::prepare(&piece.program, cell, options, &mut self.path) {
+        self.came += chunk.program.targets.len();
+        match path::prepare(&chunk.program, cell, options, &mut self.path) {
             Ok(mut prepared) => {
                 let points = std::mem::take(&mut prepared.points);
-                self.targets.extend(piece.program.targets.into_iter().zip(points));
+                self.targets.extend(chunk.program.targets.into_iter().zip(points));
                 self.prepared = Some(prepared);
             }
             Err(refused) => self.refused.add_once(refused),

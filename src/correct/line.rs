@@ -3,16 +3,16 @@
 use super::collected::{Collected, check_limits};
 use super::deviation::Commanded;
 use super::messages::Repeated;
+use super::ordered::OrderedStage;
+use super::parallelism::Parallelism;
 use super::path;
 use super::point::Point;
 use super::row::{Row, Status};
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
-use super::spread::Spread;
-use super::turns::Turns;
 use super::{Cuts, Options, Prepared, deviation, frames, removal, segment, sigma, stiffness, subdivide};
 use crate::cell::Cell;
-use crate::equilibrium::{Aim, EquilibriumError, Foreseen};
+use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
@@ -78,23 +78,23 @@ pub fn predict(
         prepared.judge_against(original, program)?;
     }
     removal::run(program, cell, &mut prepared, Cuts::Deflected)?;
-    let ends = Turns::new(None);
-    // Nobody else has a piece that could break off.
-    Ok(foreseen(program, cell, options, (&prepared, &ends), 0, Spread::Threads).unwrap_or_default())
+    let ends = OrderedStage::new(None);
+    // Nobody else has a chunk that could break off.
+    Ok(warm_start(program, cell, options, (&prepared, &ends), 0, Parallelism::Threads).unwrap_or_default())
 }
 
-/// What becomes of piece `n` of a program as it is, prepared, where `ends` has those of the pieces before; `None` where one of
+/// What becomes of chunk `n` of a program as it is, prepared, where `ends` has those of the chunks before; `None` where one of
 /// these died.
-pub(super) fn foreseen(
+pub(super) fn warm_start(
     program: &Program,
     cell: &Cell,
     options: &Options,
-    (prepared, ends): (&Prepared, &Turns<Option<Start>>),
+    (prepared, ends): (&Prepared, &OrderedStage<Option<Start>>),
     n: usize,
-    spread: Spread,
+    parallelism: Parallelism,
 ) -> Option<Corrected> {
-    let solver = Solver::new(&cell.arm, prepared, spread);
-    let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| Foreseen::default());
+    let solver = Solver::new(&cell.arm, prepared, parallelism);
+    let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
     let mut out = Collected::new(program, prepared);
     for (i, there) in there.iter().enumerate() {
         match there {
@@ -105,15 +105,15 @@ pub(super) fn foreseen(
     let commanded = Commanded {
         poses: &|i| prepared.points[i].wobj_from_tcp,
         motors: &|i| Some((prepared.points[i].motor, prepared.points[i].travel)),
-        landings: &there,
-        near: &|_| Foreseen::default(),
+        predicted_poses: &there,
+        near: &|_| WarmStart::default(),
         nodes: &[],
     };
     let before = ends.take(n, |last| deviation::pass_end(program, prepared, &commanded, last))?;
     out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
-    sigma::fill(&mut out.rows, program, cell, prepared, spread);
+    sigma::fill(&mut out.rows, program, cell, prepared, parallelism);
     if options.stiffness {
-        stiffness::fill(&mut out.rows, program, cell, prepared, spread);
+        stiffness::fill(&mut out.rows, program, cell, prepared, parallelism);
     }
     let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
     Some(out.finish(notes, None, Vec::new()))
@@ -127,44 +127,44 @@ pub(super) fn foreseen(
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
     let carried = Carried::new(cell);
-    // Nobody else has a piece that could break off.
-    let mut corrected = piece(program, cell, options, &carried, 0, Spread::Threads).unwrap_or(Err(Vec::new()))?;
+    // Nobody else has a chunk that could break off.
+    let mut corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
     corrected.notes.extend(std::mem::take(&mut corrected.repeated).once());
     Ok(corrected)
 }
 
-/// What goes from piece to piece of a program, each through its own ordered pass.
+/// What goes from chunk to chunk of a program, each through its own ordered pass.
 pub(super) struct Carried<'a> {
-    path: Turns<path::Carried<'a>>,
+    path: OrderedStage<path::Carried<'a>>,
     /// Of the corrected motion before rounding, which decides the directions of travel.
-    commanded: Turns<Last>,
+    commanded: OrderedStage<Last>,
     /// Of the motion as written.
-    reached: Turns<Last>,
+    reached: OrderedStage<Last>,
     /// Last correction as written, base axes, m.
-    shift: Turns<Option<Vector3<f64>>>,
+    shift: OrderedStage<Option<Vector3<f64>>>,
     /// How far the program is posted (CL input).
-    pub(super) posted: Turns<Place>,
-    /// Where the way to the next piece begins.
-    end: Turns<Option<Start>>,
+    pub(super) posted: OrderedStage<Place>,
+    /// Where the way to the next chunk begins.
+    end: OrderedStage<Option<Start>>,
     /// The same as written.
-    written: Turns<Option<Start>>,
+    written: OrderedStage<Option<Start>>,
 }
 
 impl<'a> Carried<'a> {
-    /// Before the first piece.
+    /// Before the first chunk.
     pub(super) fn new(cell: &'a Cell) -> Self {
         Self {
-            path: Turns::new(path::Carried::new(cell)),
-            commanded: Turns::new(None),
-            reached: Turns::new(None),
-            shift: Turns::new(None),
-            posted: Turns::new(Place::default()),
-            end: Turns::new(None),
-            written: Turns::new(None),
+            path: OrderedStage::new(path::Carried::new(cell)),
+            commanded: OrderedStage::new(None),
+            reached: OrderedStage::new(None),
+            shift: OrderedStage::new(None),
+            posted: OrderedStage::new(Place::default()),
+            end: OrderedStage::new(None),
+            written: OrderedStage::new(None),
         }
     }
 
-    /// Lets no piece wait for one that died.
+    /// Lets no chunk wait for one that died.
     pub(super) fn break_off(&self) {
         self.path.break_off();
         self.commanded.break_off();
@@ -175,7 +175,7 @@ impl<'a> Carried<'a> {
         self.written.break_off();
     }
 
-    /// Passes on what a piece that is refused does not change.
+    /// Passes on what a chunk that is refused does not change.
     fn skip(&self, n: usize, options: &Options) {
         self.commanded.take(n, |_| ());
         if options.subdivide.is_some() {
@@ -187,14 +187,14 @@ impl<'a> Carried<'a> {
     }
 }
 
-/// Corrects piece `n` of a program, of which the ordered passes know all pieces before; `None` where one of these died.
-pub(super) fn piece(
+/// Corrects chunk `n` of a program, of which the ordered passes know all chunks before; `None` where one of these died.
+pub(super) fn chunk(
     program: &Program,
     cell: &Cell,
     options: &Options,
     carried: &Carried<'_>,
     n: usize,
-    spread: Spread,
+    parallelism: Parallelism,
 ) -> Option<Result<Corrected, Vec<Diagnostic>>> {
     let prepared = carried.path.take(n, |path| path::prepare(program, cell, options, path))?;
     let prepared = prepared.and_then(|mut prepared| {
@@ -214,7 +214,7 @@ pub(super) fn piece(
     let arm = &cell.arm;
     let modes: Vec<CorrectionMode> =
         program.targets.iter().map(|t| CorrectionMode::of(t.editable, options.correct)).collect();
-    let solver = Solver::new(arm, &prepared, spread);
+    let solver = Solver::new(arm, &prepared, parallelism);
     let first = solver.first(&modes);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
     let mut solved = solver.commands(&modes, &first, &travels);
@@ -223,8 +223,8 @@ pub(super) fn piece(
         let commanded = Commanded {
             poses: &|i| solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |solved| solved.wobj_from_tcp),
             motors: &|i| solved[i].as_ref().ok().map(|solved| (solved.motor, travels[i])),
-            landings: &[],
-            near: &|_| Foreseen::default(),
+            predicted_poses: &[],
+            near: &|_| WarmStart::default(),
             nodes: &[],
         };
         let before = carried.end.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
@@ -237,7 +237,7 @@ pub(super) fn piece(
         (prepared.points[via], solved[via]) = (point, Ok(command));
     }
     let inserts = subdivide::inserts(program, cell, &prepared, &nodes);
-    let solver = Solver::new(arm, &prepared, spread);
+    let solver = Solver::new(arm, &prepared, parallelism);
 
     let mut out = Collected::new(program, &prepared);
     let mut changes: Vec<Option<Change>> = Vec::with_capacity(program.targets.len());
@@ -267,7 +267,7 @@ pub(super) fn piece(
             let pose = solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |s| s.wobj_from_tcp);
             solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
         };
-        (None, spread.map(prepared.points.len(), printed))
+        (None, parallelism.map(prepared.points.len(), printed))
     };
     let written = rewritten.as_ref().map_or(&printed, |rewritten| &rewritten.written);
     let nodes = match &rewritten {
@@ -292,7 +292,7 @@ pub(super) fn piece(
         |i| (&travels[i].0, &travels[i].1),
         |i| {
             let (Ok(aim), Ok(solved), Ok(uncorrected)) = (first[i].aim(), &solved[i], &first[i].uncorrected) else {
-                return Foreseen::default();
+                return WarmStart::default();
             };
             // What printing leaves of the command.
             let rounded = Vector3::from(written[i].0) * 1e-3 - solved.wobj_from_tcp.translation.vector;
@@ -335,16 +335,16 @@ pub(super) fn piece(
     let commanded = Commanded {
         poses: &|i| frames::pose(written[i].0, written[i].1),
         motors: &|i| reached[i].is_ok().then_some(travels[i]),
-        landings: &after,
-        near: &|i| first[i].aim().map_or_else(|_| Foreseen::default(), Aim::nearby),
+        predicted_poses: &after,
+        near: &|i| first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby),
         nodes: &nodes,
     };
     let before = carried.written.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
     out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;
-    sigma::fill(&mut out.rows, program, cell, &prepared, spread);
+    sigma::fill(&mut out.rows, program, cell, &prepared, parallelism);
     if options.stiffness {
-        stiffness::fill(&mut out.rows, program, cell, &prepared, spread);
+        stiffness::fill(&mut out.rows, program, cell, &prepared, parallelism);
     }
     let posted = if program.language == Language::Cl {
         posted(cell, &prepared, written, &travels, &inserts)

@@ -32,7 +32,7 @@ impl Messages {
         self.first.extend(messages.into_iter().take(room));
     }
 
-    /// Names that nobody declares are missing in every piece.
+    /// Names that nobody declares are missing in every chunk.
     pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
         let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
         messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));

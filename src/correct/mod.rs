@@ -20,6 +20,8 @@ mod judge;
 mod laws;
 mod line;
 mod messages;
+mod ordered;
+mod parallelism;
 mod path;
 mod point;
 mod post;
@@ -29,19 +31,17 @@ mod segment;
 mod sigma;
 mod solve;
 mod spin;
-mod spread;
 mod stiffness;
 mod stream;
 mod subdivide;
 mod track;
-mod turns;
 
 pub use contradictions::contradictions;
 pub use deviation::PathDeviation;
 pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
-pub use judge::{Judge, Judged, predict_pieces};
+pub use judge::{Judge, Judged, predict_chunks};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use messages::Messages;
 pub use point::Point;
@@ -49,7 +49,7 @@ pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
-pub use stream::{compensate_declared, compensate_pieces, count_pieces, post_pieces};
+pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chunks};
 
 use crate::cell::Cell;
 use crate::effects::{Situation, ToolFrame};
@@ -99,7 +99,7 @@ pub struct Options {
 pub struct Prepared {
     /// One point a target of the program, in running order.
     pub points: Vec<Point>,
-    /// The last point before these, where they are a piece of a program.
+    /// The last point before these, where they are a chunk of a program.
     before: Option<Point>,
     /// How the first target's branch was chosen.
     pub started: StartedFrom,

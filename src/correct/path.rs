@@ -1,6 +1,6 @@
 //! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
 
-use super::ahead::{Ahead, Way};
+use super::ahead::{Ahead, Approach};
 use super::frames::{self, pose};
 use super::laws::Laws;
 use super::point::{Point, PointLoad, tool_axis};
@@ -11,7 +11,7 @@ use crate::effects::ToolFrame;
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
 use crate::program::{Conf, Goal, Motion, Program, Role, Target};
-use crate::robot::{Eight, EightFound, Joints, Place, Pose, StartedFrom};
+use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
@@ -30,14 +30,14 @@ pub(super) fn travel(previous: &Joints, now: &Joints, held: &Joints) -> Joints {
 /// Chords shorter than this give no direction, m: printed digits.
 pub(super) const CHORD: f64 = 1e-6;
 
-/// What the ordered pass takes along from target to target, and from piece to piece of a long program.
+/// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
 pub(super) struct Carried<'a> {
     pub(super) laws: Laws<'a>,
     pub(super) settings: Vec<Setting>,
     started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     pub(super) near: Option<Joints>,
-    /// The last point of the pieces before.
+    /// The last point of the chunks before.
     before: Option<Point>,
     /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
     pub(super) spun: Option<Vector3<f64>>,
@@ -71,7 +71,7 @@ impl<'a> Carried<'a> {
     }
 }
 
-/// The ordered pass over a program, or over a piece of one.
+/// The ordered pass over a program, or over a chunk of one.
 pub(super) fn prepare(
     program: &Program,
     cell: &Cell,
@@ -94,7 +94,7 @@ pub(super) fn prepare(
         cell,
         options,
         carried,
-        many: Eight::of(&cell.arm.robot),
+        many: BatchArm::of(&cell.arm.robot),
         ahead: Ahead::new(cell),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
@@ -175,7 +175,7 @@ struct Walk<'a, 'c> {
     cell: &'a Cell,
     options: &'a Options,
     carried: &'a mut Carried<'c>,
-    many: Option<Eight<'a>>,
+    many: Option<BatchArm<'a>>,
     ahead: Ahead,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
@@ -230,7 +230,7 @@ impl Walk<'_, '_> {
         if !self.ahead.knows_ways() {
             self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
-        let Way { size, direction, feed_frame } = self.ahead.way(lane);
+        let Approach { size, direction, feed_frame } = self.ahead.way(lane);
         let length = if previous.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
@@ -337,7 +337,7 @@ impl Walk<'_, '_> {
         self.ahead.motor(lane, near).or_else(|| {
             let Setting { base_from_wobj, tool } = self.setting(setting);
             let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
-            let mut found = EightFound::default();
+            let mut found = BatchSolutions::default();
             robot.find(1, |_| place, &mut found);
             found.nearest(0, near)
         })

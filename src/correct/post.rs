@@ -4,7 +4,7 @@ use super::asked::Asked;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
-use crate::program::cl::Pieces;
+use crate::program::cl::Chunks;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
 use crate::program::{Action, ActionKind, Goal, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
@@ -56,30 +56,30 @@ impl Outline {
     /// Looks through a long file; `progress` is told the targets and the bytes of input done so far.
     ///
     /// # Errors
-    /// [`StreamError::NotStraight`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
-    pub fn of_pieces<R: Read>(mut pieces: Pieces<R>, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
+    /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
+    pub fn of_chunks<R: Read>(mut chunks: Chunks<R>, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
         let (mut outline, mut bytes, mut faults) = (Self::default(), 0, Messages::default());
         loop {
-            match pieces.take().map_err(StreamError::Read)? {
-                Next::Piece(piece) => {
-                    outline.add(&piece.program);
-                    faults.add(piece.program.faults());
-                    bytes += piece.own.len() as u64;
+            match chunks.take().map_err(StreamError::Read)? {
+                Next::Chunk(chunk) => {
+                    outline.add(&chunk.program);
+                    faults.add(chunk.program.faults());
+                    bytes += chunk.own.len() as u64;
                     progress(outline.points, bytes);
                 }
                 Next::End => break,
-                Next::NotStraight => return Err(StreamError::NotStraight),
+                Next::NotStreamable => return Err(StreamError::NotStreamable),
             }
         }
         let faults = faults.all();
         if !faults.is_empty() {
             return Err(StreamError::Refused(faults));
         }
-        outline.warnings = pieces.warnings();
+        outline.warnings = chunks.warnings();
         Ok(outline)
     }
 
-    /// Takes in a program, or its next piece.
+    /// Takes in a program, or its next chunk.
     pub fn add(&mut self, program: &Program) {
         self.asked.add(program, self.points);
         self.points += program.targets.len();
@@ -162,7 +162,7 @@ pub fn post(
     Ok(PostedProgram { files, notes: poster.notes })
 }
 
-/// Posts a program whose outline is known, whole or a piece at a time.
+/// Posts a program whose outline is known, whole or a chunk at a time.
 #[derive(Debug)]
 pub struct Poster {
     pub(super) post: RapidPost,

@@ -1,6 +1,6 @@
 use super::point::Point;
 use super::{PathDeviation, Stiffness};
-use crate::equilibrium::Landing;
+use crate::equilibrium::PredictedPose;
 use crate::program::{Editable, Target};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -112,7 +112,7 @@ impl Row {
     };
 
     /// Fills a blank row with the predicted error of where the target ends up, and nothing corrected.
-    pub(super) fn fill(&mut self, target: &Target, point: &Point, there: &Landing, error_normal: f64) {
+    pub(super) fn fill(&mut self, target: &Target, point: &Point, there: &PredictedPose, error_normal: f64) {
         let error_mm = (1e3 * there.shift).into();
         self.target = target.ordinal;
         self.line = target.line;

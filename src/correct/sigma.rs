@@ -1,7 +1,7 @@
 //! Uncertainty of the predicted error from the covariance of the effects' parameters.
 
 use super::collected::points_of;
-use super::spread::Spread;
+use super::parallelism::Parallelism;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, Vector3};
 const STEP: f64 = 0.5;
 
 /// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter.
-pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, spread: Spread) {
+pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
     let known: Vec<(usize, &DMatrix<f64>)> =
         cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
     if known.is_empty() {
@@ -25,7 +25,7 @@ pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &
         let columns: Vec<Option<Vec<Vector3<f64>>>> = (0..base.len())
             .map(|k| {
                 let step = STEP * covariance[(k, k)].max(0.0).sqrt();
-                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, &at, spread))
+                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, &at, parallelism))
             })
             .collect();
         for (a, left) in columns.iter().enumerate() {
@@ -52,7 +52,7 @@ fn column(
     (effect, base, k, step): (usize, &[f64], usize, f64),
     prepared: &Prepared,
     at: &[Option<usize>],
-    spread: Spread,
+    parallelism: Parallelism,
 ) -> Vec<Vector3<f64>> {
     let at = |value: f64| {
         let mut values = base.to_vec();
@@ -71,7 +71,7 @@ fn column(
             let there = arm.predict(&prepared.situation(at[n]?), &point.motor, &point.travel).ok()?;
             Some(there.wobj_from_tcp.translation.vector)
         };
-        spread.map(at.len(), place)
+        parallelism.map(at.len(), place)
     };
     let (up, down) = (at(base[k] + step), at(base[k] - step));
     let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {

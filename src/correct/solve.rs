@@ -1,11 +1,13 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
+use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
 use super::path::{TRAVEL_THRESHOLD, travel};
-use super::spread::{Answer, Answers, Rooms, Spread};
 use super::{Correct, Prepared, frames};
-use crate::equilibrium::{Aim, Arm, Batch, Command, EquilibriumError, Foreseen, Given, Landing, Room, Setting, Start};
+use crate::equilibrium::{
+    Arm, Batch, Command, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start, WarmStart,
+};
 use crate::program::Editable;
-use crate::robot::{Eight, Joints, Place, Pose, Robot, Unreachable, turn_between};
+use crate::robot::{BatchArm, Joints, Place, Pose, Robot, Unreachable, turn_between};
 use crate::text::number;
 use nalgebra::Vector3;
 
@@ -65,16 +67,16 @@ pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -
 /// What is known of a target before the corrected directions of travel are.
 #[derive(Clone, Debug)]
 pub(super) struct First {
-    aim: Result<Aim, EquilibriumError>,
+    aim: Result<InverseSolution, EquilibriumError>,
     /// What the controller's own model makes of the command, where that depends on nothing else.
     nominal: Option<Pose>,
     /// Where it ends up as it is.
-    pub(super) uncorrected: Result<Landing, EquilibriumError>,
+    pub(super) uncorrected: Result<PredictedPose, EquilibriumError>,
 }
 
 impl First {
     /// The command.
-    pub(super) fn aim(&self) -> Result<&Aim, &EquilibriumError> {
+    pub(super) fn aim(&self) -> Result<&InverseSolution, &EquilibriumError> {
         self.aim.as_ref()
     }
 }
@@ -89,18 +91,18 @@ impl Answer for First {
     }
 }
 
-/// Answers for all points of a program or a piece, many at once where the cell allows it.
+/// Answers for all points of a program or a chunk, many at once where the cell allows it.
 pub(super) struct Solver<'a> {
     pub(super) arm: &'a Arm,
     many: Batch<'a>,
     pub(super) prepared: &'a Prepared,
-    pub(super) spread: Spread,
-    rooms: Rooms<Room<'a>>,
+    pub(super) parallelism: Parallelism,
+    workspaces: WorkspacePool<Room<'a>>,
 }
 
 impl<'a> Solver<'a> {
-    pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, spread: Spread) -> Self {
-        Self { arm, many: Batch::new(arm), prepared, spread, rooms: Rooms::default() }
+    pub(super) fn new(arm: &'a Arm, prepared: &'a Prepared, parallelism: Parallelism) -> Self {
+        Self { arm, many: Batch::new(arm), prepared, parallelism, workspaces: WorkspacePool::default() }
     }
 
     /// Commands of every point with the travel as programmed, which decides first, and where it ends up without them.
@@ -111,17 +113,17 @@ impl<'a> Solver<'a> {
                 let point = &prepared.points[asked[lane]];
                 (prepared.site(asked[lane]), &point.motor, &point.travel)
             };
-            self.many.aim(room, asked.len(), wanted, |lane, aim, nominal, landing| {
-                out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(landing) });
+            self.many.aim(room, asked.len(), wanted, |lane, aim, nominal, predicted| {
+                out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(predicted) });
             });
         };
         let one = |_: &mut Room<'a>, i: usize| {
             let point = &prepared.points[i];
             let aim = self.one(i, modes[i], &point.travel);
-            let near = aim.as_ref().map_or_else(|_| Foreseen::default(), Aim::uncorrected);
+            let near = aim.as_ref().map_or_else(|_| WarmStart::default(), InverseSolution::uncorrected);
             First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
         };
-        self.spread.eights(modes.len(), |i| modes[i] == CorrectionMode::Pose, &self.rooms, many, one)
+        self.parallelism.eights(modes.len(), |i| modes[i] == CorrectionMode::Pose, &self.workspaces, many, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
@@ -165,10 +167,10 @@ impl<'a> Solver<'a> {
         let simple = |i: usize| {
             modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && first[i].nominal.is_none() && !again(i)
         };
-        self.spread.eights(modes.len(), simple, &self.rooms, many, one)
+        self.parallelism.eights(modes.len(), simple, &self.workspaces, many, one)
     }
 
-    fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<Aim, EquilibriumError> {
+    fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<InverseSolution, EquilibriumError> {
         let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
         let command = match mode {
             CorrectionMode::Keep => Command::held(&point.motor),
@@ -178,7 +180,7 @@ impl<'a> Solver<'a> {
         Ok(command.aim())
     }
 
-    fn land(&self, i: usize, command: (&Joints, &Joints), near: Foreseen) -> Result<Landing, EquilibriumError> {
+    fn land(&self, i: usize, command: (&Joints, &Joints), near: WarmStart) -> Result<PredictedPose, EquilibriumError> {
         self.arm.land(&self.prepared.situation(i), command, &near)
     }
 
@@ -186,18 +188,18 @@ impl<'a> Solver<'a> {
     pub(super) fn forward<'c>(
         &self,
         command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
-        near: impl Fn(usize) -> Foreseen + Sync,
-    ) -> Vec<Result<Landing, EquilibriumError>> {
+        near: impl Fn(usize) -> WarmStart + Sync,
+    ) -> Vec<Result<PredictedPose, EquilibriumError>> {
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             let given = |lane: usize| {
                 let i = asked[lane];
                 let (motor, travel) = command(i);
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
-            self.many.land(room, asked.len(), given, |lane, landing| out.put(lane, Ok(landing)));
+            self.many.land(room, asked.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
         };
         let one = |_: &mut Room<'a>, i: usize| self.land(i, command(i), near(i));
-        self.spread.eights(self.prepared.points.len(), |_| true, &self.rooms, many, one)
+        self.parallelism.eights(self.prepared.points.len(), |_| true, &self.workspaces, many, one)
     }
 
     /// What the controller reaches for what is written, near known motor angles (rad).
@@ -208,7 +210,7 @@ impl<'a> Solver<'a> {
         motors: &[Joints],
         changed: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Result<Reached, EquilibriumError>> {
-        let (robot, points) = (Eight::of(&self.arm.robot), &self.prepared.points);
+        let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
             // The branch is that of the actual angles, a deflection away.
             let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
@@ -244,7 +246,7 @@ impl<'a> Solver<'a> {
             })
         };
         let simple = |i: usize| changed(i) && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok();
-        self.spread.eights(motors.len(), simple, &self.rooms, many, one)
+        self.parallelism.eights(motors.len(), simple, &self.workspaces, many, one)
     }
 }
 

@@ -1,7 +1,7 @@
 //! How stiffly the cell holds the TCP at each target.
 
 use super::collected::points_of;
-use super::spread::Spread;
+use super::parallelism::Parallelism;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::effects::Cutting;
@@ -40,10 +40,10 @@ impl Stiffness {
 const STEP: f64 = 50.0;
 
 /// Fills `stiffness` by differences of equilibria about the force that acts.
-pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, spread: Spread) {
+pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
     let at = points_of(rows, program);
     let of = |n: usize| at[n].and_then(|i| stiffness(cell, prepared, i, &rows[n].force_n.into()));
-    let found = spread.map(rows.len(), of);
+    let found = parallelism.map(rows.len(), of);
     for (row, found) in rows.iter_mut().zip(found) {
         row.stiffness = found;
     }

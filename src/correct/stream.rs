@@ -1,26 +1,26 @@
-//! Long programs in constant memory: pieces through the [line](line::piece), and what their texts become. The same bytes as
+//! Long programs in constant memory: chunks through the [line](line::chunk), and what their texts become. The same bytes as
 //! [`compensate`](super::compensate) gives on the whole.
 
-use super::flow::{Sinks, StreamError, Streamed, Unsolved, Way, run};
+use super::flow::{Sinks, StreamError, Streamed, Unsolved, WalkedPath, run};
 use super::line::{self, Carried};
 use super::messages::Messages;
-use super::spread::Spread;
+use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{StraightPiece, cl, rapid};
+use crate::program::{StreamableChunk, cl, rapid};
 use crate::text::{Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::Mutex;
 
-/// Corrects a RAPID program piece by piece on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
+/// Corrects a RAPID program chunk by chunk on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
 /// rewrite, in memory that does not grow with the program.
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
-pub fn compensate_pieces<R: Read + Send>(
-    pieces: rapid::Pieces<R>,
+pub fn compensate_chunks<R: Read + Send>(
+    chunks: rapid::Chunks<R>,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -28,16 +28,16 @@ pub fn compensate_pieces<R: Read + Send>(
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     if cell.stock.is_some() {
-        return Err(StreamError::NotStraight);
+        return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
-    let way = Way {
-        pieces: Mutex::new((0, pieces)),
-        take: rapid::Pieces::take,
-        read: rapid::Piece::read,
-        solve: &|n, piece| {
-            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
-            Some(corrected.map(|corrected| (written(piece, &corrected), corrected)).map_err(Unsolved::from))
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
+        take: rapid::Chunks::take,
+        read: rapid::Chunk::read,
+        solve: &|n, chunk| {
+            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
+            Some(corrected.map(|corrected| (written(chunk, &corrected), corrected)).map_err(Unsolved::from))
         },
         break_off: &|| carried.break_off(),
         refusals: Messages::default(),
@@ -53,7 +53,7 @@ pub fn compensate_pieces<R: Read + Send>(
 /// # Errors
 /// See [`StreamError`].
 pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>(
-    pieces: rapid::Declared<R>,
+    chunks: rapid::Declared<R>,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -61,20 +61,20 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     // A clone's name would have to be new to the whole program.
-    if options.allow_clones && pieces.shares() {
-        return Err(StreamError::NotStraight);
+    if options.allow_clones && chunks.shares() {
+        return Err(StreamError::NotStreamable);
     }
     if cell.stock.is_some() {
-        return Err(StreamError::NotStraight);
+        return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
-    let way = Way {
-        pieces: Mutex::new((0, pieces)),
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
         take: rapid::Declared::take,
-        read: rapid::Piece::read,
-        solve: &|n, piece| {
-            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
-            Some(corrected.map(|corrected| (changed(piece, &corrected), corrected)).map_err(Unsolved::from))
+        read: rapid::Chunk::read,
+        solve: &|n, chunk| {
+            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
+            Some(corrected.map(|corrected| (changed(chunk, &corrected), corrected)).map_err(Unsolved::from))
         },
         break_off: &|| carried.break_off(),
         refusals: Messages::default(),
@@ -93,16 +93,16 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     };
     let done = run(&way, threads, &mut write, sinks);
     // Whoever sees all uses of a target decides.
-    if disputed { Err(StreamError::NotStraight) } else { done?.answered() }
+    if disputed { Err(StreamError::NotStreamable) } else { done?.answered() }
 }
 
-/// Corrects a CL program and posts it, piece by piece: the same bytes as [`compensate`](super::compensate) and
+/// Corrects a CL program and posts it, chunk by chunk: the same bytes as [`compensate`](super::compensate) and
 /// [`post`](super::post). `open` gives the destination of a module's file by its name.
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
-pub fn post_pieces<R: Read + Send, W: Write + Send>(
-    pieces: cl::Pieces<R>,
+pub fn post_chunks<R: Read + Send, W: Write + Send>(
+    chunks: cl::Chunks<R>,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -111,24 +111,24 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     if cell.stock.is_some() {
-        return Err(StreamError::NotStraight);
+        return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
-    let way = Way {
-        pieces: Mutex::new((0, pieces)),
-        take: cl::Pieces::take,
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
+        take: cl::Chunks::take,
         read: Some,
-        solve: &|n, piece| {
-            let corrected = match line::piece(&piece.program, cell, options, &carried, n, Spread::Here)? {
+        solve: &|n, chunk| {
+            let corrected = match line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)? {
                 Ok(corrected) => corrected,
                 Err(refused) => {
                     carried.posted.take(n, |_| ())?;
                     return Some(Err(refused.into()));
                 }
             };
-            let points = poster.points(&piece.program, &corrected);
+            let points = poster.points(&chunk.program, &corrected);
             let from = carried.posted.take(n, |place| std::mem::replace(place, place.behind(&points)))?;
-            let end = piece.last.then(|| poster.end(&piece.program));
+            let end = chunk.last.then(|| poster.end(&chunk.program));
             Some(Ok((poster.post.chunk(&from, &points, end.as_deref()), corrected)))
         },
         break_off: &|| carried.break_off(),
@@ -154,13 +154,13 @@ pub fn post_pieces<R: Read + Send, W: Write + Send>(
     Ok(streamed)
 }
 
-/// Counts the points that [`post_pieces`] will write with what is inserted, so that its parts can be laid out: takes as long
+/// Counts the points that [`post_chunks`] will write with what is inserted, so that its parts can be laid out: takes as long
 /// as that.
 ///
 /// # Errors
 /// See [`StreamError`].
-pub fn count_pieces<R: Read + Send>(
-    pieces: cl::Pieces<R>,
+pub fn count_chunks<R: Read + Send>(
+    chunks: cl::Chunks<R>,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -168,15 +168,15 @@ pub fn count_pieces<R: Read + Send>(
     progress: &(dyn Fn(usize, u64) + Sync),
 ) -> Result<(), StreamError> {
     if cell.stock.is_some() {
-        return Err(StreamError::NotStraight);
+        return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
-    let way = Way {
-        pieces: Mutex::new((0, pieces)),
-        take: cl::Pieces::take,
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
+        take: cl::Chunks::take,
         read: Some,
-        solve: &|n, piece| {
-            let corrected = line::piece(&piece.program, cell, options, &carried, n, Spread::Here)?;
+        solve: &|n, chunk| {
+            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
             Some(corrected.map(|corrected| (corrected.posted.len(), corrected)).map_err(Unsolved::from))
         },
         break_off: &|| carried.break_off(),
@@ -193,12 +193,12 @@ pub fn count_pieces<R: Read + Send>(
     Ok(())
 }
 
-/// The piece's own bytes with its edits.
-fn written(piece: &StraightPiece, corrected: &Corrected) -> Vec<u8> {
+/// The chunk's own bytes with its edits.
+fn written(chunk: &StreamableChunk, corrected: &Corrected) -> Vec<u8> {
     let edits = corrected.rewritten.as_ref().and_then(|r| r.edits.first()).map_or(&[][..], Vec::as_slice);
-    let mut bytes = Vec::with_capacity(piece.own.len() + piece.own.len() / 4);
+    let mut bytes = Vec::with_capacity(chunk.own.len() + chunk.own.len() / 4);
     // Writing to a Vec cannot fail.
-    let _ = apply_within(&piece.program.sources[0].bytes, piece.own.clone(), edits, &mut bytes);
+    let _ = apply_within(&chunk.program.sources[0].bytes, chunk.own.clone(), edits, &mut bytes);
     bytes
 }
 
@@ -213,15 +213,15 @@ struct Changed {
     shared: Option<u64>,
 }
 
-/// What of the piece's stretch and of its declarations, wherever they stand, has edits; `None` where motions do not agree on
+/// What of the chunk's stretch and of its declarations, wherever they stand, has edits; `None` where motions do not agree on
 /// a target.
-fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>> {
+fn changed(chunk: &StreamableChunk, corrected: &Corrected) -> Option<Vec<Changed>> {
     let rewritten = corrected.rewritten.as_ref().filter(|r| r.kept.is_empty() && r.not_inserted.is_empty())?;
-    let bytes = &piece.program.sources[0].bytes;
+    let bytes = &chunk.program.sources[0].bytes;
     let mut edits = rewritten.edits.first().map_or(&[][..], Vec::as_slice);
-    let declared = piece.elsewhere.iter().map(|target| (&target.own, target.at, target.shared.then_some(target.at)));
+    let declared = chunk.elsewhere.iter().map(|target| (&target.own, target.at, target.shared.then_some(target.at)));
     let mut out = Vec::new();
-    for (own, at, shared) in declared.chain([(&piece.own, piece.at, None)]) {
+    for (own, at, shared) in declared.chain([(&chunk.own, chunk.at, None)]) {
         let (here, further) = edits.split_at(edits.partition_point(|edit| edit.span.range().start < own.end));
         edits = further;
         if here.is_empty() && shared.is_none() {
@@ -232,7 +232,7 @@ fn changed(piece: &StraightPiece, corrected: &Corrected) -> Option<Vec<Changed>>
         let mut text = Vec::new();
         // Writing to a Vec cannot fail.
         let _ = apply_within(bytes, from..to, here, &mut text);
-        #[allow(clippy::cast_possible_truncation)] // within a piece
+        #[allow(clippy::cast_possible_truncation)] // within a chunk
         out.push(Changed { start: at + (from - own.start) as u64, old: (to - from) as u32, text, shared });
     }
     Some(out)

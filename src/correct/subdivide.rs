@@ -6,7 +6,7 @@
 //! may jump, since the force of the next move begins there: the first target inserted is so close behind it that the jump is
 //! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
 
-use super::deviation::{Commanded, Node, Way};
+use super::deviation::{Commanded, Node, WalkedPath};
 use super::path::travel;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
@@ -76,7 +76,7 @@ pub(super) fn subdivide(
     tolerance: f64,
 ) -> Subdivision {
     let prepared = solver.prepared;
-    let way = Way { program, prepared, commanded, last };
+    let way = WalkedPath { program, prepared, commanded, last };
     let enough = (SHARE * tolerance).max(LEAST);
     let starts: Vec<(usize, Start)> = (0..prepared.points.len())
         .filter(|i| matches!(Kind::of(program, *i), Kind::Line | Kind::Arc) && modes[*i] != CorrectionMode::Keep)
@@ -112,7 +112,7 @@ pub(super) fn subdivide(
 
 /// The commands needed at shares of segments; `None` where there is none.
 fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Vec<Option<Solved>> {
-    let points = solver.spread.map(places.len(), |k| {
+    let points = solver.parallelism.map(places.len(), |k| {
         let (plan, share) = (&plans[places[k].0], places[k].1);
         plan.point(solver, share)
     });
@@ -125,14 +125,14 @@ fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Ve
     let batch: Prepared = solver.prepared.with_points(points.collect());
     let modes: Vec<CorrectionMode> = places.iter().map(|(at, _)| plans[*at].mode).collect();
     let travels: Vec<_> = batch.points.iter().map(|point| point.travel).collect();
-    let solver = Solver::new(solver.arm, &batch, solver.spread);
+    let solver = Solver::new(solver.arm, &batch, solver.parallelism);
     let first = solver.first(&modes);
     let solved = solver.commands(&modes, &first, &travels);
     solved.into_iter().zip(reached).map(|(solved, reached)| solved.ok().filter(|_| reached)).collect()
 }
 
 impl<'p> Plan<'p> {
-    fn new(way: &Way<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
+    fn new(way: &WalkedPath<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
         let segment = Segment::into(way.program, way.prepared, i, start)?;
         let (motor, _) = (way.commanded.motors)(i)?;
         let length = segment.track.length();

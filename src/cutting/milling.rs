@@ -137,16 +137,16 @@ impl Milling {
         let mut sum = ForceParts::default();
         if patch.corner > 0.0 {
             let cuts = |kappa| patch.moments(&patch.corner_ring(kappa)).is_some();
-            for piece in patch.corner_breaks().pieces_where(cuts) {
-                integrate(piece, |kappa, weight| {
+            for chunk in patch.corner_breaks().chunks_where(cuts) {
+                integrate(chunk, |kappa, weight| {
                     self.add(&mut sum, patch, &patch.corner_ring(kappa), weight * patch.corner);
                 });
             }
         }
         if let Some(breaks) = patch.cylinder_breaks() {
             let cuts = |height| patch.moments(&patch.cylinder_ring(height)).is_some();
-            for piece in breaks.pieces_where(cuts) {
-                integrate(piece, |height, weight| {
+            for chunk in breaks.chunks_where(cuts) {
+                integrate(chunk, |height, weight| {
                     self.add(&mut sum, patch, &patch.cylinder_ring(height), weight);
                 });
             }

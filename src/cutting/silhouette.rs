@@ -6,7 +6,7 @@
 //! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
 
 use super::patch::{HalfSpace, Patch, Ring};
-use super::quadrature::Piece;
+use super::quadrature::Chunk;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -20,13 +20,13 @@ const OFF_PATCH: f64 = 1e-9;
 /// Where a break is off by this (rad), the integral is off by its square.
 const BREAK_WIDTH: f64 = 1e-10;
 
-/// Pieces shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
-const NO_PIECE: f64 = 1e-12;
+/// Chunks shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
+const NO_CHUNK: f64 = 1e-12;
 
-/// A facing arc that opens at less than this κ (rad) needs a second piece to unfold.
+/// A facing arc that opens at less than this κ (rad) needs a second chunk to unfold.
 const SMALL: f64 = 0.05;
 
-/// A piece shorter than this share of the longest gets the short rule.
+/// A chunk shorter than this share of the longest gets the short rule.
 const SHORT: f64 = 0.1;
 
 /// Sorted break positions.
@@ -55,19 +55,19 @@ impl Breaks {
         }
     }
 
-    /// The pieces between the breaks that cut in their middle, and so all through.
-    pub(super) fn pieces_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Piece> {
+    /// The chunks between the breaks that cut in their middle, and so all through.
+    pub(super) fn chunks_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Chunk> {
         self.at[..self.len].sort_unstable_by(f64::total_cmp);
-        let (mut pieces, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
+        let (mut chunks, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
         for pair in self.at[..self.len].windows(2) {
             let (lo, hi) = (pair[0], pair[1]);
-            if hi - lo > NO_PIECE * self.range.1 && cuts(0.5 * (lo + hi)) {
-                pieces[len] = (lo, hi);
+            if hi - lo > NO_CHUNK * self.range.1 && cuts(0.5 * (lo + hi)) {
+                chunks[len] = (lo, hi);
                 len += 1;
                 longest = longest.max(hi - lo);
             }
         }
-        pieces.into_iter().take(len).map(move |(lo, hi)| Piece { lo, hi, short: hi - lo < SHORT * longest })
+        chunks.into_iter().take(len).map(move |(lo, hi)| Chunk { lo, hi, short: hi - lo < SHORT * longest })
     }
 }
 

@@ -1,18 +1,18 @@
 //! Both questions for as many targets at once as there are lanes. What is left open here, the scalar solver answers; from the
-//! evaluation at a wanted pose it is foreseen how the cut feeds back close by, which saves rounds and decides nothing.
+//! evaluation at a wanted pose it is warm_start how the cut feeds back close by, which saves rounds and decides nothing.
 
 use super::Arm;
 use super::block::{Setting, Site};
-use super::command::{Aim, Feedback};
+use super::command::{Feedback, InverseSolution};
 use super::evaluation::{self, Evaluation};
 use super::forward::Forward;
 use super::inverse::{self, Inverse};
 use super::model::Model;
-use super::predict::{Foreseen, Landing, PRINTED, Workspace};
+use super::predict::{PRINTED, PredictedPose, WarmStart, Workspace};
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, six, widest};
-use crate::robot::eight::turn_of;
+use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
-use crate::robot::{EightFound, Joints, Pose, turns_between};
+use crate::robot::{BatchSolutions, Joints, Pose, turns_between};
 
 /// Rounds before the scalar solver is asked: with the secant real arms take four.
 const ROUNDS: usize = 8;
@@ -30,7 +30,7 @@ pub(crate) struct Given<'a, 'b> {
     pub(crate) motor: &'b Joints,
     /// Direction of travel into them.
     pub(crate) travel: &'b Joints,
-    pub(crate) near: Foreseen,
+    pub(crate) near: WarmStart,
 }
 
 /// What a batch is solved in, some kilobytes that are used again.
@@ -41,13 +41,13 @@ pub(crate) struct Room<'a> {
     at: Six<Lanes>,
     feedback: evaluation::Feedback<Lanes>,
     nominal: Frame,
-    landings: Landings,
-    pub(crate) found: EightFound,
+    predicted_poses: PredictedPoses,
+    pub(crate) found: BatchSolutions,
 }
 
-/// As many of [`Landing`], but for what rounds know.
+/// As many of [`PredictedPose`], but for what rounds know.
 #[derive(Default)]
-struct Landings {
+struct PredictedPoses {
     /// Actual TCP in the work object.
     seen: Frame,
     shift: Vector,
@@ -57,7 +57,7 @@ struct Landings {
     cut: Vector,
 }
 
-impl Landings {
+impl PredictedPoses {
     /// Takes what the rounds have come to.
     fn take(&mut self, model: &Model<'_>, workspace: &mut Workspace<'_, Lanes>) {
         let Workspace { block, at, forward, .. } = workspace;
@@ -67,23 +67,23 @@ impl Landings {
             at: &'a Evaluation<Lanes> = at,
             wanted: &'a Frame = &block.wanted,
             base_from_wobj: &'a Frame = &block.site.base_from_wobj,
-            landings: &'a mut Landings = self,
+            predicted_poses: &'a mut PredictedPoses = self,
         ) {
-            landings.seen = at.wobj_from_tcp();
-            landings.shift = landings.seen.origin - wanted.origin;
-            (landings.turn, landings.small) = turns_between(wanted, &landings.seen);
-            landings.cut = base_from_wobj.turn_back(forward.cut);
+            predicted_poses.seen = at.wobj_from_tcp();
+            predicted_poses.shift = predicted_poses.seen.origin - wanted.origin;
+            (predicted_poses.turn, predicted_poses.small) = turns_between(wanted, &predicted_poses.seen);
+            predicted_poses.cut = base_from_wobj.turn_back(forward.cut);
         });
     }
 
     /// Where a lane has come to, if it has.
     #[inline(always)]
-    fn landing(&self, workspace: &Workspace<'_, Lanes>, lane: usize) -> Option<Landing> {
+    fn predicted(&self, workspace: &Workspace<'_, Lanes>, lane: usize) -> Option<PredictedPose> {
         let forward = &workspace.forward;
         let finite = (self.shift.x.lane(lane) + self.shift.y.lane(lane) + self.shift.z.lane(lane)).is_finite();
         (forward.done.lane(lane) && forward.close.lane(lane) && finite).then(|| {
             let most = forward.most.lane(lane);
-            Landing {
+            PredictedPose {
                 shift: self.shift.lane(lane),
                 turn: turn_of(lane, (&self.turn, self.small), &workspace.block.wanted, &self.seen),
                 axis: -self.seen.z.lane(lane),
@@ -108,10 +108,10 @@ impl<'a> Batch<'a> {
         room: &mut Room<'s>,
         count: usize,
         wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
-        mut put: impl FnMut(usize, Aim, Option<Pose>, Landing),
+        mut put: impl FnMut(usize, InverseSolution, Option<Pose>, PredictedPose),
     ) {
         let model = &self.model;
-        let Room { workspace, at: nominal_motor, feedback, nominal, landings, .. } = room;
+        let Room { workspace, at: nominal_motor, feedback, nominal, predicted_poses, .. } = room;
         for lane in 0..count {
             let (site, at, travel) = wanted(lane);
             workspace.block.set(lane, &site);
@@ -121,12 +121,12 @@ impl<'a> Batch<'a> {
         let Workspace { block, at, forward, inverse } = workspace;
         block.first(count);
         (inverse.motor, inverse.wanted, inverse.at_reference) = (*nominal_motor, block.wanted, true);
-        let sure = LaneMask::first(count);
+        let valid = LaneMask::first(count);
         let invert = |asked: &Frame, near: &Six<Lanes>| -> Result<_, std::convert::Infallible> {
             let Some(robot) = &model.inverse else { return Ok((*near, LaneMask::default())) };
             let mut found = (*near, LaneMask::default());
             widest!(<'a, 'b> (
-                robot: &'a crate::robot::Eight<'b> = robot,
+                robot: &'a crate::robot::BatchArm<'b> = robot,
                 asked: &'a Frame = asked,
                 near: &'a Six<Lanes> = near,
                 found: &'a mut (Six<Lanes>, LaneMask) = &mut found,
@@ -136,8 +136,8 @@ impl<'a> Batch<'a> {
             Ok(found)
         };
         // It cannot fail: what is not found is left open.
-        let _ = inverse.run(model, block, at, (sure, inverse::ROUNDS), invert);
-        let sure = inverse.done;
+        let _ = inverse.run(model, block, at, (valid, inverse::ROUNDS), invert);
+        let valid = inverse.done;
         block.site.commanded = *nominal_motor;
         forward.travel = inverse.travel;
         widest!(<'a, 'b, 's> (
@@ -165,8 +165,8 @@ impl<'a> Batch<'a> {
             at.set_offsets(model, block);
         }
         forward.begin(model, block, at);
-        forward.run(model, block, at, (sure, ROUNDS, PRINTED));
-        landings.take(model, workspace);
+        forward.run(model, block, at, (valid, ROUNDS, PRINTED));
+        predicted_poses.take(model, workspace);
         let inverse = &workspace.inverse;
         for lane in 0..count {
             let lost = one(&inverse.lost, lane);
@@ -177,9 +177,9 @@ impl<'a> Batch<'a> {
                 lift: feedback.lift.lane(lane),
             };
             let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
-            if let Some(landing) = landings.landing(workspace, lane).filter(|_| sure.lane(lane)) {
+            if let Some(predicted) = predicted_poses.predicted(workspace, lane).filter(|_| valid.lane(lane)) {
                 let nominal = (lost == Joints::zeros()).then(|| nominal.lane(lane));
-                put(lane, Aim { motor, free, lost, feedback }, nominal, landing);
+                put(lane, InverseSolution { motor, free, lost, feedback }, nominal, predicted);
             }
         }
     }
@@ -220,10 +220,10 @@ impl<'a> Batch<'a> {
         room: &mut Room<'s>,
         count: usize,
         given: impl Fn(usize) -> Given<'s, 'm>,
-        mut put: impl FnMut(usize, Landing),
+        mut put: impl FnMut(usize, PredictedPose),
     ) {
         let model = &self.model;
-        let Room { workspace, landings, .. } = room;
+        let Room { workspace, predicted_poses, .. } = room;
         let Workspace { block, at, forward, .. } = workspace;
         forward.under.clear(model.parts);
         for lane in 0..count {
@@ -240,10 +240,10 @@ impl<'a> Batch<'a> {
         at.set_offsets(model, block);
         forward.begin(model, block, at);
         forward.run(model, block, at, (LaneMask::first(count), ROUNDS, PRINTED));
-        landings.take(model, workspace);
+        predicted_poses.take(model, workspace);
         for lane in 0..count {
-            if let Some(landing) = landings.landing(workspace, lane) {
-                put(lane, landing);
+            if let Some(predicted) = predicted_poses.predicted(workspace, lane) {
+                put(lane, predicted);
             }
         }
     }

@@ -1,6 +1,6 @@
 use super::block::{Setting, Site};
 use super::model::Model;
-use super::predict::{Foreseen, Landing, Load, Workspace};
+use super::predict::{Load, PredictedPose, WarmStart, Workspace};
 use super::{Arm, EquilibriumError};
 use crate::effects::Situation;
 use crate::lanes::Frame;
@@ -23,7 +23,7 @@ pub struct Command {
 
 /// As much of a [`Command`] as a path needs.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Aim {
+pub(crate) struct InverseSolution {
     /// Actual motor angles at the wanted pose, rad.
     pub(crate) motor: Joints,
     /// Commanded motor angles but for lost motion, rad.
@@ -41,33 +41,33 @@ pub(crate) struct Feedback {
     pub(crate) under: Joints,
     /// What the joints yield by to a lift of the tip along the surface normal, rad/m.
     pub(crate) yielding: Joints,
-    /// See [`Landing`].
+    /// See [`PredictedPose`].
     pub(crate) mixing: f64,
     /// Of the tip from the wanted pose at the equilibrium of the nominal arm's motor angles there, about, m.
     pub(crate) lift: f64,
 }
 
-impl Aim {
+impl InverseSolution {
     /// Where to begin with the equilibrium of the nominal arm's motor angles.
-    pub(crate) fn uncorrected(&self) -> Foreseen {
-        self.foreseen(self.feedback.lift, 1.0)
+    pub(crate) fn uncorrected(&self) -> WarmStart {
+        self.warm_start(self.feedback.lift, 1.0)
     }
 
     /// Where to begin with the equilibrium of a command that puts the nominal tip `lift` (m) over where the aim's puts it: what
     /// feeds back is much the same as `uncorrected`.
-    pub(crate) fn corrected(&self, lift: f64, uncorrected: &Landing) -> Foreseen {
-        let near = self.foreseen(lift * (1.0 - self.feedback.mixing), uncorrected.gain);
-        Foreseen { mixing: uncorrected.mixing, ..near }
+    pub(crate) fn corrected(&self, lift: f64, uncorrected: &PredictedPose) -> WarmStart {
+        let near = self.warm_start(lift * (1.0 - self.feedback.mixing), uncorrected.gain);
+        WarmStart { mixing: uncorrected.mixing, ..near }
     }
 
     /// Where to begin with the equilibria of commands close by: the joints yield by much the same.
-    pub(crate) fn nearby(&self) -> Foreseen {
-        Foreseen { under: self.feedback.under, ..Foreseen::default() }
+    pub(crate) fn nearby(&self) -> WarmStart {
+        WarmStart { under: self.feedback.under, ..WarmStart::default() }
     }
 
-    fn foreseen(&self, lift: f64, gain: f64) -> Foreseen {
+    fn warm_start(&self, lift: f64, gain: f64) -> WarmStart {
         let Feedback { under, yielding, mixing, .. } = self.feedback;
-        Foreseen { under: under + yielding * lift, mixing, left: under.norm_squared(), gain }
+        WarmStart { under: under + yielding * lift, mixing, left: under.norm_squared(), gain }
     }
 
     /// Commanded motor angles for a direction of travel (−1, 0, 1 a joint), rad.
@@ -105,9 +105,9 @@ impl Command {
     }
 
     /// What a path needs of it; nothing is known of how it feeds back.
-    pub(crate) fn aim(&self) -> Aim {
+    pub(crate) fn aim(&self) -> InverseSolution {
         let feedback = Feedback { under: self.deflection(), ..Feedback::default() };
-        Aim { motor: self.motor, free: self.free, lost: self.lost, feedback }
+        InverseSolution { motor: self.motor, free: self.free, lost: self.lost, feedback }
     }
 }
 

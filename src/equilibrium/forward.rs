@@ -64,7 +64,7 @@ pub(super) struct Rules {
     /// What a round may add to the deflection, rad and m.
     pub(super) tolerance: f64,
     /// Whether the last step is taken without an evaluation where the two rounds before show what it would leave.
-    pub(super) foreseen: bool,
+    pub(super) warm_start: bool,
     /// Share of each step; below 1 without the secant.
     pub(super) relaxation: f64,
     /// Whether arms may go far from where the rounds began.
@@ -202,7 +202,7 @@ impl<R: Number> Forward<R> {
             self.under.mix(give, &before.give, parts, |now, give, before| still(now, give + back * (before - give)));
         }
         self.done = settled;
-        if rules.foreseen {
+        if rules.warm_start {
             self.done = settled.or((size * worse).lt(tolerance));
         }
         let before = &mut self.before;

@@ -24,10 +24,10 @@ pub use arm::Arm;
 pub(crate) use batch::{Batch, Given, Room};
 pub(crate) use block::{Setting, Site};
 pub use command::Command;
-pub(crate) use command::{Aim, Start};
+pub(crate) use command::{InverseSolution, Start};
 pub(crate) use number::Number;
 pub use predict::{Equilibrium, Load};
-pub(crate) use predict::{Foreseen, Landing};
+pub(crate) use predict::{PredictedPose, WarmStart};
 
 use crate::robot::Unreachable;
 

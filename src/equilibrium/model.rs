@@ -1,6 +1,6 @@
 use super::Arm;
 use crate::effects::{Law, Parts};
-use crate::robot::{Eight, Joints, Robot};
+use crate::robot::{BatchArm, Joints, Robot};
 use nalgebra::Vector3;
 use smallvec::SmallVec;
 
@@ -12,7 +12,7 @@ const GRAVITY: f64 = 9.806_65;
 pub(crate) struct Model<'a> {
     pub(super) robot: &'a Robot,
     /// Where there is an explicit inverse.
-    pub(super) inverse: Option<Eight<'a>>,
+    pub(super) inverse: Option<BatchArm<'a>>,
     /// N·m/rad
     pub(super) stiffness: Option<&'a Joints>,
     pub(super) laws: SmallVec<[Law<'a>; 4]>,
@@ -35,7 +35,7 @@ impl<'a> Model<'a> {
         }
         Self {
             robot: &arm.robot,
-            inverse: Eight::of(&arm.robot),
+            inverse: BatchArm::of(&arm.robot),
             stiffness,
             parts: laws.iter().fold(Parts::NONE, |parts, law| parts.and(law.parts())),
             laws,

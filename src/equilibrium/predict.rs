@@ -47,10 +47,10 @@ impl Load {
 }
 
 /// 1e-9 mm at 3 m, seen by an evaluation.
-const EXACT: Rules = Rules { tolerance: 3e-13, foreseen: false, relaxation: 1.0, far: true };
+const EXACT: Rules = Rules { tolerance: 3e-13, warm_start: false, relaxation: 1.0, far: true };
 
 /// 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
-pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, foreseen: true, relaxation: 1.0, far: false };
+pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, warm_start: true, relaxation: 1.0, far: false };
 
 /// Rounds of one attempt. With the secant real arms take six; where it is not used, twenty.
 const ROUNDS: usize = 200;
@@ -88,7 +88,7 @@ impl<'a> Workspace<'a, f64> {
     }
 
     /// Rounds from what is known, and with a smaller and smaller relaxation until one attempt settles.
-    fn settle(&mut self, model: &Model<'_>, near: &Foreseen, rules: Rules) -> Result<(), EquilibriumError> {
+    fn settle(&mut self, model: &Model<'_>, near: &WarmStart, rules: Rules) -> Result<(), EquilibriumError> {
         let mut failure = EquilibriumError::NotFinite;
         for relaxation in RELAXATIONS {
             match self.attempt(model, near, Rules { relaxation, far: true, ..rules }) {
@@ -99,7 +99,7 @@ impl<'a> Workspace<'a, f64> {
         Err(failure)
     }
 
-    fn attempt(&mut self, model: &Model<'_>, near: &Foreseen, rules: Rules) -> Result<(), EquilibriumError> {
+    fn attempt(&mut self, model: &Model<'_>, near: &WarmStart, rules: Rules) -> Result<(), EquilibriumError> {
         let Self { block, at, forward, .. } = self;
         forward.under.clear(model.parts);
         forward.under.joints = near.under.into();
@@ -112,7 +112,7 @@ impl<'a> Workspace<'a, f64> {
             forward.round(round, model, block, at, rules);
             let seen = at.wobj_from_tcp();
             if forward.done {
-                if rules.foreseen {
+                if rules.warm_start {
                     forward.place(model, block, at, rules);
                 }
                 return Ok(());
@@ -161,7 +161,7 @@ impl Arm {
         let (model, setting) = (Model::new(self), Setting::of(situation));
         let mut workspace = Workspace::at(&Site::of(situation, &setting));
         workspace.command(&model, (motor_commanded, travel));
-        workspace.settle(&model, &Foreseen::default(), EXACT)?;
+        workspace.settle(&model, &WarmStart::default(), EXACT)?;
         let Workspace { at, forward, .. } = workspace;
         Ok(Equilibrium {
             motor: one(&forward.motor(&model), 0),
@@ -177,15 +177,15 @@ impl Arm {
         &self,
         situation: &Situation,
         command: (&Joints, &Joints),
-        near: &Foreseen,
-    ) -> Result<Landing, EquilibriumError> {
+        near: &WarmStart,
+    ) -> Result<PredictedPose, EquilibriumError> {
         let (model, setting) = (Model::new(self), Setting::of(situation));
         let mut workspace = Workspace::at(&Site::of(situation, &setting));
         workspace.command(&model, command);
         workspace.settle(&model, near, PRINTED)?;
         let Workspace { at, forward, .. } = &workspace;
         let (wanted, seen) = (&situation.wobj_from_tcp, at.wobj_from_tcp().lane(0));
-        Ok(Landing {
+        Ok(PredictedPose {
             shift: seen.translation.vector - wanted.translation.vector,
             turn: turn_between(&wanted.rotation, &seen.rotation),
             axis: -seen.rotation.matrix().column(2),
@@ -223,7 +223,7 @@ impl Arm {
 
 /// Where a command ends up, as far as a report asks, in the axes of the actual work object.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Landing {
+pub(crate) struct PredictedPose {
     /// Actual minus wanted TCP, m.
     pub(crate) shift: Vector3<f64>,
     /// Rotation vector from the wanted orientation to the actual one, rad.
@@ -240,18 +240,18 @@ pub(crate) struct Landing {
 
 /// What is known of a forward equilibrium beforehand: it saves rounds and decides nothing.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Foreseen {
+pub(crate) struct WarmStart {
     /// By how much the joints yield, about, rad.
     pub(crate) under: Joints,
-    /// See [`Landing`].
+    /// See [`PredictedPose`].
     pub(crate) mixing: f64,
     /// What the evaluation that this comes from had left, rad², or 0.
     pub(crate) left: f64,
-    /// See [`Landing`].
+    /// See [`PredictedPose`].
     pub(crate) gain: f64,
 }
 
-impl Default for Foreseen {
+impl Default for WarmStart {
     fn default() -> Self {
         Self { under: Joints::zeros(), mixing: 0.0, left: 0.0, gain: 1.0 }
     }

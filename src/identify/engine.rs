@@ -55,7 +55,7 @@ pub(super) struct Engine {
     pub(super) shape: noise::Shape,
     /// Posterior covariance of the chosen columns, in typical sizes, in the order of `chosen`.
     pub(super) covariance: DMatrix<f64>,
-    /// What nobody lists, where a field of it holds.
+    /// What is unmodelled, where a field of it holds.
     pub(super) map: Option<Map>,
     /// Columns of the last linearisation that can serve again.
     reuse: Reuse,
@@ -131,7 +131,7 @@ impl Engine {
         let aside = problem.set_aside();
         let candidates = candidates::all(&declared, &problem, covariances);
         let reuse = Reuse::of(if problem.free_device { 0 } else { candidates.len() });
-        let shape = noise::Shape { wander: 0.0, correlation: 0.0, field: None };
+        let shape = noise::Shape { drift: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
         Self {
             declared,
@@ -231,7 +231,7 @@ impl Engine {
             let shapes = match self.shape {
                 noise::Shape { field: Some(_), .. } => vec![self.shape],
                 _ if whole => noise::coarse(),
-                noise::Shape { wander, .. } if wander > 0.0 => noise::near(self.shape),
+                noise::Shape { drift, .. } if drift > 0.0 => noise::near(self.shape),
                 _ => noise::few(),
             };
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();

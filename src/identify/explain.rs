@@ -226,7 +226,7 @@ impl Engine {
     }
 
     fn wander_mm(&self) -> f64 {
-        self.sigma * self.shape.wander.sqrt()
+        self.sigma * self.shape.drift.sqrt()
     }
 
     /// Standard deviation of the noise over that of its bulk, where its tails are heavy.
@@ -319,8 +319,8 @@ impl Engine {
             };
             correlates.push(Correlate { with: with.to_owned(), r });
         }
-        if self.shape.wander > noise::MOST_WANDER {
-            correlates.push(Correlate { with: "time, slowly: far beyond an arm's wander".to_owned(), r: 1.0 });
+        if self.shape.drift > noise::MOST_WANDER {
+            correlates.push(Correlate { with: "time, slowly: far beyond an arm's drift".to_owned(), r: 1.0 });
         }
         if let Some(declared) = self.problem.declared_sigma_mm.filter(|_| self.scatters_more()) {
             let with =

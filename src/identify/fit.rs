@@ -15,7 +15,7 @@ const REFITS: usize = 8;
 const DAMPINGS: [f64; 5] = [0.0, 1.0, 30.0, 1e3, 1e5];
 /// Changes below this share of the typical sizes are no longer followed.
 const SETTLED: f64 = 1e-4;
-/// What a step must gain, twice nats a measured number: what makes up for one another wanders along its valley for less.
+/// What a step must gain, twice nats a measured number: what makes up for one another drifts along its valley for less.
 const TREMOR: f64 = 1e-6;
 /// What a member must gain beyond its price when the others are fitted anew without it, nats.
 const CLEARLY: f64 = 5.0;

@@ -32,9 +32,9 @@ impl Engine {
         let renumbered = numbered(&columns);
         stacked = stacked.insert_column(columns.list.len(), 0.0);
         stacked.set_column(columns.list.len(), &linear.data);
-        // The field takes the place of a wander or stands beside the one that was found.
-        let mut beside = vec![noise::Shape { wander: 0.0, correlation: 0.0, field: None }];
-        if self.shape.wander > 0.0 {
+        // The field takes the place of a drift or stands beside the one that was found.
+        let mut beside = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
+        if self.shape.drift > 0.0 {
             beside.push(self.shape);
         }
         let with =
@@ -65,8 +65,8 @@ impl Engine {
         self.candidates.extend(new);
         let set = self.chosen.clone();
         let wanted: Vec<usize> = set.iter().copied().chain(first..self.candidates.len()).collect();
-        let mut shapes = vec![noise::Shape { wander: 0.0, correlation: 0.0, field: None }];
-        if self.shape.wander > 0.0 {
+        let mut shapes = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
+        if self.shape.drift > 0.0 {
             shapes.push(self.shape);
         }
         let linear = self.linearise(&wanted, &shapes);
@@ -106,9 +106,9 @@ impl Engine {
 
     /// The row at which one run's residual jumps most, if it jumps at all.
     fn jumps_of(&self, run: usize, left: &DVector<f64>) -> Option<usize> {
-        let noise::Shape { wander, correlation, .. } = self.shape;
-        // Means of wandering rows scatter more than their number says.
-        let inflated = if wander > 0.0 { wander * (1.0 + correlation) / (1.0 - correlation) } else { 0.0 };
+        let noise::Shape { drift, correlation, .. } = self.shape;
+        // Means of drifting rows scatter more than their number says.
+        let inflated = if drift > 0.0 { drift * (1.0 + correlation) / (1.0 - correlation) } else { 0.0 };
         let variance = self.sigma * self.sigma * (1.0 + inflated);
         let fitted = |row: &&Observation| row.run == run && !row.held_out && !row.outlier;
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();
@@ -235,7 +235,7 @@ impl Engine {
     /// Whether something is left that is no fault of the measurement either.
     pub(super) fn is_unlisted(&self) -> bool {
         self.shape.field.is_some()
-            || self.shape.wander > noise::MOST_WANDER
+            || self.shape.drift > noise::MOST_WANDER
             || self.stands(Standing::Unlisted)
             || self.scatters_more()
     }
@@ -246,9 +246,9 @@ impl Engine {
 
     /// Whether the noise is well beyond what the table declares.
     pub(super) fn scatters_more(&self) -> bool {
-        /// Times the declared standard deviation, the wander of an arm included.
+        /// Times the declared standard deviation, the drift of an arm included.
         const MOST: f64 = 1.6;
-        let all = self.sigma * (1.0 + self.shape.wander).sqrt();
+        let all = self.sigma * (1.0 + self.shape.drift).sqrt();
         self.problem.declared_sigma_mm.is_some_and(|declared| all > MOST * declared)
     }
 
@@ -365,7 +365,7 @@ impl Engine {
     /// Finds anew how much measured turns scatter beside positions; whether that matters to what is fitted.
     pub(super) fn weigh_turns(&mut self) -> bool {
         let residual = self.residual();
-        self.problem.weigh_turns(&residual, self.sigma * (1.0 + self.shape.wander).sqrt())
+        self.problem.weigh_turns(&residual, self.sigma * (1.0 + self.shape.drift).sqrt())
     }
 
     /// Marks rows whose whitened residual no noise makes; how many are new.

@@ -1,4 +1,4 @@
-//! What nobody lists, as a map: only if it holds on blocks that its fit has not seen.
+//! What is unmodelled, as a map: only if it holds on blocks that its fit has not seen.
 //!
 //! First a field over the place (kriging: a Gaussian process whose reach and size are those of most evidence), then
 //! polynomials over the place or the joints. Either is `empirical` in the cell and claims no cause.
@@ -137,8 +137,8 @@ impl Engine {
         let covariance = DMatrix::from_fn(left.len(), left.len(), |i, j| {
             let (a, b) = (&left[i], &left[j]);
             let white = if i == j { a.weight * a.weight } else { 0.0 };
-            let wander = if a.run == b.run { self.shape.wandering(a.order.abs_diff(b.order)) } else { 0.0 };
-            white + wander + field.covariance(&a.place, &b.place)
+            let drift = if a.run == b.run { self.shape.drifting(a.order.abs_diff(b.order)) } else { 0.0 };
+            white + drift + field.covariance(&a.place, &b.place)
         });
         let factor: Cholesky<f64, Dyn> = covariance.cholesky()?;
         let errors = DMatrix::from_fn(left.len(), 3, |i, k| left[i].error[k]);

@@ -123,16 +123,16 @@ impl<'a> Columns<'a> {
     /// Whitens all columns along a series, a block of samples (its columns) at a time: memory does not grow with the rows.
     fn whitened(&self, series: &Series, steps: &[Step], mut take: impl FnMut(&DMatrix<f64>)) {
         const ROWS: usize = 512;
-        let mut wander = vec![0.0; self.width];
+        let mut drift = vec![0.0; self.width];
         for (samples, steps) in series.samples.chunks(ROWS).zip(steps.chunks(ROWS)) {
             let mut block = DMatrix::zeros(self.width, samples.len());
             (self.fill)(samples, block.as_mut_slice());
             for (values, step) in block.as_mut_slice().chunks_exact_mut(self.width).zip(steps) {
                 let root = step.variance.sqrt();
-                for (value, wander) in values.iter_mut().zip(&mut wander) {
-                    *wander *= step.decay;
-                    let innovation = *value - *wander;
-                    *wander += step.gain * innovation;
+                for (value, drift) in values.iter_mut().zip(&mut drift) {
+                    *drift *= step.decay;
+                    let innovation = *value - *drift;
+                    *drift += step.gain * innovation;
                     *value = innovation / root;
                 }
             }
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn products_some_rows_at_a_time_are_those_of_the_whole() {
-        let shape = Shape { wander: 0.4, correlation: 0.9, field: None };
+        let shape = Shape { drift: 0.4, correlation: 0.9, field: None };
         let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
         let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 1300] }];
         let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());

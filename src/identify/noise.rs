@@ -1,11 +1,11 @@
-//! Noise of measured rows: white plus a slow wander, as real robots show.
+//! Noise of measured rows: white plus a slow drift, as real robots show.
 //!
 //! Each axis of each run is `y_t = w_t + e_t`, e white with variance σ², w a first-order autoregression with
 //! stationary variance λσ² and correlation ρ from row to row. A Kalman filter whitens data and columns in one pass;
 //! rows that are not fitted are missing observations to it, so that blocks can be left out anywhere.
 //!
-//! A field over the place is what an effect that nobody lists leaves: equal where the arm returns, however much later.
-//! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a wander, nor
+//! A field over the place is what an unmodelled effect leaves: equal where the arm returns, however much later.
+//! It is no noise, and a set that needs it is unexplained; as part of the covariance it cannot pass for a drift, nor
 //! for the effects that are named beside it.
 
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -13,11 +13,11 @@ use nalgebra::{DMatrix, DVector, Vector3};
 /// Shape of the noise; its size σ is profiled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shape {
-    /// Variance of the wander over that of the white part.
-    pub(super) wander: f64,
-    /// Correlation of the wander from one row to the next.
+    /// Variance of the drift over that of the white part.
+    pub(super) drift: f64,
+    /// Correlation of the drift from one row to the next.
     pub(super) correlation: f64,
-    /// What is left of effects that nobody lists.
+    /// What is left of unmodelled effects.
     pub(super) field: Option<Field>,
 }
 
@@ -59,7 +59,7 @@ impl Field {
     }
 }
 
-/// A wander of more variance than this over the white noise is no arm's: something drifts.
+/// A drift of more variance than this over the white noise is no arm's: something drifts.
 pub(super) const MOST_WANDER: f64 = 2.0;
 
 /// Fields that are tried over coordinates of these extents.
@@ -77,51 +77,49 @@ pub(super) fn fields(extents: [f64; OVER.len()]) -> Vec<Field> {
 
 /// Shapes that are tried: none, then from faint to dominant and from three rows to fifty.
 pub(super) fn shapes() -> Vec<Shape> {
-    let mut all = vec![Shape { wander: 0.0, correlation: 0.0, field: None }];
-    for wander in [0.06, 0.2, 0.5, 1.2, 3.0] {
+    let mut all = vec![Shape { drift: 0.0, correlation: 0.0, field: None }];
+    for drift in [0.06, 0.2, 0.5, 1.2, 3.0] {
         for correlation in [0.8, 0.9, 0.95] {
-            all.push(Shape { wander, correlation, field: None });
+            all.push(Shape { drift, correlation, field: None });
         }
     }
     all
 }
 
-/// White, and a few wanders of the usual length.
+/// White, and a few drifts of the usual length.
 #[allow(clippy::float_cmp)] // shapes come from one list
 pub(super) fn few() -> Vec<Shape> {
-    shapes().into_iter().filter(|s| s.wander == 0.0 || s.correlation == 0.9 && s.wander < 1.0).collect()
+    shapes().into_iter().filter(|s| s.drift == 0.0 || s.correlation == 0.9 && s.drift < 1.0).collect()
 }
 
-/// White, and one wander of the usual size: for data over the whole robot, where the noise decides nothing.
+/// White, and one drift of the usual size: for data over the whole robot, where the noise decides nothing.
 pub(super) fn coarse() -> Vec<Shape> {
-    vec![Shape { wander: 0.0, correlation: 0.0, field: None }, Shape { wander: 0.5, correlation: 0.9, field: None }]
+    vec![Shape { drift: 0.0, correlation: 0.0, field: None }, Shape { drift: 0.5, correlation: 0.9, field: None }]
 }
 
 /// Shapes near one, and white.
 #[allow(clippy::float_cmp)] // shapes come from one list
 pub(super) fn near(shape: Shape) -> Vec<Shape> {
     let close = |s: &Shape| {
-        s.wander == 0.0
-            || *s == shape
-            || s.correlation == shape.correlation && (s.wander / shape.wander).ln().abs() < 1.3
+        s.drift == 0.0 || *s == shape || s.correlation == shape.correlation && (s.drift / shape.drift).ln().abs() < 1.3
     };
     shapes().into_iter().filter(close).collect()
 }
 
 impl Shape {
-    /// Covariance of the wander so many rows apart, over σ².
-    pub(super) fn wandering(self, lag: usize) -> f64 {
+    /// Covariance of the drift so many rows apart, over σ².
+    pub(super) fn drifting(self, lag: usize) -> f64 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
         let lag = lag as i32;
-        if self.wander > 0.0 { self.wander * self.correlation.powi(lag) } else { 0.0 }
+        if self.drift > 0.0 { self.drift * self.correlation.powi(lag) } else { 0.0 }
     }
 
-    /// Log prior of a shape, nats: wanders of a real arm are rather smaller than its white noise, and a much
+    /// Log prior of a shape, nats: drifts of a real arm are rather smaller than its white noise, and a much
     /// larger one is an effect that nobody modelled.
     pub(super) fn log_prior(self) -> f64 {
         const USUAL: f64 = 0.5;
         const SPREAD: f64 = 0.4;
-        if self.wander <= USUAL { 0.0 } else { -0.5 * ((self.wander / USUAL).ln() / SPREAD).powi(2) }
+        if self.drift <= USUAL { 0.0 } else { -0.5 * ((self.drift / USUAL).ln() / SPREAD).powi(2) }
     }
 }
 
@@ -152,11 +150,11 @@ pub(super) fn whiten(stacked: &DMatrix<f64>, series: &[Series], shape: Shape) ->
     let mut columns = stacked.clone();
     for mut column in columns.column_iter_mut() {
         for (series, gains) in series.iter().zip(&gains) {
-            let mut wander = 0.0;
+            let mut drift = 0.0;
             for ((row, _, _), step) in series.samples.iter().zip(gains) {
-                wander *= step.decay;
-                let innovation = column[*row] - wander;
-                wander += step.gain * innovation;
+                drift *= step.decay;
+                let innovation = column[*row] - drift;
+                drift += step.gain * innovation;
                 column[*row] = innovation / step.variance.sqrt();
             }
         }
@@ -220,14 +218,14 @@ impl Factors {
     }
 }
 
-/// Covariance of samples over σ²: white, wander and field; the lower triangle.
+/// Covariance of samples over σ²: white, drift and field; the lower triangle.
 fn covariance(samples: &[Sample], places: &[Places], shape: Shape, field: Field) -> DMatrix<f64> {
     let size = samples.len();
     let mut matrix = DMatrix::zeros(size, size);
     for j in 0..size {
         for i in j..size {
-            let wander = shape.wandering(samples[i].1.abs_diff(samples[j].1));
-            matrix[(i, j)] = wander + field.between(&places[i], &places[j]);
+            let drift = shape.drifting(samples[i].1.abs_diff(samples[j].1));
+            matrix[(i, j)] = drift + field.between(&places[i], &places[j]);
         }
         matrix[(j, j)] += samples[j].2.powi(2);
     }
@@ -255,7 +253,7 @@ pub(super) struct Step {
 }
 
 pub(super) fn steps(series: &Series, shape: Shape) -> Vec<Step> {
-    let mut uncertainty = shape.wander;
+    let mut uncertainty = shape.drift;
     let mut last = None;
     series
         .samples
@@ -265,7 +263,7 @@ pub(super) fn steps(series: &Series, shape: Shape) -> Vec<Step> {
             last = Some(time);
             #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
             let decay = shape.correlation.powi(gap as i32);
-            uncertainty = decay * decay * uncertainty + (1.0 - decay * decay) * shape.wander;
+            uncertainty = decay * decay * uncertainty + (1.0 - decay * decay) * shape.drift;
             let variance = uncertainty + relative * relative;
             let gain = uncertainty / variance;
             uncertainty *= 1.0 - gain;
@@ -280,13 +278,13 @@ mod tests {
 
     #[test]
     fn whitening_is_the_inverse_square_root_of_the_covariance() {
-        let shape = Shape { wander: 0.8, correlation: 0.9, field: None };
+        let shape = Shape { drift: 0.8, correlation: 0.9, field: None };
         let times = [0usize, 1, 2, 5, 6];
         let samples = times.iter().enumerate().map(|(row, &t)| (row, t, 1.0)).collect();
         let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 5] }];
         let covariance = DMatrix::from_fn(5, 5, |i, j| {
             let lag = times[i].abs_diff(times[j]);
-            shape.wander * shape.correlation.powi(lag as i32) + f64::from(u8::from(i == j))
+            shape.drift * shape.correlation.powi(lag as i32) + f64::from(u8::from(i == j))
         });
         let whitened = whiten(&DMatrix::identity(5, 5), &series, shape);
         let product = &whitened.columns * covariance.clone() * whitened.columns.transpose();
@@ -297,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_field_that_is_nothing_whitens_as_none() {
-        let shape = Shape { wander: 0.5, correlation: 0.8, field: None };
+        let shape = Shape { drift: 0.5, correlation: 0.8, field: None };
         let samples = (0..7).map(|t| (t, t, 1.0 + 0.1 * t as f64)).collect();
         let places = (0..7).map(|t| [Vector3::repeat(f64::from(t)); 3]).collect();
         let series = [Series { samples, places }];

@@ -16,7 +16,7 @@ pub struct Identification {
     /// White noise of measured orientations, per axis, degrees; `None` where none were fitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orientation_noise_deg: Option<f64>,
-    /// 3-D noise floor with the wander in it, mm.
+    /// 3-D noise floor with the drift in it, mm.
     pub noise_floor_rms_mm: f64,
     /// Declared cell, on held-out rows.
     pub before: Errors,
@@ -48,7 +48,7 @@ pub struct Identification {
     pub residuals: Vec<ResidualRow>,
 }
 
-/// One piece of advice, as a sentence.
+/// One chunk of advice, as a sentence.
 pub type Advice = String;
 
 /// Sizes of the 3-D error, mm.

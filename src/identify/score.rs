@@ -223,7 +223,7 @@ mod tests {
         // y = (1, 3) on columns (1, 1) and (0, 1): without bounds (1, 2); with the second not above 0, the mean 2 of the first.
         let stacked = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 1.0, 1.0, 1.0, 3.0]);
         let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![[Vector3::zeros(); 3]; 2] }];
-        let moments = Moments::of(&stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None });
+        let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
         let columns = Columns::independent(vec![(0, 1.0), (1, 1.0)]);
         let any = (f64::NEG_INFINITY, f64::INFINITY);
         let solve = |bounds: &[(f64, f64)]| {

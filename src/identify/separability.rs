@@ -70,7 +70,7 @@ mod tests {
         let stacked = DMatrix::from_row_slice(3, 4, &[1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         let series =
             [Series { samples: (0..3).map(|t| (t, t, 1.0)).collect(), places: vec![[Vector3::zeros(); 3]; 3] }];
-        let moments = Moments::of(&stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None });
+        let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
         let one = DVector::from_element(1, 2.0);
         assert!((outside(&moments, vec![0], &one, &[1]) - 2.0).abs() < 1e-6);
         assert!((outside(&moments, vec![0], &one, &[2]) - 4.0).abs() < 1e-6);

@@ -162,7 +162,7 @@ mod tests {
         let rows = stacked.nrows();
         let samples = (0..rows).map(|t| (t, t, 1.0)).collect();
         let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; rows] }];
-        Moments::of(stacked, &series, Shape { wander: 0.0, correlation: 0.0, field: None })
+        Moments::of(stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None })
     }
 
     /// A deterministic stand-in for noise, of about unit size.

@@ -5,12 +5,12 @@
 //! the number tokens stand) is its own and stays behind [`Program::rewrite`].
 
 mod action;
+pub(crate) mod chunk;
 pub mod cl;
 mod detect;
 mod marks;
 mod modules;
 pub mod orientation;
-pub(crate) mod piece;
 pub mod post;
 pub mod rapid;
 mod round_trip;
@@ -20,9 +20,9 @@ pub use action::{Action, ActionKind};
 pub use detect::detect;
 pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
-// What passes between the languages' `Pieces` and the line that corrects them; not for callers.
+// What passes between the languages' `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use piece::{AnyPieces, Next, StraightPiece};
+pub use chunk::{AnyChunks, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 

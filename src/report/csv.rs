@@ -61,16 +61,16 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
     // Several rows' numbers, then their digits, then their text: so no row waits for what it has only just put in memory.
     let mut values = [[[0.0; SIDE]; BLOCKS]; ROWS];
     let mut digits = [[Digits::default(); BLOCKS]; ROWS];
-    let mut sure = [false; ROWS];
+    let mut valid = [false; ROWS];
     for rows in rows.chunks(ROWS) {
         for (row, values) in rows.iter().zip(&mut values) {
             *values = numbers(row);
         }
         for i in 0..rows.len() {
-            sure[i] = ROW.read(&values[i], &mut digits[i]);
+            valid[i] = ROW.read(&values[i], &mut digits[i]);
         }
         for (i, row) in rows.iter().enumerate() {
-            if sure[i] {
+            if valid[i] {
                 text.row(row, &digits[i]);
             } else {
                 text.row_plain(row, values[i].as_flattened());

@@ -51,22 +51,22 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_first_by_place_are_held_in_whatever_order_they_come(turn in 0..5_usize, pieces in 1..40_usize) {
+        fn the_first_by_place_are_held_in_whatever_order_they_come(turn in 0..5_usize, chunks in 1..40_usize) {
             let each = Findings::MOST / 8;
-            let found = |piece: usize| (0..each).map(move |i| {
+            let found = |chunk: usize| (0..each).map(move |i| {
                 let mut finding = Diagnostic::error("check.max-error", "a.mod", "off");
-                finding.line = piece * each + i;
+                finding.line = chunk * each + i;
                 finding
             });
             let mut findings = Findings::default();
-            for i in 0..pieces {
+            for i in 0..chunks {
                 // Everything is found twice.
-                findings.add((0..2).flat_map(|_| found((i + turn) % pieces)).collect());
+                findings.add((0..2).flat_map(|_| found((i + turn) % chunks)).collect());
             }
             let (first, more) = findings.into_parts();
             let lines: Vec<usize> = first.iter().map(|finding| finding.line).collect();
-            prop_assert_eq!(&lines, &(0..Findings::MOST.min(pieces * each)).collect::<Vec<_>>());
-            prop_assert_eq!(more, pieces * each - lines.len());
+            prop_assert_eq!(&lines, &(0..Findings::MOST.min(chunks * each)).collect::<Vec<_>>());
+            prop_assert_eq!(more, chunks * each - lines.len());
         }
     }
 }

@@ -6,9 +6,9 @@
 //! forearm's angle to link 1, so that serial joint 3 is motor 3 − motor 2. What the controller shows are
 //! **axis angles**; they differ from motor angles only where it counts axis 3 against the ground (see [`Axes`]).
 
+pub(crate) mod batch;
 mod builtin;
 mod confdata;
-pub(crate) mod eight;
 mod forward;
 mod inverse;
 pub(crate) mod kinematics;
@@ -18,9 +18,9 @@ mod solutions;
 mod start;
 mod turn;
 
+pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
 pub use confdata::{conf_is, conf_of};
-pub(crate) use eight::{Eight, EightFound, Place};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};
 pub use inverse::{Branch, Solutions, Unreachable, polish};

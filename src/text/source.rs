@@ -8,7 +8,7 @@ pub struct Source {
     pub name: String,
     /// The file's bytes.
     pub bytes: Vec<u8>,
-    /// Lines before the first byte: not 0 for a piece of a streamed program.
+    /// Lines before the first byte: not 0 for a chunk of a streamed program.
     pub lines_before: usize,
 }
 

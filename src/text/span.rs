@@ -10,7 +10,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// The span of `start..end`; offsets beyond 4 GiB do not occur, sources are read in pieces.
+    /// The span of `start..end`; offsets beyond 4 GiB do not occur, sources are read in chunks.
     #[must_use]
     pub fn new(start: usize, end: usize) -> Self {
         debug_assert!(start <= end && u32::try_from(end).is_ok());

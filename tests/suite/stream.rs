@@ -1,8 +1,8 @@
-//! Programs in pieces against the same programs as a whole: the same bytes, the same words.
+//! Programs in chunks against the same programs as a whole: the same bytes, the same words.
 
 use deflex::cell::Cell;
-use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_pieces};
-use deflex::program::rapid::{self, PIECE, Pieces};
+use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_chunks};
+use deflex::program::rapid::{self, CHUNK, Chunks};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
@@ -96,16 +96,16 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
 
 /// `None` where the program is not straight.
 fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
-    let pieces = Pieces::new("part.mod", text.as_bytes(), &[]).unwrap()?;
+    let chunks = Chunks::new("part.mod", text.as_bytes(), &[]).unwrap()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    Some(match compensate_pieces(pieces, cell, options, threads, &mut program, &mut sinks) {
+    Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
-        Err(StreamError::NotStraight) => return None,
+        Err(StreamError::NotStreamable) => return None,
         Err(error) => panic!("{error:?}"),
     })
 }
@@ -205,15 +205,15 @@ fn program(lines: &[Line], ends: &str) -> String {
     text.replace('\n', ends)
 }
 
-/// Lines that fill some pieces.
-const SOME_PIECES: std::ops::Range<usize> = 3 * PIECE / 140..5 * PIECE / 140;
+/// Lines that fill some chunks.
+const SOME_CHUNKS: std::ops::Range<usize> = 3 * CHUNK / 140..5 * CHUNK / 140;
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_straight_program_gives_the_same_in_pieces(
-        lines in proptest::collection::vec(line(), SOME_PIECES),
+    fn any_straight_program_gives_the_same_in_chunks(
+        lines in proptest::collection::vec(line(), SOME_CHUNKS),
         crlf in any::<bool>(),
         subdivide in prop::option::of(Just(5e-6)),
     ) {
@@ -230,7 +230,7 @@ proptest! {
 
 #[test]
 fn refusals_and_failures_are_told_alike() {
-    let lines = vec![Line::Cut; SOME_PIECES.start];
+    let lines = vec![Line::Cut; SOME_CHUNKS.start];
     let text = program(&lines, "\n");
     // Out of reach from somewhere on; corrections beyond the limit everywhere; a force without a stiffness.
     let far = text.replace("40.000", "2840.000").replace(",-0.0", ",1900.0");
@@ -245,7 +245,7 @@ fn refusals_and_failures_are_told_alike() {
         assert!(expected.is_err());
         let came = streamed(text, &cell, &Options::default(), 3).unwrap();
         let (came, expected) = (words(&came), words(&expected));
-        // A tool that is missing is missing in every piece; more than a thousand messages are only counted.
+        // A tool that is missing is missing in every chunk; more than a thousand messages are only counted.
         assert_eq!(came.iter().take(1).collect::<Vec<_>>(), expected.iter().take(1).collect::<Vec<_>>());
         if !came[0].contains("tOther") && expected.len() <= 1000 {
             assert_eq!(came, expected);
@@ -255,7 +255,7 @@ fn refusals_and_failures_are_told_alike() {
 
 #[test]
 fn what_only_the_whole_tells_is_not_streamed() {
-    let text = program(&[Line::Cut; SOME_PIECES.start], "\n");
+    let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
     let cell = cell(CELL);
     assert_eq!(words(&streamed(&text, &cell, &Options::default(), 2).unwrap()), Vec::<String>::new());
     let pose = "[[0,0,40],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";

@@ -1,10 +1,10 @@
-//! CL files in pieces against the same files as a whole: the same targets, the same posted bytes, the same words.
+//! CL files in chunks against the same files as a whole: the same targets, the same posted bytes, the same words.
 
 use deflex::cell::Cell;
 use deflex::correct::{
-    Options, Outline, PostOptions, Poster, Sinks, StreamError, Streamed, compensate, post, post_pieces,
+    Options, Outline, PostOptions, Poster, Sinks, StreamError, Streamed, compensate, post, post_chunks,
 };
-use deflex::program::cl::{self, ClOptions, Pieces};
+use deflex::program::cl::{self, Chunks, ClOptions};
 use deflex::program::{Next, Program};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, Span};
@@ -156,7 +156,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_file_reads_the_same_in_pieces_of_any_size(
+    fn a_file_reads_the_same_in_chunks_of_any_size(
         lines in prop::collection::vec(line(), 0..60),
         ends in ends(),
         size in 1..700_usize,
@@ -164,18 +164,18 @@ proptest! {
         let (cell, text) = (cell(CELL), file(&lines, ends));
         let whole = cl::read(Source::new("part.apt", text.as_bytes()), options(&cell)).unwrap();
         let (kept, warnings) = (whole.kept.iter().map(|k| (k.line, k.reason)).collect::<Vec<_>>(), whole.diagnostics.clone());
-        let mut pieces = Pieces::sized("part.apt", text.as_bytes(), options(&cell), size).unwrap().unwrap();
+        let mut chunks = Chunks::sized("part.apt", text.as_bytes(), options(&cell), size).unwrap().unwrap();
         let (mut came, mut came_kept, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
-        while let Next::Piece(piece) = pieces.take().unwrap() {
-            prop_assert!(!bytes.is_empty() || !piece.program.targets.is_empty());
-            bytes.extend_from_slice(&piece.program.sources[0].bytes);
-            came_kept.extend(piece.program.kept.iter().map(|k| (k.line, k.reason)));
-            came.extend(targets(piece.program));
-            prop_assert_eq!(piece.last, bytes.len() == text.len());
+        while let Next::Chunk(chunk) = chunks.take().unwrap() {
+            prop_assert!(!bytes.is_empty() || !chunk.program.targets.is_empty());
+            bytes.extend_from_slice(&chunk.program.sources[0].bytes);
+            came_kept.extend(chunk.program.kept.iter().map(|k| (k.line, k.reason)));
+            came.extend(targets(chunk.program));
+            prop_assert_eq!(chunk.last, bytes.len() == text.len());
         }
         prop_assert_eq!(came, targets(whole));
         prop_assert_eq!(came_kept, kept);
-        prop_assert_eq!(pieces.warnings(), warnings);
+        prop_assert_eq!(chunks.warnings(), warnings);
         prop_assert_eq!(bytes, text.as_bytes());
     }
 }
@@ -229,9 +229,9 @@ fn streamed(
     size: usize,
     threads: usize,
 ) -> Option<Came> {
-    let pieces = || Pieces::sized("part.apt", text.as_bytes(), options(cell), size).unwrap();
-    let outline = match Outline::of_pieces(pieces()?, |_, _| ()) {
-        Err(StreamError::NotStraight) => return None,
+    let chunks = || Chunks::sized("part.apt", text.as_bytes(), options(cell), size).unwrap();
+    let outline = match Outline::of_chunks(chunks()?, |_, _| ()) {
+        Err(StreamError::NotStreamable) => return None,
         Err(StreamError::Refused(faults)) => return Some(Err(faults)),
         outline => outline.unwrap(),
     };
@@ -243,7 +243,7 @@ fn streamed(
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     let open = |name: &str| Ok(InMemory(name.to_owned(), &files));
-    let done = post_pieces(pieces()?, cell, corrects, threads, &poster, open, &mut sinks);
+    let done = post_chunks(chunks()?, cell, corrects, threads, &poster, open, &mut sinks);
     Some(match done {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             let files = files.into_inner().unwrap();
@@ -251,7 +251,7 @@ fn streamed(
             Ok((files, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
-        Err(StreamError::NotStraight) => return None,
+        Err(StreamError::NotStreamable) => return None,
         Err(error) => panic!("{error:?}"),
     })
 }
@@ -268,7 +268,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 100, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_file_is_posted_the_same_in_pieces_of_any_size(
+    fn a_file_is_posted_the_same_in_chunks_of_any_size(
         lines in prop::collection::vec(line(), 10..60),
         size in 1..2000_usize,
         most in prop::option::of(1..60_usize),

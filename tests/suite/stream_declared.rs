@@ -1,8 +1,8 @@
-//! RAPID programs with declared targets and with routines, in pieces against the same programs as a whole.
+//! RAPID programs with declared targets and with routines, in chunks against the same programs as a whole.
 
 use deflex::cell::Cell;
 use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_declared};
-use deflex::program::rapid::{self, Declared, PIECE};
+use deflex::program::rapid::{self, CHUNK, Declared};
 use deflex::report::{CSV_HEADER, csv_rows, write_csv};
 use deflex::text::{Diagnostic, Patch, Source, apply};
 use proptest::prelude::*;
@@ -33,23 +33,23 @@ fn whole_with(text: &str, cell: &Cell, options: &Options) -> Came {
 
 /// `None` where the program is not of this kind.
 fn streamed(text: &str, cell: &Cell, threads: usize) -> Option<Came> {
-    streamed_with(text, cell, &Options::default(), threads, PIECE)
+    streamed_with(text, cell, &Options::default(), threads, CHUNK)
 }
 
-fn streamed_with(text: &str, cell: &Cell, options: &Options, threads: usize, piece: usize) -> Option<Came> {
+fn streamed_with(text: &str, cell: &Cell, options: &Options, threads: usize, chunk: usize) -> Option<Came> {
     let input = || Cursor::new(text.as_bytes());
-    let pieces = Declared::sized("part.mod", input(), input(), &[], piece).unwrap()?;
+    let chunks = Declared::sized("part.mod", input(), input(), &[], chunk).unwrap()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     let mut patch = Patch::new(Cursor::new(Vec::new()));
-    Some(match compensate_declared(pieces, cell, options, threads, &mut patch, &mut sinks) {
+    Some(match compensate_declared(chunks, cell, options, threads, &mut patch, &mut sinks) {
         Ok(Streamed { failures, .. }) if failures.is_empty() => {
             patch.apply(input(), &mut program).unwrap();
             Ok((program, report))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
-        Err(StreamError::NotStraight) => return None,
+        Err(StreamError::NotStreamable) => return None,
         Err(error) => panic!("{error:?}"),
     })
 }
@@ -85,14 +85,14 @@ fn program(count: usize, turn: usize, ends: &str) -> String {
     (text + "    ! the end\n  ENDPROC\nENDMODULE\n").replace('\n', ends)
 }
 
-/// A body of some pieces.
-const SOME: std::ops::Range<usize> = 3 * PIECE / 50..5 * PIECE / 50;
+/// A body of some chunks.
+const SOME: std::ops::Range<usize> = 3 * CHUNK / 50..5 * CHUNK / 50;
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_program_with_declared_targets_gives_the_same_in_pieces(count in SOME, order in 0..3_usize, crlf in any::<bool>()) {
+    fn a_program_with_declared_targets_gives_the_same_in_chunks(count in SOME, order in 0..3_usize, crlf in any::<bool>()) {
         let (cell, ends) = (cell(), if crlf { "\r\n" } else { "\n" });
         // In the order of their use, the other way round, all over the place.
         let turn = [1, count - 1, (1..).map(|i| 7 * i + 1).find(|t| gcd(*t, count) == 1 && *t > 8).unwrap()][order];
@@ -203,11 +203,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_program_with_routines_gives_the_same_in_pieces(
+    fn a_program_with_routines_gives_the_same_in_chunks(
         lines in prop::collection::vec(line(), 1..80),
         turn in 0..9_usize,
         crlf in any::<bool>(),
-        piece in 1..20_000_usize,
+        chunk in 1..20_000_usize,
         subdivide in prop::option::of(Just(5e-6)),
     ) {
         let cell = cell();
@@ -215,9 +215,9 @@ proptest! {
         let options = Options { subdivide, ..Options::default() };
         let expected = whole_with(&text, &cell, &options);
         for threads in [1, 3] {
-            // One that moves nowhere, or not away from its start within a small piece, is not worth a piece.
-            let Some(came) = streamed_with(&text, &cell, &options, threads, piece) else {
-                prop_assert!(piece < 2000 || text.matches("MoveL").count() < 20);
+            // One that moves nowhere, or not away from its start within a small chunk, is not worth a chunk.
+            let Some(came) = streamed_with(&text, &cell, &options, threads, chunk) else {
+                prop_assert!(chunk < 2000 || text.matches("MoveL").count() < 20);
                 continue;
             };
             prop_assert_eq!(words(&came), words(&expected));

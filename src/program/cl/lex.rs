@@ -269,8 +269,8 @@ impl<'a> Lexer<'a> {
     }
 }
 
-/// The two pieces of a token that a continuation has cut, or the whole token and nothing.
-pub(super) fn pieces(bytes: &[u8], span: Span) -> [Span; 2] {
+/// The two chunks of a token that a continuation has cut, or the whole token and nothing.
+pub(super) fn chunks(bytes: &[u8], span: Span) -> [Span; 2] {
     let (start, end) = (span.start as usize, span.end as usize);
     let text = &bytes[span.range()];
     match text.iter().position(|&b| b == b'$') {

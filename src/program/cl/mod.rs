@@ -6,12 +6,13 @@
 //! | `statement` | tokens | major word and items |
 //! | `words`, `refusal` | major word | what it does, and what becomes of it |
 //! | `read`, `setup`, `motion`, `circle`, `hole`, `machine`, `comment`, `modal`, `frame`, `arc`, `dialect` | statements | targets, actions |
-//! | [`Pieces`] | bytes of a long file | targets, a stretch at a time |
+//! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
 mod cards;
+mod chunks;
 mod circle;
 mod comment;
 mod dialect;
@@ -23,7 +24,6 @@ mod machine;
 mod modal;
 mod motion;
 mod number;
-mod pieces;
 mod plain;
 mod read;
 mod refusal;
@@ -34,8 +34,8 @@ mod statement;
 mod vector;
 mod words;
 
+pub use chunks::Chunks;
 pub(crate) use layout::Layout;
-pub use pieces::Pieces;
 pub(super) use rewrite::rewrite;
 pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;

@@ -1,7 +1,7 @@
 //! Wanted positions to edits on number tokens.
 
 use super::layout::{GroupSlot, Layout, Slot};
-use super::lex::pieces;
+use super::lex::chunks;
 use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
@@ -158,7 +158,7 @@ impl Writer<'_> {
             return Ok(());
         }
         let bytes = &self.source.bytes;
-        let [head, tail] = pieces(bytes, token);
+        let [head, tail] = chunks(bytes, token);
         let mut text = bytes[head.range()].to_vec();
         text.extend_from_slice(&bytes[tail.range()]);
         let Some(was) = number(&text) else { return Err("number cannot be read again") };
@@ -171,7 +171,7 @@ impl Writer<'_> {
         if tail.is_empty() { self.whole(token, new) } else { self.cut(head, tail, new) }
     }
 
-    /// A token in one piece: right-aligned in its field as long as the blanks before it last.
+    /// A token in one chunk: right-aligned in its field as long as the blanks before it last.
     fn whole(&mut self, token: Span, mut new: Vec<u8>) -> Result<(), &'static str> {
         let bytes = &self.source.bytes;
         let start = token.start as usize;
@@ -196,7 +196,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// A token cut by a continuation: its first piece keeps its length.
+    /// A token cut by a continuation: its first chunk keeps its length.
     fn cut(&mut self, head: Span, tail: Span, new: Vec<u8>) -> Result<(), &'static str> {
         if self.layout.cards {
             return Err("number goes over two cards");

@@ -1,31 +1,31 @@
-//! A long program whose targets are declared far from their use, or that runs from routine to routine, in pieces that fit in
+//! A long program whose targets are declared far from their use, or that runs from routine to routine, in chunks that fit in
 //! memory.
 //!
-//! What is held is an index of the declarations and of the routines. A piece is a stretch of the text in the order in which it
-//! runs, as in `pieces`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
+//! What is held is an index of the declarations and of the routines. A chunk is a stretch of the text in the order in which it
+//! runs, as in `chunks`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
 
+use super::chunk::Chunk;
+use super::chunks::{CHUNK, Chunks};
 use super::index::{Index, lines_of};
-use super::piece::Piece;
-use super::pieces::{PIECE, Pieces};
 use super::routines::{Parts, Running, running};
 use crate::program::Next;
 use crate::text::Source;
 use std::io::{self, BufReader, Read, Seek};
 use std::sync::Arc;
 
-/// Lines that pieces are counted from, more than any has: which line of the file each is stands in its parts.
+/// Lines that chunks are counted from, more than any has: which line of the file each is stands in its parts.
 const LINES: usize = 1 << 20;
 
-/// Cuts a program into pieces.
+/// Cuts a program into chunks.
 #[derive(Debug)]
 pub struct Declared<R> {
     index: Arc<Index>,
     /// The text as it runs.
-    pieces: Pieces<Running<R>>,
+    chunks: Chunks<Running<R>>,
     parts: Parts,
     /// The same file, where declarations are read from.
     file: R,
-    /// Where a piece's declarations belong in its head.
+    /// Where a chunk's declarations belong in its head.
     data: usize,
 }
 
@@ -36,44 +36,44 @@ impl<R: Read + Seek> Declared<R> {
     /// # Errors
     /// What they report.
     pub fn new(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Self::sized(name, body, file, context, PIECE)
+        Self::sized(name, body, file, context, CHUNK)
     }
 
-    /// The same, with pieces of about so many bytes.
+    /// The same, with chunks of about so many bytes.
     ///
     /// # Errors
     /// What `body` and `file` report.
-    pub fn sized(name: &str, body: R, mut file: R, context: &[Source], piece: usize) -> io::Result<Option<Self>> {
-        let mut all = BufReader::with_capacity(PIECE, &mut file);
+    pub fn sized(name: &str, body: R, mut file: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
+        let mut all = BufReader::with_capacity(CHUNK, &mut file);
         let Some((index, head, routines)) = Index::read(&mut all)? else { return Ok(None) };
-        // Nothing that `Pieces` alone would not do.
+        // Nothing that `Chunks` alone would not do.
         if index.is_empty() && routines.len() == 1 || !routines.iter().any(|routine| routine.moves) {
             return Ok(None);
         }
         let Some(stretches) = running(&routines) else { return Ok(None) };
         let stretches: Arc<[_]> = stretches.into();
         let running = Running::new(body, Arc::clone(&stretches));
-        let pieces = Pieces::behind(name, running, context, head.text, LINES, piece)?;
-        let new = |pieces| Self { index: Arc::new(index), pieces, parts: Parts::new(stretches), file, data: head.data };
-        Ok(pieces.map(new))
+        let chunks = Chunks::behind(name, running, context, head.text, LINES, chunk)?;
+        let new = |chunks| Self { index: Arc::new(index), chunks, parts: Parts::new(stretches), file, data: head.data };
+        Ok(chunks.map(new))
     }
 
-    /// The next piece.
+    /// The next chunk.
     ///
     /// # Errors
     /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next<Piece>> {
-        let mut piece = match self.pieces.take()? {
-            Next::Piece(piece) => piece,
+    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+        let mut chunk = match self.chunks.take()? {
+            Next::Chunk(chunk) => chunk,
             other => return Ok(other),
         };
-        let entries = self.index.of(piece.body());
+        let entries = self.index.of(chunk.body());
         let text = lines_of(&entries, &mut self.file)?;
-        piece.declare(self.data, &text, &entries);
-        let mut parts = self.parts.next(piece.body().len());
+        chunk.declare(self.data, &text, &entries);
+        let mut parts = self.parts.next(chunk.body().len());
         parts.iter_mut().for_each(|part| part.running_line += LINES);
-        piece.place(&parts);
-        Ok(Next::Piece(piece))
+        chunk.place(&parts);
+        Ok(Next::Chunk(chunk))
     }
 
     /// Whether several motions go to one target.

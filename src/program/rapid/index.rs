@@ -1,7 +1,7 @@
 //! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
 
+use super::chunks::{CHUNK, first_word, is_motion};
 use super::lex;
-use super::pieces::{PIECE, first_word, is_motion};
 use super::predefined::harmless;
 use super::routines::Routine;
 use crate::text::lines;
@@ -107,7 +107,7 @@ impl Scan {
                 if let Some(name) = declared(text).filter(|_| self.within == Within::Data) {
                     return self.declare(text, name, start, line.len());
                 }
-                if self.head.text.len() > PIECE || is_motion(word) {
+                if self.head.text.len() > CHUNK || is_motion(word) {
                     return None;
                 }
                 self.head.text.extend_from_slice(line);

@@ -1,11 +1,11 @@
-//! What lines of a kind mean: read once, whatever number of pieces has them.
+//! What lines of a kind mean: read once, whatever number of chunks has them.
 
 use super::index::{hash, is_word};
 use crate::program::{Target, Tool, Wobj};
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Most kinds of lines that are remembered, of all pieces together.
+/// Most kinds of lines that are remembered, of all chunks together.
 const MOST: usize = 256;
 
 /// The motion that a line is, but for its target; `None` where it moves nothing.
@@ -20,7 +20,7 @@ pub(super) struct Motion {
     pub(super) wobj: Wobj,
 }
 
-/// What the pieces of a program have met so far.
+/// What the chunks of a program have met so far.
 #[derive(Debug, Default)]
 pub(super) struct Kinds {
     /// By the text of their lines.
@@ -29,7 +29,7 @@ pub(super) struct Kinds {
 }
 
 impl Kinds {
-    /// What a line of this kind means; `read` tells where no piece before has met one.
+    /// What a line of this kind means; `read` tells where no chunk before has met one.
     pub(super) fn meaning(&self, kind: Vec<u8>, read: impl FnOnce() -> Option<Meaning>) -> Option<Meaning> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(meaning) = known.get(&kind) {
@@ -43,7 +43,7 @@ impl Kinds {
         Some(meaning)
     }
 
-    /// Hashes of the words of the program's head, which is the same text in all its pieces.
+    /// Hashes of the words of the program's head, which is the same text in all its chunks.
     pub(super) fn words_of_head(&self, head: impl FnOnce() -> Vec<u8>) -> &[u64] {
         self.words.get_or_init(|| words(&head()).collect())
     }

@@ -10,6 +10,8 @@
 
 mod calls;
 mod changes;
+mod chunk;
+mod chunks;
 mod clone;
 mod data;
 mod declared;
@@ -27,8 +29,6 @@ mod moves;
 mod named;
 mod outcome;
 mod own;
-mod piece;
-mod pieces;
 mod predefined;
 mod rewrite;
 mod routines;
@@ -36,7 +36,7 @@ mod run;
 mod sample;
 mod shape;
 mod statement;
-mod straight;
+mod streamable;
 mod symbols;
 mod syntax;
 mod token;
@@ -44,11 +44,11 @@ mod tree;
 mod uses;
 mod value;
 
-// What passes between `Pieces` and the line that corrects them; not for callers.
-pub use declared::{Declared, Names};
+// What passes between `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use piece::Piece;
-pub use pieces::{PIECE, Pieces};
+pub use chunk::Chunk;
+pub use chunks::{CHUNK, Chunks};
+pub use declared::{Declared, Names};
 pub(super) use rewrite::rewrite;
 
 use super::{Kept, Language, Program};
@@ -69,8 +69,8 @@ pub(crate) struct Layout {
     pub(super) motions: usize,
     /// How many of them have no target, by reason, in the order first met.
     pub(super) unknown: Vec<(&'static str, usize)>,
-    /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `pieces`).
-    straight: bool,
+    /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `chunks`).
+    streamable: bool,
     /// The same, but for targets that are declared and have a name.
     plain: bool,
     /// The mark in force behind the last statement.

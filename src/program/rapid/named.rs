@@ -1,9 +1,9 @@
-//! Declarations of the targets that a piece moves to by name, read line by line: lines that differ in nothing but name and
+//! Declarations of the targets that a chunk moves to by name, read line by line: lines that differ in nothing but name and
 //! numbers declare alike.
 
+use super::chunks::line_of;
 use super::index::{declared, hash, is_word};
 use super::literal::Literal;
-use super::pieces::line_of;
 use super::sample::{Sample, pose};
 use super::value::axes_in_use;
 use crate::program::Goal;
@@ -13,12 +13,12 @@ use std::sync::Arc;
 /// Longest name; RAPID itself has the same.
 const LONGEST: usize = 32;
 
-/// A piece of more ways to declare has nothing to gain.
+/// A chunk of more ways to declare has nothing to gain.
 const MOST_WAYS: usize = 4;
 
-/// Declared targets of a piece, in the order of the file.
+/// Declared targets of a chunk, in the order of the file.
 pub(super) struct Declarations<'a> {
-    ways: Vec<Way<'a>>,
+    ways: Vec<DeclarationTemplate<'a>>,
     targets: Vec<Declaration<'a>>,
     /// Targets by the hash of their names, once one is not the next.
     by_name: Vec<(u64, u32)>,
@@ -27,7 +27,7 @@ pub(super) struct Declarations<'a> {
 }
 
 /// How a target is declared: a line but for its name and its numbers.
-pub(super) struct Way<'a> {
+pub(super) struct DeclarationTemplate<'a> {
     before: &'a [u8],
     between: &'a [u8],
     behind: &'a [u8],
@@ -66,7 +66,7 @@ impl<'a> Declarations<'a> {
                 continue;
             }
             let line = line_of(&bytes[start..]);
-            let (way, name, literal, goal) = Way::of(bytes, start, line)?;
+            let (way, name, literal, goal) = DeclarationTemplate::of(bytes, start, line)?;
             read.push(name, 0, goal)?;
             literals.push(literal);
             last = read.ways.iter().position(|known| known.is(&way)).unwrap_or(read.ways.len());
@@ -115,7 +115,7 @@ impl<'a> Declarations<'a> {
         self.targets[target].way
     }
 
-    pub(super) fn ways(&self) -> &[Way<'a>] {
+    pub(super) fn ways(&self) -> &[DeclarationTemplate<'a>] {
         &self.ways
     }
 
@@ -139,7 +139,7 @@ impl<'a> Declarations<'a> {
     }
 }
 
-impl<'a> Way<'a> {
+impl<'a> DeclarationTemplate<'a> {
     /// How the line at `start` declares, and what.
     fn of(bytes: &'a [u8], start: usize, line: &'a [u8]) -> Option<(Self, &'a [u8], Literal, Goal)> {
         let text = line.trim_ascii();

@@ -25,7 +25,7 @@ impl Runner<'_> {
         self.hold_what_runs_aside();
         self.hold_what_is_used_otherwise();
         let plain = self.plain(files);
-        let straight = plain && self.inline();
+        let streamable = plain && self.inline();
         self.refuse_what_axes_move();
         self.refuse_what_calls_itself();
         // What one refuses may be what another rests on.
@@ -46,7 +46,7 @@ impl Runner<'_> {
             offsets: self.offsets,
             motions: self.motions as usize,
             unknown: self.unknown,
-            straight,
+            streamable,
             plain,
             mark_behind: self.state.mark,
         };

@@ -25,7 +25,7 @@ struct Ahead {
     /// The texts from their first number to their last.
     texts: [Text; AHEAD],
     /// Whether they are, and need no closer look.
-    sure: [bool; AHEAD],
+    valid: [bool; AHEAD],
 }
 
 /// Numbers, and the text between them.
@@ -69,7 +69,7 @@ impl Writer<'_> {
             }
             let (change, k) = (changes[i].as_ref(), i % AHEAD);
             if let (true, Site::Literal { literal, .. }, Editable::Pose) =
-                (ahead.sure[k], sites[i], self.program.targets[i].editable)
+                (ahead.valid[k], sites[i], self.program.targets[i].editable)
             {
                 let [x, y, z, quat @ .., _] = ahead.printed[k].held;
                 written.push(([x, y, z], quat));
@@ -109,7 +109,7 @@ impl Writer<'_> {
         let least = [position_decimals, quat_decimals].map(|least| u8::try_from(least).unwrap_or(Leading::ODD));
         let mut wanted = [[0.0; 8]; AHEAD];
         for k in 0..AHEAD {
-            ahead.sure[k] = false;
+            ahead.valid[k] = false;
             let (Some(Site::Literal { literal, .. }), Some(Some(change))) =
                 (self.layout.sites.get(from + k), changes.get(from + k))
             else {
@@ -128,17 +128,17 @@ impl Writer<'_> {
             if k == 0 && !ahead.numbers.as_ref().is_some_and(|numbers| numbers.have(decimals)) {
                 ahead.numbers = Numbers::new(decimals);
             }
-            ahead.sure[k] = ahead.numbers.as_ref().is_some_and(|numbers| numbers.have(decimals));
+            ahead.valid[k] = ahead.numbers.as_ref().is_some_and(|numbers| numbers.have(decimals));
             let ([x, y, z], [q1, q2, q3, q4]) = (change.position_mm, toward(quat, is));
             wanted[k] = [x, y, z, q1, q2, q3, q4, 0.0];
         }
         let Some(numbers) = &ahead.numbers else { return };
-        for ((sure, wanted), printed) in ahead.sure.iter_mut().zip(&wanted).zip(&mut ahead.printed) {
-            *sure = *sure && numbers.print(wanted, printed);
+        for ((valid, wanted), printed) in ahead.valid.iter_mut().zip(&wanted).zip(&mut ahead.printed) {
+            *valid = *valid && numbers.print(wanted, printed);
         }
         for k in 0..AHEAD {
-            let sure = ahead.sure[k];
-            ahead.sure[k] = sure && self.compose(from + k, &ahead.printed[k], &mut ahead.texts[k]).is_some();
+            let valid = ahead.valid[k];
+            ahead.valid[k] = valid && self.compose(from + k, &ahead.printed[k], &mut ahead.texts[k]).is_some();
         }
     }
 
@@ -255,7 +255,7 @@ impl Writer<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{piece, rewrite};
+    use super::super::{chunk, rewrite};
     use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Rewritten, rapid};
     use crate::text::{Source, apply};
     use proptest::prelude::*;
@@ -312,7 +312,7 @@ mod tests {
                     conf: if *kind == 7 { Some(Conf { cf1: 1, cf4: 0, cf6: 0, cfx: 0 }) } else { conf },
                 }).filter(|_| *kind > 0)
             }).collect();
-            let (layout, options) = (piece::layout(&program).unwrap(), RewriteOptions::default());
+            let (layout, options) = (chunk::layout(&program).unwrap(), RewriteOptions::default());
             prop_assert!(super::is_own(&layout.sites));
             let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
             let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));

@@ -21,7 +21,7 @@ pub(crate) fn read_plain(token: &[u8]) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
-/// Whether a word is what programs print for a number that is none.
+/// Whether a word is what programs print for NaN.
 pub(crate) fn is_none(word: &[u8]) -> bool {
     [&b"nan"[..], b"inf", b"infinity"].iter().any(|none| word.eq_ignore_ascii_case(none))
 }

@@ -92,20 +92,20 @@ impl Scale {
     /// The same for numbers of at most eight digits, or of one more.
     #[inline]
     fn look(&self, nine: bool, values: &[f64; SIDE], digits: &mut Digits) -> bool {
-        let mut sure = false;
+        let mut valid = false;
         widest!(<'a>(
             scale: &'a Scale = self,
             nine: bool = nine,
             values: &'a [f64; SIDE] = values,
             digits: &'a mut Digits = digits,
-            sure: &'a mut bool = &mut sure,
+            valid: &'a mut bool = &mut valid,
         ) {
-            (*digits, *sure) = if nine { scale.nine(*values) } else { scale.eight(*values) };
+            (*digits, *valid) = if nine { scale.nine(*values) } else { scale.eight(*values) };
         });
-        sure
+        valid
     }
 
-    /// Numbers without their points, and 1 where these are not sure. Here and below step by step for all eight, so that the
+    /// Numbers without their points, and 1 where these are not valid. Here and below step by step for all eight, so that the
     /// compiler has them side by side.
     #[inline(always)]
     fn rounded(&self, values: [f64; SIDE]) -> ([f64; SIDE], [u64; SIDE]) {
@@ -117,7 +117,7 @@ impl Scale {
         (number, unsure)
     }
 
-    /// The digits of numbers of at most eight; the others are not sure.
+    /// The digits of numbers of at most eight; the others are not valid.
     #[inline(always)]
     fn eight(&self, values: [f64; SIDE]) -> (Digits, bool) {
         let (number, unsure) = self.rounded(values);
@@ -288,7 +288,7 @@ impl Numbers {
     /// Finds the digits; false where [`Fixed`] has to look closer at one.
     #[inline]
     pub(crate) fn print(&self, values: &[f64; SIDE], printed: &mut Printed) -> bool {
-        let sure = self.scale.read(values, &mut printed.digits);
+        let valid = self.scale.read(values, &mut printed.digits);
         printed.decimals = self.decimals;
         widest!(<'a>(numbers: &'a Numbers = self, values: &'a [f64; SIDE] = values, printed: &'a mut Printed = printed) {
             let (number, _) = numbers.scale.rounded(*values);
@@ -300,7 +300,7 @@ impl Numbers {
             printed.values = zip(size, minus, signed);
             printed.held = zip(held, minus, signed);
         });
-        sure
+        valid
     }
 }
 

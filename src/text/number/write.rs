@@ -256,16 +256,16 @@ pub(super) const INTEGERS: f64 = 4_503_599_627_370_496.0;
 fn nearest(size: f64, ten: f64) -> (u64, bool) {
     let product = size * ten;
     let rounded = product + INTEGERS;
-    let sure = (product < SMALL) & ((product - (rounded - INTEGERS)).abs() < 0.5 - FROM_TIE);
-    (rounded.to_bits() & ((1 << 52) - 1), sure)
+    let valid = (product < SMALL) & ((product - (rounded - INTEGERS)).abs() < 0.5 - FROM_TIE);
+    (rounded.to_bits() & ((1 << 52) - 1), valid)
 }
 
 /// [`scaled`] where the product's own rounding cannot matter: small numbers that are not close to a tie.
 #[inline]
 fn scaled_soon(value: f64, decimals: usize) -> Option<u64> {
     let ten = TENS.get(decimals).filter(|_| decimals <= MOST_DECIMALS)?;
-    let (digits, sure) = nearest(value.abs(), *ten);
-    sure.then_some(digits)
+    let (digits, valid) = nearest(value.abs(), *ten);
+    valid.then_some(digits)
 }
 
 /// |value| · 10^decimals as an integer, rounded half to even on the exact value; `None` where it does not fit.

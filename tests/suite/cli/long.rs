@@ -1,9 +1,9 @@
 //! Long programs: streamed to the same bytes, and without a trace when interrupted.
 
 use super::bench::{Bench, PROGRAM};
-use deflex::program::rapid::PIECE;
+use deflex::program::rapid::CHUNK;
 
-/// The small program's cuts over and over: there and back, some pieces long.
+/// The small program's cuts over and over: there and back, some chunks long.
 pub(crate) fn long(rounds: usize) -> String {
     let lines: Vec<&str> = PROGRAM.lines().collect();
     let (head, cuts, end) = (&lines[..5], &lines[5..8], &lines[8..]);
@@ -27,7 +27,7 @@ pub(crate) fn long_cl(targets: usize) -> String {
 #[test]
 fn a_long_program_is_the_same_from_file_and_pipe_streamed_and_whole() {
     let bench = Bench::new();
-    let text = long(5 * PIECE / 400);
+    let text = long(5 * CHUNK / 400);
     bench.write("long.mod", &text);
     // What a procedure more changes is only that the program is read whole.
     bench.write("whole.mod", text.replace("ENDMODULE", "  PROC idle(num n)\n  ENDPROC\nENDMODULE"));
@@ -43,7 +43,7 @@ fn a_long_program_is_the_same_from_file_and_pipe_streamed_and_whole() {
 #[test]
 fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
     let bench = Bench::new();
-    let text = long_cl(10 * PIECE / 40);
+    let text = long_cl(10 * CHUNK / 40);
     bench.write("long.apt", &text);
     // A unit that is named far behind the first position is looked for in the whole.
     bench.write("unread.apt", text.replace("UNITS/MM", "$$").replace("FINI", "UNITS/MM\nFINI"));
@@ -79,8 +79,8 @@ fn long_cl_data_are_the_same_from_file_and_pipe_streamed_and_whole() {
 #[test]
 fn a_batch_of_long_programs_is_what_each_of_them_is_alone() {
     let bench = Bench::new();
-    let named = |name: &str| long(10 * PIECE / 400).replace("MODULE Part", &format!("MODULE {name}"));
-    bench.write("a.mod", named("A")).write("b.mod", named("B")).write("c.apt", long_cl(10 * PIECE / 40));
+    let named = |name: &str| long(10 * CHUNK / 400).replace("MODULE Part", &format!("MODULE {name}"));
+    bench.write("a.mod", named("A")).write("b.mod", named("B")).write("c.apt", long_cl(10 * CHUNK / 40));
     // `d` calls what `e` declares: one program, held whole.
     let calls = named("D").replace("  ENDPROC", "    Finish;\n  ENDPROC");
     bench.write("d.mod", calls).write("e.mod", "MODULE E\n  PROC Finish()\n  ENDPROC\nENDMODULE\n");
@@ -115,7 +115,7 @@ fn a_batch_of_long_programs_is_what_each_of_them_is_alone() {
 fn declared_targets_are_corrected_where_they_stand() {
     let bench = Bench::new();
     let (mut data, mut moves) = (String::new(), String::new());
-    for i in 0..5 * PIECE / 50 {
+    for i in 0..5 * CHUNK / 50 {
         let x = 0.5 * (i % 200) as f64;
         data += &format!(
             "  CONST robtarget p{i}:=[[{x},{},0],[0,1,0,0],[-1,0,1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n",
@@ -143,7 +143,7 @@ fn declared_targets_are_corrected_where_they_stand() {
 #[test]
 fn a_long_program_takes_its_forces_and_tools_from_other_files() {
     let bench = Bench::new();
-    let text = long(10 * PIECE / 400);
+    let text = long(10 * CHUNK / 400);
     let (data, body): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.contains("PERS "));
     bench
         .write("long.mod", body.join("\n") + "\n")

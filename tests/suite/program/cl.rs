@@ -139,7 +139,7 @@ fn edits_keep_field_widths_and_cards() {
     assert_eq!(String::from_utf8_lossy(&out), "UNITS/MM\nGOTO  /  120.40000,    0.00000,  -41.25000\n");
 }
 
-/// Pieces that real files are made of, so that random programs reach the meaning, not only the lexer.
+/// Chunks that real files are made of, so that random programs reach the meaning, not only the lexer.
 fn statement() -> impl Strategy<Value = String> {
     let n = || (-500_i32..500).prop_map(|v| format!("{:.3}", f64::from(v) / 8.0));
     let xyz = || (n(), n(), n()).prop_map(|(x, y, z)| format!("{x},{y},{z}"));

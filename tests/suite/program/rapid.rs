@@ -125,7 +125,7 @@ fn refusals_say_why() {
     assert_eq!(refused(b"MODULE M\nPROC main()\nMoveL [[1,2,"), "rapid.truncated");
 }
 
-fn pieces() -> impl Strategy<Value = String> {
+fn chunks() -> impl Strategy<Value = String> {
     let words = [
         "MODULE M ",
         "ENDMODULE ",
@@ -319,7 +319,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_is_read_comes_out_as_it_went_in(text in pieces()) {
+    fn whatever_is_read_comes_out_as_it_went_in(text in chunks()) {
         let text = format!("MODULE M\n{text}\nENDMODULE\nENDMODULE\n");
         if let Ok(program) = rapid::read(vec![Source::new("x", text.as_bytes())], Vec::new()) {
             let trip = round_trip(&program, rapid::read);

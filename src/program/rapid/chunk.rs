@@ -1,26 +1,26 @@
-//! A piece of a long program: a stretch of its text with what makes it a program.
+//! A chunk of a long program: a stretch of its text with what makes it a program.
 
+use super::chunks::END;
 use super::index::Entry;
 use super::kinds::Kinds;
-use super::pieces::END;
 use super::routines::Part;
-use super::straight;
-use crate::program::piece::Elsewhere;
-use crate::program::{Mark, Program, StraightPiece};
+use super::streamable;
+use crate::program::chunk::Elsewhere;
+use crate::program::{Mark, Program, StreamableChunk};
 use crate::text::Source;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// A stretch of a program, with what makes it a program.
 #[derive(Debug)]
-pub struct Piece {
+pub struct Chunk {
     pub(super) dialect: &'static str,
     pub(super) context: Arc<[Source]>,
     /// Head, stretch and end.
     pub(super) source: Source,
     /// Bytes of the head.
     pub(super) head: usize,
-    /// What of it stands in the file here: the stretch, in the first piece the head too, in the last the file's own end.
+    /// What of it stands in the file here: the stretch, in the first chunk the head too, in the last the file's own end.
     pub(super) own: Range<usize>,
     /// The statements.
     pub(super) stretch: Range<usize>,
@@ -47,8 +47,8 @@ pub struct Piece {
     pub(super) last: bool,
 }
 
-impl Piece {
-    /// Bytes of the file in this piece.
+impl Chunk {
+    /// Bytes of the file in this chunk.
     #[must_use]
     pub fn len(&self) -> usize {
         self.own.len()
@@ -60,12 +60,12 @@ impl Piece {
         self.own.is_empty()
     }
 
-    /// Reads the piece; `None` where it is not straight after all.
+    /// Reads the chunk; `None` where it is not streamable after all.
     #[must_use]
-    pub fn read(mut self) -> Option<StraightPiece> {
+    pub fn read(mut self) -> Option<StreamableChunk> {
         let lines = std::mem::take(&mut self.lines);
-        let mut piece = match straight::read(&self) {
-            Some(read) => StraightPiece {
+        let mut chunk = match streamable::read(&self) {
+            Some(read) => StreamableChunk {
                 program: read.into_program(self.dialect, self.source),
                 own: self.own,
                 elsewhere: self.elsewhere,
@@ -74,12 +74,12 @@ impl Piece {
             },
             None => self.read_plain()?,
         };
-        for target in piece.program.targets.iter_mut().filter(|_| !lines.is_empty()) {
+        for target in chunk.program.targets.iter_mut().filter(|_| !lines.is_empty()) {
             let line = target.line as usize;
             let (running, file) = lines[lines.partition_point(|(running, _)| *running <= line).checked_sub(1)?];
             target.line = u32::try_from(line - running + file).ok()?;
         }
-        Some(piece)
+        Some(chunk)
     }
 
     /// Who wrote the program.
@@ -88,7 +88,7 @@ impl Piece {
         self.dialect
     }
 
-    /// Everything before the stretch that is the program's own, with a declaration where there are those of the piece.
+    /// Everything before the stretch that is the program's own, with a declaration where there are those of the chunk.
     pub(super) fn head_with(&self, declaration: &[u8]) -> Vec<u8> {
         let head = &self.source.bytes[..self.head];
         [&head[..self.declared.start], declaration, &head[self.declared.end..]].concat()
@@ -100,14 +100,14 @@ impl Piece {
         super::read_as(self.dialect, vec![source], Vec::new()).ok()
     }
 
-    /// The reference for [`Piece::read`]: every statement is read for itself.
-    pub(super) fn read_plain(self) -> Option<StraightPiece> {
+    /// The reference for [`Chunk::read`]: every statement is read for itself.
+    pub(super) fn read_plain(self) -> Option<StreamableChunk> {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
-        let straight = layout(&program).is_some_and(|layout| {
+        let streamable = layout(&program).is_some_and(|layout| {
             // A mark behind the last motion is in force nowhere.
             let marks = self.last || layout.mark_behind == self.mark_behind;
             let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
-            let kind = if self.elsewhere.is_empty() { layout.straight } else { held() };
+            let kind = if self.elsewhere.is_empty() { layout.streamable } else { held() };
             kind && layout.motions == self.motions as usize && marks
         });
         // Line ends that only one of the two counts.
@@ -115,7 +115,7 @@ impl Piece {
         for target in &mut program.targets {
             target.ordinal = target.ordinal.checked_add(self.motions_before)?;
         }
-        (straight && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StraightPiece {
+        (streamable && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StreamableChunk {
             program,
             own: self.own,
             elsewhere: self.elsewhere,
@@ -136,7 +136,7 @@ impl Piece {
             let own = start..start + entry.len as usize;
             start = own.end;
             match self.elsewhere.last_mut() {
-                // Neighbours that are only this piece's are one stretch of the file.
+                // Neighbours that are only this chunk's are one stretch of the file.
                 Some(last) if !last.shared && !entry.shared() && last.at + last.own.len() as u64 == entry.start => {
                     last.own.end = own.end;
                 }
@@ -156,7 +156,7 @@ impl Piece {
     /// Says where in the file the parts of the stretch stand, of which it is put together.
     pub(super) fn place(&mut self, parts: &[Part]) {
         let mut end = self.stretch.start;
-        // What ends the last piece stands nowhere.
+        // What ends the last chunk stands nowhere.
         self.own = end..end;
         for part in parts {
             let own = std::mem::replace(&mut self.own, end..end + part.len);

@@ -1,4 +1,4 @@
-//! How the points of a pass are spread over threads and lanes; what comes out does not depend on it.
+//! How the points of a pass are parallelism over threads and lanes; what comes out does not depend on it.
 
 use crate::equilibrium::EquilibriumError;
 use crate::lanes::WIDTH;
@@ -7,16 +7,16 @@ use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// How the points of a pass are spread.
+/// How the points of a pass are parallelism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Spread {
+pub(super) enum Parallelism {
     /// Over all threads: a program as a whole.
     Threads,
-    /// On this one: a piece of a program whose other pieces are on the others.
+    /// On this one: a chunk of a program whose other chunks are on the others.
     Here,
 }
 
-impl Spread {
+impl Parallelism {
     /// Every index's value, in order.
     pub(super) fn map<T: Send>(self, count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
         match self {
@@ -31,13 +31,13 @@ impl Spread {
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,
-        rooms: &Rooms<R>,
+        workspaces: &WorkspacePool<R>,
         many: impl Fn(&mut R, &[usize], Answers<'_, T>) + Sync,
         one: impl Fn(&mut R, usize) -> T + Sync,
     ) -> Vec<T> {
         let stretch = |indices: Range<usize>| {
             let mut out = Vec::with_capacity(indices.len());
-            let mut room = rooms.take();
+            let mut room = workspaces.take();
             for first in indices.clone().step_by(WIDTH) {
                 let block = first..indices.end.min(first + WIDTH);
                 let asked: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
@@ -50,7 +50,7 @@ impl Spread {
                     *answer = one(&mut room, i);
                 }
             }
-            rooms.give(room);
+            workspaces.give(room);
             out
         };
         match self {
@@ -96,17 +96,17 @@ impl<T> Answers<'_, T> {
     }
 }
 
-/// Rooms to work in, which are used again.
+/// WorkspacePool to work in, which are used again.
 #[derive(Debug)]
-pub(super) struct Rooms<R>(Mutex<Vec<Box<R>>>);
+pub(super) struct WorkspacePool<R>(Mutex<Vec<Box<R>>>);
 
-impl<R> Default for Rooms<R> {
+impl<R> Default for WorkspacePool<R> {
     fn default() -> Self {
         Self(Mutex::default())
     }
 }
 
-impl<R: Default> Rooms<R> {
+impl<R: Default> WorkspacePool<R> {
     fn take(&self) -> Box<R> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }

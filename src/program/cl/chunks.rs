@@ -1,39 +1,39 @@
-//! A long file in pieces that fit in memory.
+//! A long file in chunks that fit in memory.
 //!
 //! One reader goes through the records in order, so that all that is modal (unit, frame, feed, spindle, tool axis, marks,
-//! cycles, …) is as in the whole; a piece is what it has read since the last one. Pieces end between records, and not
-//! within an arc, whose points are those of one piece. What changes targets that have gone by, or is decided by the file as
+//! cycles, …) is as in the whole; a chunk is what it has read since the last one. Chunks end between records, and not
+//! within an arc, whose points are those of one chunk. What changes targets that have gone by, or is decided by the file as
 //! a whole, is read whole.
 
 use super::cards::Cards;
 use super::lex::{Lexer, Place, Token, behind_mark};
 use super::read::Reader;
 use super::{ClOptions, is_foreign, is_source_language, refused};
-use crate::program::piece::leaves_its_start;
-use crate::program::{Next, StraightPiece};
+use crate::program::chunk::leaves_its_start;
+use crate::program::{Next, StreamableChunk};
 use crate::text::{Diagnostic, Source};
 use std::io::{self, Read};
 
-/// Bytes of a piece: some hundred targets, which stay in a core's own memory.
-const PIECE: usize = 32 * 1024;
+/// Bytes of a chunk: some hundred targets, which stay in a core's own memory.
+const CHUNK: usize = 32 * 1024;
 
-/// Targets that end a piece: arcs make many of few bytes.
+/// Targets that end a chunk: arcs make many of few bytes.
 const TARGETS: usize = 1024;
 
 /// What unit, maker and layout are told from.
 const HEAD: usize = 64 * 1024;
 
-/// Most bytes of a piece: more without a place to cut are read whole.
+/// Most bytes of a chunk: more without a place to cut are read whole.
 const MOST: usize = 1 << 20;
 
-/// Cuts a CL file into pieces, reading no further than needed.
+/// Cuts a CL file into chunks, reading no further than needed.
 #[derive(Debug)]
-pub struct Pieces<R> {
+pub struct Chunks<R> {
     input: R,
     name: String,
     reader: Reader,
-    piece: usize,
-    /// Read and not yet in a piece.
+    chunk: usize,
+    /// Read and not yet in a chunk.
     rest: Vec<u8>,
     tokens: Vec<Token>,
     /// Lines before `rest`.
@@ -46,25 +46,25 @@ pub struct Pieces<R> {
     ended: bool,
 }
 
-impl<R: Read> Pieces<R> {
+impl<R: Read> Chunks<R> {
     /// Reads the head; `None` where the file can only be read whole.
     ///
     /// # Errors
     /// What `input` reports.
     pub fn new(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
-        Self::sized(name, input, options, PIECE)
+        Self::sized(name, input, options, CHUNK)
     }
 
-    /// The same, with pieces of about so many bytes.
+    /// The same, with chunks of about so many bytes.
     ///
     /// # Errors
     /// What `input` reports.
-    pub fn sized(name: &str, input: R, options: &ClOptions, piece: usize) -> io::Result<Option<Self>> {
-        let mut pieces = Self {
+    pub fn sized(name: &str, input: R, options: &ClOptions, chunk: usize) -> io::Result<Option<Self>> {
+        let mut chunks = Self {
             input,
             name: name.to_owned(),
             reader: Reader::new(&[], options),
-            piece,
+            chunk,
             rest: Vec::new(),
             tokens: Vec::new(),
             lines_before: 0,
@@ -73,14 +73,14 @@ impl<R: Read> Pieces<R> {
             first: true,
             ended: false,
         };
-        pieces.fill(HEAD)?;
-        let lines = pieces.rest.iter().rposition(|b| matches!(b, b'\n' | b'\r')).unwrap_or(0);
-        if refused(options).is_some() || !Cards::excluded(&pieces.rest[..lines]) {
+        chunks.fill(HEAD)?;
+        let lines = chunks.rest.iter().rposition(|b| matches!(b, b'\n' | b'\r')).unwrap_or(0);
+        if refused(options).is_some() || !Cards::excluded(&chunks.rest[..lines]) {
             return Ok(None);
         }
-        pieces.reader = Reader::new(&pieces.rest, options);
-        pieces.place.at = behind_mark(&pieces.rest);
-        Ok(Some(pieces))
+        chunks.reader = Reader::new(&chunks.rest, options);
+        chunks.place.at = behind_mark(&chunks.rest);
+        Ok(Some(chunks))
     }
 
     /// Reads until so many bytes wait, or to the end.
@@ -91,31 +91,31 @@ impl<R: Read> Pieces<R> {
         Ok(())
     }
 
-    /// The next piece; the program's edits stand for nothing, as CL is posted, not edited.
+    /// The next chunk; the program's edits stand for nothing, as CL is posted, not edited.
     ///
     /// # Errors
     /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next<StraightPiece>> {
+    pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
         }
         let start = self.place.at;
-        let mut wanted = self.piece;
+        let mut wanted = self.chunk;
         loop {
             self.fill(wanted)?;
             self.read_on(wanted);
             if self.reader.no_unit.is_some() || wanted > MOST {
-                return Ok(Next::NotStraight);
+                return Ok(Next::NotStreamable);
             }
             if self.ended {
                 self.reader.end();
                 let whole = is_source_language(&self.reader) || is_foreign(&self.reader);
-                return Ok(if whole { Next::NotStraight } else { Next::Piece(self.cut()) });
+                return Ok(if whole { Next::NotStreamable } else { Next::Chunk(self.cut()) });
             }
             if self.place.at > start && self.may_cut() {
-                return Ok(Next::Piece(self.cut()));
+                return Ok(Next::Chunk(self.cut()));
             }
-            wanted += self.piece;
+            wanted += self.chunk;
         }
     }
 
@@ -146,19 +146,19 @@ impl<R: Read> Pieces<R> {
         settled && !self.reader.machine.holds_records() && (!self.first || leaves_its_start(&self.reader.targets))
     }
 
-    fn cut(&mut self) -> StraightPiece {
+    fn cut(&mut self) -> StreamableChunk {
         let end = if self.ended { self.rest.len() } else { self.place.at };
         let lines_before = std::mem::replace(&mut self.lines_before, self.place.line - 1);
         let source = Source { name: self.name.clone(), bytes: self.rest.drain(..end).collect(), lines_before };
         self.place.at = 0;
         self.first = false;
-        // Its numbers stand in a piece that is gone; nothing is written into them.
+        // Its numbers stand in a chunk that is gone; nothing is written into them.
         self.reader.modal.from = None;
         let own = 0..source.bytes.len();
-        StraightPiece { program: self.reader.program(source), own, elsewhere: Vec::new(), at: 0, last: self.ended }
+        StreamableChunk { program: self.reader.program(source), own, elsewhere: Vec::new(), at: 0, last: self.ended }
     }
 
-    /// What was noticed in the pieces so far.
+    /// What was noticed in the chunks so far.
     #[must_use]
     pub fn warnings(&self) -> Vec<Diagnostic> {
         self.reader.warnings(&self.name)

@@ -1,7 +1,7 @@
 //! Fast against plain reading.
 
+use super::super::chunks::Chunks;
 use super::super::declared::Declared;
-use super::super::pieces::Pieces;
 use crate::program::Next;
 use proptest::prelude::*;
 use std::io::Cursor;
@@ -128,7 +128,7 @@ fn declared() -> impl Strategy<Value = String> {
 
 proptest! {
     #[test]
-    fn a_piece_reads_like_each_of_its_statements(
+    fn a_chunk_reads_like_each_of_its_statements(
         lines in prop_oneof![
             prop::collection::vec(prop_oneof![20 => common(), 1 => line()], 1..400),
             prop::collection::vec(alike(), 1..20).prop_map(|lines| lines.concat()),
@@ -137,13 +137,13 @@ proptest! {
     ) {
         let body: String = lines.iter().map(|line| format!("{line}{end}")).collect();
         let text = format!("{HEAD}{body}ENDPROC\nENDMODULE\n");
-        let mut pieces = match Pieces::new("x.mod", text.as_bytes(), &[]) {
-            Ok(Some(pieces)) => pieces,
+        let mut chunks = match Chunks::new("x.mod", text.as_bytes(), &[]) {
+            Ok(Some(chunks)) => chunks,
             _ => return Ok(()),
         };
-        while let Ok(Next::Piece(piece)) = pieces.take() {
-            let fast = super::read(&piece).map(|read| read.into_program(piece.dialect(), piece.source.clone()));
-            let plain = piece.read_plain();
+        while let Ok(Next::Chunk(chunk)) = chunks.take() {
+            let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
+            let plain = chunk.read_plain();
             // Whoever is not sure leaves it to the plain way; whoever is says the same.
             if let Some(fast) = fast {
                 prop_assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
@@ -154,25 +154,25 @@ proptest! {
 
 proptest! {
     #[test]
-    fn a_piece_with_declarations_reads_like_each_of_its_statements(text in declared()) {
+    fn a_chunk_with_declarations_reads_like_each_of_its_statements(text in declared()) {
         reads_like_its_statements(&text);
     }
 }
 
 fn reads_like_its_statements(text: &str) {
     let file = || Cursor::new(text.as_bytes());
-    let Ok(Some(mut pieces)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return };
-    while let Ok(Next::Piece(piece)) = pieces.take() {
-        let fast = super::read(&piece).map(|read| read.into_program(piece.dialect(), piece.source.clone()));
+    let Ok(Some(mut chunks)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return };
+    while let Ok(Next::Chunk(chunk)) = chunks.take() {
+        let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
         if let Some(fast) = fast {
-            let plain = piece.read_plain();
+            let plain = chunk.read_plain();
             assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
         }
     }
 }
 
 #[test]
-fn a_target_with_the_name_of_a_speed_teaches_other_pieces_nothing() {
+fn a_target_with_the_name_of_a_speed_teaches_other_chunks_nothing() {
     let names: Vec<String> = ["v50".to_owned()].into_iter().chain((0..60).map(|i| format!("p{i}"))).collect();
     let target =
         |name: &String| format!("  CONST robtarget {name}:=[[1,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
@@ -189,10 +189,10 @@ fn a_usual_program_with_declared_targets_is_read_by_its_kinds_of_lines() {
     let lines: String = (0..2000).map(|i| format!("    MoveL p{i},v50,z1,tA;\n")).collect();
     let text = HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n";
     let file = || Cursor::new(text.as_bytes());
-    let mut pieces = Declared::new("x.mod", file(), file(), &[]).unwrap().unwrap();
+    let mut chunks = Declared::new("x.mod", file(), file(), &[]).unwrap().unwrap();
     let mut count = 0;
-    while let Ok(Next::Piece(piece)) = pieces.take() {
-        count += super::read(&piece).unwrap().targets.len();
+    while let Ok(Next::Chunk(chunk)) = chunks.take() {
+        count += super::read(&chunk).unwrap().targets.len();
     }
     assert_eq!(count, 2000);
 }
@@ -201,10 +201,10 @@ fn a_usual_program_with_declared_targets_is_read_by_its_kinds_of_lines() {
 fn a_usual_program_is_read_by_its_kinds_of_lines() {
     let line = "    MoveL [[1.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tA;\n";
     let text = format!("{HEAD}  ConfL\\Off;\n  ! deflex cut\n{}ENDPROC\nENDMODULE\n", line.repeat(2000));
-    let mut pieces = Pieces::new("x.mod", text.as_bytes(), &[]).unwrap().unwrap();
+    let mut chunks = Chunks::new("x.mod", text.as_bytes(), &[]).unwrap().unwrap();
     let mut count = 0;
-    while let Ok(Next::Piece(piece)) = pieces.take() {
-        count += super::read(&piece).unwrap().targets.len();
+    while let Ok(Next::Chunk(chunk)) = chunks.take() {
+        count += super::read(&chunk).unwrap().targets.len();
     }
     assert_eq!(count, 2000);
 }

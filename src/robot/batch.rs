@@ -8,9 +8,9 @@ use crate::lanes::{Frame, LaneMask, Lanes, Mask, ROUND, Real, SinCos, Vector, si
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-/// Such an arm.
+/// An arm with an explicit inverse, solved for a batch of targets.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Eight<'a> {
+pub(crate) struct BatchArm<'a> {
     robot: &'a Robot,
     form: &'a ClosedForm,
 }
@@ -30,9 +30,9 @@ pub(crate) struct Place<'a> {
     pub(crate) near: &'a Joints,
 }
 
-/// Eight targets, and what they come to.
+/// Targets of a batch, and the inverse solution of each.
 #[derive(Default)]
-pub(crate) struct EightFound {
+pub(crate) struct BatchSolutions {
     base_from_wobj: Frame,
     flange_from_tcp: Frame,
     position_mm: Vector,
@@ -49,7 +49,7 @@ pub(crate) struct EightFound {
     small: LaneMask,
 }
 
-impl EightFound {
+impl BatchSolutions {
     fn set<'p>(&mut self, count: usize, place: &impl Fn(usize) -> Place<'p>) {
         let first = place(0);
         // Tool and work object seldom change.
@@ -72,7 +72,7 @@ impl EightFound {
     }
 
     #[inline(always)]
-    fn inverse(&mut self, robot: &Eight<'_>) {
+    fn inverse(&mut self, robot: &BatchArm<'_>) {
         let base_from_flange = self.base_from_wobj.then(&self.wobj_from_tcp).without(&self.flange_from_tcp);
         (self.motor, self.reach) = robot.inverse(&base_from_flange, &self.near);
     }
@@ -82,7 +82,7 @@ impl EightFound {
         for lane in 0..count {
             self.from.set_axes(lane, from(lane));
         }
-        widest!(<'a> (found: &'a mut EightFound = self) {
+        widest!(<'a> (found: &'a mut BatchSolutions = self) {
             (found.turn, found.small) = turns_between(&found.from, &found.wobj_from_tcp);
         });
     }
@@ -117,19 +117,19 @@ pub(crate) fn turn_of<R: Real>(
     Vector3::new(x, y, z)
 }
 
-impl<'a> Eight<'a> {
+impl<'a> BatchArm<'a> {
     /// The arm in lanes, where it has an explicit inverse.
     pub(crate) fn of(robot: &'a Robot) -> Option<Self> {
         Some(Self { robot, form: robot.closed_form()? })
     }
 
     /// What the first `count` of eight targets come to.
-    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, found: &mut EightFound) {
+    pub(crate) fn find<'p>(&self, count: usize, place: impl Fn(usize) -> Place<'p>, found: &mut BatchSolutions) {
         if count == 0 {
             return;
         }
         found.set(count, &place);
-        widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
+        widest!(<'a> (robot: &'a BatchArm<'a> = self, found: &'a mut BatchSolutions = found) {
             found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * Lanes::of(1e-3), found.quat);
             found.inverse(robot);
         });
@@ -140,11 +140,11 @@ impl<'a> Eight<'a> {
         &self,
         (base_from_wobj, flange_from_tcp): (&Pose, &Pose),
         near: &Joints,
-        found: &mut EightFound,
+        found: &mut BatchSolutions,
     ) {
         (found.base_from_wobj, found.flange_from_tcp) = (Frame::of(base_from_wobj), Frame::of(flange_from_tcp));
         found.near = six!(i => Lanes::of(near[i]));
-        widest!(<'a> (robot: &'a Eight<'a> = self, found: &'a mut EightFound = found) {
+        widest!(<'a> (robot: &'a BatchArm<'a> = self, found: &'a mut BatchSolutions = found) {
             found.inverse(robot);
         });
     }
@@ -218,18 +218,18 @@ impl<'a> Eight<'a> {
         let turns = [q1, q2, q3, q4, q5, q6];
         let motor = self.robot.motor(&six!(i => turns[i].angle() - theta[i]));
         let motor = six!(i => motor[i] + (((motor_near[i] - motor[i]) * (1.0 / TAU) + ROUND) - ROUND) * TAU);
-        let mut sure = apart & bent & straight;
+        let mut valid = apart & bent & straight;
         let limits = &self.robot.limits;
         let counted = motor[2] + motor[1] * self.robot.axes.counted_23();
         for (i, axis) in [motor[0], motor[1], counted, motor[3], motor[4], motor[5]].into_iter().enumerate() {
-            sure = sure & self.inside(axis, limits.min[i], limits.max[i]);
+            valid = valid & self.inside(axis, limits.min[i], limits.max[i]);
         }
         if let (true, Some((min, max))) = (self.robot.axes.parallelogram, limits.elbow) {
-            sure = sure & self.inside(motor[2] - motor[1], min, max);
+            valid = valid & self.inside(motor[2] - motor[1], min, max);
         }
         // Of the others, axis 1 is a quarter turn off, axis 2 twice the lift, or axis 4 half a turn.
         let (far, lift) = (FRAC_PI_4 * FRAC_PI_4, sine * sine);
-        (motor, sure.select(lift.lt(far).select(lift, R::of(far)), R::ZERO))
+        (motor, valid.select(lift.lt(far).select(lift, R::of(far)), R::ZERO))
     }
 
     #[inline(always)]
@@ -260,7 +260,7 @@ mod tests {
             length in prop::array::uniform4(0.2_f64..3.0),
         ) {
             let robot = BUILTIN[robot].robot();
-            let Some(eight) = Eight::of(&robot) else { return Ok(()) };
+            let Some(eight) = BatchArm::of(&robot) else { return Ok(()) };
             let tool = Pose::from_parts(Translation3::new(0.1, -0.02, 0.3), Rotation3::from_euler_angles(0.2, 0.9, -0.4));
             let wobj = Pose::from_parts(Translation3::new(1.0, 0.4, -0.3), Rotation3::from_euler_angles(0.0, 0.1, 0.7));
             let motors = shares.map(|shares| {
@@ -284,7 +284,7 @@ mod tests {
                     Place { base_from_wobj: &wobj, position_mm, quat, flange_from_tcp: &tool, near }
                 })
                 .collect();
-            let (mut all, mut again) = (EightFound::default(), EightFound::default());
+            let (mut all, mut again) = (BatchSolutions::default(), BatchSolutions::default());
             eight.find(places.len(), |lane| places[lane], &mut all);
             for i in 0..WIDTH {
                 let off = all.wobj_from_tcp.lane(i).inverse() * poses[i];

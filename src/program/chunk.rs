@@ -7,21 +7,21 @@ use crate::text::{Diagnostic, Source};
 use std::io::{self, Read, Seek};
 use std::ops::Range;
 
-/// What taking the next piece of a program came to.
+/// What taking the next chunk of a program came to.
 #[derive(Debug)]
 pub enum Next<P> {
-    /// Another piece.
-    Piece(P),
+    /// Another chunk.
+    Chunk(P),
     /// There are no more.
     End,
     /// Here stands something that only the whole program tells the meaning of.
-    NotStraight,
+    NotStreamable,
 }
 
-/// A piece as read.
+/// A chunk as read.
 #[derive(Debug)]
-pub struct StraightPiece {
-    /// The piece as a program; ordinals and lines are those of the whole.
+pub struct StreamableChunk {
+    /// The chunk as a program; ordinals and lines are those of the whole.
     pub program: Program,
     /// Which bytes of its source stand in the file; edits lie within.
     pub own: Range<usize>,
@@ -36,41 +36,41 @@ pub struct StraightPiece {
 /// Declarations that stand elsewhere in the file than their use, or lines that run before.
 #[derive(Clone, Debug)]
 pub struct Elsewhere {
-    /// Its bytes in the piece's source.
+    /// Its bytes in the chunk's source.
     pub own: Range<usize>,
     /// Their offset in the file.
     pub at: u64,
-    /// One declaration, which several motions go to, maybe of several pieces.
+    /// One declaration, which several motions go to, maybe of several chunks.
     pub shared: bool,
 }
 
-/// The pieces of a long program of whatever kind.
+/// The chunks of a long program of whatever kind.
 #[derive(Debug)]
-pub enum AnyPieces<R> {
+pub enum AnyChunks<R> {
     /// RAPID with inline targets in one procedure.
-    Inline(Box<rapid::Pieces<R>>),
+    Inline(Box<rapid::Chunks<R>>),
     /// RAPID with an index.
     Indexed(Box<rapid::Declared<R>>),
     /// CL.
-    Cl(Box<cl::Pieces<R>>),
+    Cl(Box<cl::Chunks<R>>),
 }
 
-/// A piece, not yet read.
+/// A chunk, not yet read.
 #[derive(Debug)]
-pub enum AnyPiece {
+pub enum AnyChunk {
     /// RAPID.
-    Rapid(Box<rapid::Piece>),
+    Rapid(Box<rapid::Chunk>),
     /// CL, which is read as it is cut.
-    Cl(Box<StraightPiece>),
+    Cl(Box<StreamableChunk>),
 }
 
-impl<R: Read + Seek> AnyPieces<R> {
+impl<R: Read + Seek> AnyChunks<R> {
     /// RAPID with inline targets in one procedure; `None` where `input` does not begin like that.
     ///
     /// # Errors
     /// What it reports.
     pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Pieces::of_file(name, input, context)?.map(|pieces| Self::Inline(Box::new(pieces))))
+        Ok(rapid::Chunks::of_file(name, input, context)?.map(|chunks| Self::Inline(Box::new(chunks))))
     }
 
     /// RAPID of which an index is held; see [`rapid::Declared::new`].
@@ -78,7 +78,7 @@ impl<R: Read + Seek> AnyPieces<R> {
     /// # Errors
     /// What the inputs report.
     pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Declared::new(name, body, file, context)?.map(|pieces| Self::Indexed(Box::new(pieces))))
+        Ok(rapid::Declared::new(name, body, file, context)?.map(|chunks| Self::Indexed(Box::new(chunks))))
     }
 
     /// CL; `None` where only the whole can be read.
@@ -86,28 +86,28 @@ impl<R: Read + Seek> AnyPieces<R> {
     /// # Errors
     /// What `input` reports.
     pub fn cl(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
-        Ok(cl::Pieces::new(name, input, options)?.map(|pieces| Self::Cl(Box::new(pieces))))
+        Ok(cl::Chunks::new(name, input, options)?.map(|chunks| Self::Cl(Box::new(chunks))))
     }
 
-    /// The next piece.
+    /// The next chunk.
     ///
     /// # Errors
     /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next<AnyPiece>> {
+    pub fn take(&mut self) -> io::Result<Next<AnyChunk>> {
         let rapid = match self {
-            Self::Inline(pieces) => pieces.take()?,
-            Self::Indexed(pieces) => pieces.take()?,
-            Self::Cl(pieces) => return Ok(pieces.take()?.map(|piece| AnyPiece::Cl(Box::new(piece)))),
+            Self::Inline(chunks) => chunks.take()?,
+            Self::Indexed(chunks) => chunks.take()?,
+            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Cl(Box::new(chunk)))),
         };
-        Ok(rapid.map(|piece| AnyPiece::Rapid(Box::new(piece))))
+        Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
     }
 
-    /// Reads a piece; `None` where it is not straight after all.
+    /// Reads a chunk; `None` where it is not straight after all.
     #[must_use]
-    pub fn read(piece: AnyPiece) -> Option<StraightPiece> {
-        match piece {
-            AnyPiece::Rapid(piece) => piece.read(),
-            AnyPiece::Cl(piece) => Some(*piece),
+    pub fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
+        match chunk {
+            AnyChunk::Rapid(chunk) => chunk.read(),
+            AnyChunk::Cl(chunk) => Some(*chunk),
         }
     }
 
@@ -115,7 +115,7 @@ impl<R: Read + Seek> AnyPieces<R> {
     #[must_use]
     pub fn warnings(&self) -> Vec<Diagnostic> {
         match self {
-            Self::Cl(pieces) => pieces.warnings(),
+            Self::Cl(chunks) => chunks.warnings(),
             Self::Inline(_) | Self::Indexed(_) => Vec::new(),
         }
     }
@@ -124,7 +124,7 @@ impl<R: Read + Seek> AnyPieces<R> {
     #[must_use]
     pub fn names(&self) -> Option<Names> {
         match self {
-            Self::Indexed(pieces) => Some(pieces.names()),
+            Self::Indexed(chunks) => Some(chunks.names()),
             Self::Inline(_) | Self::Cl(_) => None,
         }
     }
@@ -133,9 +133,9 @@ impl<R: Read + Seek> AnyPieces<R> {
 impl<P> Next<P> {
     fn map<Q>(self, other: impl FnOnce(P) -> Q) -> Next<Q> {
         match self {
-            Self::Piece(piece) => Next::Piece(other(piece)),
+            Self::Chunk(chunk) => Next::Chunk(other(chunk)),
             Self::End => Next::End,
-            Self::NotStraight => Next::NotStraight,
+            Self::NotStreamable => Next::NotStreamable,
         }
     }
 }

@@ -1,14 +1,14 @@
-//! Pieces of straight programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
+//! Chunks of streamable programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
 //! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
 
+use super::chunk::Chunk;
+use super::chunks::line_of;
 use super::index::{hash, target};
 use super::kinds::{Meaning, Motion, words};
 use super::lex;
 use super::literal::Literal;
 use super::moves::index;
 use super::named::Declarations;
-use super::piece::Piece;
-use super::pieces::line_of;
 use super::sample::{Found, Named, Sample, pose};
 use super::value::{Place, axes_in_use};
 use super::{Layout, Site};
@@ -16,10 +16,10 @@ use crate::program::{Language, Mark, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
 
-/// A program of more kinds of lines than this a piece has nothing to gain.
+/// A program of more kinds of lines than this a chunk has nothing to gain.
 const MOST_KINDS: usize = 16;
 
-/// What was read of a piece.
+/// What was read of a chunk.
 pub(super) struct Read {
     targets: Vec<Target>,
     literals: Vec<Literal>,
@@ -28,7 +28,7 @@ pub(super) struct Read {
     wobjs: Vec<Wobj>,
     mark: Option<Mark>,
     /// Whether no target is declared.
-    straight: bool,
+    streamable: bool,
 }
 
 /// Lines that are alike.
@@ -60,36 +60,36 @@ enum To<'s> {
     Named(usize, Range<usize>),
 }
 
-/// Reads a piece; `None` where only the plain way tells what it means.
-pub(super) fn read(piece: &Piece) -> Option<Read> {
-    if !piece.plain_head {
+/// Reads a chunk; `None` where only the plain way tells what it means.
+pub(super) fn read(chunk: &Chunk) -> Option<Read> {
+    if !chunk.plain_head {
         return None;
     }
-    let bytes = &piece.source.bytes[..piece.stretch.end];
-    let (mut declarations, literals) = Declarations::read(bytes, piece.declared.clone())?;
-    let motions = piece.motions as usize;
+    let bytes = &chunk.source.bytes[..chunk.stretch.end];
+    let (mut declarations, literals) = Declarations::read(bytes, chunk.declared.clone())?;
+    let motions = chunk.motions as usize;
     let mut read = Read {
         targets: Vec::with_capacity(motions),
         literals,
         sites: Vec::with_capacity(motions),
         tools: Vec::new(),
         wobjs: Vec::new(),
-        mark: piece.mark_before,
-        straight: declarations.is_empty(),
+        mark: chunk.mark_before,
+        streamable: declarations.is_empty(),
     };
-    if read.straight {
+    if read.streamable {
         read.literals.reserve(motions);
     }
     let mut kinds: Vec<Kind> = Vec::new();
     let mut last = 0;
-    let (mut start, mut line_number) = (piece.stretch.start, piece.lines_before);
+    let (mut start, mut line_number) = (chunk.stretch.start, chunk.lines_before);
     while start < bytes.len() {
         line_number += 1;
         if let Some(Kind { way, motion: Some(like), last, .. }) = kinds.get_mut(last)
             && let Some((to, text, end)) = last.again(*way, &mut declarations, bytes, start)
         {
             start = end;
-            read.push(piece, &mut declarations, like, line_number, text, to)?;
+            read.push(chunk, &mut declarations, like, line_number, text, to)?;
             continue;
         }
         let line = line_of(&bytes[start..]);
@@ -111,7 +111,7 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
         }
         let open = text.iter().position(|b| *b == b'[').unwrap_or(text.len());
         let robtarget = Literal::read(bytes, 0, first + open);
-        let named = target(text).filter(|_| !read.straight && robtarget.is_none());
+        let named = target(text).filter(|_| !read.streamable && robtarget.is_none());
         let named = named.and_then(|name| Some((declarations.find(&text[name.clone()])?, name)));
         let (before, behind) = match (&robtarget, &named) {
             // One over several lines is not worth a closer look.
@@ -127,7 +127,7 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
                 if last == MOST_KINDS {
                     return None;
                 }
-                kinds.push(read.kind(piece, &declarations, before, behind, way, text)?);
+                kinds.push(read.kind(chunk, &declarations, before, behind, way, text)?);
             }
         }
         let kind = &mut kinds[last];
@@ -151,13 +151,13 @@ pub(super) fn read(piece: &Piece) -> Option<Read> {
             }
             (None, None) => To::Nowhere,
         };
-        read.push(piece, &mut declarations, like, line_number, first..first + text.len(), to)?;
+        read.push(chunk, &mut declarations, like, line_number, first..first + text.len(), to)?;
     }
     // Names that the program has for something else.
-    if !read.straight {
+    if !read.streamable {
         let texts = kinds.iter().flat_map(|kind| [kind.before, kind.behind]);
         let mut taken: Vec<u64> = texts.flat_map(words).collect();
-        taken.extend(piece.kinds.words_of_head(|| piece.head_with(b"")));
+        taken.extend(chunk.kinds.words_of_head(|| chunk.head_with(b"")));
         taken.sort_unstable();
         if declarations.any_of(&taken) {
             return None;
@@ -197,14 +197,14 @@ impl Read {
     /// Takes a line's motion, which is like others, given its text's place and its target.
     fn push(
         &mut self,
-        piece: &Piece,
+        chunk: &Chunk,
         declarations: &mut Declarations,
         like: &Target,
         line: usize,
         text: Range<usize>,
         to: To<'_>,
     ) -> Option<()> {
-        let ordinal = piece.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
+        let ordinal = chunk.motions_before + u32::try_from(self.targets.len()).ok()? + 1;
         // Put together where it stays.
         self.targets.push(like.clone());
         let target = self.targets.last_mut()?;
@@ -218,7 +218,7 @@ impl Read {
             }
             To::Named(declared, name) => {
                 target.goal = declarations.goal(declared);
-                target.name = declarations.name(declared, &piece.source.bytes[name.clone()]);
+                target.name = declarations.name(declared, &chunk.source.bytes[name.clone()]);
                 let argument = Some(Place { source: 0, span: Span::new(name.start, name.end) });
                 Site::Literal { literal: u32::try_from(declared).ok()?, argument }
             }
@@ -231,10 +231,10 @@ impl Read {
         Some(())
     }
 
-    /// Takes in a kind of line that the piece had none of.
+    /// Takes in a kind of line that the chunk had none of.
     fn kind<'a>(
         &mut self,
-        piece: &Piece,
+        chunk: &Chunk,
         declarations: &Declarations,
         before: &'a [u8],
         behind: &'a [u8],
@@ -248,14 +248,14 @@ impl Read {
         alike.extend((inline || way.is_some()).then_some(behind));
         alike.extend(way_of.into_iter().flat_map(|way| way.text()));
         let declaration = way_of.map(|way| way.line);
-        let meaning = piece.kinds.meaning(alike.join(&b'\n'), || {
+        let meaning = chunk.kinds.meaning(alike.join(&b'\n'), || {
             let name = text.get(before.len()..text.len() - behind.len()).filter(|_| way.is_some()).map(hash);
-            let head = piece.kinds.words_of_head(|| piece.head_with(b""));
-            // A target with the name of something else means it there: not so in other pieces.
+            let head = chunk.kinds.words_of_head(|| chunk.head_with(b""));
+            // A target with the name of something else means it there: not so in other chunks.
             let taken = name.is_some_and(|name| {
                 head.contains(&name) || [before, behind].into_iter().flat_map(words).any(|word| word == name)
             });
-            if taken { None } else { learn(piece, text, declaration, usize::from(before != text)) }
+            if taken { None } else { learn(chunk, text, declaration, usize::from(before != text)) }
         })?;
         let motion = meaning.map(|Motion { like, tool, wobj }| Target {
             tool: index(&mut self.tools, tool, Tool::is),
@@ -265,7 +265,7 @@ impl Read {
         Some(Kind { before, behind, way, motion, last: Last::None })
     }
 
-    /// The piece as a program.
+    /// The chunk as a program.
     pub(super) fn into_program(self, dialect: &'static str, source: Source) -> Program {
         Program {
             sources: vec![source],
@@ -286,7 +286,7 @@ impl Read {
                 offsets: Vec::new(),
                 motions: self.targets.len(),
                 unknown: Vec::new(),
-                straight: self.straight,
+                streamable: self.streamable,
                 plain: true,
                 mark_behind: self.mark,
             }),
@@ -296,12 +296,12 @@ impl Read {
 }
 
 /// Reads a line behind the program's own head, with the declaration of its target, if it has one.
-fn learn(piece: &Piece, text: &[u8], declaration: Option<&[u8]>, robtargets: usize) -> Option<Meaning> {
-    let head = piece.head_with(declaration.unwrap_or_default());
+fn learn(chunk: &Chunk, text: &[u8], declaration: Option<&[u8]>, robtargets: usize) -> Option<Meaning> {
+    let head = chunk.head_with(declaration.unwrap_or_default());
     let whole = Span::new(head.len(), head.len() + text.len());
-    let mut program = piece.program_of(head, text)?;
+    let mut program = chunk.program_of(head, text)?;
     let crate::program::Layout::Rapid(layout) = &program.layout else { return None };
-    let plain = if declaration.is_some() { layout.plain } else { layout.straight };
+    let plain = if declaration.is_some() { layout.plain } else { layout.streamable };
     let plain = plain && program.diagnostics.is_empty() && program.kept.is_empty();
     if !plain || layout.literals.len() != robtargets || program.targets.len() < robtargets || text.contains(&b'\r') {
         return None;

@@ -1,26 +1,26 @@
-//! Ordered passes over the pieces of a program, whichever threads have them.
+//! Ordered passes over the chunks of a program, whichever threads have them.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// State that goes from piece to piece in their order.
+/// State that goes from chunk to chunk in their order.
 #[derive(Debug)]
-pub(super) struct Turns<T> {
+pub(super) struct OrderedStage<T> {
     state: Mutex<State<T>>,
     passed: Condvar,
 }
 
 #[derive(Debug)]
 struct State<T> {
-    /// The piece whose turn it is.
+    /// The chunk whose turn it is.
     next: usize,
-    /// A piece died before its turn: nobody waits for it.
+    /// A chunk died before its turn: nobody waits for it.
     broken: bool,
-    /// Pieces that wait: telling nobody would take a call of the system all the same.
+    /// Chunks that wait: telling nobody would take a call of the system all the same.
     waiting: usize,
     value: T,
 }
 
-impl<T> Turns<T> {
+impl<T> OrderedStage<T> {
     pub(super) fn new(value: T) -> Self {
         Self { state: Mutex::new(State { next: 0, broken: false, waiting: 0, value }), passed: Condvar::new() }
     }
@@ -30,7 +30,7 @@ impl<T> Turns<T> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for the turn of piece `n`, works on what the pieces before it left, and passes it on; `None` where a piece
+    /// Waits for the turn of chunk `n`, works on what the chunks before it left, and passes it on; `None` where a chunk
     /// before it died.
     pub(super) fn take<R>(&self, n: usize, work: impl FnOnce(&mut T) -> R) -> Option<R> {
         let mut state = self.lock();
@@ -64,11 +64,11 @@ impl<T> Turns<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::Turns;
+    use super::OrderedStage;
 
     #[test]
-    fn pieces_take_turns_in_order_whatever_thread_has_them() {
-        let turns = Turns::new(Vec::new());
+    fn chunks_take_turns_in_order_whatever_thread_has_them() {
+        let turns = OrderedStage::new(Vec::new());
         std::thread::scope(|scope| {
             for first in [3, 1, 0, 2] {
                 let turns = &turns;
@@ -83,8 +83,8 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_a_piece_that_died() {
-        let turns = Turns::new(());
+    fn nobody_waits_for_a_chunk_that_died() {
+        let turns = OrderedStage::new(());
         std::thread::scope(|scope| {
             let waiting = scope.spawn(|| turns.take(1, |()| ()));
             turns.break_off();

@@ -1,49 +1,49 @@
-//! A long program in pieces that fit in memory.
+//! A long program in chunks that fit in memory.
 //!
 //! One procedure that only moves from inline target to inline target is the same wherever it is cut between two
-//! statements: a piece is the module's head, a stretch of the body, and an end, and so a program of its own, which
-//! [`read`](super::read) reads like any other. What would make a piece mean something else than the same lines in the whole (an
-//! assignment, a call, a declared target, a moving external axis, …) is looked for in the piece as read; a program with any
-//! of that is not straight and is read whole.
+//! statements: a chunk is the module's head, a stretch of the body, and an end, and so a program of its own, which
+//! [`read`](super::read) reads like any other. What would make a chunk mean something else than the same lines in the whole (an
+//! assignment, a call, a declared target, a moving external axis, …) is looked for in the chunk as read; a program with any
+//! of that is not streamable and is read whole.
 
+use super::chunk::{Chunk, layout};
 use super::kinds::Kinds;
 use super::lex::{self, Cursor, Kind};
-use super::piece::{Piece, layout};
 use super::predefined::harmless;
 use crate::program::{Language, Mark, Next, detect};
 use crate::text::{Source, Span, lines};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// Bytes of the body in a piece: some five hundred targets. A quarter of it is no faster, for all the calls of the system. Not a
-/// matter of threads: any number of them sees the same pieces.
-pub const PIECE: usize = 64 * 1024;
+/// Bytes of the body in a chunk: some five hundred targets. A quarter of it is no faster, for all the calls of the system. Not a
+/// matter of threads: any number of them sees the same chunks.
+pub const CHUNK: usize = 64 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
 
-/// Motions that end a piece: to declared targets they take few bytes.
+/// Motions that end a chunk: to declared targets they take few bytes.
 const MOTIONS: u32 = 1024;
 
-/// What a piece may have to read on to the end of a line: shorter ones only matter to small pieces.
+/// What a chunk may have to read on to the end of a line: shorter ones only matter to small chunks.
 const LONGEST: usize = 4096;
 
-/// Pieces that are read at once.
+/// Chunks that are read at once.
 const AHEAD: usize = 4;
 
 /// What begins a body.
 const FIRST: &[u8] = b"MoveL";
 
-/// Ends a piece that is not the last.
+/// Ends a chunk that is not the last.
 pub(super) const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 
-/// Cuts a program into pieces, reading no further than needed.
+/// Cuts a program into chunks, reading no further than needed.
 #[derive(Debug)]
-pub struct Pieces<R> {
+pub struct Chunks<R> {
     input: R,
     name: String,
-    /// Bytes of the body in a piece.
-    piece: usize,
+    /// Bytes of the body in a chunk.
+    chunk: usize,
     dialect: &'static str,
     context: Arc<[Source]>,
     kinds: Arc<Kinds>,
@@ -69,14 +69,14 @@ enum State {
     Ended,
 }
 
-impl<R: Read> Pieces<R> {
-    /// Reads the head; `None` where the input does not begin like a straight program. Each piece is read with the modules of
+impl<R: Read> Chunks<R> {
+    /// Reads the head; `None` where the input does not begin like a streamable program. Each chunk is read with the modules of
     /// `context`, so that they must not be long.
     ///
     /// # Errors
     /// What `input` reports.
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Self::sized(name, input, context, PIECE)
+        Self::sized(name, input, context, CHUNK)
     }
 
     /// The same for a file, whose end is looked at first: it shows most programs of several routines.
@@ -101,18 +101,18 @@ impl<R: Read> Pieces<R> {
         }
     }
 
-    /// The same, with pieces of about so many bytes.
+    /// The same, with chunks of about so many bytes.
     ///
     /// # Errors
     /// What `input` reports.
-    pub fn sized(name: &str, input: R, context: &[Source], piece: usize) -> io::Result<Option<Self>> {
-        if context.iter().map(|source| source.bytes.len()).sum::<usize>() > PIECE {
+    pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
+        if context.iter().map(|source| source.bytes.len()).sum::<usize>() > CHUNK {
             return Ok(None);
         }
-        let mut pieces = Self {
+        let mut chunks = Self {
             input,
             name: name.to_owned(),
-            piece,
+            chunk,
             dialect: "rapid",
             context: context.into(),
             kinds: Arc::default(),
@@ -127,25 +127,25 @@ impl<R: Read> Pieces<R> {
             mark: None,
             state: State::First,
         };
-        pieces.fill(PIECE)?;
-        let begin = &pieces.rest[..pieces.rest.len().min(PIECE)];
+        chunks.fill(CHUNK)?;
+        let begin = &chunks.rest[..chunks.rest.len().min(CHUNK)];
         let Some(first) = first_motion(begin) else { return Ok(None) };
-        pieces.head = pieces.rest.drain(..first).collect();
-        pieces.head_lines = pieces.head.iter().filter(|b| **b == b'\n').count();
-        let comments = pieces.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
-        pieces.mark = comments.rev().find_map(lex::mark);
-        pieces.lines = pieces.head_lines;
-        let head = Source::new(name, [&pieces.head, END].concat());
+        chunks.head = chunks.rest.drain(..first).collect();
+        chunks.head_lines = chunks.head.iter().filter(|b| **b == b'\n').count();
+        let comments = chunks.head.split(|b| *b == b'\n').filter_map(|line| line.trim_ascii().strip_prefix(b"!"));
+        chunks.mark = comments.rev().find_map(lex::mark);
+        chunks.lines = chunks.head_lines;
+        let head = Source::new(name, [&chunks.head, END].concat());
         let rapid = detect(name, &head.bytes) == Some(Language::Rapid);
-        let Some(head) = super::read(vec![head], pieces.context.to_vec()).ok().filter(|_| rapid) else {
+        let Some(head) = super::read(vec![head], chunks.context.to_vec()).ok().filter(|_| rapid) else {
             return Ok(None);
         };
-        pieces.dialect = head.dialect;
-        pieces.plain_head = head.literal_targets == 0 && pieces.context.is_empty();
-        Ok((layout(&head).is_some_and(|layout| layout.straight) && head.targets.is_empty()).then_some(pieces))
+        chunks.dialect = head.dialect;
+        chunks.plain_head = head.literal_targets == 0 && chunks.context.is_empty();
+        Ok((layout(&head).is_some_and(|layout| layout.streamable) && head.targets.is_empty()).then_some(chunks))
     }
 
-    /// The same for an input that begins with the first motion, behind `lines` lines, of which `head` is what every piece
+    /// The same for an input that begins with the first motion, behind `lines` lines, of which `head` is what every chunk
     /// needs.
     pub(super) fn behind(
         name: &str,
@@ -153,16 +153,16 @@ impl<R: Read> Pieces<R> {
         context: &[Source],
         head: Vec<u8>,
         lines: usize,
-        piece: usize,
+        chunk: usize,
     ) -> io::Result<Option<Self>> {
-        // The head comes from memory, and is no piece's own.
+        // The head comes from memory, and is no chunk's own.
         let begun = [&head, FIRST].concat();
-        let Some(pieces) = Pieces::new(name, &begun[..], context)? else { return Ok(None) };
-        let Pieces { name, dialect, context, kinds, head, head_lines, plain_head, mark, .. } = pieces;
+        let Some(chunks) = Chunks::new(name, &begun[..], context)? else { return Ok(None) };
+        let Chunks { name, dialect, context, kinds, head, head_lines, plain_head, mark, .. } = chunks;
         Ok(Some(Self {
             input,
             name,
-            piece,
+            chunk,
             dialect,
             context,
             kinds,
@@ -183,24 +183,24 @@ impl<R: Read> Pieces<R> {
     fn fill(&mut self, wanted: usize) -> io::Result<()> {
         if self.rest.len() - self.cut < wanted {
             self.rest.drain(..std::mem::take(&mut self.cut));
-            let missing = wanted + AHEAD * self.piece - self.rest.len();
+            let missing = wanted + AHEAD * self.chunk - self.rest.len();
             self.input.by_ref().take(missing as u64).read_to_end(&mut self.rest)?;
         }
         Ok(())
     }
 
-    /// The next piece, cut behind a statement.
+    /// The next chunk, cut behind a statement.
     ///
     /// # Errors
     /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next<Piece>> {
+    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
         if self.state == State::Ended {
             return Ok(Next::End);
         }
         let (motions_before, before_stretch, mark_before) = (self.motions, self.lines, self.mark);
-        // A line that the piece's end cuts through is read on; one of more than a piece is no program's.
-        self.fill(2 * self.piece + LONGEST)?;
-        let Some(cut) = self.cut() else { return Ok(Next::NotStraight) };
+        // A line that the chunk's end cuts through is read on; one of more than a chunk is no program's.
+        self.fill(2 * self.chunk + LONGEST)?;
+        let Some(cut) = self.cut() else { return Ok(Next::NotStreamable) };
         // What is inserted before a motion ends its line like the line before.
         let mark = match mark_before {
             None => Vec::new(),
@@ -210,7 +210,7 @@ impl<R: Read> Pieces<R> {
         let mut bytes = Vec::with_capacity(self.head.len() + cut.stretch + END.len() + mark.len() + HEAD_ROOM);
         bytes.extend_from_slice(&self.head);
         let first = self.state == State::First;
-        // The first piece's marks stand in its head.
+        // The first chunk's marks stand in its head.
         let before = if first { &[][..] } else { &mark };
         bytes.extend_from_slice(before);
         let from = bytes.len();
@@ -224,7 +224,7 @@ impl<R: Read> Pieces<R> {
             self.fill(HEAD + 1)?;
             let end = &self.rest[self.cut..];
             if !is_end(end) {
-                return Ok(Next::NotStraight);
+                return Ok(Next::NotStreamable);
             }
             bytes.extend_from_slice(end);
             own.end = bytes.len();
@@ -234,12 +234,12 @@ impl<R: Read> Pieces<R> {
         }
         let added = self.head_lines + usize::from(!before.is_empty());
         let mut source = Source::new(self.name.clone(), bytes);
-        // Below zero for no piece: the head's own lines stand before every stretch; a mark's line may be one too many.
+        // Below zero for no chunk: the head's own lines stand before every stretch; a mark's line may be one too many.
         let Some(lines_before) = (if first { Some(0) } else { before_stretch.checked_sub(added) }) else {
-            return Ok(Next::NotStraight);
+            return Ok(Next::NotStreamable);
         };
         source.lines_before = lines_before;
-        Ok(Next::Piece(Piece {
+        Ok(Next::Chunk(Chunk {
             dialect: self.dialect,
             context: Arc::clone(&self.context),
             source,
@@ -266,11 +266,11 @@ impl<R: Read> Pieces<R> {
     fn cut(&mut self) -> Option<Cut> {
         let (mut at, mut lines, mut behind_motion) = (0, 0, false);
         let rest = &self.rest[self.cut..];
-        let whole = rest.len() < 2 * self.piece + LONGEST;
+        let whole = rest.len() < 2 * self.chunk + LONGEST;
         let most = self.motions + MOTIONS;
         // How the last motion's line begins, its word with the byte behind it.
         let mut lead: &[u8] = &[];
-        while at < self.piece && self.motions < most || !behind_motion {
+        while at < self.chunk && self.motions < most || !behind_motion {
             let line = line_of(&rest[at..]);
             let ended = line.last() == Some(&b'\n');
             if line.is_empty() || !ended && !whole {
@@ -310,7 +310,7 @@ impl<R: Read> Pieces<R> {
     }
 }
 
-/// Room for what ends the last piece.
+/// Room for what ends the last chunk.
 const HEAD_ROOM: usize = 256;
 
 struct Cut {
