@@ -7,7 +7,7 @@ use deflex::cell::Cell;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
-use deflex::program::{Goal, Language, Program, RewriteOptions, Target, detect, rapid};
+use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, rapid, read};
 use deflex::text::{Diagnostic, Source, apply};
 use std::sync::LazyLock;
 
@@ -59,10 +59,8 @@ pub(crate) fn measured(bytes: &[u8]) {
 /// The whole way from program bytes to corrected ones.
 pub(crate) fn compensate(bytes: &[u8]) {
     let source = Source::new("part", bytes);
-    let program = match detect(&source.name, bytes) {
-        Some(Language::Cl) => cl::read(source, &cl_options()),
-        _ => rapid::read(vec![source], Vec::new()),
-    };
+    let language = detect(&source.name, bytes).unwrap_or(Language::Rapid);
+    let program = read(language, vec![source], Vec::new(), &ReadOptions { cl: &cl_options(), look: false });
     // Programs of thousands of targets say nothing new and take long.
     let Some(program) = program.ok().filter(|program| program.targets.len() < 500) else { return };
     for allow_clones in [false, true] {
@@ -103,9 +101,8 @@ fn judge(bytes: &[u8], program: Result<Program, Vec<Diagnostic>>) {
         return;
     }
     let language = program.language;
-    let proof = deflex::program::round_trip(&program, |mut written, context| match language {
-        Language::Rapid => rapid::read(written, context),
-        Language::Cl => cl::read(written.remove(0), &cl_options()),
+    let proof = deflex::program::round_trip(&program, |written, context| {
+        read(language, written, context, &ReadOptions { cl: &cl_options(), look: false })
     });
     assert!(proof.identical, "writing without a change changes bytes");
     assert!(proof.shifted_ok, "a shift does not come back: {:?}", proof.why);

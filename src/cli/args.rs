@@ -2,6 +2,7 @@
 
 use super::job::Job;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use deflex::program::Language;
 use deflex::report::Origin;
 use deflex::text::Diagnostic;
 use std::path::PathBuf;
@@ -128,6 +129,19 @@ For zsh, ~/.zshrc says `fpath+=~/.zfunc` before `compinit`. Then: man deflex-com
 pub(super) enum Format {
     Rapid,
     Cl,
+    Krl,
+    Ls,
+}
+
+impl From<Format> for Language {
+    fn from(format: Format) -> Self {
+        match format {
+            Format::Rapid => Self::Rapid,
+            Format::Cl => Self::Cl,
+            Format::Krl => Self::Krl,
+            Format::Ls => Self::Ls,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -318,6 +332,12 @@ pub(super) enum CheckFormat {
     /// Programs are CL, as in other commands; the answer is text
     #[value(hide = true)]
     Cl,
+    /// Programs are KRL, as in other commands; the answer is text
+    #[value(hide = true)]
+    Krl,
+    /// Programs are FANUC TP, as in other commands; the answer is text
+    #[value(hide = true)]
+    Ls,
 }
 
 #[derive(Debug, Args)]
@@ -339,7 +359,7 @@ pub(super) struct Check {
     /// The original of a corrected program (or the folder of originals): errors are counted from its targets
     #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
     pub(super) against: Option<PathBuf>,
-    /// Form of the answer on stdout: text, json, junit, sarif (rapid or cl: kind of the input)
+    /// Form of the answer on stdout: text, json, junit, sarif (rapid, cl, krl, ls: kind of the input)
     #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append)]
     pub(super) format: Vec<CheckFormat>,
     /// Modules that declare tools, work objects and targets

@@ -94,6 +94,8 @@ fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<D
         let taken = match format {
             CheckFormat::Rapid => kind.replace(Format::Rapid).is_some(),
             CheckFormat::Cl => kind.replace(Format::Cl).is_some(),
+            CheckFormat::Krl => kind.replace(Format::Krl).is_some(),
+            CheckFormat::Ls => kind.replace(Format::Ls).is_some(),
             form_of => form.replace(*form_of).is_some(),
         };
         if taken {

@@ -80,9 +80,9 @@ impl Batch<'_> {
         }
         let mut outputs = self.outputs.sibling();
         let mut notes = Vec::new();
-        let written = match program.language {
-            Language::Rapid => edited(&program, &corrected, &files),
-            Language::Cl => {
+        let written = match program.language.is_edited() {
+            true => edited(&program, &corrected, &files),
+            false => {
                 let options = post_options(args, &files[0]);
                 let posted = correct::post(&program, &setup.cell.cell, &corrected, &options)?;
                 notes = posted.notes;
@@ -127,15 +127,11 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     one_thing(usize::from(program) + args.reports.to_stdout())
 }
 
-/// Endings of CL data: what is written for it is RAPID.
-const CL_ENDINGS: [&str; 13] =
-    ["cl", "cls", "clsf", "cldata", "cld", "apt", "aptsource", "ncl", "clt", "cutloc", "aptcl", "aut", "nci"];
-
 /// RAPID under the name of CL data would be taken for it by whoever reads it next.
 fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
     let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());
-    if !CL_ENDINGS.contains(&&*ending) || !jobs.iter().any(|job| job.language == Language::Cl) {
+    if !Language::Cl.endings().contains(&&*ending) || !jobs.iter().any(|job| job.language == Language::Cl) {
         return Ok(());
     }
     let message = format!("is not written: `.{ending}` is for CL data, but what is posted is RAPID");

@@ -161,6 +161,7 @@ fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>
                 None => AnyChunks::indexed(name, open(job)?, open(job)?, context).map_err(failed),
             }
         }
+        _ => Ok(None),
     }
 }
 

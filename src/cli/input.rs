@@ -5,8 +5,8 @@ use super::job::{Job, Text};
 use super::watch::watch;
 use deflex::cell::Cell;
 use deflex::measured::Table;
-use deflex::program::cl::{self, ClOptions, Units};
-use deflex::program::{Language, Program, detect, rapid};
+use deflex::program::cl::{ClOptions, Units};
+use deflex::program::{Language, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
 use std::io::Read;
@@ -77,8 +77,8 @@ pub(super) fn program(
     cell: &CellFile,
     tool: Option<&str>,
 ) -> Result<Program, Vec<Diagnostic>> {
-    if job.language == Language::Rapid {
-        return parse(job, reading, None);
+    if job.language.is_edited() {
+        return parse(job, reading, &ReadOptions { cl: &ClOptions::default(), look: false });
     }
     let Some(options) = cell.cl_options(tool) else {
         let message =
@@ -88,43 +88,28 @@ pub(super) fn program(
                 .help("add [cl] with tool, wobj, units, point and spin"),
         ]);
     };
-    parse(job, reading, Some(&options))
+    parse(job, reading, &ReadOptions { cl: &options, look: false })
 }
 
-/// Parses a program where no cell is known.
+/// Parses a program where no cell is known: nothing will be written.
 pub(super) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
-    parse(job, reading, Some(&without_cell()))
+    parse(job, reading, &ReadOptions { cl: &without_cell(), look: true })
 }
 
-fn parse(job: Job, reading: &Context, options: Option<&ClOptions>) -> Result<Program, Vec<Diagnostic>> {
+fn parse(job: Job, reading: &Context, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
     let (name, sources) = (job.name, all(job.texts.into_iter().map(Text::read))?);
-    let program = match (job.language, options) {
-        (Language::Cl, Some(options)) => sources.into_iter().map(|source| cl::read(source, options)).next(),
-        // Without a cell nothing is written: a file that is cut off may be looked at.
-        (_, Some(_)) => Some(rapid::look(sources, reading.sources.clone())),
-        (_, None) => Some(rapid::read(sources, reading.sources.clone())),
-    };
-    let refused = || Diagnostic::error("program.refused", &name, "the program cannot be read");
-    match program {
-        Some(Err(errors)) if !errors.is_empty() => Err(errors),
-        Some(Ok(program)) => Ok(program),
-        _ => Err(vec![refused()]),
-    }
+    let refused = || vec![Diagnostic::error("program.refused", &name, "the program cannot be read")];
+    let read = read(job.language, sources, reading.sources.clone(), options);
+    read.map_err(|errors| if errors.is_empty() { refused() } else { errors })
 }
 
 /// Reads a program again, for the round trip of `inspect`.
 pub(super) fn reread(
     language: Language,
-    mut written: Vec<Source>,
+    written: Vec<Source>,
     context: Vec<Source>,
 ) -> Result<Program, Vec<Diagnostic>> {
-    match (language, written.pop()) {
-        (Language::Cl, Some(source)) => cl::read(source, &without_cell()),
-        (_, last) => {
-            written.extend(last);
-            rapid::look(written, context)
-        }
-    }
+    read(language, written, context, &ReadOptions { cl: &without_cell(), look: true })
 }
 
 /// Context modules, read once for all programs.

@@ -2,7 +2,7 @@
 
 use super::args::{Format, Inspect};
 use super::input::{self, Context, all};
-use super::job::Job;
+use super::job::{Job, belongs_to_another};
 use super::output::{Outputs, is_stdout};
 use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
@@ -12,27 +12,10 @@ use deflex::text::{Diagnostic, printable_line};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Endings of programs that are looked for in a folder.
-const ENDINGS: [&str; 18] = [
-    "mod",
-    "sys",
-    "prg",
-    "modx",
-    "sysx",
-    "cl",
-    "cls",
-    "clsf",
-    "cldata",
-    "cld",
-    "apt",
-    "aptsource",
-    "ncl",
-    "clt",
-    "pgf",
-    "cutloc",
-    "aptcl",
-    "aut",
-];
+/// Endings of programs that are looked for in a folder, besides those of the languages.
+const LISTS: &str = "pgf";
+/// Endings that other files have too: what stands in the file tells.
+const SHARED: [&str; 2] = ["txt", "dat"];
 
 pub(super) fn run(args: &Inspect) -> Outcome {
     let context = Context::read(&args.reading)?;
@@ -79,12 +62,17 @@ fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         if kind.is_dir() {
             found.extend(programs(&path)?);
-        } else if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()) || ending == "txt" && says_so(&path)) {
+        } else if ending.is_some_and(|ending| is_program(&path, &ending)) {
             found.push(path);
         }
     }
     found.sort();
     Ok(found)
+}
+
+fn is_program(path: &Path, ending: &str) -> bool {
+    let own = ending == LISTS || Language::ALL.iter().any(|language| language.endings().contains(&ending));
+    own || SHARED.contains(&ending) && !belongs_to_another(path) && says_so(path)
 }
 
 /// Whether a text file is a program by what stands in it.

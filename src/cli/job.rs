@@ -7,6 +7,7 @@ use deflex::program::{Language, ModuleNames, detect, group_modules, unknown_mark
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
@@ -66,19 +67,29 @@ impl Job {
             return Err(unknown());
         }
         let language = match format {
-            Some(Format::Rapid) => Language::Rapid,
-            Some(Format::Cl) => Language::Cl,
+            Some(format) => format.into(),
             None => detect(text.name(), &head).ok_or_else(unknown)?,
         };
-        let file = PathBuf::from(path.file_name().unwrap_or(path.as_os_str()));
-        Ok(Self {
+        let mut job = Self {
             name: text.name().to_owned(),
             texts: vec![text],
-            files: vec![file],
+            files: vec![file_name(path)],
             companions: Vec::new(),
             language,
             listed: false,
-        })
+        };
+        if let Some(data) = beside(path, "dat").filter(|_| language == Language::Krl) {
+            job.texts.push(Text::of(&data)?);
+            job.files.push(file_name(&data));
+        }
+        Ok(job)
+    }
+
+    /// Names that its files declare and use.
+    fn names(&self) -> Result<ModuleNames, Vec<Diagnostic>> {
+        let mut names = ModuleNames::new(self.language);
+        all(self.texts.iter().map(|text| text.names(&mut names)))?;
+        Ok(names)
     }
 
     /// A `.pgf`: an XML list of modules, beside it.
@@ -119,6 +130,22 @@ impl Job {
             listed: true,
         })
     }
+}
+
+fn file_name(path: &Path) -> PathBuf {
+    PathBuf::from(path.file_name().unwrap_or(path.as_os_str()))
+}
+
+/// The file of the same name with another ending, in any case.
+fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
+    let others = [ending.to_ascii_lowercase(), ending.to_ascii_uppercase()].map(|ending| path.with_extension(ending));
+    let own = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    others.into_iter().find(|other| !own && other.is_file())
+}
+
+/// Whether a file is read with another: KRL data with the `.src` of the same name.
+pub(super) fn belongs_to_another(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && beside(path, "src").is_some()
 }
 
 /// The text of a program: a long file is read when its turn comes, so that a batch is never held as a whole.
@@ -184,12 +211,12 @@ impl Text {
         }
     }
 
-    fn names(&self) -> Result<ModuleNames, Vec<Diagnostic>> {
-        let names = match self {
-            Self::Held(source) => ModuleNames::read(&source.bytes[..]),
-            Self::File { path, .. } => File::open(path).and_then(|file| ModuleNames::read(BufReader::new(file))),
+    fn names(&self, names: &mut ModuleNames) -> Result<(), Vec<Diagnostic>> {
+        let read = match self {
+            Self::Held(source) => names.read(&source.bytes[..]),
+            Self::File { path, .. } => File::open(path).and_then(|file| names.read(BufReader::new(file))),
         };
-        names.map_err(|error| cannot_read(self.name(), &error))
+        read.map_err(|error| cannot_read(self.name(), &error))
     }
 }
 
@@ -207,13 +234,17 @@ pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Format>) -> Re
 /// Programs, and what is wrong with inputs that are none.
 pub(super) type Looked = (Vec<Job>, Vec<Diagnostic>);
 
-fn grouped(jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+    // Data that were given besides the file that they belong to.
+    let with: BTreeSet<String> =
+        jobs.iter().flat_map(|job| &job.texts[1..]).map(|text| text.name().to_owned()).collect();
+    jobs.retain(|job| job.texts.len() > 1 || !with.contains(job.texts[0].name()));
     if jobs.len() <= 1 {
         return Ok(jobs);
     }
-    let is_single = |job: &Job| job.language == Language::Rapid && !job.listed;
+    let is_single = |job: &Job| matches!(job.language, Language::Rapid | Language::Krl) && !job.listed;
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
-    let names = all(modules.par_iter().map(|(_, job)| job.texts[0].names()).collect::<Vec<_>>())?;
+    let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
     let mut out = others;
     for group in group_modules(&names) {
         let mut members = group.into_iter().map(|i| modules[i].clone());
@@ -233,10 +264,12 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
     let what = if head.bytes.iter().all(u8::is_ascii_whitespace) {
         "the file is empty"
     } else {
-        "neither RAPID nor CL/APT was recognised"
+        "neither RAPID, CL/APT, KRL nor FANUC TP was recognised"
     };
-    Diagnostic::error("program.language", "", format!("{what}: expected a RAPID MODULE or GOTO/ records"))
+    let expected = "expected a RAPID MODULE, GOTO/ records, a KRL DEF or DEFDAT, or /PROG";
+    let words = Language::ALL.map(Language::word).join(" | ");
+    Diagnostic::error("program.language", "", format!("{what}: {expected}"))
         .at(head, Span::new(0, 0))
-        .help("say what it is with --format rapid or --format cl")
+        .help(format!("say what it is with --format {words}"))
         .into()
 }

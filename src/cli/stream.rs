@@ -38,6 +38,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     match job.language {
         Language::Rapid => long.edit(),
         Language::Cl => long.post(),
+        _ => Ok(None),
     }
 }
 

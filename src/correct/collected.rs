@@ -6,7 +6,7 @@ use super::row::Row;
 use super::{PathDeviation, Prepared};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, PredictedPose};
-use crate::program::{Change, Language, Program, Rewritten, Role};
+use crate::program::{Change, Program, Rewritten, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 
@@ -114,7 +114,7 @@ pub(super) fn check_limits(
     let limits = &cell.limits;
     let above = |shift: &Vector3<f64>, limit: f64| shift.norm_squared() > limit * limit;
     for (i, point) in prepared.points.iter().enumerate() {
-        let corrected = changes[i].is_some() || out.program.language == Language::Cl;
+        let corrected = changes[i].is_some() || !out.program.language.is_edited();
         let shift = if corrected {
             let to = Vector3::from(written[i].0) * 1e-3;
             prepared.base_from_wobj(i).rotation * (to - point.wobj_from_tcp.translation.vector)

@@ -14,7 +14,7 @@ use super::{Cuts, Options, Prepared, deviation, frames, removal, segment, sigma,
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{Change, Conf, Editable, Insert, Language, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{Change, Conf, Editable, Insert, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -260,7 +260,7 @@ pub(super) fn chunk(
         });
     }
     let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
-    let (rewritten, printed) = if program.language == Language::Rapid {
+    let (rewritten, printed) = if program.language.is_edited() {
         (Some(program.rewrite(&changes, &inserts, &rewrite)), Vec::new())
     } else {
         let printed = |i: usize| {
@@ -279,7 +279,7 @@ pub(super) fn chunk(
     };
 
     // What the controller will really hold, run forward.
-    let changed = |i: usize| changes[i].is_some() || program.language == Language::Cl;
+    let changed = |i: usize| changes[i].is_some() || !program.language.is_edited();
     let reached = solver.reached(written, (&modes, &first), &motors, changed);
     for (i, reached) in reached.iter().enumerate() {
         if let Err(error) = reached {
@@ -346,11 +346,8 @@ pub(super) fn chunk(
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, &prepared, parallelism);
     }
-    let posted = if program.language == Language::Cl {
-        posted(cell, &prepared, written, &travels, &inserts)
-    } else {
-        Vec::new()
-    };
+    let posted =
+        if program.language.is_edited() { Vec::new() } else { posted(cell, &prepared, written, &travels, &inserts) };
     let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
     let repeated = rewritten.as_ref().map_or_else(Repeated::default, |rewritten| insertions(program, rewritten));
     Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))

@@ -5,7 +5,8 @@ use crate::text::lines;
 
 /// Finds the language from the content, with the file's ending as a hint for what the content leaves open.
 ///
-/// RAPID has a `MODULE` header (behind `%%%` lines or comments); CL has `GOTO/`-like major words with a slash.
+/// RAPID has a `MODULE` header (behind `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
+/// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     // Enough to see a header and the first statements.
@@ -14,16 +15,38 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     if trim(head).starts_with(b"%%%") || lines(head).any(begins_a_module) {
         return Some(Language::Rapid);
     }
+    if let Some(language) = first(head, |line| begins(line, b"/PROG").then_some(Language::Ls)) {
+        return Some(language);
+    }
+    if lines(head).any(|line| is_krl(trim(line))) {
+        return Some(Language::Krl);
+    }
     if lines(head).any(|line| is_cl(trim(line))) {
         return Some(Language::Cl);
     }
     let ending = name.rsplit_once('.').map_or(String::new(), |(_, ending)| ending.to_ascii_lowercase());
-    match ending.as_str() {
-        "mod" | "sys" | "prg" | "modx" | "sysx" => Some(Language::Rapid),
-        "cl" | "cls" | "apt" | "aptsource" | "ncl" | "clt" | "clsf" | "cldata" => Some(Language::Cl),
-        _ if head.first().is_some_and(|&b| b >= 0xF0) => Some(Language::Rapid),
-        _ => None,
+    let by_ending = Language::ALL.into_iter().find(|language| language.endings().contains(&ending.as_str()));
+    by_ending.or_else(|| head.first().is_some_and(|&b| b >= 0xF0).then_some(Language::Rapid))
+}
+
+/// What the first line that is not blank says.
+fn first<T>(head: &[u8], of: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
+    of(lines(head).map(trim).find(|line| !line.is_empty())?)
+}
+
+/// `&ACCESS RVP`, `DEF name(`, `GLOBAL DEFFCT INT name(`, `DEFDAT name`.
+fn is_krl(line: &[u8]) -> bool {
+    const HEADS: [&[u8]; 5] = [b"&ACCESS", b"&REL", b"&PARAM", b"&COMMENT", b"&USER"];
+    const ROUTINES: [&[u8]; 3] = [b"DEF", b"DEFFCT", b"DEFDAT"];
+    if HEADS.iter().any(|head| begins(line, head)) {
+        return true;
     }
+    let line = if begins(line, b"GLOBAL ") { trim(&line[7..]) } else { line };
+    let word = line.iter().position(|b| !b.is_ascii_alphabetic()).unwrap_or(line.len());
+    let (word, rest) = line.split_at(word);
+    let name = rest.first().is_some_and(u8::is_ascii_whitespace)
+        && trim(rest).first().is_some_and(|b| b.is_ascii_alphabetic() || matches!(b, b'_' | b'$'));
+    name && ROUTINES.iter().any(|known| known.eq_ignore_ascii_case(word))
 }
 
 fn begins_a_module(line: &[u8]) -> bool {
@@ -63,5 +86,11 @@ mod tests {
         assert_eq!(detect("x.mod", b"UNITS/MM\nGOTO / 1,2,3\n"), Some(Language::Cl));
         assert_eq!(detect("x.mod", b"! nothing yet\n"), Some(Language::Rapid));
         assert_eq!(detect("x.txt", b"hello"), None);
+        assert_eq!(detect("x", b"\r\n/PROG  A\r\n/ATTR\r\n"), Some(Language::Ls));
+        assert_eq!(detect("x", b"\n&ACCESS RVP\n"), Some(Language::Krl));
+        assert_eq!(detect("x", b"; made by hand\n  GLOBAL DEF a_1( )\nEND\n"), Some(Language::Krl));
+        assert_eq!(detect("x.dat", b"DEFDAT A PUBLIC\nENDDAT\n"), Some(Language::Krl));
+        assert_eq!(detect("x.src", b"LIN {X 1}\n"), Some(Language::Krl));
+        assert_eq!(detect("x.dat", b"1 2 3\n"), None);
     }
 }

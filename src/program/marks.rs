@@ -50,23 +50,24 @@ fn known(said: &[u8]) -> bool {
 
 /// What a comment says behind `deflex`, and where it begins.
 fn mark(language: Language, row: &[u8]) -> Option<(usize, &[u8])> {
-    let (start, comment) = match language {
-        Language::Cl => {
+    let (start, comment) = match language.comment() {
+        None => {
             let start = row.iter().position(|b| !b.is_ascii_whitespace())?;
             let word = row.get(start..start + 6)?;
             (start, word.eq_ignore_ascii_case(b"PPRINT").then(|| &row[start + 6..])?)
         }
-        _ => {
-            // A `!` within a string is text.
+        Some(begin) => {
+            // Within a string it is text.
             let mut quoted = false;
             let start = row.iter().position(|b| {
                 quoted ^= *b == b'"';
-                *b == b'!' && !quoted
+                *b == begin && !quoted
             })?;
             (start, &row[start + 1..])
         }
     };
-    let apart = |b: &u8| b.is_ascii_whitespace() || matches!(b, b'/' | b'\'' | b'"' | b',');
+    let ends = |b: &u8| *b == b';' && language == Language::Ls;
+    let apart = |b: &u8| b.is_ascii_whitespace() || matches!(b, b'/' | b'\'' | b'"' | b',') || ends(b);
     let mut words = comment.split(apart).filter(|word| !word.is_empty());
     words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
     Some((start, words.next().unwrap_or_default()))

@@ -8,6 +8,8 @@ mod action;
 pub(crate) mod chunk;
 pub mod cl;
 mod detect;
+pub mod krl;
+mod language;
 mod marks;
 mod modules;
 pub mod orientation;
@@ -15,9 +17,12 @@ pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
+pub mod tp;
 
 pub use action::{Action, ActionKind};
 pub use detect::detect;
+pub(crate) use language::Layout;
+pub use language::{Language, ReadOptions, read};
 pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Chunks` and the line that corrects them; not for callers.
@@ -28,15 +33,6 @@ pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
 
 use crate::text::{Diagnostic, Edit, Source, Span};
 use std::sync::Arc;
-
-/// Which language a program is written in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Language {
-    /// ABB RAPID modules.
-    Rapid,
-    /// APT/CL cutter location data.
-    Cl,
-}
 
 /// A program as read: one or several sources with shared names.
 #[derive(Debug)]
@@ -71,15 +67,6 @@ pub struct Program {
     pub diagnostics: Vec<Diagnostic>,
     /// Where the front end finds its number tokens again.
     pub(crate) layout: Layout,
-}
-
-/// Language-specific positions of everything that [`Program::rewrite`] may change.
-#[derive(Debug)]
-pub(crate) enum Layout {
-    /// RAPID.
-    Rapid(rapid::Layout),
-    /// CL.
-    Cl(cl::Layout),
 }
 
 /// A tool that the program uses.
@@ -253,19 +240,13 @@ impl Program {
     /// time count, though `targets` has none of them.
     #[must_use]
     pub fn motion_targets(&self) -> usize {
-        match &self.layout {
-            Layout::Rapid(layout) => layout.motions,
-            Layout::Cl(_) => self.targets.iter().filter(|t| t.role == Role::End).count(),
-        }
+        self.layout.front_end().motion_targets(self)
     }
 
     /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason.
     #[must_use]
     pub fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        match &self.layout {
-            Layout::Rapid(layout) => &layout.unknown,
-            Layout::Cl(_) => &[],
-        }
+        self.layout.front_end().unknown_targets()
     }
 
     /// The text of the line that the motion with this ordinal stands on.
@@ -279,12 +260,7 @@ impl Program {
     /// Why no program may be written from this one: every statement whose motion is not what its text says.
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
-        let (code, help) = match self.language {
-            Language::Rapid => ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
-            Language::Cl => {
-                ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out")
-            }
-        };
+        let (code, help) = self.language.fault();
         let fault = |kept: &Kept| {
             let source = &self.sources[kept.source];
             let help = if kept.help.is_empty() { help } else { kept.help };
@@ -300,9 +276,6 @@ impl Program {
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());
-        match &self.layout {
-            Layout::Rapid(layout) => rapid::rewrite(self, layout, changes, inserts, options),
-            Layout::Cl(layout) => cl::rewrite(self, layout, changes, inserts, options),
-        }
+        self.layout.front_end().rewrite(self, changes, inserts, options)
     }
 }

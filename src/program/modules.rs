@@ -1,11 +1,13 @@
-//! Which RAPID modules belong to one program: those that use each other's names.
+//! Which modules (RAPID), which `.src` with their `.dat` (KRL) belong to one program: those that use each other's names.
 
+use super::Language;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, BufRead};
 
 /// Names that a module declares for others and names that it takes from others, upper case.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct ModuleNames {
+    language: Language,
     module: String,
     declared: BTreeSet<String>,
     local: BTreeSet<String>,
@@ -49,41 +51,75 @@ pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
 /// Whether modules can be loaded into one task.
 fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
     let mut modules = BTreeSet::new();
+    let one = members.iter().all(|&m| names[m].language == names[members[0]].language);
     let distinct = members.iter().all(|&m| modules.insert(&names[m].module));
-    distinct && members.iter().filter(|&&m| names[m].declared.contains("MAIN")).count() <= 1
+    one && distinct && members.iter().filter(|&&m| names[m].declared.contains("MAIN")).count() <= 1
 }
 
 impl ModuleNames {
-    /// Looks through a module, a line at a time.
+    /// Nothing yet, of a module in this language.
+    #[must_use]
+    pub fn new(language: Language) -> Self {
+        let none = BTreeSet::new;
+        Self { language, module: String::new(), declared: none(), local: none(), used: none() }
+    }
+
+    /// Looks through a file of the module, a line at a time.
     ///
     /// # Errors
     /// What `input` reports.
-    pub fn read(mut input: impl BufRead) -> io::Result<Self> {
-        let mut names = Self::default();
+    pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
         let mut words: [String; 3] = Default::default();
         let mut line = Vec::new();
+        let comment = self.language.comment();
         while input.read_until(b'\n', &mut line)? > 0 {
-            words_of(&line).for_each(|word| names.take(&mut words, word));
+            words_of(&line, comment).for_each(|word| self.take(&mut words, word));
             line.clear();
         }
-        Ok(names)
+        Ok(())
     }
 
-    /// Takes a word behind three others: a declared name stands behind `PROC`, or `PERS tooldata`.
+    /// Takes a word behind three others.
     fn take(&mut self, words: &mut [String; 3], word: &[u8]) {
         let word = String::from_utf8_lossy(word).to_ascii_uppercase();
-        match (words[1].as_str(), words[2].as_str()) {
-            (_, "MODULE" | "SYSMODULE") => self.module.clone_from(&word),
-            (before, "PROC" | "TRAP") => self.declare(before == "LOCAL", &word),
-            (_, "PERS" | "CONST" | "VAR" | "FUNC" | "TASK") => {} // the type
-            ("PERS" | "CONST" | "VAR" | "FUNC", _) => self.declare(words[0] == "LOCAL", &word),
-            _ if self.used.contains(&word) => {}
-            _ => {
-                self.used.insert(word.clone());
-            }
+        let declares = if self.language == Language::Krl { self.krl(words, &word) } else { self.rapid(words, &word) };
+        if !declares && !self.used.contains(&word) {
+            self.used.insert(word.clone());
         }
         words.rotate_left(1);
         words[2] = word;
+    }
+
+    /// A declared name stands behind `PROC`, or `PERS tooldata`.
+    fn rapid(&mut self, words: &[String; 3], word: &str) -> bool {
+        match (words[1].as_str(), words[2].as_str()) {
+            (_, "MODULE" | "SYSMODULE") => word.clone_into(&mut self.module),
+            (before, "PROC" | "TRAP") => self.declare(before == "LOCAL", word),
+            (_, "PERS" | "CONST" | "VAR" | "FUNC" | "TASK") => {} // the type
+            ("PERS" | "CONST" | "VAR" | "FUNC", _) => self.declare(words[0] == "LOCAL", word),
+            _ => return false,
+        }
+        true
+    }
+
+    /// A declared name stands behind `DEF`, `DEFFCT type`, `GLOBAL type`; of the routines others see the first, and global ones.
+    fn krl(&mut self, words: &[String; 3], word: &str) -> bool {
+        let routine = |names: &mut Self, global: bool| {
+            let first = names.module.is_empty();
+            if first {
+                word.clone_into(&mut names.module);
+            }
+            names.declare(!first && !global, word);
+        };
+        match [&words[0][..], &words[1], &words[2]] {
+            [_, global, "DEF"] => routine(self, global == "GLOBAL"),
+            [_, _, "DEFFCT"] | [_, "GLOBAL", "CONST" | "INTERRUPT"] => {} // the type
+            [global, "DEFFCT", _] => routine(self, global == "GLOBAL"),
+            [_, _, "DEFDAT" | "GLOBAL"] => {}
+            [_, "GLOBAL", _] | ["GLOBAL", "CONST", _] => self.declare(false, word),
+            _ => return false,
+        }
+        true
     }
 
     fn declare(&mut self, local: bool, name: &str) {
@@ -92,13 +128,15 @@ impl ModuleNames {
     }
 }
 
-/// Words outside comments and strings.
-fn words_of(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+/// Words outside comments, which begin with this character, and strings.
+fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
     let mut at = 0;
     std::iter::from_fn(move || {
         while at < bytes.len() {
             match bytes[at] {
-                b'!' => at += bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len() - at),
+                b if Some(b) == comment => {
+                    at += bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len() - at)
+                }
                 b'"' => at += 2 + bytes[at + 1..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - at - 1),
                 b if b.is_ascii_alphabetic() => {
                     let word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
@@ -123,8 +161,25 @@ mod tests {
     use super::*;
 
     fn groups(texts: &[&str]) -> Vec<Vec<usize>> {
-        let names: Vec<ModuleNames> = texts.iter().map(|text| ModuleNames::read(text.as_bytes()).unwrap()).collect();
-        group_modules(&names)
+        groups_in(Language::Rapid, texts)
+    }
+
+    fn groups_in(language: Language, texts: &[&str]) -> Vec<Vec<usize>> {
+        let names = |text: &&str| {
+            let mut names = ModuleNames::new(language);
+            names.read(text.as_bytes()).unwrap();
+            names
+        };
+        group_modules(&texts.iter().map(names).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn sources_that_call_each_other_are_one_program() {
+        let main = "&ACCESS RVP\nDEF Main( )\n ; other()\n GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\n part_1()\nEND\nDEF own()\nEND\n";
+        let part = "DEF part_1()\n DECL INT i\n LIN gPoint[1] C_DIS\nEND\nDEF own()\nEND\n";
+        let data = "DEFDAT points PUBLIC\nDECL GLOBAL FRAME gPoint[3]\ngPoint[1]={X 1}\nENDDAT\n";
+        let other = "DEF other()\n DECL INT i\n own()\nEND\n";
+        assert_eq!(groups_in(Language::Krl, &[main, part, data, other]), [vec![0, 1, 2], vec![3]]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::fmt::Write;
 pub struct InspectFile {
     /// As the user typed it.
     pub path: String,
-    /// `rapid` or `cl`; `None` where it was not recognised.
+    /// Its [word](Language::word); `None` where it was not recognised.
     pub language: Option<&'static str>,
     /// Who made it, as far as the text tells.
     pub dialect: Option<&'static str>,
@@ -55,25 +55,18 @@ pub struct KeptLine {
     pub reason: &'static str,
 }
 
-fn word(language: Language) -> &'static str {
-    match language {
-        Language::Rapid => "rapid",
-        Language::Cl => "cl",
-    }
-}
-
 impl InspectFile {
     /// A program that was read, and what its round trip showed.
     #[must_use]
     pub fn read(path: &str, program: &Program, proof: &RoundTrip) -> Self {
         // The names of CL input are the cell's, not the file's.
-        fn names<'a>(rapid: bool, names: impl Iterator<Item = &'a str>) -> Vec<String> {
-            names.filter(|_| rapid).map(str::to_owned).collect()
+        fn names<'a>(own: bool, names: impl Iterator<Item = &'a str>) -> Vec<String> {
+            names.filter(|_| own).map(str::to_owned).collect()
         }
-        let rapid = program.language == Language::Rapid;
+        let own = program.language != Language::Cl;
         Self {
             path: path.to_owned(),
-            language: Some(word(program.language)),
+            language: Some(program.language.word()),
             dialect: Some(program.dialect),
             motion_targets: program.motion_targets(),
             literal_targets: program.literal_targets,
@@ -82,8 +75,8 @@ impl InspectFile {
             kept: kept_lines(program),
             round_trip: proof.holds(),
             round_trip_fault: proof.why.clone(),
-            tools: names(rapid, program.tools.iter().map(|tool| &*tool.name)),
-            wobjs: names(rapid, program.wobjs.iter().map(|wobj| &*wobj.name)),
+            tools: names(own, program.tools.iter().map(|tool| &*tool.name)),
+            wobjs: names(own, program.wobjs.iter().map(|wobj| &*wobj.name)),
         }
     }
 
@@ -93,7 +86,7 @@ impl InspectFile {
         let reason = errors.first().map_or_else(|| "not read".to_owned(), |error| error.message.clone());
         Self {
             path: path.to_owned(),
-            language: language.map(word),
+            language: language.map(Language::word),
             dialect: None,
             motion_targets: 0,
             literal_targets: 0,

@@ -36,7 +36,6 @@ mod words;
 
 pub use chunks::Chunks;
 pub(crate) use layout::Layout;
-pub(super) use rewrite::rewrite;
 pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;
 

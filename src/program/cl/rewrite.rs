@@ -5,6 +5,7 @@ use super::lex::chunks;
 use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
+use crate::program::language::FrontEnd;
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Source, Span, number as text_number};
 
@@ -14,46 +15,49 @@ const SAME_MM: f64 = 1e-6;
 /// Significant columns of a card.
 const CARD_COLUMNS: usize = 72;
 
-/// See [`Program::rewrite`]. An arc moves as a whole where its points all move alike; the tool axis
-/// is left as printed, and nothing is inserted: corrected CL programs are posted as RAPID instead.
-pub(in crate::program) fn rewrite(
-    program: &Program,
-    layout: &Layout,
-    changes: &[Option<Change>],
-    inserts: &[Insert],
-    options: &RewriteOptions,
-) -> Rewritten {
-    let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
-    let Some(source) = program.sources.first() else { return out };
-    let mut writer = Writer { source, layout, options, edits: Vec::new(), grown: Grown::default(), group: Ok(()) };
-    // What each target was moved by, mm in the work object, after refusals.
-    let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
-    for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
-        let Goal::Axis { position_mm, .. } = target.goal else { continue };
-        let wanted = change.as_ref().map_or([0.0; 3], |c| sub(c.position_mm, position_mm));
-        let before = at.checked_sub(1).map_or([0.0; 3], |b| moved[b]);
-        let result = if change.as_ref().is_some_and(|c| c.quat.is_some()) {
-            Err("tool axis is left as printed")
-        } else {
-            writer.write(program, changes, at, wanted, before)
-        };
-        match result {
-            Ok(()) => moved.push(wanted),
-            Err(reason) => {
-                // An increment counts on from wherever the target before it went.
-                let follows = matches!(layout.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis);
-                moved.push(if follows { before } else { [0.0; 3] });
-                out.kept.push((at, reason));
+impl FrontEnd for Layout {
+    /// An arc moves as a whole where its points all move alike; the tool axis is left as printed, and nothing is
+    /// inserted: corrected CL programs are posted in another language instead.
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
+        let Some(source) = program.sources.first() else { return out };
+        let mut writer =
+            Writer { source, layout: self, options, edits: Vec::new(), grown: Grown::default(), group: Ok(()) };
+        // What each target was moved by, mm in the work object, after refusals.
+        let mut moved: Vec<[f64; 3]> = Vec::with_capacity(changes.len());
+        for (at, (target, change)) in program.targets.iter().zip(changes).enumerate() {
+            let Goal::Axis { position_mm, .. } = target.goal else { continue };
+            let wanted = change.as_ref().map_or([0.0; 3], |c| sub(c.position_mm, position_mm));
+            let before = at.checked_sub(1).map_or([0.0; 3], |b| moved[b]);
+            let result = if change.as_ref().is_some_and(|c| c.quat.is_some()) {
+                Err("tool axis is left as printed")
+            } else {
+                writer.write(program, changes, at, wanted, before)
+            };
+            match result {
+                Ok(()) => moved.push(wanted),
+                Err(reason) => {
+                    // An increment counts on from wherever the target before it went.
+                    let follows = matches!(self.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis);
+                    moved.push(if follows { before } else { [0.0; 3] });
+                    out.kept.push((at, reason));
+                }
             }
+            out.written.push((add(position_mm, moved[at]), [1.0, 0.0, 0.0, 0.0]));
         }
-        out.written.push((add(position_mm, moved[at]), [1.0, 0.0, 0.0, 0.0]));
+        out.inserted = vec![None; inserts.len()];
+        writer.edits.sort_by_key(|e| e.span);
+        if let Some(first) = out.edits.first_mut() {
+            *first = writer.edits;
+        }
+        out
     }
-    out.inserted = vec![None; inserts.len()];
-    writer.edits.sort_by_key(|e| e.span);
-    if let Some(first) = out.edits.first_mut() {
-        *first = writer.edits;
-    }
-    out
 }
 
 struct Writer<'a> {

@@ -186,6 +186,6 @@ fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) ->
 pub(super) fn layout(program: &Program) -> Option<&super::Layout> {
     match &program.layout {
         crate::program::Layout::Rapid(layout) => Some(layout),
-        crate::program::Layout::Cl(_) => None,
+        _ => None,
     }
 }

@@ -49,9 +49,10 @@ mod value;
 pub use chunk::Chunk;
 pub use chunks::{CHUNK, Chunks};
 pub use declared::{Declared, Names};
-pub(super) use rewrite::rewrite;
+use rewrite::rewrite;
 
-use super::{Kept, Language, Program};
+use super::language::FrontEnd;
+use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
@@ -66,15 +67,35 @@ pub(crate) struct Layout {
     sites: Vec<Site>,
     offsets: Vec<Offset>,
     /// Executed motions, those whose target is not known when reading among them.
-    pub(super) motions: usize,
+    motions: usize,
     /// How many of them have no target, by reason, in the order first met.
-    pub(super) unknown: Vec<(&'static str, usize)>,
+    unknown: Vec<(&'static str, usize)>,
     /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `chunks`).
     streamable: bool,
     /// The same, but for targets that are declared and have a name.
     plain: bool,
     /// The mark in force behind the last statement.
     mark_behind: Option<super::Mark>,
+}
+
+impl FrontEnd for Layout {
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        rewrite(program, self, changes, inserts, options)
+    }
+
+    fn motion_targets(&self, _: &Program) -> usize {
+        self.motions
+    }
+
+    fn unknown_targets(&self) -> &[(&'static str, usize)] {
+        &self.unknown
+    }
 }
 
 /// Where one target stands in the text.

@@ -25,7 +25,7 @@ pub(super) struct Print {
 /// Position and orientation as the controller holds them.
 pub(super) type Pose = ([f64; 3], [f64; 4]);
 
-pub(in crate::program) fn rewrite(
+pub(super) fn rewrite(
     program: &Program,
     layout: &Layout,
     changes: &[Option<Change>],
