@@ -18,6 +18,7 @@
 //! | [`measured`] | measured rows | residuals |
 //! | [`identify`] | residuals | the effect the cell lacks |
 //! | [`report`] | results | CSV, JSON, summary, HTML, CI formats |
+//! | [`cli`] | arguments, files | files, exit code; and the same with the results in memory |
 //!
 //! Read, correct, write:
 //!
@@ -87,7 +88,11 @@
 /// The versions of two crates whose types stand in signatures here.
 pub use {nalgebra, toml};
 
+// The command line speaks of the library by its name, as any other program does.
+extern crate self as deflex;
+
 pub mod cell;
+pub mod cli;
 pub mod correct;
 pub mod cutting;
 pub mod effects;

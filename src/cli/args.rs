@@ -218,6 +218,9 @@ impl Reports {
     }
 }
 
+/// Rapid travel of posted programs: as fast as a milling robot is let go near a part.
+pub(super) const RAPID_MM_S: f64 = 200.0;
+
 #[derive(Debug, Args)]
 pub(super) struct Compensate {
     /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
@@ -249,7 +252,7 @@ pub(super) struct Compensate {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) max_targets: Option<u32>,
     /// CL input: speed of rapid travel in the posted program
-    #[arg(long, value_name = "MM_S", default_value_t = 200.0, value_parser = positive)]
+    #[arg(long, value_name = "MM_S", default_value_t = RAPID_MM_S, value_parser = positive)]
     pub(super) rapid_speed: f64,
     /// CL input without a feed: speed of its moves
     #[arg(long, value_name = "MM_S", value_parser = positive)]

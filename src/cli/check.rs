@@ -17,6 +17,7 @@ use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif,
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Refusals that are an answer about the program, not a failure of the run.
 const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
@@ -27,8 +28,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
-    if let Some(most) = args.max_correction {
-        setup.cell.cell.limits.max_correction = 1e-3 * most;
+    // Nobody else holds the cell yet.
+    if let (Some(most), Some(cell)) = (args.max_correction, Arc::get_mut(&mut setup.cell)) {
+        cell.cell.limits.max_correction = 1e-3 * most;
     }
     one_thing(1 + args.reports.to_stdout())?;
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;

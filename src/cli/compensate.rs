@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::again::Again;
-use super::args::Compensate;
+use super::args::{Compensate, RAPID_MM_S};
 use super::input::{Context, both};
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
@@ -140,7 +140,7 @@ fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnosti
 }
 
 /// Bytes of each corrected source.
-fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
+pub(super) fn edited(program: &Program, corrected: &Corrected, files: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
     let none = Vec::new();
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
     let write = |(i, (source, file)): (usize, (&Source, &PathBuf))| {
@@ -183,13 +183,23 @@ pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
 /// What the RAPID program made of CL input has that CL data do not say.
 pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
     let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
+    PostOptions {
+        max_targets: args.max_targets.map(|most| most as usize),
+        rapid_mm_s: args.rapid_speed,
+        feed_mm_s: args.feed,
+        ..posted_from(file, named)
+    }
+}
+
+/// The same for a program that is called as its file is named.
+pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
     let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
     PostOptions {
         name: if stem == "-" { "program".to_owned() } else { stem },
         title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
-        max_targets: args.max_targets.map(|most| most as usize),
-        rapid_mm_s: args.rapid_speed,
-        feed_mm_s: args.feed,
+        max_targets: None,
+        rapid_mm_s: RAPID_MM_S,
+        feed_mm_s: None,
     }
 }
 

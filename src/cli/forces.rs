@@ -11,7 +11,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// Rows of a table of forces in its file: which target each names, and its line.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct ForceFile {
     file: String,
     /// As many as the program has targets.
@@ -99,7 +99,6 @@ impl LeftOut {
 }
 
 impl ForceFile {
-    /// What the table says of targets, and what is needed to tell whether it is a program's own.
     pub(super) fn read(path: &Path) -> Result<(Self, Forces), Vec<Diagnostic>> {
         let file = path.display().to_string();
         let input: Box<dyn Read> = if file == "-" {
@@ -108,6 +107,11 @@ impl ForceFile {
             watch(path);
             Box::new(File::open(path).map_err(|error| cannot_read(&file, &error))?)
         };
+        Self::of(file, input)
+    }
+
+    /// What a table says of targets, and what is needed to tell whether it is a program's own.
+    pub(super) fn of(file: String, input: impl Read) -> Result<(Self, Forces), Vec<Diagnostic>> {
         let (mut errors, mut ordinals, mut names) = (Vec::new(), Vec::new(), Vec::new());
         let (mut nameless, mut largest) = (Vec::new(), None);
         let forces = Rows::of_forces(&file, input)?.filter_map(|row| match row {
@@ -123,7 +127,6 @@ impl ForceFile {
                 match row.target.as_ref()? {
                     TargetRef::Ordinal(ordinal) => ordinals.push((*ordinal, line)),
                     TargetRef::Name(name) => names.push((name.clone(), line)),
-                    _ => return None,
                 }
                 let force = row.force();
                 Some((row.target?, force))

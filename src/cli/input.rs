@@ -4,7 +4,6 @@ use super::args::Reading;
 use super::job::{Job, Text};
 use super::watch::watch;
 use deflex::cell::Cell;
-use deflex::measured::Table;
 use deflex::program::cl::{ClOptions, Units};
 use deflex::program::{Language, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
@@ -134,7 +133,7 @@ impl Context {
 
 /// A cell with the file that it comes from.
 #[derive(Debug)]
-pub(super) struct CellFile {
+pub struct CellFile {
     /// As the user typed it.
     pub(super) name: String,
     /// Its text.
@@ -144,8 +143,19 @@ pub(super) struct CellFile {
 }
 
 impl CellFile {
-    pub(super) fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        let source = source(path)?;
+    /// Reads and checks the cell file at a path, `-` being stdin.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no cell: see [`Cell::read`].
+    pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
+        Self::parse(source(path)?)
+    }
+
+    /// Checks the text of a cell file.
+    ///
+    /// # Errors
+    /// It is no cell: see [`Cell::read`].
+    pub fn parse(source: Source) -> Result<Self, Vec<Diagnostic>> {
         let cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
             Some(_) => {
                 Diagnostic::error("cell.syntax", &source.name, "this is a program, where the cell file is expected")
@@ -155,6 +165,18 @@ impl CellFile {
             None => errors,
         })?;
         Ok(Self { name: source.name.clone(), cell, source })
+    }
+
+    /// The cell.
+    #[must_use]
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+
+    /// The text that it was read from.
+    #[must_use]
+    pub fn source(&self) -> &Source {
+        &self.source
     }
 
     /// The file itself, for what is made from it.
@@ -173,17 +195,17 @@ impl CellFile {
     }
 
     /// Messages about the cell that do not know its file.
-    pub(super) fn own(&self, mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
-        for diagnostic in &mut diagnostics {
-            if diagnostic.file.is_empty() && diagnostic.code.starts_with("cell.") {
-                diagnostic.file.clone_from(&self.name);
-            }
-        }
-        diagnostics
+    pub(super) fn own(&self, diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        own(&self.name, diagnostics)
     }
 }
 
-/// Reads a measured table.
-pub(super) fn table(path: &Path) -> Result<Table, Vec<Diagnostic>> {
-    Table::read(&source(path)?)
+/// The same for the cell file of this name.
+pub(super) fn own(name: &str, mut diagnostics: Vec<Diagnostic>) -> Vec<Diagnostic> {
+    for diagnostic in &mut diagnostics {
+        if diagnostic.file.is_empty() && diagnostic.code.starts_with("cell.") {
+            name.clone_into(&mut diagnostic.file);
+        }
+    }
+    diagnostics
 }

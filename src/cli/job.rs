@@ -38,6 +38,31 @@ impl Job {
         Self::of_text(Text::of(path)?, path, format)
     }
 
+    /// The one program that several are.
+    pub(super) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
+        if jobs.len() > 1 && jobs.iter().any(|job| job.language != Language::Rapid) {
+            let message = "several files of which not all are RAPID modules are no one program";
+            return Err(Diagnostic::error("program.several", &jobs[0].name, message).help("give them one by one").into());
+        }
+        let none = || Diagnostic::error("program.none", "", "expected the files of a program, and there are none");
+        Ok(jobs.into_iter().reduce(Self::with).ok_or_else(none)?)
+    }
+
+    /// With its texts in memory.
+    pub(super) fn holding(mut self, sources: &[Source]) -> Self {
+        self.texts = sources.iter().cloned().map(Text::Held).collect();
+        self
+    }
+
+    /// With the modules of another.
+    fn with(mut self, more: Self) -> Self {
+        self.name = format!("{} + {}", self.name, more.name);
+        self.texts.extend(more.texts);
+        self.files.extend(more.files);
+        self.companions.extend(more.companions);
+        self
+    }
+
     /// Refuses marks that mean nothing.
     pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
         let marks = |text: &Text| {
@@ -160,7 +185,7 @@ pub(super) enum Text {
 }
 
 /// Files up to this are read at once; as much of longer ones tells their language.
-const HEAD: u64 = 64 * 1024;
+pub(super) const HEAD: u64 = 64 * 1024;
 
 impl Text {
     fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
@@ -247,14 +272,8 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
     let mut out = others;
     for group in group_modules(&names) {
-        let mut members = group.into_iter().map(|i| modules[i].clone());
-        let Some((place, mut job)) = members.next() else { continue };
-        for (_, more) in members {
-            job.name = format!("{} + {}", job.name, more.name);
-            job.texts.extend(more.texts);
-            job.files.extend(more.files);
-        }
-        out.push((place, job));
+        let members = group.into_iter().map(|i| modules[i].clone());
+        out.extend(members.reduce(|(place, job), (_, more)| (place, job.with(more))));
     }
     out.sort_by_key(|(place, _)| *place);
     Ok(out.into_iter().map(|(_, job)| job).collect())

@@ -1,4 +1,6 @@
-//! Arguments to ready objects to one file per command: the only code that reads, writes and prints.
+//! The command line: arguments to ready objects to one file per command. The only code that reads, writes and prints.
+//!
+//! [`main`] is the command itself. [`held`] does the same with the results in memory, for callers that are no shell.
 
 mod again;
 mod against;
@@ -10,6 +12,7 @@ mod diff;
 mod forces;
 mod foresee;
 mod generate;
+pub mod held;
 mod identify;
 mod init;
 mod input;
@@ -31,7 +34,7 @@ mod watch;
 use args::{Cli, Command, Common};
 use clap::Parser;
 use deflex::text::Diagnostic;
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 /// What a run came to, when it could be done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,14 +48,20 @@ enum Answer {
 /// An answer, or why there is none; nothing is written then.
 type Outcome = Result<Answer, Vec<Diagnostic>>;
 
-/// Runs the command line; exit codes are those of `docs/reference.md`.
-pub(crate) fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+/// glibc's allocator keeps freed room of up to twice the largest block that was once given back (mallopt(3), dynamic
+/// threshold); before, it gives every chunk's room back to the system, and page faults are a third of a long job.
+const KEPT_BYTES: usize = 8 << 20;
+
+/// Runs the command line, of which the first argument is the command's own name: reads and writes what it says, and gives the
+/// exit code, which is that of `docs/reference.md`. Once in a process: it sets the threads and what an interrupt does.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
+    drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT_BYTES)));
+    let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are results on stdout, the rest is bad usage on stderr; a closed pipe is no fault.
             let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+            return if error.use_stderr() { 2 } else { 0 };
         }
     };
     output::clean_up_when_interrupted();
@@ -70,11 +79,11 @@ pub(crate) fn main() -> ExitCode {
         Command::Generate(args) => generate::run(args),
     });
     match outcome {
-        Ok(Answer::Yes) => ExitCode::SUCCESS,
-        Ok(Answer::No) => ExitCode::from(1),
+        Ok(Answer::Yes) => 0,
+        Ok(Answer::No) => 1,
         Err(errors) => {
             message::print(&errors, false);
-            ExitCode::from(2)
+            2
         }
     }
 }

@@ -215,11 +215,15 @@ impl Write for Copies {
 /// Adds one report: as it is for one file, with a last column `file` for several.
 pub(super) fn joined(outputs: &mut Outputs, path: &Path, programs: &[Rows]) -> Result<(), Vec<Diagnostic>> {
     let mut out = outputs.open_report(path)?;
-    let written = match programs {
-        [rows] if rows.files.len() <= 1 => rows.write(&mut out),
-        _ => join(programs, &mut out),
-    };
-    written.and_then(|()| out.flush()).map_err(|error| cannot_write(path, &error))
+    write_joined(programs, &mut out).and_then(|()| out.flush()).map_err(|error| cannot_write(path, &error))
+}
+
+/// The same to anything that is written to.
+pub(super) fn write_joined(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {
+    match programs {
+        [rows] if rows.files.len() <= 1 => rows.write(out),
+        _ => join(programs, out),
+    }
 }
 
 fn join(programs: &[Rows], out: &mut impl Write) -> io::Result<()> {

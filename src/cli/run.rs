@@ -17,10 +17,11 @@ use deflex::report::{FileSummary, Origin};
 use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Cell, forces and options of a run.
 pub(super) struct Setup {
-    pub(super) cell: CellFile,
+    pub(super) cell: Arc<CellFile>,
     pub(super) forces: Option<ForceFile>,
     pub(super) context: Context,
     pub(super) options: Options,
@@ -46,7 +47,7 @@ impl Setup {
             stiffness: reports.html.is_some(),
             ..Options::default()
         };
-        Ok(Self { cell, forces: rows, context, options })
+        Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
     }
 
     /// Parses a program and checks that the table of forces is its own.

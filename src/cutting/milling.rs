@@ -5,6 +5,7 @@ use super::{
     Coefficients, ContactPoint, Cutter, CuttingError, Engagement, Mode, contact, frame, quadrature::integrate,
 };
 use nalgebra::{Unit, Vector3};
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Lead and tilt stay below this: beyond, the shank is in the surface.
@@ -22,6 +23,24 @@ pub struct Milling {
     axis: Unit<Vector3<f64>>,
     /// Height of the tip over the stock's top at the programmed pose, m.
     tip_z: f64,
+}
+
+/// Mean forces on the tool over a revolution at many engagements, N, each in its own feed frame, for a cutter that is where it
+/// is programmed; on all threads.
+///
+/// # Errors
+/// The first engagement, by its index, that [`Milling::new`] refuses.
+pub fn mean_forces(
+    cutter: Cutter,
+    engagements: &[Engagement],
+    coefficients: Coefficients,
+) -> Result<Vec<Vector3<f64>>, (usize, CuttingError)> {
+    let force = |(i, engagement): (usize, &Engagement)| {
+        let milling = Milling::new(cutter, *engagement, coefficients).map_err(|error| (i, error))?;
+        Ok(milling.mean_force(&Vector3::zeros(), &milling.axis_in_feed()))
+    };
+    let found: Vec<Result<_, _>> = engagements.par_iter().enumerate().map(force).collect();
+    found.into_iter().collect()
 }
 
 /// A mean force that is linear in the feed per tooth, in the feed frame.

@@ -26,7 +26,7 @@ pub use contact::ContactPoint;
 pub use feed_table::FeedTable;
 pub(crate) use frame::Lean;
 pub use frame::feed_frame;
-pub use milling::{ForceParts, Milling};
+pub use milling::{ForceParts, Milling, mean_forces};
 pub use table::{ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.

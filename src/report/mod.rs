@@ -1,6 +1,7 @@
 //! Results for people and for scripts: CSV rows, summary lines, JSON, CI formats, differences of two programs.
 
 mod ci;
+mod columns;
 mod csv;
 mod diff;
 mod findings;
@@ -12,6 +13,7 @@ mod simulation;
 mod summary;
 
 pub use ci::{CheckFile, check_json, junit, sarif};
+pub use columns::{Column, ColumnValues, columns};
 pub use csv::{CSV_HEADER, csv_field, csv_rows, write_csv};
 pub use diff::{Difference, MovedTarget, OtherDifference, diff_csv, diff_text, difference, shift_mm};
 pub use findings::Findings;

@@ -16,6 +16,7 @@ mod limits;
 mod model;
 mod solutions;
 mod start;
+mod tables;
 mod turn;
 
 pub(crate) use batch::{BatchArm, BatchSolutions, Place};
@@ -27,6 +28,7 @@ pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
 pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
+pub use tables::{PoseMatrix, pose_matrix, pose_of_matrix};
 pub(crate) use turn::{turn_between, turns_between};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).

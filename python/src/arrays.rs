@@ -1,0 +1,77 @@
+//! NumPy arrays to tables and back: the memory of a result becomes the array's.
+
+use deflex::report::{Column, ColumnValues, columns};
+use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike2, PyArrayLike3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::OrRaise;
+
+/// Anything that NumPy takes for rows of numbers.
+pub(crate) type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+/// The same for matrices.
+pub(crate) type Matrices<'py> = PyArrayLike3<'py, f64, AllowTypeChange>;
+
+/// Rows of `N` numbers each.
+pub(crate) fn rows<const N: usize>(name: &str, array: &Rows<'_>) -> PyResult<Vec<[f64; N]>> {
+    let shape = array.shape();
+    if shape[1] != N {
+        let message = format!("{name} has shape ({}, {}), expected (N, {N})", shape[0], shape[1]);
+        return Err(PyValueError::new_err(message));
+    }
+    // In memory as it is asked for, mostly; else NumPy's own order.
+    let all = match array.as_slice() {
+        Ok(slice) => slice.as_chunks::<N>().0.to_vec(),
+        Err(_) => array.as_array().iter().copied().collect::<Vec<f64>>().as_chunks::<N>().0.to_vec(),
+    };
+    finite(name, all.as_flattened(), N)?;
+    Ok(all)
+}
+
+/// Matrices of 4 by 4.
+pub(crate) fn matrices(name: &str, array: &Matrices<'_>) -> PyResult<Vec<[[f64; 4]; 4]>> {
+    let shape = array.shape();
+    if shape[1..] != [4, 4] {
+        let message = format!("{name} has shape ({}, {}, {}), expected (N, 4, 4)", shape[0], shape[1], shape[2]);
+        return Err(PyValueError::new_err(message));
+    }
+    let all: Vec<f64> = match array.as_slice() {
+        Ok(slice) => slice.to_vec(),
+        Err(_) => array.as_array().iter().copied().collect(),
+    };
+    Ok(all.as_chunks::<4>().0.as_chunks::<4>().0.to_vec())
+}
+
+fn finite(name: &str, all: &[f64], width: usize) -> PyResult<()> {
+    match all.iter().position(|value| !value.is_finite()) {
+        Some(at) => Err(PyValueError::new_err(format!("{name}[{}, {}] is not finite", at / width, at % width))),
+        None => Ok(()),
+    }
+}
+
+/// Numbers as an array of this shape.
+pub(crate) fn shaped<'py, D: numpy::ndarray::IntoDimension>(
+    py: Python<'py>,
+    numbers: Vec<f64>,
+    shape: D,
+) -> PyResult<Bound<'py, numpy::PyArray<f64, D::Dim>>> {
+    numbers.into_pyarray(py).reshape(shape)
+}
+
+/// The columns of a report by their names.
+pub(crate) fn report<'py>(py: Python<'py>, csv: &[u8]) -> PyResult<Bound<'py, PyDict>> {
+    let all = py.detach(|| columns(csv)).or_raise(py)?;
+    let report = PyDict::new(py);
+    for Column { name, values, .. } in all {
+        match values {
+            ColumnValues::Whole(values) => report.set_item(name, PyArray1::from_vec(py, values))?,
+            ColumnValues::Number(values) => report.set_item(name, PyArray1::from_vec(py, values))?,
+            ColumnValues::Text(values) => {
+                let array = py.import("numpy")?.call_method1("array", (values, "str"))?;
+                report.set_item(name, array)?;
+            }
+        }
+    }
+    Ok(report)
+}

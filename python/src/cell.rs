@@ -1,0 +1,108 @@
+use crate::arrays::{Rows, rows, shaped};
+use crate::errors::{Diagnostic, OrRaise, diagnostics};
+use crate::robot::Robot;
+use deflex::cli::held::CellFile;
+use deflex::correct::{predict_poses, tool_of};
+use deflex::robot::{PoseMatrix, pose_matrix};
+use deflex::text::Source;
+use numpy::{PyArray2, PyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A milling cell.
+#[pyclass(frozen, module = "deflex")]
+pub(crate) struct Cell {
+    pub(crate) file: Arc<CellFile>,
+}
+
+#[pymethods]
+impl Cell {
+    #[staticmethod]
+    #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let file = CellFile::read(&path).or_raise(py)?;
+        Ok(Self { file: Arc::new(file) })
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (text, name = "cell.toml"))]
+    pub(crate) fn parse(py: Python<'_>, text: &str, name: &str) -> PyResult<Self> {
+        let file = CellFile::parse(Source::new(name, text)).or_raise(py)?;
+        Ok(Self { file: Arc::new(file) })
+    }
+
+    fn to_toml(&self) -> String {
+        String::from_utf8_lossy(&self.file.source().bytes).into_owned()
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.file.source().name
+    }
+
+    #[getter]
+    fn robot(&self) -> Robot {
+        Robot::of(&self.file.cell().arm)
+    }
+
+    #[getter]
+    fn tools(&self) -> Vec<&str> {
+        self.file.cell().tools.keys().map(String::as_str).collect()
+    }
+
+    #[getter]
+    fn wobjs(&self) -> Vec<&str> {
+        self.file.cell().wobjs.keys().map(String::as_str).collect()
+    }
+
+    #[getter]
+    fn effects(&self) -> Vec<&str> {
+        self.file.cell().arm.effects.iter().map(|effect| effect.kind()).collect()
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<Diagnostic> {
+        diagnostics(self.file.cell().notes.clone())
+    }
+
+    #[pyo3(signature = (name = None))]
+    fn tool<'py>(&self, py: Python<'py>, name: Option<&str>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let tool = tool_of(self.file.cell(), name).or_raise(py)?;
+        shaped(py, pose_matrix(&tool.flange_from_tcp).as_flattened().to_vec(), [4, 4])
+    }
+
+    #[pyo3(signature = (q, forces = None, *, tool = None))]
+    #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
+    fn predict_poses<'py>(
+        &self,
+        py: Python<'py>,
+        q: Rows<'py>,
+        forces: Option<Rows<'py>>,
+        tool: Option<&str>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let q = rows::<6>("q", &q)?;
+        let forces = match forces {
+            Some(forces) => rows::<3>("forces", &forces)?,
+            None => vec![[0.0; 3]; q.len()],
+        };
+        if forces.len() != q.len() {
+            let message = format!("forces has {} rows and q has {}: expected as many", forces.len(), q.len());
+            return Err(PyValueError::new_err(message));
+        }
+        let tool = tool_of(self.file.cell(), tool).or_raise(py)?;
+        let count = q.len();
+        let poses: Vec<PoseMatrix> = py.detach(|| {
+            let found = predict_poses(self.file.cell(), &tool, &q, &forces);
+            found.into_iter().map(|pose| pose.map_or([[f64::NAN; 4]; 4], |pose| pose_matrix(&pose))).collect()
+        });
+        shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])
+    }
+
+    fn __repr__(&self) -> String {
+        let cell = self.file.cell();
+        let effects = if cell.arm.effects.is_empty() { "no effects".to_owned() } else { self.effects().join(", ") };
+        format!("Cell({:?}, {}: {effects})", self.name(), cell.arm.robot.model)
+    }
+}

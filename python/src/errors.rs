@@ -1,0 +1,88 @@
+use deflex::text::{self, Severity, printable_line};
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use pyo3::{create_exception, intern};
+
+create_exception!(deflex, DeflexError, PyException, "Why there is no answer; `diagnostics` says it place by place.");
+
+/// One message: what is wrong where, and how to mend it.
+#[pyclass(frozen, get_all, module = "deflex")]
+pub(crate) struct Diagnostic {
+    /// Stable short name.
+    code: &'static str,
+    /// `note`, `warning` or `error`.
+    severity: &'static str,
+    /// What is wrong and what was expected.
+    message: String,
+    /// How to mend it.
+    help: Option<String>,
+    /// File; empty where none is concerned.
+    file: String,
+    /// Line from 1; 0 where the whole file is meant.
+    line: usize,
+    /// Column from 1.
+    column: usize,
+    text: String,
+}
+
+impl From<text::Diagnostic> for Diagnostic {
+    fn from(said: text::Diagnostic) -> Self {
+        let mut text = said.to_string();
+        if let Some(help) = &said.help {
+            text += "\n  help: ";
+            text += &printable_line(help);
+        }
+        Self {
+            code: said.code,
+            severity: match said.severity {
+                Severity::Note => "note",
+                Severity::Warning => "warning",
+                Severity::Error => "error",
+            },
+            message: said.message,
+            help: said.help,
+            file: said.file,
+            line: said.line,
+            column: said.column,
+            text,
+        }
+    }
+}
+
+#[pymethods]
+impl Diagnostic {
+    fn __str__(&self) -> &str {
+        &self.text
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<{}>", self.text.replace('\n', ";"))
+    }
+}
+
+/// Messages as Python sees them.
+pub(crate) fn diagnostics(said: Vec<text::Diagnostic>) -> Vec<Diagnostic> {
+    said.into_iter().map(Diagnostic::from).collect()
+}
+
+/// The exception for errors.
+pub(crate) fn raised(py: Python<'_>, errors: Vec<text::Diagnostic>) -> PyErr {
+    let all = diagnostics(errors);
+    let text: Vec<&str> = all.iter().map(|one| &*one.text).collect();
+    let error = DeflexError::new_err(text.join("\n"));
+    match error.value(py).setattr(intern!(py, "diagnostics"), all) {
+        Ok(()) => error,
+        Err(other) => other,
+    }
+}
+
+/// The value, or the exception.
+pub(crate) trait OrRaise<T> {
+    fn or_raise(self, py: Python<'_>) -> PyResult<T>;
+}
+
+impl<T> OrRaise<T> for Result<T, Vec<text::Diagnostic>> {
+    fn or_raise(self, py: Python<'_>) -> PyResult<T> {
+        self.map_err(|errors| raised(py, errors))
+    }
+}

@@ -1,0 +1,41 @@
+//! The Python module: the library's public functions, with NumPy arrays for tables and Python's exceptions for errors. What
+//! it says to Python stands in `deflex/_deflex.pyi`; how it looks there, in `deflex/*.py`.
+
+mod arrays;
+mod cell;
+mod errors;
+mod program;
+mod robot;
+mod run;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The compiled half of `deflex`.
+#[pymodule]
+mod _deflex {
+    #[pymodule_export]
+    use super::cell::Cell;
+    #[pymodule_export]
+    use super::errors::{DeflexError, Diagnostic};
+    #[pymodule_export]
+    use super::program::Program;
+    #[pymodule_export]
+    use super::robot::{Robot, cutting_force};
+    #[pymodule_export]
+    use super::run::{Done, Found, compensate, identify, predict};
+    #[pymodule_export]
+    use super::{main, version};
+}
+
+/// Runs the command line in this process, which is its own: exit code.
+#[pyfunction]
+fn main(py: Python<'_>, args: Vec<std::ffi::OsString>) -> u8 {
+    py.detach(|| deflex::cli::main(args))
+}
+
+/// Version of deflex.
+#[pyfunction]
+fn version() -> &'static str {
+    deflex::report::VERSION
+}

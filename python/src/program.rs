@@ -1,0 +1,78 @@
+use crate::errors::OrRaise;
+use deflex::cli::held::ProgramFiles;
+use deflex::program::Language;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// One path or several.
+#[derive(FromPyObject)]
+pub(crate) enum Paths {
+    #[pyo3(transparent)]
+    One(PathBuf),
+    #[pyo3(transparent)]
+    Several(Vec<PathBuf>),
+}
+
+impl From<Paths> for Vec<PathBuf> {
+    fn from(paths: Paths) -> Self {
+        match paths {
+            Paths::One(path) => vec![path],
+            Paths::Several(paths) => paths,
+        }
+    }
+}
+
+/// The files of one program.
+#[pyclass(frozen, module = "deflex")]
+pub(crate) struct Program {
+    pub(crate) files: Arc<ProgramFiles>,
+}
+
+impl Program {
+    /// Bytes of its files.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.files.sources().iter().map(|source| source.bytes.len() as u64).sum()
+    }
+}
+
+#[pymethods]
+impl Program {
+    #[staticmethod]
+    #[pyo3(signature = (paths, *, context = None, format = None))]
+    fn read(py: Python<'_>, paths: Paths, context: Option<Paths>, format: Option<&str>) -> PyResult<Self> {
+        let (paths, context) = (Vec::from(paths), context.map_or_else(Vec::new, Vec::from));
+        let files = py.detach(|| ProgramFiles::read(&paths, &context, format)).or_raise(py)?;
+        Ok(Self { files: Arc::new(files) })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        self.files.name()
+    }
+
+    #[getter]
+    fn language(&self) -> String {
+        language(self.files.language())
+    }
+
+    #[getter]
+    fn files(&self) -> Vec<&str> {
+        self.files.sources().iter().map(|source| &*source.name).collect()
+    }
+
+    #[getter]
+    fn motion_targets(&self, py: Python<'_>) -> PyResult<usize> {
+        let parsed = py.detach(|| self.files.parse_alone()).or_raise(py)?;
+        Ok(parsed.motion_targets())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Program({:?}, {}, {} bytes)", self.files.name(), self.language(), self.bytes())
+    }
+}
+
+/// As `inspect --json` names it.
+fn language(language: Language) -> String {
+    format!("{language:?}").to_ascii_lowercase()
+}

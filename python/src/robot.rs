@@ -1,0 +1,195 @@
+use crate::arrays::{Matrices, Rows, matrices, rows, shaped};
+use deflex::cutting::{Coefficients, Cutter, Engagement, Mode, materials, mean_forces};
+use deflex::equilibrium::Arm;
+use deflex::robot::{self, BUILTIN, Joints, Pose, Unreachable, pose_of_matrix};
+use numpy::{PyArray2, PyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// An arm as its controller knows it.
+#[pyclass(frozen, module = "deflex")]
+pub(crate) struct Robot {
+    robot: robot::Robot,
+    stiffness: Option<Joints>,
+    start_deg: [f64; 6],
+}
+
+impl Robot {
+    pub(crate) fn of(arm: &Arm) -> Self {
+        Self { robot: arm.robot.clone(), stiffness: arm.stiffness, start_deg: [0.0; 6] }
+    }
+}
+
+/// The frame that is asked about, in the flange.
+fn frame(matrix: Option<&Rows<'_>>) -> PyResult<Pose> {
+    let Some(matrix) = matrix else { return Ok(Pose::identity()) };
+    let found = rows::<4>("tool", matrix)?;
+    let pose = <&[[f64; 4]; 4]>::try_from(&found[..]).ok().and_then(pose_of_matrix);
+    pose.ok_or_else(|| PyValueError::new_err("tool is no pose: expected a 4 by 4 homogeneous matrix in mm"))
+}
+
+#[pymethods]
+#[allow(clippy::needless_pass_by_value)] // as PyO3 extracts them
+impl Robot {
+    #[new]
+    #[pyo3(signature = (model))]
+    fn new(model: &str) -> PyResult<Self> {
+        let found = BUILTIN.iter().find(|builtin| builtin.model == model);
+        let unknown = || {
+            let near = deflex::cell::nearest(model, BUILTIN.iter().map(|builtin| &*builtin.model));
+            let meant = near.map_or_else(String::new, |near| format!(", did you mean {near:?}?"));
+            PyValueError::new_err(format!("{model:?} is no built-in robot{meant}"))
+        };
+        let builtin = found.ok_or_else(unknown)?;
+        Ok(Self { robot: builtin.robot(), stiffness: None, start_deg: [0.0; 6] })
+    }
+
+    #[staticmethod]
+    fn builtin() -> Vec<&'static str> {
+        BUILTIN.iter().map(|builtin| &*builtin.model).collect()
+    }
+
+    #[getter]
+    fn model(&self) -> &str {
+        &self.robot.model
+    }
+
+    #[pyo3(signature = (q, *, tool = None))]
+    fn forward<'py>(
+        &self,
+        py: Python<'py>,
+        q: Rows<'py>,
+        tool: Option<Rows<'py>>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (q, tool) = (rows::<6>("q", &q)?, frame(tool.as_ref())?);
+        let count = q.len();
+        let poses = py.detach(|| self.robot.forward_table(&q, &tool));
+        shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])
+    }
+
+    #[pyo3(signature = (poses, near = None, *, tool = None))]
+    fn inverse<'py>(
+        &self,
+        py: Python<'py>,
+        poses: Matrices<'py>,
+        near: Option<Rows<'py>>,
+        tool: Option<Rows<'py>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (matrices, tool) = (matrices("poses", &poses)?, frame(tool.as_ref())?);
+        let near = near.map(|near| rows::<6>("near", &near)).transpose()?.unwrap_or_else(|| vec![self.start_deg]);
+        let count = matrices.len();
+        if near.len() != 1 && near.len() != count {
+            let message = format!("near has {} rows, expected 1 or as many as poses: {count}", near.len());
+            return Err(PyValueError::new_err(message));
+        }
+        let found = py.detach(|| {
+            let poses: Vec<Option<Pose>> = matrices.iter().map(pose_of_matrix).collect();
+            if let Some(wrong) = poses.iter().position(Option::is_none) {
+                return Err(wrong);
+            }
+            let poses: Vec<Pose> = poses.into_iter().flatten().collect();
+            let found = match &near[..] {
+                [start] => self.robot.inverse_path(&poses, &tool, start),
+                _ => self.robot.inverse_table(&poses, &tool, &near),
+            };
+            let row = |found: Result<[f64; 6], Unreachable>| found.unwrap_or([f64::NAN; 6]);
+            Ok(found.into_iter().map(row).collect::<Vec<_>>())
+        });
+        let found = found.map_err(|i| {
+            PyValueError::new_err(format!("poses[{i}] is no pose: expected a 4 by 4 homogeneous matrix in mm"))
+        })?;
+        shaped(py, found.into_flattened(), [count, 6])
+    }
+
+    #[pyo3(signature = (q, *, tool = None))]
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: Rows<'py>,
+        tool: Option<Rows<'py>>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (q, tool) = (rows::<6>("q", &q)?, frame(tool.as_ref())?);
+        let count = q.len();
+        let found = py.detach(|| self.robot.jacobian_table(&q, &tool));
+        shaped(py, found.into_flattened().into_flattened(), [count, 6, 6])
+    }
+
+    #[pyo3(signature = (q, *, tool = None, joint_nm_per_rad = None))]
+    fn stiffness<'py>(
+        &self,
+        py: Python<'py>,
+        q: Rows<'py>,
+        tool: Option<Rows<'py>>,
+        joint_nm_per_rad: Option<[f64; 6]>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (q, tool) = (rows::<6>("q", &q)?, frame(tool.as_ref())?);
+        let Some(springs) = joint_nm_per_rad.map(Joints::from).or(self.stiffness) else {
+            return Err(PyValueError::new_err("the joints' stiffness is not known: give joint_nm_per_rad"));
+        };
+        let count = q.len();
+        let found = py.detach(|| self.robot.stiffness_table(&q, &tool, &springs));
+        shaped(py, found.into_flattened().into_flattened(), [count, 6, 6])
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Robot({:?})", self.robot.model)
+    }
+}
+
+/// Mean cutting force; a row of `engagements` is depth, width, feed per tooth (mm), lead and tilt (degrees).
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)] // as PyO3 extracts them
+pub(crate) fn cutting_force<'py>(
+    py: Python<'py>,
+    mode: &str,
+    (diameter_mm, corner_radius_mm, teeth, helix_deg): (f64, f64, u32, f64),
+    material: Option<&str>,
+    coefficients: Option<[f64; 6]>,
+    engagements: Rows<'py>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let wrong = |message: String| Err(PyValueError::new_err(message));
+    let mode = match mode {
+        "slot" => Mode::Slot,
+        "up" => Mode::Up,
+        "down" => Mode::Down,
+        _ => return wrong(format!("mode is {mode:?}, expected \"slot\", \"up\" or \"down\"")),
+    };
+    let coefficients = match (material, coefficients) {
+        (None, Some([ktc, krc, kac, kte, kre, kae])) => {
+            // N/mm² and N/mm in tables.
+            let (area, edge) = (1e6, 1e3);
+            Coefficients {
+                ktc: ktc * area,
+                krc: krc * area,
+                kac: kac * area,
+                kte: kte * edge,
+                kre: kre * edge,
+                kae: kae * edge,
+            }
+        }
+        (Some(name), None) => match materials::find(name) {
+            Some(material) => material.coefficients,
+            None => return wrong(format!("{name:?} is no material that deflex knows")),
+        },
+        _ => return wrong("give either material or the six coefficients".to_owned()),
+    };
+    let cutter = Cutter {
+        diameter: 1e-3 * diameter_mm,
+        corner_radius: 1e-3 * corner_radius_mm,
+        teeth,
+        helix: helix_deg.to_radians(),
+    };
+    let row = |[depth, width, feed_per_tooth, lead, tilt]: [f64; 5]| Engagement {
+        mode,
+        depth: 1e-3 * depth,
+        width: 1e-3 * width,
+        feed_per_tooth: 1e-3 * feed_per_tooth,
+        lead: lead.to_radians(),
+        tilt: tilt.to_radians(),
+    };
+    let all: Vec<Engagement> = rows::<5>("engagements", &engagements)?.into_iter().map(row).collect();
+    let found = py.detach(|| mean_forces(cutter, &all, coefficients));
+    let forces = found.map_err(|(i, error)| PyValueError::new_err(format!("engagement {i}: {error}")))?;
+    let numbers: Vec<f64> = forces.iter().flat_map(|force| [force.x, force.y, force.z]).collect();
+    shaped(py, numbers, [all.len(), 3])
+}

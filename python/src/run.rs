@@ -1,0 +1,233 @@
+use crate::arrays::report;
+use crate::cell::Cell;
+use crate::errors::{Diagnostic, OrRaise, diagnostics};
+use crate::program::Program;
+use crate::work;
+use deflex::cli::held::{self, CellFile, MeasuredFile, ProgramFiles, Run};
+use deflex::correct::{Correct, PostOptions};
+use deflex::report::{identify_text, residual_csv, summary_line};
+use deflex::text::Source;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A table: the path of a file, or a name and the text of one.
+#[derive(FromPyObject)]
+pub(crate) enum Table {
+    #[pyo3(transparent)]
+    Held((String, String)),
+    #[pyo3(transparent)]
+    File(PathBuf),
+}
+
+impl Table {
+    fn give_to(&self, run: &mut Run) -> Result<(), Vec<deflex::text::Diagnostic>> {
+        match self {
+            Self::File(path) => run.read_forces(path),
+            Self::Held((name, text)) => run.take_forces(&Source::new(&**name, &**text)),
+        }
+    }
+
+    fn measured(self) -> Result<MeasuredFile, Vec<deflex::text::Diagnostic>> {
+        match self {
+            Self::File(path) => MeasuredFile::read(&path),
+            Self::Held((name, text)) => Ok(MeasuredFile::of(Source::new(name, text))),
+        }
+    }
+}
+
+/// What a program came to.
+#[pyclass(frozen, module = "deflex._deflex")]
+pub(crate) struct Done {
+    done: held::Done,
+    program: Arc<ProgramFiles>,
+    run: Run,
+    notes: Mutex<Vec<deflex::text::Diagnostic>>,
+}
+
+#[pymethods]
+impl Done {
+    #[getter]
+    fn files<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let files = PyDict::new(py);
+        let companions = if self.done.files.is_empty() { &[][..] } else { self.program.companions() };
+        for (name, bytes) in self.done.files.iter().chain(companions) {
+            files.set_item(name.display().to_string(), PyBytes::new(py, bytes))?;
+        }
+        Ok(files)
+    }
+
+    #[getter]
+    fn csv<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.done.csv)
+    }
+
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report(py, &self.done.csv)
+    }
+
+    #[getter]
+    fn summary(&self) -> String {
+        serde_json::to_string(&self.done.summary).unwrap_or_default()
+    }
+
+    #[getter]
+    fn line(&self) -> String {
+        summary_line(&self.done.summary)
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<Diagnostic> {
+        diagnostics(self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone())
+    }
+
+    fn page(&self, py: Python<'_>) -> PyResult<String> {
+        py.detach(|| self.done.page(&self.program, &self.run)).or_raise(py)
+    }
+}
+
+/// Options that a run has in common with the command, already in its units.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Asked {
+    position: bool,
+    tool: Option<String>,
+    subdivide_mm: Option<f64>,
+    allow_clones: bool,
+    again: bool,
+    name: Option<String>,
+    max_targets: Option<usize>,
+    rapid_mm_s: Option<f64>,
+    feed_mm_s: Option<f64>,
+}
+
+impl Asked {
+    fn run(self, cell: &Arc<CellFile>, program: &ProgramFiles) -> Run {
+        let mut run = Run::new(Arc::clone(cell));
+        let options = run.options();
+        options.correct = if self.position { Correct::Position } else { Correct::Pose };
+        options.tool = self.tool;
+        options.subdivide = self.subdivide_mm.map(|mm| 1e-3 * mm);
+        options.allow_clones = self.allow_clones;
+        run.again = self.again;
+        let post = Run::posted_from(program.names().first().map_or(Path::new("program"), |name| name));
+        run.post = Some(PostOptions {
+            name: self.name.unwrap_or(post.name),
+            max_targets: self.max_targets,
+            rapid_mm_s: self.rapid_mm_s.unwrap_or(post.rapid_mm_s),
+            feed_mm_s: self.feed_mm_s,
+            ..post
+        });
+        run
+    }
+}
+
+type Held<'py> = (PyRef<'py, Program>, PyRef<'py, Cell>);
+
+fn done(
+    py: Python<'_>,
+    (program, cell): Held<'_>,
+    forces: Option<Table>,
+    asked: Asked,
+    progress: Option<&Bound<'_, PyAny>>,
+    what: impl FnOnce(&ProgramFiles, &Run) -> Result<held::Done, Vec<deflex::text::Diagnostic>> + Send + 'static,
+) -> PyResult<Done> {
+    let (files, total) = (Arc::clone(&program.files), program.bytes());
+    let mut run = asked.run(&cell.file, &files);
+    work::run(py, (progress, total), move |follow| {
+        forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
+        run.follow = Some(follow.follow());
+        let mut done = what(&files, &run)?;
+        let notes = Mutex::new(std::mem::take(&mut done.notes));
+        Ok(Done { done, program: files, run, notes })
+    })
+}
+
+/// Predicts.
+#[pyfunction]
+pub(crate) fn predict(
+    py: Python<'_>,
+    held: Held<'_>,
+    forces: Option<Table>,
+    against: Option<PyRef<'_, Program>>,
+    asked: Asked,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Done> {
+    let against = against.map(|program| Arc::clone(&program.files));
+    done(py, held, forces, asked, progress.as_ref(), move |files, run| held::predict(files, against.as_deref(), run))
+}
+
+/// Corrects.
+#[pyfunction]
+pub(crate) fn compensate(
+    py: Python<'_>,
+    held: Held<'_>,
+    forces: Option<Table>,
+    asked: Asked,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Done> {
+    done(py, held, forces, asked, progress.as_ref(), held::compensate)
+}
+
+/// What was identified.
+#[pyclass(frozen, module = "deflex._deflex")]
+pub(crate) struct Found {
+    found: held::Identified,
+}
+
+#[pymethods]
+impl Found {
+    #[getter]
+    fn json(&self, py: Python<'_>) -> PyResult<String> {
+        self.found.json().or_raise(py)
+    }
+
+    #[getter]
+    fn text(&self) -> String {
+        identify_text(&self.found.found)
+    }
+
+    #[getter]
+    fn csv<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, residual_csv(&self.found.found.residuals).as_bytes())
+    }
+
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report(py, residual_csv(&self.found.found.residuals).as_bytes())
+    }
+
+    #[pyo3(signature = (name = "cell.toml"))]
+    fn cell(&self, py: Python<'_>, name: &str) -> PyResult<Cell> {
+        let text = self.found.cell().or_raise(py)?;
+        Cell::parse(py, &text, name)
+    }
+
+    fn page(&self, py: Python<'_>) -> String {
+        py.detach(|| self.found.page())
+    }
+}
+
+/// Identifies.
+#[pyfunction]
+pub(crate) fn identify(
+    py: Python<'_>,
+    runs: Vec<(PyRef<'_, Program>, Table)>,
+    poses: Vec<Table>,
+    cell: PyRef<'_, Cell>,
+    tool: Option<String>,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Found> {
+    let runs: Vec<(Arc<ProgramFiles>, Table)> =
+        runs.into_iter().map(|(program, table)| (Arc::clone(&program.files), table)).collect();
+    let cell = Arc::clone(&cell.file);
+    let found = work::run(py, (progress.as_ref(), 1), move |_| {
+        let read = |(program, table): (Arc<ProgramFiles>, Table)| Ok((program.as_ref().clone(), table.measured()?));
+        let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
+        let poses = poses.into_iter().map(Table::measured).collect::<Result<Vec<_>, _>>()?;
+        held::identify(&cell, &runs, &poses, tool.as_deref())
+    })?;
+    Ok(Found { found })
+}

@@ -1,0 +1,102 @@
+use super::CellFile;
+use crate::cli::args::Format;
+use crate::cli::input::{self, Context, all};
+use crate::cli::job::{Job, Text};
+use clap::ValueEnum;
+use deflex::program::{Language, Program};
+use deflex::text::{Diagnostic, Source};
+use std::path::PathBuf;
+
+/// The files of one program, read and not yet parsed.
+#[derive(Clone, Debug)]
+pub struct ProgramFiles {
+    job: Job,
+    sources: Vec<Source>,
+    context: Context,
+}
+
+impl ProgramFiles {
+    /// Reads files that are one program: RAPID modules or a `.pgf` list, or one file of CL data. `context` are modules that
+    /// declare names and are never written; `format` is that of `--format`, where content and ending do not tell.
+    ///
+    /// # Errors
+    /// Files that cannot be read or are of no known language; several that are no RAPID modules.
+    pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
+        let format = format.map(known).transpose()?;
+        let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
+        let (job, context) = input::both(Job::one(jobs), Context::of(context))?;
+        Self::of(job, context)
+    }
+
+    pub(in crate::cli) fn of(job: Job, context: Context) -> Result<Self, Vec<Diagnostic>> {
+        let sources = all(job.texts.iter().cloned().map(Text::read))?;
+        Ok(Self { job: job.holding(&sources), sources, context })
+    }
+
+    /// Name for messages and reports: the files as they were given.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.job.name
+    }
+
+    /// Language of all files.
+    #[must_use]
+    pub fn language(&self) -> Language {
+        self.job.language
+    }
+
+    /// The files.
+    #[must_use]
+    pub fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
+    /// Names of the files in an output folder.
+    #[must_use]
+    pub fn names(&self) -> &[PathBuf] {
+        &self.job.files
+    }
+
+    /// What else belongs into the output folder as it is: a `.pgf` list.
+    #[must_use]
+    pub fn companions(&self) -> &[(PathBuf, Vec<u8>)] {
+        &self.job.companions
+    }
+
+    /// Parses them for a run with a cell, whose `[cl]` and tools CL data need; `tool` is that of `--tool`.
+    ///
+    /// # Errors
+    /// What the language's reader refuses; a cell that does not say how CL data are read.
+    pub fn parse(&self, cell: &CellFile, tool: Option<&str>) -> Result<Program, Vec<Diagnostic>> {
+        input::program(self.job.clone(), &self.context, cell, tool)
+    }
+
+    /// Parses them where no cell is known: for what is independent of it.
+    ///
+    /// # Errors
+    /// What the language's reader refuses.
+    pub fn parse_alone(&self) -> Result<Program, Vec<Diagnostic>> {
+        input::program_alone(self.job.clone(), &self.context)
+    }
+
+    pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
+        self.job.marked()
+    }
+
+    pub(super) fn context(&self) -> &[Source] {
+        self.context.sources()
+    }
+}
+
+fn known(format: &str) -> Result<Format, Vec<Diagnostic>> {
+    Format::from_str(format, false).map_err(|_| {
+        let known: Vec<String> = Format::value_variants()
+            .iter()
+            .filter_map(Format::to_possible_value)
+            .map(|value| value.get_name().to_owned())
+            .collect();
+        Diagnostic::error("usage.format", "", format!("`{format}` is no format of programs"))
+            .help(format!("give one of {}", known.join(", ")))
+            .into()
+    })
+}

@@ -1,0 +1,242 @@
+//! What the command does, with the results in memory: for programs in other languages, and notebooks.
+//!
+//! ```
+//! use deflex::cli::held::{CellFile, ProgramFiles, Run, compensate};
+//! use std::path::{Path, PathBuf};
+//! use std::sync::Arc;
+//!
+//! # fn main() -> Result<(), deflex::text::Diagnostics> {
+//! let cell = Arc::new(CellFile::read(Path::new("samples/slot/cell.toml"))?);
+//! let program = ProgramFiles::read(&[PathBuf::from("samples/slot/slot.mod")], &[], None)?;
+//! let done = compensate(&program, &Run::new(cell))?;
+//! assert!(done.summary.max_remaining_mm < 1e-3);
+//! assert!(done.files[0].1.starts_with(b"%%%"));
+//! # Ok(())
+//! # }
+//! ```
+
+mod files;
+mod identified;
+mod long;
+
+pub use super::input::CellFile;
+pub use files::ProgramFiles;
+pub use identified::{Identified, MeasuredFile, identify};
+
+use super::again::Again;
+use super::compensate::{edited, posted_from};
+use super::forces::ForceFile;
+use super::report::{Noticed, Rows, write_joined};
+use super::run::Setup;
+use deflex::correct::{self, Corrected, Options, PostOptions};
+use deflex::program::{Language, Program};
+use deflex::report::html::{PathKind, PathPage, PathTrace};
+use deflex::report::{FileSummary, Origin};
+use deflex::text::{Diagnostic, Source};
+use long::Long;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Told the targets and the bytes of the program that are done; `false` calls the run off.
+pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
+
+/// How a program is run.
+pub struct Run {
+    setup: Setup,
+    /// Correct a program that has its correction in it already once more.
+    pub again: bool,
+    /// CL input: how it is posted; left out, under the file's name with what the command has for defaults.
+    pub post: Option<PostOptions>,
+    /// Who follows a long program; a short one is done at once.
+    pub follow: Option<Arc<Follow>>,
+}
+
+impl Run {
+    /// With a cell, and all else as the command has it without options.
+    #[must_use]
+    pub fn new(cell: Arc<CellFile>) -> Self {
+        let setup = Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
+        Self { setup, again: false, post: None, follow: None }
+    }
+
+    /// What is asked of the library; its `forces` are those of [`Run::take_forces`].
+    pub fn options(&mut self) -> &mut Options {
+        &mut self.setup.options
+    }
+
+    /// Forces by target from the file at a path, as `--forces` takes them.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no table of forces.
+    pub fn read_forces(&mut self, path: &Path) -> Result<(), Vec<Diagnostic>> {
+        self.set_forces(ForceFile::read(path)?);
+        Ok(())
+    }
+
+    /// The same from a table that is held.
+    ///
+    /// # Errors
+    /// It is no table of forces.
+    pub fn take_forces(&mut self, table: &Source) -> Result<(), Vec<Diagnostic>> {
+        self.set_forces(ForceFile::of(table.name.clone(), &table.bytes[..])?);
+        Ok(())
+    }
+
+    fn set_forces(&mut self, (file, forces): (ForceFile, correct::Forces)) {
+        self.setup.forces = Some(file);
+        self.setup.options.forces = Some(forces);
+    }
+
+    /// How CL input from this file is posted, where nothing else is said.
+    #[must_use]
+    pub fn posted_from(file: &Path) -> PostOptions {
+        posted_from(file, file)
+    }
+
+    /// Parses a program and checks that the forces are its own.
+    fn parse(&self, program: &ProgramFiles) -> Result<Program, Vec<Diagnostic>> {
+        let parsed = program.parse(&self.setup.cell, self.setup.options.tool.as_deref())?;
+        self.setup.forces.as_ref().map_or(Ok(()), |forces| forces.check(&parsed))?;
+        Ok(parsed)
+    }
+}
+
+/// What a program came to.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Done {
+    /// The corrected program's files under their names; none where it is only predicted.
+    pub files: Vec<(PathBuf, Vec<u8>)>,
+    /// Rows of the report, in running order.
+    pub rows: Vec<correct::Row>,
+    /// The report as `--report` writes it.
+    pub csv: Vec<u8>,
+    /// What `--json` says of the program.
+    pub summary: FileSummary,
+    /// What the command says besides.
+    pub notes: Vec<Diagnostic>,
+    kind: PathKind,
+}
+
+impl Done {
+    /// The page that `--html` writes, without the stiffness, which would take as long as the run.
+    ///
+    /// # Errors
+    /// The program cannot be parsed: as when it was run.
+    pub fn page(&self, program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
+        let parsed = program.parse(&run.setup.cell, run.setup.options.tool.as_deref())?;
+        let mut path = PathTrace::new(self.kind, 1);
+        Rows::new(&parsed, &self.rows).draw(&mut path, &self.rows);
+        path.quote(|target, _| parsed.line_of(target));
+        let cell = run.setup.cell.origin();
+        let programs = [(self.summary.clone(), path)];
+        Ok(PathPage { kind: self.kind, cell: &cell, programs: &programs }.html())
+    }
+}
+
+/// Corrects a program: what `deflex compensate` does.
+///
+/// # Errors
+/// All for which the command ends with exit code 2, and `run.called-off`.
+pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
+    program.marked()?;
+    let done = match Long::of(program, run) {
+        Some(long) => long.compensate()?,
+        None => None,
+    };
+    let done = done.map_or_else(|| compensate_whole(program, run), Ok);
+    told(done, program, run)
+}
+
+/// Predicts what becomes of a program as it stands: what `deflex predict` does; `against` is the original of a corrected one.
+///
+/// # Errors
+/// All for which the command ends with exit code 2, and `run.called-off`.
+pub fn predict(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run) -> Result<Done, Vec<Diagnostic>> {
+    program.marked()?;
+    let done = match Long::of(program, run) {
+        Some(long) => long.predict(against)?,
+        None => None,
+    };
+    let done = done.map_or_else(|| predict_whole(program, against, run), Ok);
+    told(done, program, run)
+}
+
+/// With what every run says, and what it was made from.
+fn told(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
+    let mut done = done.map_err(|errors| run.setup.failed(run.setup.cell.own(errors)))?;
+    done.notes.splice(0..0, run.setup.notes());
+    done.notes = run.setup.cell.own(done.notes);
+    done.summary.sources = program.sources().iter().map(|source| Origin::of(&source.name, &source.bytes)).collect();
+    Ok(done)
+}
+
+/// What is watched for in the rows of a program that is corrected.
+fn noticed<'a>(program: &ProgramFiles, run: &'a Run) -> Noticed<'a> {
+    let files = || program.sources().iter().map(|source| Path::new(&source.name));
+    Noticed::new(run.setup.options.forces.as_ref(), (!run.again).then(|| Again::beside(files())))
+}
+
+fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
+    let noticed = noticed(program, run);
+    let parsed = run.parse(program)?;
+    let cell = &run.setup.cell.cell;
+    let corrected = correct::compensate(&parsed, cell, &run.setup.options)?;
+    if !corrected.failures.is_empty() {
+        return Err(corrected.failures);
+    }
+    let names = program.names();
+    let mut notes = Vec::new();
+    let files = match parsed.language {
+        Language::Cl => {
+            let options = run.post.clone().unwrap_or_else(|| Run::posted_from(&names[0]));
+            let posted = correct::post(&parsed, cell, &corrected, &options)?;
+            notes = posted.notes;
+            posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
+        }
+        _ => edited(&parsed, &corrected, names),
+    };
+    whole(program.name(), &parsed, corrected, noticed, PathKind::Compensate, run).map(|done| {
+        let notes = done.notes.into_iter().chain(notes).chain(correct::contradictions(&parsed, cell)).collect();
+        Done { files, notes, ..done }
+    })
+}
+
+fn predict_whole(
+    program: &ProgramFiles,
+    against: Option<&ProgramFiles>,
+    run: &Run,
+) -> Result<Done, Vec<Diagnostic>> {
+    let original = against.map(|original| run.parse(original)).transpose()?;
+    let parsed = run.parse(program)?;
+    let cell = &run.setup.cell.cell;
+    let predicted = correct::predict(&parsed, cell, &run.setup.options, original.as_ref())?;
+    let noticed = Noticed::new(run.setup.options.forces.as_ref(), None);
+    let mut done = whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)?;
+    done.notes.extend(correct::contradictions(&parsed, cell));
+    Ok(done)
+}
+
+fn whole(
+    name: &str,
+    program: &Program,
+    corrected: Corrected,
+    mut noticed: Noticed<'_>,
+    kind: PathKind,
+    run: &Run,
+) -> Result<Done, Vec<Diagnostic>> {
+    if !corrected.failures.is_empty() {
+        return Err(corrected.failures);
+    }
+    noticed.take(&corrected.rows);
+    let said = noticed.notes(name)?;
+    let summary = FileSummary::new(name, program, &corrected);
+    let mut csv = Vec::new();
+    // Writing to a Vec cannot fail.
+    let _ = write_joined(&[Rows::new(program, &corrected.rows)], &mut csv);
+    if let Some(follow) = &run.follow {
+        follow(corrected.rows.len(), program.sources.iter().map(|source| source.bytes.len() as u64).sum());
+    }
+    let notes = corrected.notes.into_iter().chain(said).collect();
+    Ok(Done { files: Vec::new(), rows: corrected.rows, csv, summary, notes, kind })
+}

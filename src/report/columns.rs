@@ -1,0 +1,79 @@
+use crate::text::Diagnostic;
+
+/// Columns of counts, lines and marks.
+const WHOLES: [&str; 6] = ["target", "line", "run", "block", "held_out", "outlier"];
+/// Columns of words.
+const TEXTS: [&str; 3] = ["name", "status", "file"];
+
+/// A column of a report: its name, and what stands in it row by row.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Column {
+    /// As in the header.
+    pub name: String,
+    /// Its values.
+    pub values: ColumnValues,
+}
+
+/// What stands in a column.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ColumnValues {
+    /// Counts and lines.
+    Whole(Vec<i64>),
+    /// Numbers, each the one nearest to the digits in the file; NaN where a field is empty.
+    Number(Vec<f64>),
+    /// Words.
+    Text(Vec<String>),
+}
+
+/// The columns of a report, of whatever program or identification: the very figures that stand in the file.
+///
+/// # Errors
+/// The text is no table, or a figure is none.
+pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
+    let wrong = |what: String| Diagnostic::error("report.columns", "", what);
+    let mut reader = csv::Reader::from_reader(csv);
+    let header = reader.headers().map_err(|error| wrong(format!("not a report: {error}")))?.clone();
+    let empty = |name: &str| {
+        let values = match name {
+            _ if WHOLES.contains(&name) => ColumnValues::Whole(Vec::new()),
+            _ if TEXTS.contains(&name) => ColumnValues::Text(Vec::new()),
+            _ => ColumnValues::Number(Vec::new()),
+        };
+        Column { name: name.to_owned(), values }
+    };
+    let mut columns: Vec<Column> = header.iter().map(empty).collect();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(|error| wrong(format!("not a report: {error}")))? {
+        for (column, field) in columns.iter_mut().zip(&record) {
+            let bad = |_| wrong(format!("`{field}` is no figure of column {}", column.name));
+            match &mut column.values {
+                ColumnValues::Whole(values) => values.push(field.parse().map_err(|error: std::num::ParseIntError| bad(error.to_string()))?),
+                ColumnValues::Number(values) if field.is_empty() => values.push(f64::NAN),
+                ColumnValues::Number(values) => {
+                    values.push(field.parse().map_err(|error: std::num::ParseFloatError| bad(error.to_string()))?);
+                }
+                ColumnValues::Text(values) => values.push(field.to_owned()),
+            }
+        }
+    }
+    Ok(columns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_those_of_the_file() {
+        let found = columns(b"target,line,name,status,x_mm,sigma_mm\n1,7,p10,ok,0.1,\n2,8,,air,-3.25,0.5\n").unwrap();
+        let names: Vec<&str> = found.iter().map(|column| &*column.name).collect();
+        assert_eq!(names, ["target", "line", "name", "status", "x_mm", "sigma_mm"]);
+        assert_eq!(found[1].values, ColumnValues::Whole(vec![7, 8]));
+        assert_eq!(found[2].values, ColumnValues::Text(vec!["p10".to_owned(), String::new()]));
+        assert_eq!(found[4].values, ColumnValues::Number(vec![0.1, -3.25]));
+        let ColumnValues::Number(sigma) = &found[5].values else { panic!("sigma_mm is a number") };
+        assert!(sigma[0].is_nan() && sigma[1].to_bits() == 0.5_f64.to_bits());
+        assert_eq!(columns(b"line\nx\n").unwrap_err()[0].code, "report.columns");
+    }
+}
