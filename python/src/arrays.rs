@@ -1,7 +1,9 @@
 //! NumPy arrays to tables and back: the memory of a result becomes the array's.
 
 use deflex::report::{Column, ColumnValues, columns};
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike2, PyArrayLike3, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike2, PyArrayLike3, PyArrayMethods, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -21,11 +21,13 @@ pub(crate) struct Cell {
 impl Cell {
     #[staticmethod]
     #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
+    /// Reads and checks a cell file.
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let file = CellFile::read(&path).or_raise(py)?;
         Ok(Self { file: Arc::new(file) })
     }
 
+    /// Checks the text of a cell file; `name` is what messages call it.
     #[staticmethod]
     #[pyo3(signature = (text, name = "cell.toml"))]
     pub(crate) fn parse(py: Python<'_>, text: &str, name: &str) -> PyResult<Self> {
@@ -33,40 +35,48 @@ impl Cell {
         Ok(Self { file: Arc::new(file) })
     }
 
+    /// The text of the cell file, comments and all.
     fn to_toml(&self) -> String {
         String::from_utf8_lossy(&self.file.source().bytes).into_owned()
     }
 
+    /// The file.
     #[getter]
     fn name(&self) -> &str {
         &self.file.source().name
     }
 
+    /// The arm, with the declared stiffness.
     #[getter]
     fn robot(&self) -> Robot {
         Robot::of(&self.file.cell().arm)
     }
 
+    /// Names of the declared tools, upper case.
     #[getter]
     fn tools(&self) -> Vec<&str> {
         self.file.cell().tools.keys().map(String::as_str).collect()
     }
 
+    /// Names of the declared work objects, upper case.
     #[getter]
     fn wobjs(&self) -> Vec<&str> {
         self.file.cell().wobjs.keys().map(String::as_str).collect()
     }
 
+    /// Kinds of the effects that act, in order.
     #[getter]
     fn effects(&self) -> Vec<&str> {
         self.file.cell().arm.effects.iter().map(|effect| effect.kind()).collect()
     }
 
+    /// Values that are possible and seldom meant.
     #[getter]
     fn notes(&self) -> Vec<Diagnostic> {
         diagnostics(self.file.cell().notes.clone())
     }
 
+    /// A tool's TCP in the flange, (4, 4), mm; without a name the cell's only tool.
     #[pyo3(signature = (name = None))]
     fn tool<'py>(&self, py: Python<'py>, name: Option<&str>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let tool = tool_of(self.file.cell(), name).or_raise(py)?;
@@ -75,6 +85,16 @@ impl Cell {
 
     #[pyo3(signature = (q, forces = None, *, tool = None))]
     #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
+    /// Where the loaded arm's TCP is in the base, (N, 4, 4), mm: NaN where there is no equilibrium.
+    ///
+    /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N, base axes.
+    ///
+    /// >>> import deflex, numpy
+    /// >>> cell = deflex.Cell.read("samples/slot/cell.toml")
+    /// >>> q = [[0, 20, 10, 0, 60, 0]]
+    /// >>> free, loaded = cell.predict_poses(q), cell.predict_poses(q, [[0, 0, 500]])
+    /// >>> bool(0.05 < numpy.linalg.norm((loaded - free)[0, :3, 3]) < 5.0)
+    /// True
     fn predict_poses<'py>(
         &self,
         py: Python<'py>,

@@ -1,6 +1,5 @@
 use crate::errors::OrRaise;
 use deflex::cli::held::ProgramFiles;
-use deflex::program::Language;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -38,6 +37,7 @@ impl Program {
 
 #[pymethods]
 impl Program {
+    /// Reads files that are one program; `context` are modules that declare names and are never written.
     #[staticmethod]
     #[pyo3(signature = (paths, *, context = None, format = None))]
     fn read(py: Python<'_>, paths: Paths, context: Option<Paths>, format: Option<&str>) -> PyResult<Self> {
@@ -46,21 +46,25 @@ impl Program {
         Ok(Self { files: Arc::new(files) })
     }
 
+    /// The files as they were given.
     #[getter]
     fn name(&self) -> &str {
         self.files.name()
     }
 
+    /// `rapid`, `cl`, `krl` or `ls`.
     #[getter]
-    fn language(&self) -> String {
-        language(self.files.language())
+    fn language(&self) -> &'static str {
+        self.files.language().word()
     }
 
+    /// Its files.
     #[getter]
     fn files(&self) -> Vec<&str> {
         self.files.sources().iter().map(|source| &*source.name).collect()
     }
 
+    /// Executed motions in running order, loops with known bounds expanded.
     #[getter]
     fn motion_targets(&self, py: Python<'_>) -> PyResult<usize> {
         let parsed = py.detach(|| self.files.parse_alone()).or_raise(py)?;
@@ -70,9 +74,4 @@ impl Program {
     fn __repr__(&self) -> String {
         format!("Program({:?}, {}, {} bytes)", self.files.name(), self.language(), self.bytes())
     }
-}
-
-/// As `inspect --json` names it.
-fn language(language: Language) -> String {
-    format!("{language:?}").to_ascii_lowercase()
 }

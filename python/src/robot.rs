@@ -44,16 +44,24 @@ impl Robot {
         Ok(Self { robot: builtin.robot(), stiffness: None, start_deg: [0.0; 6] })
     }
 
+    /// Models that need no kinematics in a cell file.
     #[staticmethod]
     fn builtin() -> Vec<&'static str> {
         BUILTIN.iter().map(|builtin| &*builtin.model).collect()
     }
 
+    /// Name.
     #[getter]
     fn model(&self) -> &str {
         &self.robot.model
     }
 
+    /// Poses in the base, (N, 4, 4), mm, at axis angles `q` (N, 6), degrees.
+    ///
+    /// >>> import deflex
+    /// >>> robot = deflex.Robot("irb6660-205-1.9")
+    /// >>> robot.forward([[0, 0, 0, 0, 30, 0]]).shape
+    /// (1, 4, 4)
     #[pyo3(signature = (q, *, tool = None))]
     fn forward<'py>(
         &self,
@@ -67,6 +75,15 @@ impl Robot {
         shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])
     }
 
+    /// Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN where none does.
+    ///
+    /// `near` (N, 6) chooses the branch of each; (1, 6) where a path starts, along which each is nearest to the one before.
+    ///
+    /// >>> import deflex, numpy
+    /// >>> robot = deflex.Robot("irb6660-205-1.9")
+    /// >>> q = [[10.0, 20.0, -5.0, 30.0, 40.0, -50.0]]
+    /// >>> bool(numpy.allclose(robot.inverse(robot.forward(q), near=q), q, atol=1e-9))
+    /// True
     #[pyo3(signature = (poses, near = None, *, tool = None))]
     fn inverse<'py>(
         &self,
@@ -101,6 +118,7 @@ impl Robot {
         shaped(py, found.into_flattened(), [count, 6])
     }
 
+    /// Jacobians (N, 6, 6): (vx, vy, vz) mm/rad, (wx, wy, wz) rad/rad, base axes, by motor angle.
     #[pyo3(signature = (q, *, tool = None))]
     fn jacobian<'py>(
         &self,
@@ -114,6 +132,7 @@ impl Robot {
         shaped(py, found.into_flattened().into_flattened(), [count, 6, 6])
     }
 
+    /// Cartesian stiffness (N, 6, 6): force (N) and moment (N mm) for a displacement (mm) and a turn (rad).
     #[pyo3(signature = (q, *, tool = None, joint_nm_per_rad = None))]
     fn stiffness<'py>(
         &self,
@@ -142,7 +161,7 @@ impl Robot {
 pub(crate) fn cutting_force<'py>(
     py: Python<'py>,
     mode: &str,
-    (diameter_mm, corner_radius_mm, teeth, helix_deg): (f64, f64, u32, f64),
+    cutter: (f64, f64, u32, f64),
     material: Option<&str>,
     coefficients: Option<[f64; 6]>,
     engagements: Rows<'py>,
@@ -173,6 +192,7 @@ pub(crate) fn cutting_force<'py>(
         },
         _ => return wrong("give either material or the six coefficients".to_owned()),
     };
+    let (diameter_mm, corner_radius_mm, teeth, helix_deg) = cutter;
     let cutter = Cutter {
         diameter: 1e-3 * diameter_mm,
         corner_radius: 1e-3 * corner_radius_mm,

@@ -5,9 +5,9 @@ use deflex::cli::held::Follow;
 use deflex::text::Diagnostic;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// How long Ctrl-C may wait: less than anybody notices.
@@ -43,6 +43,8 @@ pub(crate) fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let progress = Arc::new(Progress::default());
     let (send, done) = channel();
+    // Only this thread waits; a receiver may not be seen by two.
+    let done = Mutex::new(done);
     let there = Arc::clone(&progress);
     let thread = std::thread::Builder::new().name("deflex".to_owned()).stack_size(STACK_BYTES);
     // Nobody waits any more where the run was called off.
@@ -51,7 +53,7 @@ pub(crate) fn run<T: Send + 'static>(
     let mut told = 0;
     loop {
         let result = py.detach(|| {
-            let result = done.recv_timeout(TICK);
+            let result = done.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(TICK);
             (result, progress.bytes.load(Ordering::Relaxed))
         });
         let heard = match result {

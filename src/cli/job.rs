@@ -40,9 +40,13 @@ impl Job {
 
     /// The one program that several are.
     pub(super) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
-        if jobs.len() > 1 && jobs.iter().any(|job| job.language != Language::Rapid) {
-            let message = "several files of which not all are RAPID modules are no one program";
-            return Err(Diagnostic::error("program.several", &jobs[0].name, message).help("give them one by one").into());
+        let jobs = grouped(jobs)?;
+        let modules = |language| jobs.iter().all(|job| job.language == language);
+        if jobs.len() > 1 && !modules(Language::Rapid) && !modules(Language::Krl) {
+            let message = "several files that are not all modules of one language are no one program";
+            return Err(Diagnostic::error("program.several", &jobs[0].name, message)
+                .help("give them one by one")
+                .into());
         }
         let none = || Diagnostic::error("program.none", "", "expected the files of a program, and there are none");
         Ok(jobs.into_iter().reduce(Self::with).ok_or_else(none)?)

@@ -48,7 +48,9 @@ pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
         for (column, field) in columns.iter_mut().zip(&record) {
             let bad = |_| wrong(format!("`{field}` is no figure of column {}", column.name));
             match &mut column.values {
-                ColumnValues::Whole(values) => values.push(field.parse().map_err(|error: std::num::ParseIntError| bad(error.to_string()))?),
+                ColumnValues::Whole(values) => {
+                    values.push(field.parse().map_err(|error: std::num::ParseIntError| bad(error.to_string()))?)
+                }
                 ColumnValues::Number(values) if field.is_empty() => values.push(f64::NAN),
                 ColumnValues::Number(values) => {
                     values.push(field.parse().map_err(|error: std::num::ParseFloatError| bad(error.to_string()))?);

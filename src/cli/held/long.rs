@@ -46,8 +46,9 @@ impl<'a> Long<'a> {
     /// `None` where only the whole of it tells what it means.
     pub(super) fn compensate(&self) -> Answer {
         match self.program.language() {
+            Language::Rapid => self.edit(),
             Language::Cl => self.post(),
-            _ => self.edit(),
+            Language::Krl | Language::Ls => Ok(None),
         }
     }
 
@@ -151,7 +152,11 @@ impl<'a> Long<'a> {
         Ok(None)
     }
 
-    fn chunks<'p>(&self, program: &'p ProgramFiles, inline: bool) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
+    fn chunks<'p>(
+        &self,
+        program: &'p ProgramFiles,
+        inline: bool,
+    ) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
         let [source] = program.sources() else { return Ok(None) };
         let (name, text) = (&source.name, || Cursor::new(&source.bytes[..]));
         let setup = &self.run.setup;
@@ -160,8 +165,9 @@ impl<'a> Long<'a> {
                 Some(options) => AnyChunks::cl(name, text(), &options),
                 None => return Ok(None),
             },
-            _ if inline => AnyChunks::inline(name, text(), program.context()),
-            _ => AnyChunks::indexed(name, text(), text(), program.context()),
+            Language::Krl | Language::Ls => return Ok(None),
+            Language::Rapid if inline => AnyChunks::inline(name, text(), program.context()),
+            Language::Rapid => AnyChunks::indexed(name, text(), text(), program.context()),
         };
         self.read(chunks)
     }

@@ -55,7 +55,8 @@ impl Run {
     /// With a cell, and all else as the command has it without options.
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
-        let setup = Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
+        let setup =
+            Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
         Self { setup, again: false, post: None, follow: None }
     }
 
@@ -202,11 +203,7 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
     })
 }
 
-fn predict_whole(
-    program: &ProgramFiles,
-    against: Option<&ProgramFiles>,
-    run: &Run,
-) -> Result<Done, Vec<Diagnostic>> {
+fn predict_whole(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     let original = against.map(|original| run.parse(original)).transpose()?;
     let parsed = run.parse(program)?;
     let cell = &run.setup.cell.cell;

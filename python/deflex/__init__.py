@@ -1,0 +1,37 @@
+"""deflex makes a robot mill where its program says, and finds out why it does not.
+
+>>> import deflex
+>>> cell = deflex.Cell.read("samples/slot/cell.toml")
+>>> done = deflex.compensate("samples/slot/slot.mod", cell)
+>>> done.summary.corrected
+72
+>>> bool(done.report["remaining_mm"].max() < 1e-3)
+True
+
+Units are those of the command and stand in the names: millimetres, degrees, newtons. A pose is a homogeneous matrix of 4 by 4
+with its position in mm; motor angles are degrees as the controller counts them.
+"""
+
+from deflex._deflex import Cell, DeflexError, Diagnostic, Program, Robot
+from deflex._deflex import version as _version
+from deflex._results import Correction, Identification, Prediction, Record
+from deflex._run import compensate, cutting_force, identify, predict
+
+__version__ = _version()
+
+__all__ = [
+    "Cell",
+    "Correction",
+    "DeflexError",
+    "Diagnostic",
+    "Identification",
+    "Prediction",
+    "Program",
+    "Record",
+    "Robot",
+    "__version__",
+    "compensate",
+    "cutting_force",
+    "identify",
+    "predict",
+]

@@ -1,0 +1,195 @@
+"""The compiled half."""
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+_Path = str | os.PathLike[str]
+_Array = npt.NDArray[np.float64]
+_Table = str | os.PathLike[str] | tuple[str, str]
+
+class DeflexError(Exception):
+    """Why there is no answer; `diagnostics` says it place by place."""
+
+    diagnostics: list[Diagnostic]
+
+@final
+class Diagnostic:
+    """One message: what is wrong where, and how to mend it."""
+
+    @property
+    def code(self) -> str:
+        """Stable short name."""
+    @property
+    def severity(self) -> str:
+        """`note`, `warning` or `error`."""
+    @property
+    def message(self) -> str:
+        """What is wrong and what was expected."""
+    @property
+    def help(self) -> str | None:
+        """How to mend it."""
+    @property
+    def file(self) -> str:
+        """File; empty where none is concerned."""
+    @property
+    def line(self) -> int:
+        """Line from 1; 0 where the whole file is meant."""
+    @property
+    def column(self) -> int:
+        """Column in characters, from 1."""
+
+@final
+class Cell:
+    """A milling cell: the robot that the controller believes in, and the effects that make the real one differ."""
+
+    @staticmethod
+    def read(path: _Path) -> Cell:
+        """Reads and checks a cell file."""
+    @staticmethod
+    def parse(text: str, name: str = "cell.toml") -> Cell:
+        """Checks the text of a cell file; `name` is what messages call it."""
+    def to_toml(self) -> str:
+        """The text of the cell file, comments and all."""
+    @property
+    def name(self) -> str:
+        """The file."""
+    @property
+    def robot(self) -> Robot:
+        """The arm, with the declared stiffness."""
+    @property
+    def tools(self) -> list[str]:
+        """Names of the declared tools, upper case."""
+    @property
+    def wobjs(self) -> list[str]:
+        """Names of the declared work objects, upper case."""
+    @property
+    def effects(self) -> list[str]:
+        """Kinds of the effects that act, in order."""
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """Values that are possible and seldom meant."""
+    def tool(self, name: str | None = None) -> _Array:
+        """A tool's TCP in the flange, (4, 4), mm; without a name the cell's only tool."""
+    def predict_poses(
+        self, q: npt.ArrayLike, forces: npt.ArrayLike | None = None, *, tool: str | None = None
+    ) -> _Array:
+        """Where the loaded arm's TCP is in the base, (N, 4, 4), mm: NaN where there is no equilibrium.
+
+        `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N, base axes.
+        """
+
+@final
+class Program:
+    """The files of one program."""
+
+    @staticmethod
+    def read(
+        paths: _Path | Sequence[_Path], *, context: _Path | Sequence[_Path] | None = None, format: str | None = None
+    ) -> Program:
+        """Reads files that are one program; `context` are modules that declare names and are never written."""
+    @property
+    def name(self) -> str:
+        """The files as they were given."""
+    @property
+    def language(self) -> str:
+        """`rapid`, `cl`, `krl` or `ls`."""
+    @property
+    def files(self) -> list[str]:
+        """Its files."""
+    @property
+    def motion_targets(self) -> int:
+        """Executed motions in running order, loops with known bounds expanded."""
+
+@final
+class Robot:
+    """An arm as its controller knows it: nominal geometry, and the joints' stiffness where a cell declares it."""
+
+    def __init__(self, model: str) -> None: ...
+    @staticmethod
+    def builtin() -> list[str]:
+        """Models that need no kinematics in a cell file."""
+    @property
+    def model(self) -> str:
+        """Name."""
+    def forward(self, q: npt.ArrayLike, *, tool: npt.ArrayLike | None = None) -> _Array:
+        """Poses in the base, (N, 4, 4), mm, at axis angles `q` (N, 6), degrees."""
+    def inverse(
+        self, poses: npt.ArrayLike, near: npt.ArrayLike | None = None, *, tool: npt.ArrayLike | None = None
+    ) -> _Array:
+        """Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN where none does.
+
+        `near` (N, 6) chooses the branch of each; (1, 6) where a path starts, along which each is nearest to the one before.
+        """
+    def jacobian(self, q: npt.ArrayLike, *, tool: npt.ArrayLike | None = None) -> _Array:
+        """Jacobians (N, 6, 6): (vx, vy, vz) mm/rad, (wx, wy, wz) rad/rad, base axes, by motor angle."""
+    def stiffness(
+        self,
+        q: npt.ArrayLike,
+        *,
+        tool: npt.ArrayLike | None = None,
+        joint_nm_per_rad: Sequence[float] | None = None,
+    ) -> _Array:
+        """Cartesian stiffness (N, 6, 6): force (N) and moment (N mm) for a displacement (mm) and a turn (rad)."""
+
+@final
+class Done:
+    @property
+    def files(self) -> dict[str, bytes]: ...
+    @property
+    def csv(self) -> bytes: ...
+    @property
+    def report(self) -> dict[str, npt.NDArray[Any]]: ...
+    @property
+    def summary(self) -> str: ...
+    @property
+    def line(self) -> str: ...
+    @property
+    def notes(self) -> list[Diagnostic]: ...
+    def page(self) -> str: ...
+
+@final
+class Found:
+    @property
+    def json(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def csv(self) -> bytes: ...
+    @property
+    def residuals(self) -> dict[str, npt.NDArray[Any]]: ...
+    def cell(self, name: str = "cell.toml") -> Cell: ...
+    def page(self) -> str: ...
+
+def predict(
+    held: tuple[Program, Cell],
+    forces: _Table | None,
+    against: Program | None,
+    asked: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> Done: ...
+def compensate(
+    held: tuple[Program, Cell],
+    forces: _Table | None,
+    asked: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> Done: ...
+def identify(
+    runs: Sequence[tuple[Program, _Table]],
+    poses: Sequence[_Table],
+    cell: Cell,
+    tool: str | None,
+    progress: Callable[[int, int], object] | None,
+) -> Found: ...
+def cutting_force(
+    mode: str,
+    cutter: tuple[float, float, int, float],
+    material: str | None,
+    coefficients: Sequence[float | None] | None,
+    engagements: _Array,
+) -> _Array: ...
+def main(args: Sequence[str]) -> int: ...
+def version() -> str: ...

@@ -1,0 +1,230 @@
+"""What runs come to."""
+
+import html
+import json
+import os
+import tempfile
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from deflex._deflex import Cell, Diagnostic, Done, Found
+
+Report = dict[str, npt.NDArray[Any]]
+
+
+class Record(dict[str, Any]):
+    """An object of the command's JSON: its keys are attributes too.
+
+    >>> Record(rms_mm=0.5).rms_mm
+    0.5
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self]
+
+
+def record(text: str) -> Record:
+    """The objects of a JSON text."""
+    found: Record = json.loads(text, object_hook=Record)
+    return found
+
+
+def _framed(page: str) -> str:
+    """A whole page within a notebook's."""
+    return f'<iframe srcdoc="{html.escape(page)}" style="width:100%;height:720px;border:0" loading="lazy"></iframe>'
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Writes a file whole or not at all."""
+    number, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    temporary = Path(name)
+    try:
+        with os.fdopen(number, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if path.exists():
+            temporary.chmod(path.stat().st_mode & 0o7777)
+        else:
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+class _Run:
+    """What a program came to."""
+
+    def __init__(self, done: Done) -> None:
+        self._done = done
+
+    @cached_property
+    def report(self) -> Report:
+        """One row a target, by column: the very figures of the command's CSV report, with its names and units.
+
+        `target` and `line` are int64, `name` and `status` str, all others float64 of shape (N,); NaN where the report has
+        no figure.
+        """
+        return self._done.report
+
+    @cached_property
+    def summary(self) -> Record:
+        """What `--json` says of the program."""
+        return record(self._done.summary)
+
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """What the command says on stderr: notes and warnings."""
+        return self._done.notes
+
+    @property
+    def csv(self) -> str:
+        """The report as the command writes it."""
+        return self._done.csv.decode()
+
+    @property
+    def html(self) -> str:
+        """The page: the toolpath in 3-D with its errors, complete in one file."""
+        return self._done.page()
+
+    def _repr_html_(self) -> str:
+        return _framed(self.html)
+
+    def __repr__(self) -> str:
+        summary = self.summary
+        said = f"{self._done.line}; error rms {summary.rms_error_mm:.4f} mm, max {summary.max_error_mm:.4f} mm"
+        return f"<{type(self).__name__} of {summary.path}: {said}{self._remaining()}>"
+
+    def _remaining(self) -> str:
+        return ""
+
+
+class Prediction(_Run):
+    """What the cell would cut."""
+
+
+class Correction(_Run):
+    """A program with its correction in it."""
+
+    @cached_property
+    def files(self) -> dict[str, bytes]:
+        """The corrected program's files, by name, as they are to be written."""
+        return self._done.files
+
+    @property
+    def text(self) -> str:
+        """The corrected program, of several files the first: UTF-8 where it is, else ISO 8859-1, as RAPID is."""
+        data = next(iter(self.files.values()))
+        try:
+            return data.decode()
+        except UnicodeDecodeError:
+            return data.decode("latin-1")
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the program to `path`, or its files into the folder `path`: each whole or not at all.
+
+        A program of several files needs a folder, which is made where missing.
+        """
+        target = Path(path)
+        if len(self.files) == 1 and not target.is_dir():
+            write_whole(target, next(iter(self.files.values())))
+            return
+        if target.exists() and not target.is_dir():
+            raise NotADirectoryError(f"{target} is a file: the program has {len(self.files)}, which need a folder")
+        target.mkdir(parents=True, exist_ok=True)
+        for name, data in self.files.items():
+            file = target / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(file, data)
+
+    def _remaining(self) -> str:
+        return f"; remaining max {self.summary.max_remaining_mm:.6f} mm"
+
+
+class Identification:
+    """Which effects a cell lacks.
+
+    Everything that `deflex identify --json` says stands in `json`; what is asked for most, beside it.
+    """
+
+    def __init__(self, found: Found, name: str) -> None:
+        self._found = found
+        self._name = name
+
+    @cached_property
+    def json(self) -> Record:
+        """All of the answer, as `--json` writes it."""
+        return record(self._found.json)
+
+    @property
+    def added(self) -> list[Record]:
+        """Effects that the extended cell has more: kind, posterior, parameters with intervals, what they may be instead."""
+        found: list[Record] = self.json["added"]
+        return found
+
+    @property
+    def before(self) -> Record:
+        """`rms_mm`, `mean_mm`, `max_mm` of the declared cell on held-out rows."""
+        found: Record = self.json["before"]
+        return found
+
+    @property
+    def after(self) -> Record:
+        """The same of the extended cell."""
+        found: Record = self.json["after"]
+        return found
+
+    @property
+    def ranking(self) -> list[Record]:
+        """Every kind of effect alone, best first."""
+        found: list[Record] = self.json["ranking"]
+        return found
+
+    @property
+    def advice(self) -> list[str]:
+        """What to measure next, and why."""
+        found: list[str] = self.json["advice"]
+        return found
+
+    @cached_property
+    def cell(self) -> Cell:
+        """The cell with what was added, comments kept."""
+        return self._found.cell(self._name)
+
+    @cached_property
+    def residuals(self) -> Report:
+        """Residuals row by row, by column, in mm: the very figures of the command's `--report`."""
+        return self._found.residuals
+
+    @property
+    def text(self) -> str:
+        """The answer for people, as the command prints it."""
+        return self._found.text
+
+    @property
+    def csv(self) -> str:
+        """The residuals as the command writes them."""
+        return self._found.csv.decode()
+
+    @property
+    def html(self) -> str:
+        """The page: residuals, what was found, what is left; complete in one file."""
+        return self._found.page()
+
+    def _repr_html_(self) -> str:
+        return _framed(self.html)
+
+    def __repr__(self) -> str:
+        return f"<Identification: {self.text.partition(chr(10))[0]}>"

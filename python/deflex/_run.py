@@ -1,0 +1,179 @@
+"""Runs: the command's words as functions."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from deflex import _deflex
+from deflex._deflex import Cell, Program
+from deflex._results import Correction, Identification, Prediction
+from deflex._tables import Table, given
+
+Path = str | os.PathLike[str]
+AnyProgram = Program | Path | Sequence[Path]
+Progress = Callable[[int, int], object]
+
+
+def _program(program: AnyProgram) -> Program:
+    return program if isinstance(program, Program) else Program.read(program)
+
+
+def _cell(cell: Cell | Path) -> Cell:
+    return cell if isinstance(cell, Cell) else Cell.read(cell)
+
+
+def _asked(**options: Any) -> dict[str, Any]:
+    correct = options.pop("correct", "pose")
+    if correct not in ("pose", "position"):
+        raise ValueError(f'correct is {correct!r}, expected "pose" or "position"')
+    for name in ("subdivide_mm", "rapid_mm_s", "feed_mm_s"):
+        value = options.get(name)
+        if value is not None and not 0 < value < float("inf"):
+            raise ValueError(f"{name} is {value!r}, expected a number above 0")
+    if options.get("max_targets") is not None and options["max_targets"] < 1:
+        raise ValueError(f"max_targets is {options['max_targets']!r}, expected at least 1")
+    defaults: dict[str, Any] = dict.fromkeys(
+        ("tool", "subdivide_mm", "name", "max_targets", "rapid_mm_s", "feed_mm_s")
+    )
+    return {"position": correct == "position", "allow_clones": False, "again": False, **defaults, **options}
+
+
+def predict(
+    program: AnyProgram,
+    cell: Cell | Path,
+    forces: Table | None = None,
+    *,
+    against: AnyProgram | None = None,
+    tool: str | None = None,
+    progress: Progress | None = None,
+) -> Prediction:
+    """Predicts what the cell would cut: `deflex predict`.
+
+    `program` is one program: a `Program`, a path, or the paths of its modules. `forces` is a path or a table with `target` and
+    `fx_n`, `fy_n`, `fz_n` (N, work object axes; also `time_s`, `temperature_c`, `payload_kg`), which overrides `[cut]`.
+    `against` is the original of a corrected program, from which errors are counted then. `tool` takes the place of the
+    program's. `progress(done, total)` is told bytes of the program.
+
+    Raises `DeflexError` where the command ends with exit code 2.
+
+    >>> deflex.predict("samples/slot/slot.mod", "samples/slot/cell.toml").summary.targets
+    81
+    """
+    forced = None if forces is None else given(forces, "<forces>")
+    original = None if against is None else _program(against)
+    held = (_program(program), _cell(cell))
+    return Prediction(_deflex.predict(held, forced, original, _asked(tool=tool), progress))
+
+
+def compensate(
+    program: AnyProgram,
+    cell: Cell | Path,
+    forces: Table | None = None,
+    *,
+    correct: Literal["pose", "position"] = "pose",
+    tool: str | None = None,
+    subdivide_mm: float | None = None,
+    allow_clones: bool = False,
+    again: bool = False,
+    name: str | None = None,
+    max_targets: int | None = None,
+    rapid_mm_s: float | None = None,
+    feed_mm_s: float | None = None,
+    progress: Progress | None = None,
+) -> Correction:
+    """Corrects a program so that the loaded tool lands where it says: `deflex compensate`.
+
+    `program`, `forces`, `tool` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
+    inserts targets until no more is left on the way between two; `allow_clones` gives a declared target that is used with
+    different corrections a clone for each; `again` corrects a program that has its correction in it already. CL data are
+    posted as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
+    has no feed.
+
+    Raises `DeflexError` where the command ends with exit code 2: then there is no program.
+
+    >>> done = deflex.compensate("samples/slot/slot.mod", "samples/slot/cell.toml")
+    >>> done.text.splitlines()[0]
+    '%%%'
+    """
+    forced = None if forces is None else given(forces, "<forces>")
+    asked = _asked(
+        correct=correct,
+        tool=tool,
+        subdivide_mm=subdivide_mm,
+        allow_clones=allow_clones,
+        again=again,
+        name=name,
+        max_targets=max_targets,
+        rapid_mm_s=rapid_mm_s,
+        feed_mm_s=feed_mm_s,
+    )
+    return Correction(_deflex.compensate((_program(program), _cell(cell)), forced, asked, progress))
+
+
+def identify(
+    runs: Iterable[tuple[AnyProgram, Table]] = (),
+    poses: Table | Sequence[Table] | None = None,
+    *,
+    cell: Cell | Path,
+    tool: str | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Finds the effects that a cell lacks: `deflex identify`.
+
+    `runs` are programs with what was measured on them, or `poses` measured rows with their own motor angles: paths or tables
+    with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
+    seen. `progress` is called once, when it is done.
+
+    Raises `DeflexError` where the command ends with exit code 2.
+    """
+    pairs = [(_program(program), given(table, f"<run {i}>")) for i, (program, table) in enumerate(runs, 1)]
+    several = poses if isinstance(poses, (list, tuple)) else [] if poses is None else [poses]
+    rows = [given(table, f"<poses {i}>") for i, table in enumerate(several, 1)]
+    if bool(pairs) == bool(rows):
+        raise ValueError("give either runs or poses")
+    declared = _cell(cell)
+    return Identification(_deflex.identify(pairs, rows, declared, tool, progress), declared.name)
+
+
+def cutting_force(
+    *,
+    depth_mm: npt.ArrayLike,
+    feed_per_tooth_mm: npt.ArrayLike,
+    diameter_mm: float,
+    teeth: int,
+    width_mm: npt.ArrayLike | None = None,
+    lead_deg: npt.ArrayLike = 0.0,
+    tilt_deg: npt.ArrayLike = 0.0,
+    corner_radius_mm: float = 0.0,
+    helix_deg: float = 0.0,
+    mode: Literal["slot", "up", "down"] = "slot",
+    material: str | None = None,
+    ktc_n_mm2: float | None = None,
+    krc_n_mm2: float | None = None,
+    kac_n_mm2: float | None = None,
+    kte_n_mm: float = 0.0,
+    kre_n_mm: float = 0.0,
+    kae_n_mm: float = 0.0,
+) -> npt.NDArray[np.float64]:
+    """Mean cutting force on the tool over a revolution, N, shape (N, 3): (along the feed, normal x feed, along the normal).
+
+    The engagement's arrays broadcast to N. Names are those of the cell file's `[cut]`; the coefficients are a `material`'s or
+    `ktc_n_mm2`, `krc_n_mm2`, `kac_n_mm2` with their edge forces. `width_mm` is the diameter where it is left out.
+
+    >>> cut = dict(feed_per_tooth_mm=0.1, diameter_mm=20.0, teeth=4, corner_radius_mm=2.0, lead_deg=5.0, material="al7075")
+    >>> deflex.cutting_force(depth_mm=[1.0, 2.0], **cut).shape
+    (2, 3)
+    """
+    width = diameter_mm if width_mm is None else width_mm
+    columns = np.broadcast_arrays(depth_mm, width, feed_per_tooth_mm, lead_deg, tilt_deg)
+    rows = np.stack([np.ravel(column).astype(float) for column in columns], axis=1)
+    area = (ktc_n_mm2, krc_n_mm2, kac_n_mm2)
+    given_none = all(value is None for value in area)
+    if not given_none and any(value is None for value in area):
+        raise ValueError("ktc_n_mm2, krc_n_mm2 and kac_n_mm2 go together")
+    coefficients = None if given_none else (*area, kte_n_mm, kre_n_mm, kae_n_mm)
+    cutter = (diameter_mm, corner_radius_mm, teeth, helix_deg)
+    return _deflex.cutting_force(mode, cutter, material, coefficients, rows)

@@ -1,0 +1,74 @@
+"""Many programs over two workers, one of which is killed on the way: all results, and the bytes of one process."""
+
+import os
+import shutil
+import signal
+import time
+
+import pytest
+
+import deflex
+
+distributed = pytest.importorskip("distributed", reason="deflex[dask] is not installed")
+
+
+@pytest.fixture(scope="module")
+def client():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            yield client
+
+
+def pids(client) -> list[int]:
+    return list(client.run(os.getpid).values())
+
+
+def test_a_killed_worker_loses_nothing(client, tmp_path):
+    import deflex.fleet
+
+    programs = []
+    for i in range(12):
+        path = tmp_path / f"part_{i}.mod"
+        shutil.copy("samples/slot/slot.mod", path)
+        programs.append(path)
+    refused = tmp_path / "refused.mod"
+    refused.write_text("MODULE refused\n  PROC main(\nENDMODULE\n")
+    before, killed = pids(client), []
+
+    def kill(done: int, total: int) -> None:
+        if not killed:
+            killed.append(before[0])
+            os.kill(before[0], signal.SIGKILL)
+
+    cell = os.path.abspath("samples/slot/cell.toml")
+    found = deflex.fleet.compensate([*programs, refused], cell, client=client, progress=kill)
+    assert killed and [row.name for row in found.rows] == [*map(str, programs), str(refused)]
+    assert [row.name for row in found.failed] == [str(refused)] and "refused.mod" in found.failed[0].error
+    for path in programs:
+        assert found.files[str(path)] == deflex.compensate(path, cell).files
+    assert found.table["targets"][:12] == [81] * 12 and found.table["targets"][12] is None
+    deadline = time.monotonic() + 30
+    while len(client.scheduler_info()["workers"]) < 2 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert before[0] not in pids(client)
+
+
+def test_into_a_folder(client, tmp_path):
+    import deflex.fleet
+
+    out = tmp_path / "out"
+    found = deflex.fleet.compensate([os.path.abspath("samples/slot/slot.mod")], deflex.Cell.read("samples/slot/cell.toml"), client=client, out_dir=out)
+    assert not found.failed and found.files == {found.rows[0].name: {}}
+    done = deflex.compensate("samples/slot/slot.mod", "samples/slot/cell.toml")
+    assert (out / "slot.mod").read_bytes() == done.files["slot.mod"]
+    assert (out / "slot.report.csv").read_text() == done.csv
+
+
+@pytest.mark.slow
+def test_a_fleet_is_identified(client):
+    import deflex.fleet
+
+    part, measured, cell = (os.path.abspath(f"samples/closed-loop/{name}") for name in ("part.mod", "measured.csv", "cell.toml"))
+    found = deflex.fleet.identify({"robot 7": ([(part, measured)], cell)}, client=client)
+    assert found.rows[0].added == ["backlash"] and found.rows[0].after_rms_mm < found.rows[0].before_rms_mm
+    assert b"half_gap_rad" in found.files["robot 7"]["cell.toml"]

@@ -1,0 +1,113 @@
+"""Every figure of the module is the command's, bit for bit."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deflex
+
+SAMPLES = [("slot/slot.mod", "slot"), ("blade/blade.aptsource", "blade"), ("stock/part.mod", "stock")]
+
+
+def same_report(report: dict, text: str) -> None:
+    """The arrays hold the very figures of a CSV report."""
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert rows and list(report) == list(rows[0])
+    for name, column in report.items():
+        fields = [row[name] for row in rows]
+        if column.dtype.kind == "U":
+            assert column.tolist() == fields
+        elif column.dtype.kind == "i":
+            assert column.tolist() == [int(field) for field in fields]
+        else:
+            expected = np.array([float(field) if field else np.nan for field in fields])
+            assert column.dtype == np.float64 and column.tobytes() == expected.tobytes(), name
+
+
+def same_summary(summary: dict, file: Path) -> None:
+    (told,) = json.loads(file.read_text())["files"]
+    assert dict(summary) == told
+
+
+@pytest.mark.parametrize("program, folder", SAMPLES)
+def test_compensate(program, folder, command, tmp_path):
+    cell = f"samples/{folder}/cell.toml"
+    done = deflex.compensate(f"samples/{program}", cell)
+    written, report, summary = (tmp_path / name for name in ("out.mod", "out.csv", "out.json"))
+    # To stdout the program has the name of its own file, as here.
+    printed = command("compensate", f"samples/{program}", "--cell", cell, "--report", report, "--json", summary)
+    (data,) = done.files.values()
+    assert data == printed.stdout
+    assert done.csv == report.read_text()
+    same_report(done.report, report.read_text())
+    same_summary(done.summary, summary)
+    done.write(written)
+    assert written.read_bytes() == printed.stdout
+    assert done.text.encode() == printed.stdout
+
+
+@pytest.mark.parametrize("program, folder", SAMPLES[:1])
+def test_predict(program, folder, command, tmp_path):
+    cell = f"samples/{folder}/cell.toml"
+    report, summary = tmp_path / "out.csv", tmp_path / "out.json"
+    command("predict", f"samples/{program}", "--cell", cell, "--report", report, "--json", summary)
+    held = deflex.Program.read(f"samples/{program}")
+    found = deflex.predict(held, deflex.Cell.read(cell))
+    same_report(found.report, report.read_text())
+    same_summary(found.summary, summary)
+
+
+def test_a_long_program_is_streamed_to_the_same_bytes(long_program, command, tmp_path):
+    written, report = tmp_path / "out.mod", tmp_path / "out.csv"
+    args = ("--cell", "samples/slot/cell.toml")
+    command("compensate", long_program, *args, "-o", written, "--report", report)
+    done = deflex.compensate(long_program, "samples/slot/cell.toml")
+    assert next(iter(done.files.values())) == written.read_bytes()
+    assert done.csv == report.read_text()
+    judged = tmp_path / "judged.csv"
+    command("predict", written, *args, "--against", long_program, "--report", judged)
+    again = deflex.predict(written, "samples/slot/cell.toml", against=long_program)
+    assert again.csv == judged.read_text()
+    assert "<html" in done.html[:200]
+
+
+def test_forces_from_a_file_and_from_a_frame(command, tmp_path):
+    import pandas
+
+    cell, program = "samples/closed-loop/cell.toml", "samples/closed-loop/transfer.mod"
+    measured = "samples/closed-loop/transfer_measured.csv"
+    report = tmp_path / "out.csv"
+    command("predict", program, "--cell", cell, "--forces", measured, "--report", report)
+    frame = pandas.read_csv(measured)
+    for forces in (measured, frame, {name: frame[name] for name in ("target", "fx_n", "fy_n", "fz_n", "time_s") if name in frame}):
+        assert deflex.predict(program, cell, forces).csv == report.read_text()
+
+
+@pytest.mark.slow
+def test_identify(command, tmp_path):
+    import pandas
+
+    cell, program, measured = (f"samples/closed-loop/{name}" for name in ("cell.toml", "part.mod", "measured.csv"))
+    answer, extended, report = tmp_path / "found.json", tmp_path / "cell.toml", tmp_path / "residuals.csv"
+    command("identify", "--run", program, measured, "--cell", cell, "-o", extended, "--json", answer, "--report", report)
+    found = deflex.identify(runs=[(program, measured)], cell=cell)
+    assert found.json == json.loads(answer.read_text())
+    assert found.cell.to_toml() == extended.read_text()
+    same_report(found.residuals, report.read_text())
+    assert found.added[0].kind == "backlash" and found.after.rms_mm < found.before.rms_mm
+    assert found.ranking[0]["kind"] and "backlash" in repr(found) and "<iframe" in found._repr_html_()
+    # The same rows from a frame: the same answer, but for the name and the hash of what was measured.
+    framed = deflex.identify(runs=[(deflex.Program.read(program), pandas.read_csv(measured))], cell=deflex.Cell.read(cell))
+    for key in ("added", "before", "after", "ranking", "noise_mm"):
+        assert framed.json[key] == found.json[key], key
+
+
+def test_the_command_is_the_module(command):
+    assert command("--version").stdout.decode().split() == ["deflex", deflex.__version__]
+    assert b"deflex compensate" in command("--help").stdout
+    command("predict", "samples/slot/slot.mod", code=2)
+    assert "usage" in command("predict", code=2).stderr.decode().lower()

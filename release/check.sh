@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# What the action does: `deflex check` on PROGRAMS, findings into the file SARIF; its exit code is the answer.
+set -euo pipefail
+shopt -s globstar nullglob
+PATH="${RUNNER_TEMP:-/nowhere}/deflex/bin:$PATH"
+
+# Wildcards and words are the caller's to write: they are split here, and nothing of them is run.
+# shellcheck disable=SC2206
+programs=($PROGRAMS)
+# shellcheck disable=SC2206
+arguments=(${ARGUMENTS:-})
+[ ${#programs[@]} -gt 0 ] || { echo "no program matches: $PROGRAMS" >&2; exit 2; }
+[ -z "${AGAINST:-}" ] || arguments+=(--against "$AGAINST")
+echo "sarif=$SARIF" >>"${GITHUB_OUTPUT:-/dev/null}"
+deflex check "${programs[@]}" --cell "$CELL" --max-error "$MAX_ERROR" "${arguments[@]}" --format sarif >"$SARIF"
