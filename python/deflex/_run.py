@@ -115,7 +115,7 @@ def compensate(
 
 def identify(
     runs: Iterable[tuple[AnyProgram, Table]] = (),
-    poses: Table | Sequence[Table] | None = None,
+    poses: Table | list[Table] | tuple[Table, ...] | None = None,
     *,
     cell: Cell | Path,
     tool: str | None = None,

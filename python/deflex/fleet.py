@@ -10,6 +10,7 @@ exception. Paths have to be good on the workers. The bytes are those of one proc
     print(done.failed)
 """
 
+import importlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +23,8 @@ from deflex._results import Correction, Record
 from deflex._tables import Table
 
 Path = str | os.PathLike[str]
-Runs = Sequence[tuple[_run.AnyProgram, Table]]
+#: Programs by their paths, with what was measured on them.
+Runs = Sequence[tuple[Path | Sequence[Path], Table]]
 Progress = Callable[[int, int], object]
 
 #: How often a task is tried again where its worker fails in some other way than deflex's own refusal.
@@ -103,15 +105,16 @@ def _mapped(
     retries: int,
     progress: Progress | None,
 ) -> Results:
-    from distributed import as_completed, get_client
-
-    client = get_client() if client is None else client
+    # Neither asked for before it is needed, nor typed.
+    distributed: Any = importlib.import_module("distributed")
+    client = distributed.get_client() if client is None else client
     # A run is never another's, whatever its arguments: files may have changed.
     futures = [client.submit(task, *arguments, retries=retries, pure=False) for _, arguments in tasks]
-    for count, _ in enumerate(as_completed(futures), 1):
+    for count, _ in enumerate(distributed.as_completed(futures), 1):
         if progress is not None:
             progress(count, len(futures))
-    rows, files = [], {}
+    rows: list[Record] = []
+    files: dict[str, dict[str, bytes]] = {}
     for (name, _), future in zip(tasks, futures):
         try:
             figures, made = future.result()
