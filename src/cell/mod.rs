@@ -2,6 +2,7 @@
 //!
 //! Numbers here are as the file has them converted to SI; the file's own units stand in its keys.
 
+mod backup;
 mod check;
 mod cl;
 mod cut;
@@ -14,23 +15,27 @@ mod stock;
 mod syntax;
 mod template;
 mod uncertainty;
+mod unit;
 mod urdf;
 
+pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;
 pub use stock::StockSection;
 pub use template::{described_template, examples_left, template};
+pub(crate) use unit::AXES as EXTERNAL_AXIS_NAMES;
 pub use urdf::{Described, described};
 
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
 use crate::program::cl::ClOptions;
 use crate::program::post::Templates;
-use crate::robot::{Joints, Pose};
+use crate::robot::{Joints, Pose, Units};
 use crate::text::Diagnostic;
 use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A milling cell, read and checked.
 #[derive(Debug)]
@@ -61,6 +66,8 @@ pub struct Cell {
     pub notes: Vec<Diagnostic>,
     /// `[stock]`, where present.
     pub stock: Option<StockSection>,
+    /// `[[unit]]`: mechanical units besides the robot.
+    pub units: Arc<Units>,
 }
 
 /// `[limits]`: what would surprise the machine, m.

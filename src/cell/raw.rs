@@ -17,6 +17,8 @@ pub(super) struct Cell {
     pub(super) cut: Option<Cut>,
     pub(super) stock: Option<Stock>,
     #[serde(default)]
+    pub(super) unit: Vec<Unit>,
+    #[serde(default)]
     pub(super) effect: Vec<toml::Table>,
 }
 
@@ -173,6 +175,21 @@ pub(super) struct CoefficientKeys {
     pub(super) kte_n_mm: Option<f64>,
     pub(super) kre_n_mm: Option<f64>,
     pub(super) kae_n_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Unit {
+    pub(super) name: String,
+    pub(super) axis: String,
+    pub(super) kind: String,
+    pub(super) carries: String,
+    pub(super) direction: Option<[f64; 3]>,
+    pub(super) base_mm: Option<[f64; 3]>,
+    pub(super) base_quat: Option<[f64; 4]>,
+    pub(super) on: Option<String>,
+    pub(super) min: Option<f64>,
+    pub(super) max: Option<f64>,
 }
 
 #[derive(Deserialize)]

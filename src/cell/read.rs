@@ -78,6 +78,7 @@ impl Cell {
         let own = raw.tools.iter().filter_map(own).collect();
         let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own));
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
+        let units = super::unit::units(&mut check, &raw.unit).into();
         let (effects, covariances) = effects(&mut check, &raw.effect, stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
@@ -101,6 +102,7 @@ impl Cell {
                 cut,
                 notes: check.warnings,
                 stock,
+                units,
             }),
             _ => {
                 check.errors.sort_by_key(|error| (error.line, error.column));
@@ -116,7 +118,13 @@ fn frame(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
     Pose::from_parts(Translation3::new(x, y, z), rotation.to_rotation_matrix())
 }
 
-fn checked_frame(check: &mut Check, key: &str, names: [&str; 2], position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
+pub(super) fn checked_frame(
+    check: &mut Check,
+    key: &str,
+    names: [&str; 2],
+    position_mm: [f64; 3],
+    quat: [f64; 4],
+) -> Pose {
     check.finite(&format!("{key}.{}", names[0]), &position_mm);
     check.quat(&format!("{key}.{}", names[1]), quat);
     frame(position_mm, quat)

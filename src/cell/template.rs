@@ -68,13 +68,55 @@ pub fn described_template(described: &Described, file: &str) -> String {
     cell(&head, &stiffness(None), &tool)
 }
 
+/// Tools and work objects of a cell file, as text, and which of them CL input is for.
+#[derive(Default)]
+pub(super) struct Frames {
+    pub(super) text: String,
+    pub(super) tool: Option<String>,
+    pub(super) wobj: Option<String>,
+}
+
+/// The file of a robot that a controller's backup tells of: `head` is all of it up to the stiffness.
+pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Frames) -> String {
+    let mut own = Frames { text: frames.text.clone(), tool: frames.tool.clone(), wobj: frames.wobj.clone() };
+    if frames.tool.is_none() {
+        own.text += TOOL;
+        own.text.push('\n');
+    }
+    if frames.wobj.is_none() {
+        own.text += WOBJ;
+    }
+    file(head, &stiffness(published), &own)
+}
+
 /// Text of somebody else's in one line of a comment.
 fn comment(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
 
+/// What stands for a tool and a work object in every file.
+const TOOL: &str = r#"[tools.tMill]
+tcp_mm = [0.0, 0.0, 310.0]      # << tooldata, tframe
+tcp_quat = [1.0, 0.0, 0.0, 0.0] # << tooldata, tframe
+mass_kg = 18.0                  # << tooldata, tload
+cog_mm = [0.0, 0.0, 120.0]      # << tooldata, tload
+"#;
+const WOBJ: &str = r#"[wobjs.wPart]
+uframe_mm = [1000.0, -400.0, 700.0]   # << wobjdata, uframe
+uframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, uframe
+oframe_mm = [0.0, 0.0, 0.0]           # << wobjdata, oframe
+oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe
+"#;
+
 /// The whole file from what is known of the robot.
 fn cell(head: &str, stiffness: &str, tool: &str) -> String {
+    let frames = format!("{TOOL}{tool}\n{WOBJ}");
+    file(head, stiffness, &Frames { text: frames, tool: None, wobj: None })
+}
+
+fn file(head: &str, stiffness: &str, frames: &Frames) -> String {
+    let (tool, wobj) = (frames.tool.as_deref().unwrap_or("tMill"), frames.wobj.as_deref().unwrap_or("wPart"));
+    let frames = &frames.text;
     let mut text = String::new();
     let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
     let kinds: Vec<String> = names.chunks(7).map(|line| line.join(", ")).collect();
@@ -96,22 +138,11 @@ max_step_mm = 0.5               # so does a larger step between neighbouring cor
 compensates = []                # << "gravity", "geometry": what the controller corrects by itself (Absolute Accuracy)
 
 # Tools and work objects, by the names in the program, that it uses and does not declare; and those of CL input.
-[tools.tMill]
-tcp_mm = [0.0, 0.0, 310.0]      # << tooldata, tframe
-tcp_quat = [1.0, 0.0, 0.0, 0.0] # << tooldata, tframe
-mass_kg = 18.0                  # << tooldata, tload
-cog_mm = [0.0, 0.0, 120.0]      # << tooldata, tload
-{tool}
-[wobjs.wPart]
-uframe_mm = [1000.0, -400.0, 700.0]   # << wobjdata, uframe
-uframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, uframe
-oframe_mm = [0.0, 0.0, 0.0]           # << wobjdata, oframe
-oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe
-
+{frames}
 [cl]                            # CL input only
-tool = "tMill"                  # of [tools]
+tool = "{tool}"                  # of [tools]
 # tools = {{ "1" = "tRough", "2" = "tFinish" }}   # LOADTL numbers to [tools]; needed where the file has several
-wobj = "wPart"                  # of [wobjs]
+wobj = "{wobj}"                  # of [wobjs]
 units = "mm"                    # << where the file does not say: mm | inch
 point = "tip"                   # << what GOTO names: tip | centre
 spin = "fixed"                  # the TCP's x axis: fixed | feed | towards
@@ -147,6 +178,15 @@ material = "al7075"             # << a literature value is a start only: calibra
 # wobj = "wPart"                # in whose axes; left out: the first work object that cuts
 # box_mm = [[0.0, 0.0, -40.0], [300.0, 200.0, 0.0]]
 # resolution_mm = 0.5           # left out: from the smallest cutter
+
+# What besides the robot moves: tracks, positioners (docs/formats.md).
+# [[unit]]
+# name = "STN1"                 # as ActUnit and ufmec name it
+# axis = "eax_b"                # eax_a … eax_f
+# kind = "rotary"               # rotary: degrees about z of its frame | linear: mm along `direction`
+# carries = "part"              # part | robot
+# base_mm = [1500.0, 0.0, 600.0]
+# base_quat = [1.0, 0.0, 0.0, 0.0]
 
 # Effects that make the real arm differ; `deflex identify` appends them from measured data. Their kinds:
 # {kinds}.

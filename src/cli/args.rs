@@ -455,6 +455,9 @@ pub(super) struct Init {
     /// Robot description to take the kinematics from (xacro expanded)
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) urdf: Option<PathBuf>,
+    /// Backup of an ABB controller: robot, base, axis limits, mechanical units, tools and work objects
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, conflicts_with = "urdf")]
+    pub(super) backup: Option<PathBuf>,
     /// Its last link; without it `tool0`, `flange`, or the end of the only chain of six joints
     #[arg(long, value_name = "LINK", requires = "urdf")]
     pub(super) tip: Option<String>,

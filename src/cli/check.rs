@@ -204,11 +204,18 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
             .severity(Severity::Warning)
             .help("`deflex inspect` names their lines")
     });
+    let unsolved = predicted.rows.iter().filter(|row| !row.is_solved()).count();
+    let unsolved = (unsolved > 0).then(|| {
+        Diagnostic::error("check.not-judged", &name, format!("not judged: {unsolved} targets that are kept, unsolved"))
+            .severity(Severity::Warning)
+            .help("`deflex predict --report` names them and why")
+    });
     let mut noticed = Noticed::new(setup.options.forces.as_ref(), None);
     noticed.take(&predicted.rows);
     let left_out = noticed.notes(&name)?;
     let contradicted = contradictions(&program, cell);
-    let notes = predicted.notes.into_iter().chain(contradicted).chain(left_out).chain(not_judged).collect();
+    let notes =
+        predicted.notes.into_iter().chain(contradicted).chain(left_out).chain(not_judged).chain(unsolved).collect();
     Ok(Checked { file, outputs, rows, path, notes })
 }
 

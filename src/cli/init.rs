@@ -3,10 +3,10 @@
 use super::args::Init;
 use super::output::{Outputs, print};
 use super::{Answer, Outcome};
-use deflex::cell::{described, described_template, nearest, template};
+use deflex::cell::{backup_template, described, described_template, nearest, template};
 use deflex::robot::BUILTIN;
-use deflex::text::Diagnostic;
-use std::path::Path;
+use deflex::text::{Diagnostic, Source};
+use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Init) -> Outcome {
     if args.list {
@@ -19,6 +19,11 @@ pub(super) fn run(args: &Init) -> Outcome {
         let source = super::input::source(path)?;
         let described = described(&source, args.tip.as_deref())?;
         return write(args, &described_template(&described, &source.name));
+    }
+    if let Some(folder) = &args.backup {
+        let moc = super::input::source(&folder.join("SYSPAR/MOC.cfg"))?;
+        let modules = modules(folder)?;
+        return write(args, &backup_template(&moc, &modules, args.robot.as_deref())?);
     }
     let Some(model) = args.robot.as_deref() else {
         let models: Vec<&str> = BUILTIN.iter().map(|robot| &robot.model[..]).collect();
@@ -37,6 +42,29 @@ pub(super) fn run(args: &Init) -> Outcome {
         return Err(Diagnostic::error("init.robot", "", format!("no built-in robot `{model}`")).help(help).into());
     };
     write(args, &template(robot))
+}
+
+/// The modules of a backup, task by task, by their names.
+fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
+    let entries = |folder: &Path| {
+        let mut found: Vec<PathBuf> =
+            std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();
+        found.sort();
+        found
+    };
+    let is_module = |path: &PathBuf| {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        ending.is_some_and(|ending| matches!(&ending[..], "mod" | "sys" | "modx" | "sysx"))
+    };
+    let mut sources = Vec::new();
+    for task in entries(&folder.join("RAPID")) {
+        for kind in ["PROGMOD", "SYSMOD"] {
+            for path in entries(&task.join(kind)).iter().filter(|path| is_module(path)) {
+                sources.push(super::input::source(path)?);
+            }
+        }
+    }
+    Ok(sources)
 }
 
 /// Writes the cell file.

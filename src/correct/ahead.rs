@@ -1,5 +1,6 @@
 //! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
 
+use super::mount::Stand;
 use super::path::{CHORD, Carried, RunWith};
 use super::point::Point;
 use super::spin;
@@ -58,29 +59,34 @@ impl Ahead {
         }
     }
 
-    /// Looks at targets, with their settings, and the point before them.
+    /// Looks at targets, with their settings and where units put them, and the point before them.
     pub(super) fn look(
         &mut self,
         robot: Option<&BatchArm<'_>>,
-        (targets, settings): (&[Target], &[RunWith]),
+        (targets, settings, stands): (&[Target], &[RunWith], &[Stand]),
         carried: &Carried<'_>,
         before: Option<&Point>,
     ) {
         (self.posed, self.stretch) = (false, false);
+        // With a stationary tool they are found one by one.
+        let setting = |lane: usize| stands[lane].setting(&carried.settings[settings[lane].setting as usize]);
+        let robot = robot.filter(|_| (0..targets.len()).all(|lane| !setting(lane).held));
         let Some(robot) = robot else { return };
         let near = carried.near.unwrap_or_else(Joints::zeros);
         let first = settings[0];
         let before = before.filter(|before| before.setting == first.setting && settings.iter().all(|s| *s == first));
+        let before = before.filter(|before| before.unsolved.is_none());
+        let before = before.filter(|_| stands.iter().all(|stand| stand.unsolved.is_none() && !stand.apart));
         let is_pose = |target: &Target| matches!(target.goal, Goal::Pose { .. });
         if targets.iter().any(is_pose) {
-            let place = |lane: usize| place(&targets[lane], &carried.settings[settings[lane].setting as usize], &near);
+            let place = |lane: usize| place(&targets[lane], setting(lane), &near);
             robot.find(targets.len(), place, &mut self.found);
             self.posed = true;
             self.stretch = before.is_some() && targets.iter().all(is_pose);
         } else if let Some(before) = before
             && self.turn(targets, before, carried.spun).is_some()
         {
-            let Setting { base_from_wobj, tool } = &carried.settings[before.setting as usize];
+            let Setting { base_from_wobj, tool, .. } = &carried.settings[before.setting as usize].setting;
             robot.find_posed((base_from_wobj, &tool.flange_from_tcp), &near, &mut self.found);
             (self.posed, self.stretch) = (true, true);
         }
@@ -152,7 +158,7 @@ impl Ahead {
     }
 }
 
-fn place<'t>(target: &'t Target, Setting { base_from_wobj, tool }: &'t Setting, near: &'t Joints) -> Place<'t> {
+fn place<'t>(target: &'t Target, Setting { base_from_wobj, tool, .. }: &'t Setting, near: &'t Joints) -> Place<'t> {
     let (position_mm, quat) = match &target.goal {
         Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
         Goal::Axis { .. } | Goal::Joints { .. } => (&[0.0; 3], &[1.0, 0.0, 0.0, 0.0]),

@@ -27,6 +27,19 @@ impl<'a> Collected<'a> {
         Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
     }
 
+    /// Whether it is not known where the controller goes.
+    pub(super) fn is_unsolved(&self, i: usize) -> bool {
+        self.prepared.points[i].unsolved.is_some()
+    }
+
+    /// The row of a target that is not solved.
+    pub(super) fn unsolved_row(&mut self, i: usize) {
+        let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
+        if let Some(why) = point.unsolved.filter(|_| path::is_end(target)) {
+            self.rows.push(Row::unsolved(target, why));
+        }
+    }
+
     pub(super) fn row(&mut self, i: usize, there: &PredictedPose) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
         if !path::is_end(target) {
@@ -61,6 +74,9 @@ impl<'a> Collected<'a> {
     }
 
     pub(super) fn fail(&mut self, i: usize, error: &EquilibriumError) {
+        if self.is_unsolved(i) {
+            return;
+        }
         let help = match error {
             EquilibriumError::Unreachable(_) => "move the work object or the start branch, or change the program there",
             EquilibriumError::NoEquilibrium { .. } => {

@@ -5,6 +5,7 @@
 //! small: a segment so short that the joints hardly move is known from its ends.
 
 use super::Prepared;
+use super::mount::Moved;
 use super::path::{self, travel};
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
@@ -15,6 +16,7 @@ use crate::program::Program;
 use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// What is left on the way into a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,6 +64,8 @@ pub(super) struct Node {
     pub(super) commanded: Pose,
     /// Of the arc that ends here, its circle point; `None` for a line.
     pub(super) via: Option<Pose>,
+    /// Where units are there.
+    pub(super) moved: Option<Arc<Moved>>,
 }
 
 /// A program as it is commanded, target by target.
@@ -212,12 +216,17 @@ impl WalkedPath<'_> {
             None => self.last.map(|last| (&last.point, last.commanded, last.motor))?,
         };
         let turned = before.take();
-        if Kind::of(self.program, i) != Kind::Line || start.setting != point.setting {
+        let stand = match (&start.moved, &point.moved) {
+            (None, None) => true,
+            (Some(from), Some(to)) => from.setting == to.setting,
+            _ => false,
+        };
+        if Kind::of(self.program, i) != Kind::Line || start.setting != point.setting || !stand {
             return None;
         }
         let chord = point.reference.translation.vector - start.reference.translation.vector;
         let along = chord.try_normalize(path::CHORD);
-        let rotation = &self.prepared.base_from_wobj(i).rotation;
+        let rotation = &self.prepared.setting(i).base_from_wobj.rotation;
         *before = along.map(|along| rotation * along).or(turned);
         let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();
         let left = commanded.predicted_poses[i].as_ref().ok()?.shift;
@@ -253,17 +262,19 @@ impl WalkedPath<'_> {
     }
 
     fn parts(&self, solver: &Solver<'_>, (at, segment): (usize, &Segment<'_>), start: &Start, parts: &mut Vec<Part>) {
-        let (i, commanded, setting) = (segment.end, self.commanded, self.prepared.setting(segment.end));
+        let (i, commanded) = (segment.end, self.commanded);
+        let Some(begins) = start.seen(&start.commanded, self.prepared, i) else { return };
         let Some((motor, travel)) = (commanded.motors)(i) else { return };
         let first = commanded.nodes.partition_point(|node| node.before < i);
         let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
-        let (mut share, mut pose, mut near) = (0.0, start.seen(&start.commanded, setting), start.motor);
+        let (mut share, mut pose, mut near) = (0.0, begins, start.motor);
         for node in nodes {
             let track = match &node.via {
                 Some(via) => Track::arc(&pose, via, &node.commanded),
                 None => Track::line(&pose, &node.commanded),
             };
-            let to = controller_motor(&solver.arm.robot, setting, &node.commanded, &near).unwrap_or(near);
+            let setting = segment.setting(node.share);
+            let to = controller_motor(&solver.arm.robot, &setting, &node.commanded, &near).unwrap_or(near);
             parts.push(Part::new(at, (share, node.share), track, [near, to], travel));
             (share, pose, near) = (node.share, node.commanded, to);
         }
@@ -374,12 +385,13 @@ impl<'p> Measure<'_, '_, 'p> {
     /// Circumstances at a tick of a part.
     fn point(&self, part: &Part, tick: u16) -> Option<Point> {
         let segment = self.segment(part);
-        let (robot, setting) = (&self.solver.arm.robot, self.solver.prepared.setting(segment.end));
+        let robot = &self.solver.arm.robot;
         let at = |tick: f64| {
             let share = tick / f64::from(TICKS);
             let near = part.motors[0] + (part.motors[1] - part.motors[0]) * share;
             let pose = part.commanded.pose(share);
-            Some((pose, controller_motor(robot, setting, &pose, &near)?))
+            let setting = segment.setting(part.from + share * (part.to - part.from));
+            Some((pose, controller_motor(robot, &setting, &pose, &near)?))
         };
         let (commanded, motor) = match tick {
             0 => (part.commanded.pose(0.0), part.motors[0]),

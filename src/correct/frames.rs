@@ -1,9 +1,10 @@
 //! Tools and work objects of a program, from the program itself or from the cell, in SI.
 
 use super::Options;
+use super::mount::NO_WOBJ_UNIT;
 use crate::cell::{Cell, nearest};
 use crate::effects::ToolFrame;
-use crate::program::{Program, ToolData, WobjData};
+use crate::program::{Program, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -81,13 +82,43 @@ pub(super) fn tools(
     if errors.is_empty() { Ok(tools) } else { Err(errors) }
 }
 
-/// Every work object of the program by its index, as the object frame in the robot's base.
-pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Pose>>, Vec<Diagnostic>> {
-    let base_from_world = cell.arm.robot.world_from_base.inverse();
+/// The object frame of a work object: in the world, or in the frame of the unit that moves it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WobjFrame {
+    /// Index of the unit.
+    pub(super) unit: Option<usize>,
+    pub(super) frame: Pose,
+}
+
+impl WobjFrame {
+    /// In the world.
+    pub(super) fn fixed(frame: Pose) -> Self {
+        Self { unit: None, frame }
+    }
+}
+
+/// A work object that is declared; `Err` where a unit moves it that the cell does not declare, and why it is not solved.
+pub(super) type Declared = Result<WobjFrame, &'static str>;
+
+/// A work object of the program, as program or cell declare it.
+fn declared(wobj: &Wobj, cell: &Cell) -> Option<Declared> {
+    let Some(data) = &wobj.data else {
+        return cell.wobjs.get(&wobj.name.to_ascii_uppercase()).map(|frame| Ok(WobjFrame::fixed(*frame)));
+    };
+    Some(match &wobj.unit {
+        None => Ok(WobjFrame::fixed(object_frame(data))),
+        Some(name) => match cell.units.named(name) {
+            unit @ Some(_) => Ok(WobjFrame { unit, frame: pose(data.oframe_mm, data.oframe_quat) }),
+            None => Err(NO_WOBJ_UNIT),
+        },
+    })
+}
+
+/// Every work object of the program by its index.
+pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declared>>, Vec<Diagnostic>> {
     let mut errors = Vec::new();
     let wobjs = program.wobjs.iter().enumerate().map(|(i, wobj)| {
-        let frame = wobj.data.as_ref().map(object_frame);
-        let frame = frame.or_else(|| cell.wobjs.get(&wobj.name.to_ascii_uppercase()).copied());
+        let frame = declared(wobj, cell);
         if frame.is_none() {
             errors.extend(first_use(program, |t| usize::from(t.wobj) == i).map(|diagnostic| {
                 diagnostic(
@@ -101,18 +132,17 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Pose>>,
                 )
             }));
         }
-        frame.map(|world_from_wobj| base_from_world * world_from_wobj)
+        frame
     });
     let wobjs = wobjs.collect();
     if errors.is_empty() { Ok(wobjs) } else { Err(errors) }
 }
 
-/// A work object by its name, in the base.
-pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<Pose> {
-    let declared = program.wobjs.iter().find(|wobj| wobj.name.eq_ignore_ascii_case(name));
-    let frame = declared.and_then(|wobj| wobj.data.as_ref()).map(object_frame);
-    let frame = frame.or_else(|| cell.wobjs.get(&name.to_ascii_uppercase()).copied());
-    frame.map(|world_from_wobj| cell.arm.robot.world_from_base.inverse() * world_from_wobj)
+/// A work object by its name.
+pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<WobjFrame> {
+    let of_program = program.wobjs.iter().find(|wobj| wobj.name.eq_ignore_ascii_case(name));
+    let of_program = of_program.and_then(|wobj| declared(wobj, cell)?.ok());
+    of_program.or_else(|| cell.wobjs.get(&name.to_ascii_uppercase()).copied().map(WobjFrame::fixed))
 }
 
 /// A maker of diagnostics at the first target that uses something; `None` where nothing does.

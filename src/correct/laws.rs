@@ -23,6 +23,33 @@ pub(super) struct Law {
     /// At rest: N, feed frame, and the height of the contact point over the tip, m.
     force: Vector3<f64>,
     pub(super) height: Option<f64>,
+    pub(super) mirrored: Mirrored,
+}
+
+/// The law seen from a stationary tool: the part moves, and the force on it is the other way.
+#[derive(Clone, Debug)]
+pub(super) struct Mirrored {
+    table: Arc<FeedTable>,
+    /// Of the tool that leans as the law has it, feed frame.
+    axis: Vector3<f64>,
+    slope: Vector3<f64>,
+    force: Vector3<f64>,
+}
+
+impl ForceLaw for Mirrored {
+    fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
+        // What turns the part one way turns the tool in it the other way; turns are small.
+        let axis = Unit::new_normalize(2.0 * self.axis - axis);
+        -self.table.mean_force(&-shift, &axis)
+    }
+
+    fn slope(&self) -> Vector3<f64> {
+        self.slope
+    }
+
+    fn rest(&self) -> Option<Vector3<f64>> {
+        Some(-self.force)
+    }
 }
 
 impl ForceLaw for Law {
@@ -108,7 +135,7 @@ impl<'a> Laws<'a> {
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
-        if !self.may_cut(target) {
+        if !self.cuts(target) {
             return Ok(PointLoad::Air);
         }
         let constant = |force, follows| PointLoad::Constant { force, follows };
@@ -164,7 +191,7 @@ impl<'a> Laws<'a> {
             return Ok(None);
         }
         let Ok(milling) = self.cell.milling(&self.tools[tool].0) else { return Ok(None) };
-        let cuts = self.may_cut(target);
+        let cuts = self.cuts(target);
         let feed_per_tooth = if cuts && !has_table && self.follows_stock(tool) {
             Some(self.feed_per_tooth(target, tool)?)
         } else {
@@ -206,8 +233,13 @@ impl<'a> Laws<'a> {
         Ok(1e-3 * feed * 60.0 / (rpm * f64::from(milling.cutter.teeth)))
     }
 
+    /// Whether a move may cut what a tool goes through.
+    pub(super) fn may_cut(&self, target: &Target, tool: usize) -> bool {
+        self.cuts(target) && self.cell.milling(&self.tools[tool].0).is_ok()
+    }
+
     /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
-    fn may_cut(&self, target: &Target) -> bool {
+    fn cuts(&self, target: &Target) -> bool {
         match target.mark {
             Some(Mark::Air) => false,
             Some(Mark::Cut) => true,
@@ -236,7 +268,8 @@ impl<'a> Laws<'a> {
         let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
         let (force, height) = (force(0.0), milling.contact_height(&axis));
         let lean = *self.lean(tool);
-        self.laws.push(Law { milling, table, lean, slope, force, height });
+        let mirrored = Mirrored { table: Arc::clone(&table), axis: axis.into_inner(), slope, force };
+        self.laws.push(Law { milling, table, lean, slope, force, height, mirrored });
         Ok(self.laws.len() - 1)
     }
 

@@ -10,7 +10,7 @@ use super::point::Point;
 use super::row::{Row, Status};
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
-use super::{Cuts, Options, Prepared, deviation, frames, removal, segment, sigma, stiffness, subdivide};
+use super::{Cuts, Options, Prepared, deviation, frames, mount, removal, segment, sigma, stiffness, subdivide};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
@@ -98,13 +98,17 @@ pub(super) fn warm_start(
     let mut out = Collected::new(program, prepared);
     for (i, there) in there.iter().enumerate() {
         match there {
+            _ if out.is_unsolved(i) => out.unsolved_row(i),
             Ok(there) => out.row(i, there),
             Err(error) => out.fail(i, error),
         }
     }
     let commanded = Commanded {
         poses: &|i| prepared.points[i].wobj_from_tcp,
-        motors: &|i| Some((prepared.points[i].motor, prepared.points[i].travel)),
+        motors: &|i| {
+            let point = &prepared.points[i];
+            point.unsolved.is_none().then_some((point.motor, point.travel))
+        },
         predicted_poses: &there,
         near: &|_| WarmStart::default(),
         nodes: &[],
@@ -212,8 +216,11 @@ pub(super) fn chunk(
         segment::follow_arcs(program, &mut prepared);
     }
     let arm = &cell.arm;
-    let modes: Vec<CorrectionMode> =
-        program.targets.iter().map(|t| CorrectionMode::of(t.editable, options.correct)).collect();
+    let mode = |(target, point): (&Target, &Point)| match point.unsolved {
+        Some(_) => CorrectionMode::Keep,
+        None => CorrectionMode::of(target.editable, options.correct),
+    };
+    let modes: Vec<CorrectionMode> = program.targets.iter().zip(&prepared.points).map(mode).collect();
     let solver = Solver::new(arm, &prepared, parallelism);
     let first = solver.first(&modes);
     let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
@@ -302,6 +309,10 @@ pub(super) fn chunk(
 
     let kept = rewritten.as_ref().map_or(&[][..], |r| &r.kept[..]);
     for (i, first) in first.iter().enumerate() {
+        if out.is_unsolved(i) {
+            out.unsolved_row(i);
+            continue;
+        }
         let uncorrected = match &first.uncorrected {
             Ok(uncorrected) => uncorrected,
             Err(error) => {
@@ -334,7 +345,7 @@ pub(super) fn chunk(
     }
     let commanded = Commanded {
         poses: &|i| frames::pose(written[i].0, written[i].1),
-        motors: &|i| reached[i].is_ok().then_some(travels[i]),
+        motors: &|i| (reached[i].is_ok() && prepared.points[i].unsolved.is_none()).then_some(travels[i]),
         predicted_poses: &after,
         near: &|i| first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby),
         nodes: &nodes,
@@ -441,11 +452,28 @@ fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic>
                 .help("give `[robot] start_deg` in the cell"),
         );
     }
+    notes.extend(unsolved_notes(program, prepared));
     for kind in &cell.controller.left_out {
         let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
         notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
     }
     notes
+}
+
+/// What of the cell is missing for targets that are not solved: once a reason, where it is first so.
+fn unsolved_notes(program: &Program, prepared: &Prepared) -> Vec<Diagnostic> {
+    let mut notes: Vec<(&str, Diagnostic)> = Vec::new();
+    for (target, point) in program.targets.iter().zip(&prepared.points) {
+        let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why)?))) else { continue };
+        if notes.iter().all(|(known, _)| *known != why) {
+            let count = prepared.points.iter().filter(|point| point.unsolved == Some(why)).count();
+            let source = &program.sources[usize::from(target.source)];
+            let message = format!("{why}: {count} targets are kept, unsolved");
+            let told = Diagnostic::error("target.kept", "", message).on_line(source, target.span, target.line);
+            notes.push((why, told.severity(Severity::Warning).help(help)));
+        }
+    }
+    notes.into_iter().map(|(_, note)| note).collect()
 }
 
 /// The original of a program with so many targets has another number of them.
@@ -462,7 +490,16 @@ impl Prepared {
             let name = program.sources.first().map_or("", |s| s.name.as_str());
             return Err(vec![other_count(name, self.points.len(), original.points.len())]);
         }
-        for (point, original) in self.points.iter_mut().zip(&original.points) {
+        for (i, (point, original)) in self.points.iter_mut().zip(&original.points).enumerate() {
+            let external = |point: &Point| point.moved.as_ref().map(|moved| moved.external.map(f64::to_bits));
+            if external(point) != external(original) {
+                let target = &program.targets[i];
+                let source = &program.sources[usize::from(target.source)];
+                let message = format!("target {}: its external axes stand elsewhere in the original", target.ordinal);
+                let told = Diagnostic::error("against.external", "", message);
+                let help = "--against takes the program that this one was corrected from";
+                return Err(vec![told.on_line(source, target.span, target.line).help(help)]);
+            }
             let commanded: (Pose, Joints, Joints) = (point.wobj_from_tcp, point.motor, point.travel);
             *point = original.clone();
             (point.wobj_from_tcp, point.motor, point.travel) = commanded;

@@ -20,6 +20,7 @@ mod judge;
 mod laws;
 mod line;
 mod messages;
+mod mount;
 mod ordered;
 mod parallelism;
 mod path;
@@ -57,9 +58,10 @@ use crate::cell::Cell;
 use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::program::Program;
-use crate::robot::{Joints, Pose, StartedFrom};
+use crate::robot::{Joints, Pose, Robot, StartedFrom};
 use crate::stock::Front;
 use crate::text::Diagnostic;
+use mount::Mount;
 use std::sync::Arc;
 
 /// Direction of travel into motor angles from the ones before and the direction there.
@@ -106,7 +108,7 @@ pub struct Prepared {
     /// How the first target's branch was chosen.
     pub started: StartedFrom,
     /// What the points are run with.
-    settings: Vec<Setting>,
+    settings: Vec<Mount>,
     /// Laws that the points' cuts refer to.
     laws: Vec<laws::Law>,
     /// Cutters that the points lead through the stock.
@@ -127,13 +129,13 @@ impl Prepared {
     }
 
     /// Points that were measured without a program: their work object is the base.
-    pub(crate) fn of_points(points: Vec<Point>, tool: ToolFrame) -> Self {
-        let base = Setting { base_from_wobj: Pose::identity(), tool };
+    pub(crate) fn of_points(points: Vec<Point>, robot: &Robot, tool: ToolFrame) -> Self {
+        let base = Setting { base_from_wobj: Pose::identity(), gravity: robot.gravity(), tool, held: false };
         Self {
             points,
             before: None,
             started: StartedFrom::JointTarget,
-            settings: vec![base],
+            settings: vec![Mount::fixed(base)],
             laws: Vec::new(),
             fronts: Vec::new(),
             notes: Vec::new(),
@@ -143,24 +145,34 @@ impl Prepared {
     /// Moves the work objects under points that stay where they are in the base.
     pub(crate) fn place_in(&mut self, base_from_wobj: impl Fn(&Pose) -> Pose) {
         let before = self.settings.clone();
-        for setting in &mut self.settings {
+        for Mount { setting, .. } in &mut self.settings {
             setting.base_from_wobj = base_from_wobj(&setting.base_from_wobj);
         }
         for point in &mut self.points {
             let at = point.setting as usize;
-            let base_from_tcp = before[at].base_from_wobj * point.wobj_from_tcp;
-            point.wobj_from_tcp = self.settings[at].base_from_wobj.inv_mul(&base_from_tcp);
+            let base_from_tcp = before[at].setting.base_from_wobj * point.wobj_from_tcp;
+            point.wobj_from_tcp = self.settings[at].setting.base_from_wobj.inv_mul(&base_from_tcp);
             point.reference = point.wobj_from_tcp;
         }
     }
 
     /// Declared work object of point `i` in the base.
     #[must_use]
-    pub fn base_from_wobj(&self, i: usize) -> &Pose {
-        &self.setting(i).base_from_wobj
+    pub fn base_from_wobj(&self, i: usize) -> Pose {
+        let setting = self.setting(i);
+        if setting.held {
+            return setting.base_from_wobj * self.points[i].reference.inverse();
+        }
+        setting.base_from_wobj
     }
 
-    /// Declared tool of point `i`.
+    /// The TCP in the work object of point `i`, from the answer to [`Prepared::situation`].
+    #[must_use]
+    pub fn seen(&self, i: usize, pose: Pose) -> Pose {
+        self.points[i].seen(self.setting(i), pose)
+    }
+
+    /// Declared tool of point `i`; of a stationary one, the work object in the flange.
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
@@ -180,7 +192,19 @@ impl Prepared {
     }
 
     fn setting(&self, i: usize) -> &Setting {
+        let point = &self.points[i];
+        point.moved.as_ref().map_or_else(|| &self.mount(i).setting, |moved| &moved.setting)
+    }
+
+    /// What point `i` is run with, wherever units stand.
+    fn mount(&self, i: usize) -> &Mount {
         &self.settings[self.points[i].setting as usize]
+    }
+
+    /// Why the target of point `i` is not solved, where that is so.
+    #[must_use]
+    pub fn unsolved(&self, i: usize) -> Option<&'static str> {
+        self.points[i].unsolved
     }
 
     /// Error at the contact point of point `i` along its surface normal, m.

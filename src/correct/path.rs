@@ -1,20 +1,22 @@
 //! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
 
 use super::ahead::{Ahead, Approach};
-use super::frames::{self, pose};
+use super::frames::{self, WobjFrame, pose};
 use super::laws::Laws;
+use super::mount::{MISFIT, Mount, Moved, Stand};
 use super::point::{Point, PointLoad, tool_axis};
 use super::spin;
 use super::{Options, Prepared};
 use crate::cell::Cell;
-use crate::effects::ToolFrame;
+use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
-use crate::program::{Conf, Goal, Motion, Program, Role, Target};
+use crate::program::{Conf, Editable, Goal, Language, Motion, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
+use std::sync::Arc;
 
 /// Directions of commanded motion smaller than this are stops, rad (`docs/effects.md`).
 pub(super) const TRAVEL_THRESHOLD: f64 = 1e-7;
@@ -33,7 +35,7 @@ pub(super) const CHORD: f64 = 1e-6;
 /// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
 pub(super) struct Carried<'a> {
     pub(super) laws: Laws<'a>,
-    pub(super) settings: Vec<Setting>,
+    pub(super) settings: Vec<Mount>,
     started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     pub(super) near: Option<Joints>,
@@ -59,8 +61,8 @@ impl<'a> Carried<'a> {
         }
     }
 
-    /// Index of a setting. Programs have few: a linear search.
-    fn setting(&mut self, wanted: Setting) -> u32 {
+    /// Index of a mount. Programs have few: a linear search.
+    fn setting(&mut self, wanted: Mount) -> u32 {
         let known = self.settings.iter().position(|known| *known == wanted);
         let index = known.unwrap_or_else(|| {
             self.settings.push(wanted);
@@ -88,7 +90,18 @@ pub(super) fn prepare(
         }
     };
     let tools: Vec<ToolFrame> = tools.into_iter().map(|tool| tool.unwrap_or(NO_TOOL)).collect();
-    let wobjs: Vec<Pose> = wobjs.into_iter().map(|wobj| wobj.unwrap_or(IDENTITY)).collect();
+    // Those that no target uses are of no interest.
+    let wobjs: Vec<_> = wobjs.into_iter().map(|wobj| wobj.unwrap_or(Ok(WobjFrame::fixed(IDENTITY)))).collect();
+    let wobj_of = |target: &Target| wobjs[usize::from(target.wobj)];
+    unsaid_units(program, cell)?;
+    let holds_part = |target: &Target| program.wobjs[usize::from(target.wobj)].data.is_some_and(|wobj| wobj.robhold);
+    let misfit = |target: &Target| {
+        let tool = program.tools[usize::from(target.tool)].data.filter(|_| options.tool.is_none());
+        (tool.is_none_or(|tool| tool.robhold) == holds_part(target)).then_some(MISFIT)
+    };
+    if program.targets.iter().any(holds_part) {
+        stationary(program, cell)?;
+    }
     let mut walk = Walk {
         program,
         cell,
@@ -98,15 +111,21 @@ pub(super) fn prepare(
         ahead: Ahead::new(cell),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
+        last_moved: None,
     };
     // Program's indices of tool and work object, and what both come to.
     let mut last = None;
     let mut run_with = |carried: &mut Carried<'_>, target: &Target| match last {
         Some((tool, wobj, known)) if (tool, wobj) == (target.tool, target.wobj) => known,
         _ => {
-            let (frame, base_from_wobj) = (tools[usize::from(target.tool)], wobjs[usize::from(target.wobj)]);
+            let frame = wobj_of(target).unwrap_or(WobjFrame::fixed(IDENTITY));
             let name = options.tool.as_deref().unwrap_or(&program.tools[usize::from(target.tool)].name);
-            let setting = carried.setting(Setting { base_from_wobj, tool: frame });
+            let tool = tools[usize::from(target.tool)];
+            let setting = carried.setting(if holds_part(target) {
+                Mount::held(cell, tool.flange_from_tcp, ToolFrame { flange_from_tcp: frame.frame, ..tool })
+            } else {
+                Mount::new(cell, frame, tool)
+            });
             let known = RunWith { setting, tool: carried.laws.tool(name) };
             last = Some((target.tool, target.wobj, known));
             known
@@ -115,11 +134,16 @@ pub(super) fn prepare(
     for (block, targets) in program.targets.chunks(WIDTH).enumerate() {
         let settings: SmallVec<[RunWith; WIDTH]> =
             targets.iter().map(|target| run_with(walk.carried, target)).collect();
+        let stands: SmallVec<[Stand; WIDTH]> = targets
+            .iter()
+            .zip(&settings)
+            .map(|(target, run_with)| walk.stand(target, *run_with, wobj_of(target).err().or(misfit(target))))
+            .collect();
         let Walk { ahead, many, carried, points, errors, .. } = &mut walk;
         let before = points.last().or(carried.before.as_ref()).filter(|_| errors.is_empty());
-        ahead.look(many.as_ref(), (targets, &settings), carried, before);
+        ahead.look(many.as_ref(), (targets, &settings, &stands), carried, before);
         for (lane, target) in targets.iter().enumerate() {
-            walk.step((block * WIDTH + lane, lane), target, settings[lane]);
+            walk.step((block * WIDTH + lane, lane), target, settings[lane], &stands[lane]);
         }
     }
     let unsprung = cell.arm.stiffness.is_none() && !walk.carried.unsprung;
@@ -136,7 +160,12 @@ pub(super) fn prepare(
             );
         }
     }
-    let Walk { points, errors, carried, .. } = walk;
+    let Walk { mut points, errors, carried, .. } = walk;
+    // An arc is known by both its points, or not at all.
+    for end in (1..points.len()).filter(|end| errors.is_empty() && program.targets[end - 1].role == Role::Via) {
+        let why = points[end - 1].unsolved.or(points[end].unsolved);
+        (points[end - 1].unsolved, points[end].unsolved) = (why, why);
+    }
     let before = carried.before.clone();
     carried.before = points.last().cloned().or_else(|| carried.before.take());
     if errors.is_empty() {
@@ -152,6 +181,32 @@ pub(super) fn prepare(
     } else {
         Err(errors)
     }
+}
+
+/// CL data do not say where units stand: a cell whose robot stands on one cannot run them.
+fn unsaid_units(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+    match (program.language, cell.units.under_robot(), program.sources.first()) {
+        (Language::Cl, Some(unit), Some(source)) => {
+            let name = &cell.units.all()[unit].name;
+            let message = format!("CL data do not say where unit `{name}` of the cell stands, which carries the robot");
+            let help = "put [robot] base_mm where the robot stands for this program, and leave the [[unit]] out";
+            Err(vec![Diagnostic::error("cell.unit", &source.name, message).help(help)])
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What cannot be said of a stationary tool yet.
+fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+    let on_tool = Parts::TCP.and(Parts::WOBJ).and(Parts::TIP).and(Parts::FLANGE);
+    let effect = cell.arm.effects.iter().find(|effect| effect.law().parts().has(on_tool));
+    let message = match (effect, &cell.stock) {
+        (Some(effect), _) => format!("effect `{}` is not known of a stationary tool", effect.kind()),
+        (None, Some(_)) => "[stock] is not known of a part that the robot holds".to_owned(),
+        (None, None) => return Ok(()),
+    };
+    let name = program.sources.first().map_or("", |source| &source.name);
+    Err(vec![Diagnostic::error("cell.stationary", name, message).help("leave it out of the cell for this program")])
 }
 
 /// What a target is run with.
@@ -179,16 +234,70 @@ struct Walk<'a, 'c> {
     ahead: Ahead,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
+    /// Of the last target on units, with its mount.
+    last_moved: Option<(u32, Arc<Moved>)>,
 }
 
 impl Walk<'_, '_> {
-    fn setting(&self, index: u32) -> &Setting {
+    fn mount(&self, index: u32) -> &Mount {
         &self.carried.settings[index as usize]
     }
 
-    fn step(&mut self, (i, lane): (usize, usize), target: &Target, RunWith { setting, tool }: RunWith) {
+    /// Where units put a target.
+    fn stand(&mut self, target: &Target, RunWith { setting, .. }: RunWith, wobj: Option<&'static str>) -> Stand {
+        let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
+        let why = match target.editable {
+            Editable::No(why) if !target.located => Some(why),
+            _ => wobj,
+        };
+        if why.is_some() {
+            return Stand { moved: None, unsolved: why, apart };
+        }
+        if target.external.is_none() && self.cell.units.all().is_empty() {
+            return Stand::default();
+        }
+        let last = self.last_moved.as_ref().filter(|(last, _)| *last == setting).map(|(_, moved)| moved);
+        match Stand::of(self.cell, target, self.mount(setting), last) {
+            Ok(stand) => {
+                self.last_moved = stand.moved.clone().map(|moved| (setting, moved));
+                stand
+            }
+            Err(message) => {
+                let message = format!("target {} is not reached: {message}", target.ordinal);
+                let help = "check `min` and `max` of the cell's [[unit]], or the program";
+                self.refuse(target, "robot.unreachable", &message, help);
+                Stand::default()
+            }
+        }
+    }
+
+    /// Takes in a target of which it is not known where the controller goes.
+    fn pass_over(&mut self, target: &Target, why: &'static str, RunWith { setting, tool }: RunWith) {
+        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
+            let message = format!("what this move cuts of the stock is not known: {why}");
+            return self.refuse(target, "cell.stock", &message, "mark it `! deflex air`, or leave [stock] out");
+        }
+        let at = match target.goal {
+            Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
+            Goal::Axis { position_mm, .. } => pose(position_mm, [1.0, 0.0, 0.0, 0.0]),
+            Goal::Joints { deg } => {
+                self.carried.near = Some(self.cell.arm.robot.motor_from_axes_deg(&deg));
+                IDENTITY
+            }
+        };
+        let motor = self.carried.near.unwrap_or_else(Joints::zeros);
+        let previous = self.points.last().or(self.carried.before.as_ref());
+        let point = Point::unsolved(why, at, motor, setting, previous);
+        self.points.push(point);
+    }
+
+    fn step(&mut self, (i, lane): (usize, usize), target: &Target, run_with: RunWith, stand: &Stand) {
+        let RunWith { setting, tool } = run_with;
+        if let Some(why) = stand.unsolved {
+            return self.pass_over(target, why, run_with);
+        }
         if !self.ahead.knows_ways() {
-            let chord = self.chord(i, target, setting);
+            let chord = self.chord(i, target, setting, stand);
             self.ahead.set_chord(lane, &chord);
         }
         let chord = self.ahead.chord(lane);
@@ -202,12 +311,12 @@ impl Walk<'_, '_> {
             },
             Goal::Joints { deg } => {
                 let motor = self.cell.arm.robot.motor_from_axes_deg(&deg);
-                let Setting { base_from_wobj, tool } = self.setting(setting);
-                base_from_wobj.inv_mul(&(self.cell.arm.robot.forward(&motor) * tool.flange_from_tcp))
+                stand.setting(self.mount(setting)).wobj_from_tcp(&self.cell.arm.robot.forward(&motor))
             }
         };
-        let soon = self.joints_soon((target, lane), setting);
-        let motor = match soon.map_or_else(|| self.joints(target, setting, &wobj_from_tcp), Ok) {
+        let soon = self.joints_soon((target, lane), stand.setting(self.mount(setting)));
+        let run_at = *stand.setting(self.mount(setting));
+        let motor = match soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok) {
             Ok(motor) => motor,
             Err(error) => {
                 let message = format!("target {} is not reached: {error}", target.ordinal);
@@ -231,7 +340,8 @@ impl Walk<'_, '_> {
             self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
         let Approach { size, direction, feed_frame } = self.ahead.way(lane);
-        let length = if previous.is_some() { size } else { 0.0 };
+        let joined = previous.filter(|previous| previous.unsolved.is_none() && !stand.apart);
+        let length = if joined.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
             _ => 0.0,
@@ -245,7 +355,7 @@ impl Walk<'_, '_> {
         };
         let leaned = feed_frame.is_some() && printed.is_none();
         let frame = feed_frame.or_else(|| {
-            previous.and_then(|p| match p.load {
+            joined.and_then(|p| match p.load {
                 PointLoad::Law { wobj_from_feed, .. } => Some(wobj_from_feed),
                 _ => None,
             })
@@ -267,6 +377,8 @@ impl Walk<'_, '_> {
         let cuts = !matches!(load, PointLoad::Air);
         let point = Point {
             setting,
+            moved: stand.moved.clone(),
+            unsolved: None,
             wobj_from_tcp,
             reference: wobj_from_tcp,
             motor,
@@ -276,7 +388,10 @@ impl Walk<'_, '_> {
                 (None, true, Some(frame)) => frame.matrix().column(2).into(),
                 _ => axis,
             },
-            velocity: direction.zip(feed).map_or_else(Vector3::zeros, |(d, feed)| d * feed),
+            velocity: match joined.and_then(|previous| self.moved_from(previous, stand)) {
+                Some(before) if lag > 0.0 => (wobj_from_tcp.translation.vector - before) / lag,
+                _ => direction.zip(feed).map_or_else(Vector3::zeros, |(d, feed)| d * feed),
+            },
             cut_length: previous.map_or(0.0, |p| p.cut_length) + if cuts { length } else { 0.0 },
             time: row.and_then(|r| r.time).unwrap_or_else(|| previous.map_or(0.0, |p| p.time) + lag),
             temperature: row.and_then(|r| r.temperature),
@@ -303,21 +418,40 @@ impl Walk<'_, '_> {
         self.errors.push(Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help));
     }
 
+    /// Where the TCP was at the point before as the arm sees it, in the work object as it stands now, m; `None` where no unit has
+    /// moved on the way.
+    fn moved_from(&self, previous: &Point, stand: &Stand) -> Option<Vector3<f64>> {
+        let (from, to) = (previous.moved.as_ref()?, stand.moved.as_ref().filter(|to| !to.setting.held)?);
+        let base_from_tcp = from.setting.base_from_wobj * previous.wobj_from_tcp;
+        (!Arc::ptr_eq(from, to)).then(|| to.setting.base_from_wobj.inv_mul(&base_from_tcp).translation.vector)
+    }
+
     /// Chord into the target, out of it at the first, work object axes, m. Zero-length moves hold the last.
-    fn chord(&self, i: usize, target: &Target, setting: u32) -> Vector3<f64> {
-        let base_from_wobj = &self.setting(setting).base_from_wobj;
+    fn chord(&self, i: usize, target: &Target, setting: u32, stand: &Stand) -> Vector3<f64> {
         let targets = &self.program.targets;
         let at = |t: &Target| match t.goal {
             Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(position_mm) * 1e-3),
             Goal::Joints { .. } => None,
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
-        if let Some(previous) = self.points.last().or(self.carried.before.as_ref()) {
-            let before = &self.setting(previous.setting).base_from_wobj;
+        let previous = self.points.last().or(self.carried.before.as_ref()).filter(|_| !stand.apart);
+        if let Some(previous) = previous.filter(|previous| previous.unsolved.is_none()) {
             let there = previous.wobj_from_tcp.translation;
-            let into =
-                if before == base_from_wobj { there } else { base_from_wobj.inv_mul(&(before * there)).translation };
-            return here - into.vector;
+            if previous.setting == setting {
+                return here - there.vector;
+            }
+            // The work object as it stood there.
+            let from = previous.moved.as_ref();
+            let before = from.map_or(&self.mount(previous.setting).setting, |moved| &moved.setting);
+            if let Some(now) = self.mount(setting).at(from) {
+                if before.held || now.held {
+                    let flange = before.base_from_flange(&previous.wobj_from_tcp);
+                    return here - now.wobj_from_tcp(&flange).translation.vector;
+                }
+                let (before, now) = (&before.base_from_wobj, &now.base_from_wobj);
+                let into = if before == now { there } else { now.inv_mul(&(before * there)).translation };
+                return here - into.vector;
+            }
         }
         let same = |t: &&Target| t.wobj == target.wobj;
         let out = targets[i + 1..].iter().take_while(same).filter_map(at).map(|next| next - here);
@@ -325,8 +459,8 @@ impl Walk<'_, '_> {
     }
 
     /// Motor angles of a linear move where they are surely the nearest: nothing else depends on what was looked ahead at.
-    fn joints_soon(&self, (target, lane): (&Target, usize), setting: u32) -> Option<Joints> {
-        let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref()?);
+    fn joints_soon(&self, (target, lane): (&Target, usize), setting: &Setting) -> Option<Joints> {
+        let (near, robot) = (self.carried.near.as_ref()?, self.many.as_ref().filter(|_| !setting.held)?);
         let (position_mm, quat) = match &target.goal {
             Goal::Pose { conf: Some(_), .. } if target.motion == Motion::Joint => return None,
             Goal::Pose { position_mm, quat, .. } => (position_mm, quat),
@@ -335,7 +469,7 @@ impl Walk<'_, '_> {
         };
         // The path may have turned into another branch since.
         self.ahead.motor(lane, near).or_else(|| {
-            let Setting { base_from_wobj, tool } = self.setting(setting);
+            let Setting { base_from_wobj, tool, .. } = setting;
             let place = Place { base_from_wobj, position_mm, quat, flange_from_tcp: &tool.flange_from_tcp, near };
             let mut found = BatchSolutions::default();
             robot.find(1, |_| place, &mut found);
@@ -347,12 +481,11 @@ impl Walk<'_, '_> {
     fn joints(
         &mut self,
         target: &Target,
-        setting: u32,
+        setting: &Setting,
         wobj_from_tcp: &Pose,
     ) -> Result<Joints, crate::robot::Unreachable> {
         let robot = &self.cell.arm.robot;
-        let Setting { base_from_wobj, tool } = self.setting(setting);
-        let base_from_flange = &(base_from_wobj * wobj_from_tcp * tool.flange_from_tcp.inverse());
+        let base_from_flange = &setting.base_from_flange(wobj_from_tcp);
         let conf = match target.goal {
             Goal::Joints { deg } => {
                 if self.carried.near.is_none() {

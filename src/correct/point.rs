@@ -1,8 +1,9 @@
 //! What is known of one target before its equilibrium, and as whose circumstances the arm and its effects see it.
 
 use super::laws::Law;
-use crate::effects::{Cutting, Situation};
-use crate::equilibrium::{Setting, Site};
+use super::mount::Moved;
+use crate::effects::{Cutting, Situation, ToolFrame};
+use crate::equilibrium::{PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
@@ -10,8 +11,12 @@ use std::sync::Arc;
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Index into the settings.
+    /// Index into the mounts: which tool and work object.
     pub(super) setting: u32,
+    /// External axes, where there are any, and what the target is run with there.
+    pub(super) moved: Option<Arc<Moved>>,
+    /// Why it is not known where the controller goes: the target is not solved.
+    pub(super) unsolved: Option<&'static str>,
     /// Where the program sends the TCP.
     pub wobj_from_tcp: Pose,
     /// Where errors are counted from, and what defines depth and force: the same, but for `--against`.
@@ -136,8 +141,12 @@ impl Point {
     }
 
     pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
+        if setting.held {
+            return self.mirrored(setting, laws);
+        }
         Situation {
             base_from_wobj: setting.base_from_wobj,
+            gravity: setting.gravity,
             wobj_from_tcp: self.reference,
             tool: setting.tool,
             cutting: self.cutting(laws),
@@ -150,10 +159,55 @@ impl Point {
         }
     }
 
+    /// The same of a part that the robot holds against a stationary tool: the place of the part that is to be at the tool is the
+    /// TCP, the tool is the work object, and all that acts between them acts the other way.
+    fn mirrored<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
+        let tool_from_wobj = self.reference.rotation.inverse();
+        let flange_from_tcp = setting.tool.flange_from_tcp * self.reference;
+        let cutting = match self.cutting(laws) {
+            Cutting::Constant(force) => Cutting::Constant(-(tool_from_wobj * force)),
+            Cutting::Law { wobj_from_feed, .. } => {
+                let PointLoad::Law { law, .. } = self.load else { unreachable!("a law is of a law") };
+                Cutting::Law { law: &laws[law].mirrored, wobj_from_feed: tool_from_wobj * wobj_from_feed }
+            }
+            Cutting::Air => Cutting::Air,
+        };
+        Situation {
+            wobj_from_tcp: Pose::identity(),
+            tool: ToolFrame { flange_from_tcp, ..setting.tool },
+            cutting,
+            normal: -(tool_from_wobj * self.normal),
+            velocity: -(tool_from_wobj * self.velocity),
+            ..self.situation(&Setting { held: false, ..*setting }, laws)
+        }
+    }
+
+    /// The TCP in the work object from what [`Point::situation`] calls so.
+    pub(super) fn seen(&self, setting: &Setting, pose: Pose) -> Pose {
+        if setting.held { self.reference * pose.inverse() } else { pose }
+    }
+
+    /// The same of all that is predicted.
+    pub(super) fn seen_from_wobj(&self, setting: &Setting, there: PredictedPose) -> PredictedPose {
+        if !setting.held {
+            return there;
+        }
+        let (wobj_from_tool, back) = (self.reference.rotation, Rotation3::from_scaled_axis(-there.turn));
+        PredictedPose {
+            shift: -(wobj_from_tool * (back * there.shift)),
+            turn: -(wobj_from_tool * there.turn),
+            axis: -(wobj_from_tool * (back * Vector3::z())),
+            cut: -(wobj_from_tool * there.cut),
+            ..there
+        }
+    }
+
     /// A point that was measured with its motor angles, without a program, in the base; see [`Prepared::of_points`].
     pub(crate) fn measured(base_from_tcp: Pose, motor: Joints, travel: Joints) -> Self {
         Self {
             setting: 0,
+            moved: None,
+            unsolved: None,
             wobj_from_tcp: base_from_tcp,
             reference: base_from_tcp,
             motor,
@@ -167,6 +221,17 @@ impl Point {
             load: PointLoad::Air,
             through: None,
             milled: None,
+        }
+    }
+
+    /// A target of which it is not known where the controller goes, behind another point, with the arm about at these angles.
+    pub(super) fn unsolved(why: &'static str, at: Pose, motor: Joints, setting: u32, previous: Option<&Self>) -> Self {
+        Self {
+            setting,
+            unsolved: Some(why),
+            cut_length: previous.map_or(0.0, |previous| previous.cut_length),
+            time: previous.map_or(0.0, |previous| previous.time),
+            ..Self::measured(at, motor, previous.map_or_else(Joints::zeros, |previous| previous.travel))
         }
     }
 

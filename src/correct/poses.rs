@@ -45,7 +45,7 @@ pub fn predict_poses(
         }
         point
     };
-    let prepared = Prepared::of_points(axes_deg.iter().zip(forces_n).map(point).collect(), *tool);
+    let prepared = Prepared::of_points(axes_deg.iter().zip(forces_n).map(point).collect(), robot, *tool);
     let solver = Solver::new(&cell.arm, &prepared, Parallelism::Threads);
     let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
     let actual = |(there, point): (Result<_, EquilibriumError>, &Point)| {
@@ -76,6 +76,7 @@ mod tests {
             let nominal = cell.arm.robot.forward(&motor) * tool.flange_from_tcp;
             let situation = Situation {
                 base_from_wobj: Pose::identity(),
+                gravity: cell.arm.robot.gravity(),
                 wobj_from_tcp: nominal,
                 tool,
                 cutting: Cutting::Constant(Vector3::from(*force)),

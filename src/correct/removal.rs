@@ -1,6 +1,7 @@
 //! A program's moves through the stock, in order: what each leaves, and the force at each target where it follows from that.
 
 use super::frames;
+use super::mount::Mount;
 use super::path::CHORD;
 use super::point::{Follows, Milled, Point, PointLoad, tool_axis};
 use super::segment::Kind;
@@ -80,7 +81,7 @@ pub(super) fn run(
     cuts: Cuts,
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Some(section) = &cell.stock else { return Ok(None) };
-    let Some(base_from_stock) = stock_frame(program, cell, prepared)? else { return Ok(None) };
+    let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
     let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = section
         .resolution
@@ -90,7 +91,7 @@ pub(super) fn run(
         cell,
         cuts,
         stock: Stock::new(section.blank.clone(), resolution),
-        stock_from_base: base_from_stock.inverse(),
+        mount,
         errors: Vec::new(),
         collided: false,
         bottoms: 0,
@@ -135,17 +136,24 @@ fn load(force: Vector3<f64>) -> PointLoad {
     if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
 }
 
-/// The stock's frame in the base; `None` where nothing cuts.
-fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<Pose>, Vec<Diagnostic>> {
+/// The stock's work object, and where it is in the base when it is cut first; `None` where nothing cuts.
+fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<(Mount, Pose)>, Vec<Diagnostic>> {
     let name = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
     let first = prepared.points.iter().position(|point| point.through.is_some_and(|through| through.cuts));
-    let Some(name) = name else { return Ok(first.map(|i| *prepared.base_from_wobj(i))) };
+    let used = |i: usize| (prepared.mount(i).clone(), prepared.base_from_wobj(i));
+    let Some(name) = name else { return Ok(first.map(used)) };
     if let Some(i) = (0..prepared.points.len())
         .find(|i| program.wobjs[usize::from(program.targets[*i].wobj)].name.eq_ignore_ascii_case(name))
     {
-        return Ok(Some(*prepared.base_from_wobj(i)));
+        return Ok(Some(used(i)));
     }
-    frames::wobj(program, cell, name).map(Some).ok_or_else(|| {
+    let Some(i) = first else { return Ok(None) };
+    let at = |frame| {
+        let mount = Mount::new(cell, frame, *prepared.tool(i));
+        let setting = mount.at(prepared.points[i].moved.as_ref()).unwrap_or(mount.setting);
+        (mount, setting.base_from_wobj)
+    };
+    frames::wobj(program, cell, name).map(at).map(Some).ok_or_else(|| {
         vec![
             Diagnostic::error(
                 "cell.stock",
@@ -189,7 +197,8 @@ struct Walk<'a> {
     cell: &'a Cell,
     cuts: Cuts,
     stock: Stock,
-    stock_from_base: Pose,
+    /// The stock's work object.
+    mount: Mount,
     errors: Vec<Diagnostic>,
     /// The move before was a collision: one is named of a run of them.
     collided: bool,
@@ -211,9 +220,21 @@ impl Walk<'_> {
         }
     }
 
+    /// The work object of a point in the stock.
+    fn stock_from_wobj(&self, prepared: &Prepared, i: usize) -> Pose {
+        let point = &prepared.points[i];
+        match &point.moved {
+            Some(_) if self.mount.shares_wobj(prepared.mount(i)) => Pose::identity(),
+            moved => {
+                let setting = self.mount.at(moved.as_ref()).unwrap_or(self.mount.setting);
+                setting.base_from_wobj.inverse() * prepared.base_from_wobj(i)
+            }
+        }
+    }
+
     /// A TCP in the work object of a point, in the stock.
     fn tool(&self, prepared: &Prepared, i: usize, tip: &Vector3<f64>, axis: &Vector3<f64>) -> ToolPose {
-        let stock_from_wobj = self.stock_from_base * prepared.base_from_wobj(i);
+        let stock_from_wobj = self.stock_from_wobj(prepared, i);
         ToolPose {
             tip: (stock_from_wobj * nalgebra::Point3::from(*tip)).coords,
             axis: Unit::new_normalize(stock_from_wobj.rotation * axis),
@@ -232,13 +253,18 @@ impl Walk<'_> {
         };
         let Some(before) = before else { return (vec![end], 0.0, None) };
         let from = &prepared.points[before];
-        let (setting, own) = (prepared.setting(before), prepared.setting(i));
+        if from.unsolved.is_some() || point.unsolved.is_some() {
+            return (vec![end], 0.0, None);
+        }
+        let (setting, mount) = (prepared.setting(before), prepared.mount(i));
         if kind == Kind::Joint {
             let way = point.motor - from.motor;
             let n = ((way.amax() / JOINT_STEP).ceil() as usize).clamp(1, 4 * MOST_PLACES);
             let place = |k: usize| {
                 let share = k as f64 / n as f64;
                 let motor = from.motor + way * share;
+                let moved = mount.between(from.moved.as_ref(), point.moved.as_ref(), share);
+                let own = moved.as_ref().map_or(&mount.setting, |moved| &moved.setting);
                 let base_from_tcp = self.cell.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
                 Place { share, pose: own.base_from_wobj.inv_mul(&base_from_tcp) }
             };
@@ -247,9 +273,11 @@ impl Walk<'_> {
         }
         // The same flange, with this target's tool and work object.
         let base_from_flange = setting.base_from_wobj * self.goal(from) * setting.tool.flange_from_tcp.inverse();
-        let start = if setting == own {
+        let own = mount.at(from.moved.as_ref());
+        let start = if from.setting == point.setting || own.as_ref() == Some(setting) {
             self.goal(from)
         } else {
+            let Some(own) = own else { return (vec![end], 0.0, None) };
             own.base_from_wobj.inv_mul(&(base_from_flange * own.tool.flange_from_tcp))
         };
         let track = match kind {
@@ -285,14 +313,16 @@ impl Walk<'_> {
         let mut milled = Milled::default();
         let mut forces: Vec<(f64, Vector3<f64>)> = Vec::new();
         let mut removed = 0.0;
-        let to_wobj = prepared.base_from_wobj(i).rotation.inverse() * self.stock_from_base.rotation.inverse();
+        let stock_from_wobj = self.stock_from_wobj(prepared, i).rotation;
+        let to_wobj = stock_from_wobj.inverse();
         let mut motor = i.checked_sub(1).map_or(point.motor, |before| prepared.points[before].motor);
         let mut engaged = Engaged::default();
         let mut force = Vector3::zeros();
         // Deflection so far: of the tip, work object axes, and of the orientation.
         let mut bent = (Vector3::zeros(), Rotation3::identity());
         let mut last = self.last.filter(|(before, _)| {
-            places.len() > 1 && prepared.setting(*before) == prepared.setting(i) && self.cuts == Cuts::Deflected
+            let same = prepared.points[*before].setting == prepared.points[i].setting;
+            places.len() > 1 && same && self.cuts == Cuts::Deflected
         });
         for (k, place) in places.iter().enumerate() {
             let axis = tool_axis(&place.pose);
@@ -303,7 +333,7 @@ impl Walk<'_> {
                 (None, Some(next)) => next.pose.translation.vector - place.pose.translation.vector,
                 (None, None) => Vector3::zeros(),
             };
-            let way = self.stock_from_base.rotation * (prepared.base_from_wobj(i).rotation * way);
+            let way = stock_from_wobj * way;
             // Where the way begins, the front touches what has just been cut: a little on is what it meets.
             let on = if k == 0 && next.is_some() { way * (START_ON / way.norm()).min(0.5) } else { Vector3::zeros() };
             let ask = |stock: &Stock, tool: &ToolPose| match feed_per_tooth {
@@ -319,7 +349,9 @@ impl Walk<'_> {
                 nominal
             } else {
                 if k + 1 < places.len() {
-                    let setting = prepared.setting(i);
+                    let before = i.checked_sub(1).and_then(|before| prepared.points[before].moved.as_ref());
+                    let moved = prepared.mount(i).between(before, prepared.points[i].moved.as_ref(), place.share);
+                    let setting = moved.map_or(prepared.mount(i).setting, |moved| moved.setting);
                     let flange = setting.base_from_wobj * place.pose * setting.tool.flange_from_tcp.inverse();
                     if let Ok(found) = self.cell.arm.robot.inverse_near(&flange, &motor) {
                         motor = found;

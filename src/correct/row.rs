@@ -1,7 +1,7 @@
 use super::point::Point;
 use super::{PathDeviation, Stiffness};
 use crate::equilibrium::PredictedPose;
-use crate::program::{Editable, Target};
+use crate::program::{Editable, Goal, Target};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -111,6 +111,33 @@ impl Row {
         stiffness: None,
     };
 
+    /// Of a target that is kept because it is not known where the controller goes: its errors are not known either (NaN).
+    pub(super) fn unsolved(target: &Target, why: &'static str) -> Self {
+        let none = [f64::NAN; 3];
+        Self {
+            target: target.ordinal,
+            line: target.line,
+            name: target.name.clone(),
+            status: Status::Kept(why),
+            position_mm: match target.goal {
+                Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
+                Goal::Joints { .. } => none,
+            },
+            error_mm: none,
+            error_deg: none,
+            error_normal_mm: f64::NAN,
+            remaining_mm: none,
+            force_n: none,
+            ..Self::BLANK
+        }
+    }
+
+    /// Whether its errors are known: the target was solved.
+    #[must_use]
+    pub fn is_solved(&self) -> bool {
+        !self.error_normal_mm.is_nan()
+    }
+
     /// Fills a blank row with the predicted error of where the target ends up, and nothing corrected.
     pub(super) fn fill(&mut self, target: &Target, point: &Point, there: &PredictedPose, error_normal: f64) {
         let error_mm = (1e3 * there.shift).into();
@@ -174,6 +201,13 @@ impl Summary {
         tally.add(rows);
         tally.summary()
     }
+
+    fn keep(&mut self, reason: &'static str) {
+        match self.kept.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => self.kept.push((reason, 1)),
+        }
+    }
 }
 
 /// What printing four decimals and holding them in single precision moves by itself, mm.
@@ -228,6 +262,12 @@ impl Tally {
         sum.targets += rows.len();
         for row in rows {
             let (error, correction) = (square(row.error_mm), square(row.correction_mm));
+            if !row.is_solved() {
+                if let Status::Kept(reason) = row.status {
+                    sum.keep(reason);
+                }
+                continue;
+            }
             self.all.add(error);
             match row.path {
                 Some(path) => {
@@ -249,10 +289,7 @@ impl Tally {
                     if row.cuts() {
                         self.cutting.add(error);
                     }
-                    match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
-                        Some((_, count)) => *count += 1,
-                        None => sum.kept.push((reason, 1)),
-                    }
+                    sum.keep(reason);
                 }
             }
             most.error = most.error.max(error);

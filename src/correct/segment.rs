@@ -7,6 +7,7 @@
 
 use super::Prepared;
 use super::laws::Law;
+use super::mount::{Mount, Moved};
 use super::point::{Follows, Point, PointLoad, tool_axis};
 use super::track::Track;
 use crate::cutting::Lean;
@@ -14,6 +15,7 @@ use crate::equilibrium::Setting;
 use crate::program::{Motion, Program, Role};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Unit, Vector3};
+use std::sync::Arc;
 
 /// Where a segment begins: a target as it was solved.
 #[derive(Clone, Debug)]
@@ -37,6 +39,7 @@ pub(super) struct Segment<'p> {
     pub(super) track: Track,
     from: &'p Point,
     to: &'p Point,
+    mount: &'p Mount,
     laws: &'p [Law],
     /// Whether the path turns sharply where it begins, or begins there.
     pub(super) corner: bool,
@@ -46,13 +49,23 @@ pub(super) struct Segment<'p> {
 pub(super) const SMOOTH: f64 = 0.996;
 
 impl Start {
-    /// A pose of this target as the setting of another has it: the same joints, with other tool and work object.
-    pub(super) fn seen(&self, pose: &Pose, setting: &Setting) -> Pose {
-        if *setting == self.setting {
-            return *pose;
+    /// A pose of this target as target `i` has it: the same joints and units, with other tool and work object; `None` where it is
+    /// not known how that work object stood.
+    pub(super) fn seen(&self, pose: &Pose, prepared: &Prepared, i: usize) -> Option<Pose> {
+        let setting = if prepared.points[i].setting == self.point.setting {
+            return self.fits(prepared, i).then_some(*pose);
+        } else {
+            prepared.mount(i).at(self.point.moved.as_ref())?
+        };
+        if setting == self.setting {
+            return Some(*pose);
         }
-        let base_from_flange = self.setting.base_from_wobj * pose * self.setting.tool.flange_from_tcp.inverse();
-        setting.base_from_wobj.inv_mul(&(base_from_flange * setting.tool.flange_from_tcp))
+        Some(setting.wobj_from_tcp(&self.setting.base_from_flange(pose)))
+    }
+
+    /// Whether it is known how base and work object of target `i` stood here.
+    fn fits(&self, prepared: &Prepared, i: usize) -> bool {
+        prepared.points[i].moved.is_none() || prepared.mount(i).at(self.point.moved.as_ref()).is_some()
     }
 }
 
@@ -74,6 +87,7 @@ impl Kind {
         let via = || i.checked_sub(1).map(|via| &program.targets[via]).filter(|via| via.role == Role::Via);
         match (target.role, target.motion) {
             (Role::Via, _) => Self::Point,
+            _ if target.external.as_ref().is_some_and(|external| external.moved_alone) => Self::Joint,
             (_, Motion::Joint | Motion::AbsoluteJoint) => Self::Joint,
             (_, Motion::Circular) if via().is_some_and(|via| via.ordinal == target.ordinal) => Self::Arc,
             // Arcs that are made of lines are lines.
@@ -85,11 +99,14 @@ impl Kind {
 impl<'p> Segment<'p> {
     /// The way into target `i` from `start`; `None` where it is no line and no arc.
     pub(super) fn into(program: &Program, prepared: &'p Prepared, i: usize, start: &'p Start) -> Option<Self> {
-        let (to, setting) = (&prepared.points[i], prepared.setting(i));
-        let track = Self::track(program, prepared, i, &start.seen(&start.point.reference, setting))?;
-        let leaving = track.tangent(0.0).map(|tangent| setting.base_from_wobj.rotation * tangent);
-        let smooth = start.tangent.zip(leaving).is_some_and(|(a, b)| a.dot(&b) > SMOOTH);
-        Some(Self { end: i, track, from: &start.point, to, laws: &prepared.laws, corner: !smooth })
+        let to = &prepared.points[i];
+        let track = Self::track(program, prepared, i, &start.seen(&start.point.reference, prepared, i)?)?;
+        let (mount, laws) = (prepared.mount(i), &prepared.laws);
+        let mut segment = Self { end: i, track, from: &start.point, to, mount, laws, corner: true };
+        let rotation = segment.setting(0.0).base_from_wobj.rotation;
+        let leaving = segment.track.tangent(0.0).map(|tangent| rotation * tangent);
+        segment.corner = !start.tangent.zip(leaving).is_some_and(|(a, b)| a.dot(&b) > SMOOTH);
+        Some(segment)
     }
 
     /// The programmed way into target `i` from a pose.
@@ -100,6 +117,16 @@ impl<'p> Segment<'p> {
             Kind::Line => Some(Track::line(from, to)),
             Kind::Arc => Some(Track::arc(from, &prepared.points[i - 1].reference, to)),
         }
+    }
+
+    /// Where units are at a share of the way.
+    pub(super) fn moved(&self, share: f64) -> Option<Arc<Moved>> {
+        self.mount.between(self.from.moved.as_ref(), self.to.moved.as_ref(), share)
+    }
+
+    /// What the arm is run with there.
+    pub(super) fn setting(&self, share: f64) -> Setting {
+        self.moved(share).map_or(self.mount.setting, |moved| moved.setting)
     }
 
     /// Circumstances at a share of the way, with the controller sent to the programmed pose; motor angles and direction of
@@ -122,11 +149,15 @@ impl<'p> Segment<'p> {
         };
         let between = |a: f64, b: f64| a + share * (b - a);
         let speed = to.velocity.norm();
+        let moved = self.moved(share);
+        // As the arm sees it, units move besides.
+        let along = tangent.filter(|_| to.moved.is_none());
         Point {
+            moved,
             wobj_from_tcp,
             reference: wobj_from_tcp,
             normal,
-            velocity: tangent.map_or(to.velocity, |tangent| tangent * speed),
+            velocity: along.map_or(to.velocity, |tangent| tangent * speed),
             cut_length: if to.cuts() { between(from.cut_length, to.cut_length) } else { to.cut_length },
             time: between(from.time, to.time),
             load,
@@ -168,7 +199,8 @@ pub(super) fn follow_arcs(program: &Program, prepared: &mut Prepared) {
         let Some(from) = before.filter(|before| before.setting == prepared.points[i].setting) else { continue };
         let Some(track) = Segment::track(program, prepared, i, &from.reference) else { continue };
         let Some(via) = track.via() else { continue };
-        let segment = Segment { end: i, track, from, to: &prepared.points[i], laws: &prepared.laws, corner: false };
+        let (to, mount, laws) = (&prepared.points[i], prepared.mount(i), &prepared.laws);
+        let segment = Segment { end: i, track, from, to, mount, laws, corner: false };
         let [at_via, at_end] = [via, 1.0].map(|share| segment.at(share));
         for (i, there) in [(i - 1, at_via), (i, at_end)] {
             if prepared.points[i].cuts() {

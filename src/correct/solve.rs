@@ -119,11 +119,15 @@ impl<'a> Solver<'a> {
         };
         let one = |_: &mut Room<'a>, i: usize| {
             let point = &prepared.points[i];
+            if point.unsolved.is_some() {
+                return First::open();
+            }
             let aim = self.one(i, modes[i], &point.travel);
             let near = aim.as_ref().map_or_else(|_| WarmStart::default(), InverseSolution::uncorrected);
             First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
         };
-        self.parallelism.eights(modes.len(), |i| modes[i] == CorrectionMode::Pose, &self.workspaces, many, one)
+        let simple = |i: usize| modes[i] == CorrectionMode::Pose && !prepared.setting(i).held;
+        self.parallelism.eights(modes.len(), simple, &self.workspaces, many, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
@@ -154,8 +158,7 @@ impl<'a> Solver<'a> {
             } else {
                 aim.commanded(travel)
             };
-            let base_from_tcp = arm.robot.forward(&motor) * prepared.tool(i).flange_from_tcp;
-            let mut wobj_from_tcp = prepared.base_from_wobj(i).inv_mul(&base_from_tcp);
+            let mut wobj_from_tcp = prepared.setting(i).wobj_from_tcp(&arm.robot.forward(&motor));
             match modes[i] {
                 CorrectionMode::Keep => wobj_from_tcp = point.wobj_from_tcp,
                 CorrectionMode::Position => wobj_from_tcp.rotation = point.wobj_from_tcp.rotation,
@@ -165,7 +168,11 @@ impl<'a> Solver<'a> {
         };
         let again = |i: usize| follows && travels[i] != prepared.points[i].travel;
         let simple = |i: usize| {
-            modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && first[i].nominal.is_none() && !again(i)
+            modes[i] == CorrectionMode::Pose
+                && first[i].aim().is_ok()
+                && first[i].nominal.is_none()
+                && !again(i)
+                && !prepared.setting(i).held
         };
         self.parallelism.eights(modes.len(), simple, &self.workspaces, many, one)
     }
@@ -174,14 +181,24 @@ impl<'a> Solver<'a> {
         let (arm, point, situation) = (self.arm, &self.prepared.points[i], self.prepared.situation(i));
         let command = match mode {
             CorrectionMode::Keep => Command::held(&point.motor),
-            CorrectionMode::Pose => arm.command_from(&situation, &point.reference, Start::At(&point.motor), travel)?,
-            CorrectionMode::Position => arm.command_position(&situation, &point.wobj_from_tcp, &point.motor, travel)?,
+            CorrectionMode::Pose => {
+                arm.command_from(&situation, &situation.wobj_from_tcp, Start::At(&point.motor), travel)?
+            }
+            CorrectionMode::Position => {
+                let commanded = match self.prepared.setting(i).held {
+                    // As the arm has it, from the tool: see `Point::situation`.
+                    true => point.wobj_from_tcp.inverse() * point.reference,
+                    false => point.wobj_from_tcp,
+                };
+                arm.command_position(&situation, &commanded, &point.motor, travel)?
+            }
         };
         Ok(command.aim())
     }
 
     fn land(&self, i: usize, command: (&Joints, &Joints), near: WarmStart) -> Result<PredictedPose, EquilibriumError> {
-        self.arm.land(&self.prepared.situation(i), command, &near)
+        let there = self.arm.land(&self.prepared.situation(i), command, &near)?;
+        Ok(self.prepared.points[i].seen_from_wobj(self.prepared.setting(i), there))
     }
 
     /// Forward equilibria of every point's command (motor angles, direction of travel), from what is known of them.
@@ -198,8 +215,12 @@ impl<'a> Solver<'a> {
             };
             self.many.land(room, asked.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
         };
-        let one = |_: &mut Room<'a>, i: usize| self.land(i, command(i), near(i));
-        self.parallelism.eights(self.prepared.points.len(), |_| true, &self.workspaces, many, one)
+        let known = |i: usize| self.prepared.points[i].unsolved.is_none();
+        let one = |_: &mut Room<'a>, i: usize| {
+            if known(i) { self.land(i, command(i), near(i)) } else { Answer::open() }
+        };
+        let simple = |i: usize| known(i) && !self.prepared.setting(i).held;
+        self.parallelism.eights(self.prepared.points.len(), simple, &self.workspaces, many, one)
     }
 
     /// What the controller reaches for what is written, near known motor angles (rad).
@@ -245,7 +266,10 @@ impl<'a> Solver<'a> {
                 turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
             })
         };
-        let simple = |i: usize| changed(i) && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok();
+        let simple = |i: usize| {
+            let held = self.prepared.setting(i).held;
+            changed(i) && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
+        };
         self.parallelism.eights(motors.len(), simple, &self.workspaces, many, one)
     }
 }
@@ -288,13 +312,12 @@ pub(super) fn controller_joints(
     near: &Joints,
 ) -> Result<Joints, Unreachable> {
     let pose = frames::pose(written.0, written.1);
-    arm.robot.inverse_near(&(setting.base_from_wobj * pose * setting.tool.flange_from_tcp.inverse()), near)
+    arm.robot.inverse_near(&setting.base_from_flange(&pose), near)
 }
 
 /// Motor angles that the controller reaches for a pose, near known ones, whatever the axis limits; `None` out of reach.
 pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
-    let base_from_flange = setting.base_from_wobj * pose * setting.tool.flange_from_tcp.inverse();
-    robot.inverse_near_unlimited(&base_from_flange, near).ok()
+    robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
 }
 
 /// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.

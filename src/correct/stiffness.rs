@@ -51,6 +51,9 @@ pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &
 
 fn stiffness(cell: &Cell, prepared: &Prepared, i: usize, force: &Vector3<f64>) -> Option<Stiffness> {
     let point = &prepared.points[i];
+    if point.unsolved.is_some() || prepared.setting(i).held {
+        return None;
+    }
     let mut situation = prepared.situation(i);
     let into_wobj = situation.base_from_wobj.rotation.inverse();
     let mut under = |force: Vector3<f64>| {

@@ -136,7 +136,8 @@ impl<'p> Plan<'p> {
         let segment = Segment::into(way.program, way.prepared, i, start)?;
         let (motor, _) = (way.commanded.motors)(i)?;
         let length = segment.track.length();
-        let from = Solved { motor: start.motor, wobj_from_tcp: start.seen(&start.commanded, way.prepared.setting(i)) };
+        let begins = start.seen(&start.commanded, way.prepared, i)?;
+        let from = Solved { motor: start.motor, wobj_from_tcp: begins };
         let to = Solved { motor, wobj_from_tcp: (way.commanded.poses)(i) };
         let plan = Self {
             segment,
@@ -184,9 +185,10 @@ impl<'p> Plan<'p> {
         /// Of the length, what tells the direction of travel.
         const STEP: f64 = 1e-3;
         let mut point = self.segment.at(share);
-        let (robot, setting) = (&solver.arm.robot, solver.prepared.setting(self.segment.end));
+        let robot = &solver.arm.robot;
         let near = self.from.motor + (self.to.motor - self.from.motor) * share;
-        let motor = |share: f64| controller_motor(robot, setting, &self.segment.track.pose(share), &near);
+        let motor =
+            |share: f64| controller_motor(robot, &self.segment.setting(share), &self.segment.track.pose(share), &near);
         let here = motor(share)?;
         point.travel = if share < STEP {
             travel(&here, &motor(share + STEP)?, &point.travel)
@@ -251,6 +253,7 @@ impl<'p> Plan<'p> {
                 length: self.length,
                 commanded: known(tick)?.wobj_from_tcp,
                 via: via.and_then(known).map(|via| via.wobj_from_tcp),
+                moved: self.segment.moved(self.share(tick)),
             })
         };
         let split = self.done.len() > 1 || self.first > 0.0;
@@ -283,11 +286,18 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         // confdata follow only where they were true: posts write dummies.
         let robot = &cell.arm.robot;
         let honest = path::written_conf(target).is_some_and(|written| conf_is(robot, &point.motor, written));
-        let motor = controller_motor(robot, prepared.setting(node.before), &node.commanded, &point.motor);
+        let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
+        let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
+        // As they are written, that is without what the controller adds.
+        let external =
+            node.moved.as_ref().zip(target.external.as_ref()).map(|(moved, axes)| {
+                std::array::from_fn(|i| axes.written[i].map(|_| moved.external[i] - axes.offset[i]))
+            });
         let (position_mm, quat) = frames::millimetres(&node.commanded);
         Insert {
             conf: motor.filter(|_| honest).map(|motor| conf_of(robot, &motor)),
             via: node.via.as_ref().map(frames::millimetres),
+            external,
             ..Insert::line(node.before, (position_mm, quat), 1e3 * room)
         }
     };

@@ -25,6 +25,7 @@ impl Default for Bench {
             force: Vector3::zeros(),
             situation: Situation {
                 base_from_wobj: Pose::identity(),
+                gravity: Vector3::new(0.0, 0.0, -10.0),
                 wobj_from_tcp: Pose::identity(),
                 tool: ToolFrame {
                     flange_from_tcp: Pose::from_parts(
@@ -62,6 +63,7 @@ impl Bench {
         let site = Site {
             commanded: self.motor.into(),
             base_from_wobj: Frame::of(&situation.base_from_wobj),
+            gravity: Vector::of(&situation.gravity),
             wanted: Vector::of(&situation.wobj_from_tcp.translation.vector),
             normal: Vector::of(&situation.normal),
             velocity: Vector::of(&situation.velocity),
@@ -76,13 +78,8 @@ impl Bench {
         let mut chain = Chain::default();
         rows.chain(&robot.joints(&rows.theta, &site.commanded), None, &mut chain);
         let base_from_tcp = chain.links[5].then(&Frame::of(&situation.tool.flange_from_tcp));
-        let state = State {
-            stiffness: Some(&self.stiffness),
-            chain: &chain,
-            base_from_tcp: &base_from_tcp,
-            gravity: Vector3::new(0.0, 0.0, -10.0),
-            site: &site,
-        };
+        let state =
+            State { stiffness: Some(&self.stiffness), chain: &chain, base_from_tcp: &base_from_tcp, site: &site };
         let mut load = Load::default();
         load.start(Vector::of(&self.force), law.parts());
         law.load(&state, &mut load);

@@ -50,7 +50,7 @@ impl Physics for Gravity {
 
     #[inline(always)]
     fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
-        let g = Vector::<R>::of(&state.gravity);
+        let g = state.site.gravity;
         for i in 0..6 {
             let link = &state.chain.links[i];
             let mass = R::of(self.mass_kg[i]);

@@ -100,6 +100,8 @@ pub(crate) struct Site<R> {
     pub(crate) commanded: Six<R>,
     /// Declared work object in the base, m.
     pub(crate) base_from_wobj: Frame<R>,
+    /// Gravity, base axes, m/s².
+    pub(crate) gravity: Vector<R>,
     /// Where the TCP should be, work object axes, m.
     pub(crate) wanted: Vector<R>,
     /// Surface normal, out of the material, unit, work object axes.
@@ -128,8 +130,6 @@ pub(crate) struct State<'a, R> {
     pub(crate) chain: &'a Chain<R>,
     /// Actual TCP in the base, m.
     pub(crate) base_from_tcp: &'a Frame<R>,
-    /// Gravity, base axes, m/s².
-    pub(crate) gravity: Vector3<f64>,
     /// The targets' circumstances.
     pub(crate) site: &'a Site<R>,
 }

@@ -72,6 +72,8 @@ impl fmt::Debug for Cutting<'_> {
 pub struct Situation<'a> {
     /// Declared work object, m.
     pub base_from_wobj: Pose,
+    /// Gravity where the base stands, base axes, m/s²: see [`Robot::gravity`](crate::robot::Robot::gravity).
+    pub gravity: Vector3<f64>,
     /// Where the TCP should be: defines depth and force, and errors are counted from it, m.
     pub wobj_from_tcp: Pose,
     /// Declared tool.

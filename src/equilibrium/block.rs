@@ -5,13 +5,18 @@ use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use smallvec::SmallVec;
 
-/// A tool and a work object that targets are run with.
+/// A tool and a work object that targets are run with, as units that move them stand there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Setting {
     /// Declared work object in the base.
     pub(crate) base_from_wobj: Pose,
+    /// Gravity, base axes, m/s².
+    pub(crate) gravity: Vector3<f64>,
     /// Declared tool.
     pub(crate) tool: ToolFrame,
+    /// Whether the robot holds the part: the work object's place is then the stationary tool's, and the tool's frame in the
+    /// flange that of the work object.
+    pub(crate) held: bool,
 }
 
 /// A [`Situation`] that borrows what many targets have in common.
@@ -34,7 +39,20 @@ pub(crate) struct Site<'a> {
 
 impl Setting {
     pub(super) fn of(situation: &Situation<'_>) -> Self {
-        Self { base_from_wobj: situation.base_from_wobj, tool: situation.tool }
+        let Situation { base_from_wobj, gravity, tool, .. } = *situation;
+        Self { base_from_wobj, gravity, tool, held: false }
+    }
+
+    /// The flange where the TCP is at a pose in the work object.
+    pub(crate) fn base_from_flange(&self, wobj_from_tcp: &Pose) -> Pose {
+        let pose = if self.held { wobj_from_tcp.inverse() } else { *wobj_from_tcp };
+        self.base_from_wobj * pose * self.tool.flange_from_tcp.inverse()
+    }
+
+    /// The TCP in the work object where the flange is at a pose.
+    pub(crate) fn wobj_from_tcp(&self, base_from_flange: &Pose) -> Pose {
+        let pose = self.base_from_wobj.inv_mul(&(base_from_flange * self.tool.flange_from_tcp));
+        if self.held { pose.inverse() } else { pose }
     }
 }
 
@@ -133,8 +151,9 @@ impl<'a, R: Number> Block<'a, R> {
             return;
         }
         self.settings[lane] = Some(setting);
-        let Setting { base_from_wobj, tool } = setting;
+        let Setting { base_from_wobj, gravity, tool, .. } = setting;
         self.site.base_from_wobj.set(lane, base_from_wobj);
+        self.site.gravity.set(lane, gravity);
         self.flange_from_tcp.set(lane, &tool.flange_from_tcp);
         self.site.tool_mass.set(lane, tool.mass);
         self.site.tool_cog.set(lane, &tool.cog);

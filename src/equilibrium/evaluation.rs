@@ -167,8 +167,7 @@ impl<R: Number> Evaluation<R> {
     fn take_loads(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
         let parts = model.parts;
         let Self { chain, base_from_tcp, load, .. } = self;
-        let state =
-            State { stiffness: model.stiffness, chain, base_from_tcp, gravity: model.gravity, site: &block.site };
+        let state = State { stiffness: model.stiffness, chain, base_from_tcp, site: &block.site };
         load.start(block.site.base_from_wobj.turn(block.wobj_from_feed.turn(self.force)), parts);
         for law in &model.laws {
             law.load(&state, load);
@@ -179,8 +178,7 @@ impl<R: Number> Evaluation<R> {
     #[inline(always)]
     fn yield_to_loads(&mut self, model: &Model<'_>, block: &Block<'_, R>) {
         let Self { chain, base_from_tcp, load, give, .. } = self;
-        let state =
-            State { stiffness: model.stiffness, chain, base_from_tcp, gravity: model.gravity, site: &block.site };
+        let state = State { stiffness: model.stiffness, chain, base_from_tcp, site: &block.site };
         give.clear(model.parts);
         for law in &model.laws {
             law.deflect(&state, load, give);

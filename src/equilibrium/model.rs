@@ -1,11 +1,7 @@
 use super::Arm;
 use crate::effects::{Law, Parts};
 use crate::robot::{BatchArm, Joints, Robot};
-use nalgebra::Vector3;
 use smallvec::SmallVec;
-
-/// Standard gravity, m/s².
-const GRAVITY: f64 = 9.806_65;
 
 /// An arm with its effects, ready to be asked.
 #[derive(Debug)]
@@ -21,8 +17,6 @@ pub(crate) struct Model<'a> {
     pub(super) follows_command: bool,
     /// Of the joints at the motors, about, rad/(N·m).
     pub(super) compliance: [f64; 6],
-    /// Base axes, m/s².
-    pub(super) gravity: Vector3<f64>,
 }
 
 impl<'a> Model<'a> {
@@ -41,7 +35,6 @@ impl<'a> Model<'a> {
             laws,
             follows_command: arm.follows_command(),
             compliance,
-            gravity: arm.robot.world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY)),
         }
     }
 

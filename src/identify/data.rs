@@ -155,7 +155,7 @@ impl Problem {
 
     /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
     pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
-        let of = |row| self.equilibrium(arm, row).map_or(LOST, |there| self.gap(row, &there.wobj_from_tcp));
+        let of = |row| self.equilibrium(arm, row).map_or(LOST, |there| self.gap(row, &self.seen(row, &there)));
         self.stacked(self.rows.par_iter().map(of).collect())
     }
 
@@ -169,7 +169,7 @@ impl Problem {
         let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
             let situation = self.runs[row.run].situation(row.point);
             let there = known.as_ref().map(|known| arm.nudged(&situation, &row.motor, &row.travel, known));
-            there.map_or(LOST, |there| self.gap(row, &there))
+            there.map_or(LOST, |there| self.gap(row, &self.runs[row.run].seen(row.point, there)))
         };
         self.stacked(self.rows.par_iter().zip(known).map(of).collect())
     }
@@ -187,13 +187,18 @@ impl Problem {
                 (Cutting::Constant(read), _) => {
                     situation.cutting = Cutting::Constant(force(read));
                     let there = arm.predict(&situation, &row.motor, &row.travel).ok();
-                    there.map_or(LOST, |there| self.gap(row, &there.wobj_from_tcp))
+                    there.map_or(LOST, |there| self.gap(row, &self.seen(row, &there)))
                 }
-                (_, Some(known)) => self.gap(row, &known.wobj_from_tcp),
+                (_, Some(known)) => self.gap(row, &self.seen(row, known)),
                 (_, None) => LOST,
             }
         };
         self.stacked(self.rows.par_iter().zip(known).map(of).collect())
+    }
+
+    /// The TCP in the work object at an equilibrium of a row.
+    fn seen(&self, row: &Observation, there: &Equilibrium) -> Pose {
+        self.runs[row.run].seen(row.point, there.wobj_from_tcp)
     }
 
     fn equilibrium(&self, arm: &Arm, row: &Observation) -> Option<Equilibrium> {

@@ -58,7 +58,7 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: us
 
 /// Where every run's instrument is taken to be.
 pub(super) fn places(problem: &Problem) -> Vec<(Device, Option<Pose>)> {
-    let frame = |run: &crate::correct::Prepared| (!run.points.is_empty()).then(|| *run.base_from_wobj(0));
+    let frame = |run: &crate::correct::Prepared| (!run.points.is_empty()).then(|| run.base_from_wobj(0));
     let place = |(&device, run)| (device, frame(run).filter(|_| matches!(device, Device::Frame { .. })));
     problem.devices.iter().zip(&problem.runs).map(place).collect()
 }

@@ -76,7 +76,7 @@ impl Problem {
             problem.take_turns(run, &turned);
             problem.orientations +=
                 if device.is_none() { rows.iter().filter(|r| r.row.quat.is_some()).count() } else { 0 };
-            let mut prepared = Prepared::of_points(points, tool);
+            let mut prepared = Prepared::of_points(points, &cell.arm.robot, tool);
             if let Some((_, base_from_device)) = device {
                 prepared.place_in(|_| base_from_device);
             }

@@ -33,6 +33,10 @@ impl Problem {
             let mut taken: Vec<(usize, &MeasuredRow, Seen)> = Vec::new();
             for row in &table.rows {
                 match place(program, row) {
+                    Ok(point) if prepared.unsolved(point).is_some() => {
+                        let why = prepared.unsolved(point).unwrap_or_default();
+                        errors.push(at_line(table, row.line, format!("the target of this row is not solved: {why}")));
+                    }
                     Ok(point) => {
                         let seen = Seen::of(row);
                         taken.extend(seen.map(|seen| (point, row, seen)));

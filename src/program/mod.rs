@@ -29,8 +29,9 @@ pub use modules::{ModuleNames, group_modules};
 #[doc(hidden)]
 pub use chunk::{AnyChunks, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
-pub use target::{Conf, Editable, Goal, Mark, Motion, Role, Target};
+pub use target::{Conf, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Target};
 
+use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, Edit, Source, Span};
 use std::sync::Arc;
 
@@ -116,12 +117,14 @@ pub struct Wobj {
     pub name: Arc<str>,
     /// Its wobjdata where the program or a context module declares it; else the cell must.
     pub data: Option<WobjData>,
+    /// The mechanical unit that is its user frame (RAPID `ufprog` FALSE, `ufmec`).
+    pub unit: Option<Arc<str>>,
 }
 
 impl Wobj {
     /// Whether another is this one: RAPID does not tell case apart.
     pub(crate) fn is(&self, other: &Self) -> bool {
-        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data
+        self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data && self.unit == other.unit
     }
 }
 
@@ -130,7 +133,7 @@ impl Wobj {
 pub struct WobjData {
     /// True where the robot holds the part.
     pub robhold: bool,
-    /// False where a mechanical unit moves the user frame: not editable.
+    /// False where a mechanical unit is the user frame: see [`Wobj::unit`].
     pub fixed: bool,
     /// User frame in the world (or in tool0 where `robhold`), mm.
     pub uframe_mm: [f64; 3],
@@ -185,6 +188,8 @@ pub struct Insert {
     pub conf: Option<Conf>,
     /// Circle point of an arc, position (mm) and orientation; `None` for a line.
     pub via: Option<([f64; 3], [f64; 4])>,
+    /// External axes there, mm or degrees as written, where they move on the way; `None` leaves those of the target.
+    pub external: Option<[Option<f64>; EXTERNAL_AXES]>,
     /// Length of path to the nearer of the points before and behind, mm: a zone wider than that overlaps theirs.
     pub room_mm: f64,
 }
@@ -193,7 +198,7 @@ impl Insert {
     /// A line to a pose (mm, scalar first) before a target, with so much room (mm) about it.
     #[must_use]
     pub fn line(before: usize, (position_mm, quat): ([f64; 3], [f64; 4]), room_mm: f64) -> Self {
-        Self { before, position_mm, quat, conf: None, via: None, room_mm }
+        Self { before, position_mm, quat, conf: None, via: None, external: None, room_mm }
     }
 }
 

@@ -1,3 +1,4 @@
+use crate::robot::{EXTERNAL_AXES, External};
 use crate::text::Span;
 use std::sync::Arc;
 
@@ -27,6 +28,10 @@ pub struct Target {
     pub mark: Option<Mark>,
     /// What a correction may change.
     pub editable: Editable,
+    /// Whether the text says where the controller goes, units that move base or work object aside; else `editable` says why not.
+    pub located: bool,
+    /// External axes, where any is in use or a mechanical unit is deactivated.
+    pub external: Option<Arc<ExternalAxes>>,
     /// Name of the declared robtarget, where there is one.
     pub name: Option<Arc<str>>,
     /// Index into [`Program::sources`](super::Program::sources).
@@ -35,6 +40,37 @@ pub struct Target {
     pub span: Span,
     /// Line of the instruction, from 1.
     pub line: u32,
+}
+
+/// External axes at a target, as far as the program says: mm or degrees.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ExternalAxes {
+    /// eax_a … eax_f as written; `None` where not in use (9E9).
+    pub written: [Option<f64>; EXTERNAL_AXES],
+    /// What the controller adds (RAPID `EOffsSet`, `EOffsOn`).
+    pub offset: External,
+    /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
+    pub inactive: Arc<[InactiveUnit]>,
+    /// Whether the axes have moved by themselves since the target before: the way into this one begins elsewhere.
+    pub moved_alone: bool,
+}
+
+impl ExternalAxes {
+    /// Where the controller sends an axis; `None` where it is not in use.
+    #[must_use]
+    pub fn position(&self, axis: usize) -> Option<f64> {
+        self.written[axis].map(|written| written + self.offset[axis])
+    }
+}
+
+/// A mechanical unit that does not move, whatever targets say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InactiveUnit {
+    /// As the program names it.
+    pub name: Arc<str>,
+    /// Where each axis stood when it was deactivated, as far as the program says; its own ones stay there.
+    pub stands: [Option<f64>; EXTERNAL_AXES],
 }
 
 /// A motion's end, or a point on its way.

@@ -231,7 +231,10 @@ impl Text {
             line.push(b',');
         }
         for (&value, decimals) in numbers.iter().zip(DECIMALS) {
-            number::write_fixed(line, value, decimals);
+            // Of targets that are not solved nothing is known.
+            if !value.is_nan() {
+                number::write_fixed(line, value, decimals);
+            }
             line.push(b',');
         }
         let optional = [

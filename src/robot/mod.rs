@@ -18,6 +18,7 @@ mod solutions;
 mod start;
 mod tables;
 mod turn;
+mod unit;
 
 pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
@@ -26,10 +27,12 @@ pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
+pub(crate) use model::gravity_at;
 pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
 pub use tables::{PoseMatrix, pose_matrix, pose_of_matrix};
 pub(crate) use turn::{turn_between, turns_between};
+pub use unit::{Carries, EXTERNAL_AXES, External, Unit, UnitKind, Units};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
 pub type Joints = nalgebra::Vector6<f64>;

@@ -1,5 +1,14 @@
 use super::inverse::ClosedForm;
 use super::{Joints, Limits, Links, Pose};
+use nalgebra::Vector3;
+
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+
+/// Gravity in the axes of a base that stands somewhere, m/s²: along world −z.
+pub(crate) fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
+    world_from_base.rotation.inverse_transform_vector(&Vector3::new(0.0, 0.0, -GRAVITY))
+}
 
 /// One modified Denavit-Hartenberg row (Craig): `Rx(alpha) Tx(a) Rz(theta + joint) Tz(d)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,6 +78,12 @@ impl Robot {
             world_from_base: Pose::identity(),
             closed_form,
         }
+    }
+
+    /// Gravity where the base stands, base axes, m/s².
+    #[must_use]
+    pub fn gravity(&self) -> Vector3<f64> {
+        gravity_at(&self.world_from_base)
     }
 
     /// The same robot standing elsewhere.

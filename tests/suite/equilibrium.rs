@@ -48,6 +48,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         Pose::from_parts(Translation3::new(1.0, -0.4, 0.7), Rotation3::from_euler_angles(0.0, 0.02, 0.3));
     Situation {
         base_from_wobj,
+        gravity: arm.robot.gravity(),
         wobj_from_tcp: base_from_wobj.inv_mul(&(arm.robot.forward(motor) * tool.flange_from_tcp)),
         tool,
         cutting: Cutting::Constant(force),

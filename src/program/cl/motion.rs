@@ -320,6 +320,8 @@ impl Reader {
             rapid,
             mark: self.modal.mark,
             editable: Editable::Pose,
+            located: true,
+            external: None,
             name: None,
             source: 0,
             span: record.span,

@@ -156,7 +156,7 @@ impl Reader {
             language: Language::Cl,
             dialect: self.dialect.name(),
             tools: self.machine.tools().iter().map(tool).collect(),
-            wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None }],
+            wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None, unit: None }],
             targets: std::mem::take(&mut self.targets),
             actions: std::mem::take(&mut self.actions),
             kept: std::mem::take(&mut self.kept),

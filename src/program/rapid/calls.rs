@@ -1,5 +1,6 @@
 //! Calls of procedures: what parameters stand for while a routine runs, and what it leaves, at its end or by an error.
 
+use super::axes::Axes;
 use super::eval::{RUN_TIME, Scope};
 use super::memory::Left;
 use super::motion::Call;
@@ -243,7 +244,7 @@ impl<'a> Runner<'a> {
             self.forget_argument(scope, argument, UNDECLARED);
         }
         self.state.displacement = Switch::Unknown;
-        self.state.axis_offset = Switch::Unknown;
+        self.state.axes = Axes::UNKNOWN;
     }
 
     /// What a routine changes that is not followed.
@@ -256,8 +257,8 @@ impl<'a> Runner<'a> {
         if here.displacement {
             self.state.displacement = Switch::Unknown;
         }
-        if here.axis_offset {
-            self.state.axis_offset = Switch::Unknown;
+        if here.axes {
+            self.state.axes = Axes::UNKNOWN;
         }
         if here.marks {
             self.state.mark_unknown = true;
@@ -357,15 +358,15 @@ impl<'a> Runner<'a> {
             before.push((at, self.symbols.variables[at].volatile));
             self.symbols.variables[at].volatile.get_or_insert(JUMPS);
         }
-        let flags = [changes.displacement, changes.axis_offset, changes.marks];
+        let flags = [changes.displacement, changes.axes, changes.marks];
         for (count, flag) in self.jumping.iter_mut().zip(flags) {
             *count += usize::from(flag);
         }
         if changes.displacement {
             self.state.displacement = Switch::Unknown;
         }
-        if changes.axis_offset {
-            self.state.axis_offset = Switch::Unknown;
+        if changes.axes {
+            self.state.axes = Axes::UNKNOWN;
         }
         self.state.mark_unknown |= changes.marks;
         before
@@ -373,7 +374,7 @@ impl<'a> Runner<'a> {
 
     fn tighten(&mut self, id: RoutineId, before: Vec<(usize, Option<&'static str>)>) {
         let changes = self.symbols.changed_by(id);
-        let flags = [changes.displacement, changes.axis_offset, changes.marks];
+        let flags = [changes.displacement, changes.axes, changes.marks];
         for (count, flag) in self.jumping.iter_mut().zip(flags) {
             *count -= usize::from(flag);
         }
@@ -438,8 +439,8 @@ impl<'a> Runner<'a> {
         if changes.displacement {
             self.state.displacement = Switch::Unknown;
         }
-        if changes.axis_offset {
-            self.state.axis_offset = Switch::Unknown;
+        if changes.axes {
+            self.state.axes = Axes::UNKNOWN;
         }
         self.state.mark_unknown |= changes.marks;
     }

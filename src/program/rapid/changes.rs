@@ -26,8 +26,8 @@ pub(super) struct Changes {
     pub(super) anything: bool,
     /// Program displacement may be switched on.
     pub(super) displacement: bool,
-    /// The same of the offset of external axes.
-    pub(super) axis_offset: bool,
+    /// Offsets of external axes may be changed, or mechanical units activated.
+    pub(super) axes: bool,
     /// `! deflex …` stands among them.
     pub(super) marks: bool,
 }
@@ -81,13 +81,13 @@ impl Changes {
         foreign: BTreeSet::new(),
         anything: false,
         displacement: false,
-        axis_offset: false,
+        axes: false,
         marks: false,
     };
 
     /// What a routine may change of which nothing is known.
     pub(super) fn anything() -> Self {
-        Self { anything: true, displacement: true, axis_offset: true, ..Self::NOTHING }
+        Self { anything: true, displacement: true, axes: true, ..Self::NOTHING }
     }
 
     fn add(&mut self, found: &Found) {
@@ -105,13 +105,13 @@ impl Changes {
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
         self.displacement |= callee.displacement;
-        self.axis_offset |= callee.axis_offset;
+        self.axes |= callee.axes;
         self.marks |= callee.marks;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
     fn flags(&self) -> [bool; 4] {
-        [self.anything, self.displacement, self.axis_offset, self.marks]
+        [self.anything, self.displacement, self.axes, self.marks]
     }
 }
 
@@ -200,7 +200,7 @@ impl<'a> Symbols<'a> {
         if at_any_moment.anything {
             at_any_moment.data.extend(&everything);
             at_any_moment.displacement = true;
-            at_any_moment.axis_offset = true;
+            at_any_moment.axes = true;
         }
         for id in &ids {
             self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
@@ -431,7 +431,7 @@ impl<'s, 'a> Scan<'s, 'a> {
     fn unknown(&mut self, call: &Call) {
         self.out.changes.anything = true;
         self.out.changes.displacement = true;
-        self.out.changes.axis_offset = true;
+        self.out.changes.axes = true;
         call.given().for_each(|argument| self.change(argument));
     }
 
@@ -442,7 +442,13 @@ impl<'s, 'a> Scan<'s, 'a> {
                 call.given().for_each(|argument| self.change(argument));
             }
             Some(Instruction::DisplacementOn) => self.out.changes.displacement = true,
-            Some(Instruction::AxisOffsetOn) => self.out.changes.axis_offset = true,
+            Some(
+                Instruction::AxisOffsetSet
+                | Instruction::AxisOffsetOn
+                | Instruction::UnitOn
+                | Instruction::UnitOff
+                | Instruction::MovesAxes,
+            ) => self.out.changes.axes = true,
             Some(Instruction::DataByName) => {
                 let text = call.positional().first().map(|text| &self.bytes[text.range()]);
                 let literal = text.and_then(|text| text.strip_prefix(b"\"")?.strip_suffix(b"\""));

@@ -1,5 +1,6 @@
 //! Branches and loops: followed where their conditions are known; else every branch is run and what they leave is joined.
 
+use super::axes::Axes;
 use super::eval::Scope;
 use super::lex::{Cursor, Kind};
 use super::memory::Left;
@@ -199,9 +200,10 @@ impl<'a> Runner<'a> {
         self.events += 1;
         let changes = self.symbols.changed_in(routine, body);
         self.forget(&changes, LOOP);
+        self.state.axes.lose_positions();
         // An error in a round before may have gone to the handler.
         self.run_handler();
-        if changes.displacement || changes.axis_offset || changes.marks {
+        if changes.displacement || changes.axes || changes.marks {
             self.settle(body);
         }
         let mut before = self.standing.clone();
@@ -225,7 +227,7 @@ impl<'a> Runner<'a> {
     fn settle(&mut self, body: &'a [Statement]) {
         if self.dry == DRY_DEPTH {
             self.state.displacement = Switch::Unknown;
-            self.state.axis_offset = Switch::Unknown;
+            self.state.axes = Axes::UNKNOWN;
             self.state.mark_unknown = true;
             return;
         }
@@ -290,7 +292,6 @@ impl<'a> Runner<'a> {
     fn back_to(&mut self, marker: Marker) {
         self.targets.truncate(marker.targets);
         self.sites.truncate(marker.targets);
-        self.on_axes.truncate(marker.targets);
         self.offsets.truncate(marker.offsets);
         (self.motions, self.arcs, self.unknown) = (marker.motions, marker.arcs, marker.unknown);
     }

@@ -103,6 +103,7 @@ fn instruction(
         return Err("motion does not begin its line");
     }
     let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
+    let axes = insert.external.map_or(axes, |external| external_axes(&external, writer.options.position_decimals));
     let mut content = if via.is_some() { b"MoveC ".to_vec() } else { b"MoveL ".to_vec() };
     for numbers in via.into_iter().chain([numbers]) {
         for part in [b"[", numbers, b",", &conf, b",", &axes, b"],"] {
@@ -137,6 +138,22 @@ fn instruction(
     content.extend_from_slice(indent);
     let at = Span { start: target.span.start, end: target.span.start };
     Ok((target.source as usize, Edit { span: at, content: content.into() }))
+}
+
+/// External axes as text.
+fn external_axes(external: &[Option<f64>], decimals: usize) -> Vec<u8> {
+    let mut text = b"[".to_vec();
+    for (i, axis) in external.iter().enumerate() {
+        if i > 0 {
+            text.push(b',');
+        }
+        match axis {
+            Some(position) => number::write_fixed(&mut text, *position, decimals),
+            None => text.extend_from_slice(b"9E+09"),
+        }
+    }
+    text.push(b']');
+    text
 }
 
 /// The zone of a point that the controller flies by, with so much room (mm) about it: the instruction's own where that fits.

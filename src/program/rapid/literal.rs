@@ -38,7 +38,7 @@ pub(crate) struct Written {
     /// Scalar first, not normalised.
     pub(crate) quat: [f64; 4],
     pub(crate) conf: Option<Conf>,
-    /// External axes; 9E9 where not in use.
+    /// External axes; 9E9 where not in use, NaN where not known when reading.
     pub(crate) external: [f64; 6],
 }
 

@@ -8,6 +8,7 @@
 //! instructions run, through calls and loops, until the next mark; one before the first routine
 //! holds from the start.
 
+mod axes;
 mod calls;
 mod changes;
 mod chunk;
@@ -18,6 +19,7 @@ mod declared;
 mod dialect;
 mod eval;
 mod flow;
+mod frames;
 mod index;
 mod insert;
 mod kinds;
@@ -49,6 +51,7 @@ mod value;
 pub use chunk::Chunk;
 pub use chunks::{CHUNK, Chunks};
 pub use declared::{Declared, Names};
+pub use frames::declared_frames;
 use rewrite::rewrite;
 
 use super::language::FrontEnd;

@@ -1,14 +1,15 @@
 //! Executed motions: their targets, tools, work objects and speeds, and what of them may be edited.
 
+use super::axes::Axes;
 use super::calls::ABSENT;
 use super::changes::{Changes, is_synchronised};
 use super::eval::{RUN_TIME, Scope};
-use super::literal::{Literal, UNUSED_AXIS};
+use super::literal::Literal;
 use super::motion::{Call, Shape, ToolAt, Zone};
 use super::predefined::Instruction;
 use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner, Switch};
 use super::symbols::{Upper, first_word};
-use super::value::{Place, Pose, Value, axes_in_use, predefined, unit};
+use super::value::{Place, Pose, Value, predefined, unit};
 use super::{Offset, Site};
 use crate::program::{Editable, Goal, Motion, Role, Target, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
@@ -54,11 +55,18 @@ impl<'a> Runner<'a> {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
                     self.hold_where_it_stands();
                 }
-                self.state.displacement = self.switched(0, Switch::On);
+                self.state.displacement = self.switched(Switch::On);
             }
-            Instruction::DisplacementOff => self.state.displacement = self.switched(0, Switch::Off),
-            Instruction::AxisOffsetOn => self.state.axis_offset = self.switched(1, Switch::On),
-            Instruction::AxisOffsetOff => self.state.axis_offset = self.switched(1, Switch::Off),
+            Instruction::DisplacementOff => self.state.displacement = self.switched(Switch::Off),
+            Instruction::AxisOffsetSet
+            | Instruction::AxisOffsetOn
+            | Instruction::AxisOffsetOff
+            | Instruction::UnitOn
+            | Instruction::UnitOff => self.axes_instruction(scope, call, known),
+            Instruction::MovesAxes => {
+                self.axes_instruction(scope, call, known);
+                self.keep_here(span, "moves external axes only, or along a recorded path");
+            }
             Instruction::DataByName => {
                 let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
                     Some(Value::Text(name)) if bytes[call.name.range()].eq_ignore_ascii_case(b"SetDataVal") => {
@@ -86,11 +94,10 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Displacement (0) or axis offset (1) as an instruction leaves it, as far as nothing else switches it at any moment.
-    fn switched(&self, which: usize, to: Switch) -> Switch {
-        let at_any_moment = &self.symbols.known.at_any_moment;
-        let others = [at_any_moment.displacement, at_any_moment.axis_offset][which];
-        if others || self.jumping[which] > 0 { Switch::Unknown } else { to }
+    /// Displacement as an instruction leaves it, as far as nothing else switches it at any moment.
+    fn switched(&self, to: Switch) -> Switch {
+        let others = self.symbols.known.at_any_moment.displacement;
+        if others || self.jumping[0] > 0 { Switch::Unknown } else { to }
     }
 
     /// One executed motion.
@@ -120,6 +127,9 @@ impl<'a> Runner<'a> {
         if let Some(procedure) = synchronised {
             self.run_on_the_way(scope, procedure);
         }
+        if self.mode != Mode::Real {
+            self.state.axes.lose_positions();
+        }
         if self.mode == Mode::Dry {
             // Only what it calls and what it finds matters.
             self.evaluate(scope, to);
@@ -147,17 +157,24 @@ impl<'a> Runner<'a> {
             rapid: false,
             mark: self.state.mark,
             editable: Editable::No("joint target"),
+            located: true,
+            external: None,
             name: None,
             source: scope.source,
             span,
             line,
         };
         if shape.motion == Motion::AbsoluteJoint {
-            match self.evaluate(scope, to).joints() {
-                Some(deg) => self.push(Target { goal: Goal::Joints { deg }, ..target }, Site::None, false),
-                None => self.keep_motion(span, "joint target computed at run time"),
-            }
-            return;
+            let value = self.evaluate(scope, to);
+            let (external, plain) = (value.joints_external(), call.option(bytes, b"NoEOffs").is_some());
+            self.axes_go_to(&external, plain);
+            let Some(deg) = value.joints() else {
+                return self.keep_motion(span, "joint target computed at run time");
+            };
+            let external_axes = self.external_axes(&external, Role::End, plain);
+            let located = self.axes_unknown(&external).is_none();
+            let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
+            return self.push(target, Site::None);
         }
         // An arc is known by both its points, or not at all.
         let circle = via.map(|(at, via)| (self.pose(scope, call, at, via), via));
@@ -204,12 +221,12 @@ impl<'a> Runner<'a> {
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
         at_any_moment.displacement |= changes.displacement;
-        at_any_moment.axis_offset |= changes.axis_offset;
+        at_any_moment.axes |= changes.axes;
         if changes.displacement {
             self.state.displacement = Switch::Unknown;
         }
-        if changes.axis_offset {
-            self.state.axis_offset = Switch::Unknown;
+        if changes.axes {
+            self.state.axes = Axes::UNKNOWN;
         }
     }
 
@@ -288,7 +305,8 @@ impl<'a> Runner<'a> {
         if named && pose.steps.is_empty() {
             target.name = self.name_of(pose.root, &bytes[argument.range()]);
         }
-        (target.editable, target.motion) = (self.editable(&target, pose), target.motion);
+        target.editable = self.editable(&target, pose);
+        target.located = self.unlocated(&target, pose).is_none();
         let site = match pose.root {
             None => Site::None,
             Some(root) if pose.steps.is_empty() => {
@@ -301,16 +319,12 @@ impl<'a> Runner<'a> {
                 Site::Offset((self.offsets.len() - 1) as u32)
             }
         };
-        let in_use = axes_in_use(&written.external);
-        let external = written.external.map(|v| if v < UNUSED_AXIS { v } else { UNUSED_AXIS });
-        #[allow(clippy::float_cmp)] // as written: any difference is a motion of the axis
-        if in_use {
-            self.external_moves |= *self.external.get_or_insert(external) != external;
-        }
-        self.push(target, site, in_use);
+        self.axes_go_to(&written.external, false);
+        target.external = self.external_axes(&written.external, target.role, false);
+        self.push(target, site);
     }
 
-    pub(super) fn push(&mut self, target: Target, site: Site, in_use: bool) {
+    pub(super) fn push(&mut self, target: Target, site: Site) {
         if self.mode != Mode::Real {
             return;
         }
@@ -318,7 +332,6 @@ impl<'a> Runner<'a> {
         self.standing.push(self.targets.len());
         self.targets.push(target);
         self.sites.push(site);
-        self.on_axes.push(in_use);
     }
 
     /// The name of a declared target as used: `p10`, `p{3}`.
@@ -331,24 +344,27 @@ impl<'a> Runner<'a> {
         }
     }
 
-    pub(super) fn editable(&self, target: &Target, pose: &Pose) -> Editable {
+    /// Why the controller does not go where the numbers say, as far as that is so.
+    fn unlocated(&self, target: &Target, pose: &Pose) -> Option<&'static str> {
         let tool = self.tools[target.tool as usize].data;
         let wobj = self.wobjs[target.wobj as usize].data;
-        let stationary = tool.is_some_and(|t: ToolData| !t.robhold) || wobj.is_some_and(|w| w.robhold);
-        let reason = if self.state.displacement == Switch::On {
-            Some("program displacement is active")
-        } else if self.state.displacement == Switch::Unknown {
-            Some("program displacement is known only at run time")
-        } else if self.state.axis_offset == Switch::On && axes_in_use(&pose.written.external) {
-            Some("offset of external axes is active")
-        } else if self.state.axis_offset == Switch::Unknown && axes_in_use(&pose.written.external) {
-            Some("offset of external axes is known only at run time")
+        // Either the robot holds the tool, or the part; what is not declared here is the usual way.
+        let holds_part = wobj.is_some_and(|w| w.robhold);
+        let misfit =
+            tool.is_none_or(|t: ToolData| t.robhold) == holds_part || wobj.is_some_and(|w| w.robhold && !w.fixed);
+        match self.state.displacement {
+            Switch::On => Some("program displacement is active"),
+            Switch::Unknown => Some("program displacement is known only at run time"),
+            Switch::Off if misfit => Some("tool and work object are both held by the robot, or neither is"),
+            Switch::Off => self.axes_unknown(&pose.written.external),
+        }
+    }
+
+    pub(super) fn editable(&self, target: &Target, pose: &Pose) -> Editable {
+        let reason = if let Some(why) = self.unlocated(target, pose) {
+            Some(why)
         } else if self.state.mark_unknown {
             Some("air or cut is known only at run time")
-        } else if stationary {
-            Some("stationary tool")
-        } else if wobj.is_some_and(|w| !w.fixed) {
-            Some("work object moved by a mechanical unit")
         } else if let Some(why) = pose.fixed {
             Some(why)
         } else if let Some(last) = pose.steps.last() {
@@ -422,13 +438,21 @@ impl<'a> Runner<'a> {
             let flags = [f64::from(u8::from(d.robhold)), f64::from(u8::from(d.fixed))];
             [&d.uframe_mm[..], &d.uframe_quat, &d.oframe_mm, &d.oframe_quat, &flags].concat()
         });
-        let key = frame_key(&name, &numbers);
+        let mechanical_unit: Option<Arc<str>> = value.wobj_unit().map(|unit| decode(unit).as_ref().into());
+        let mut key = frame_key(&name, &numbers);
+        key.extend_from_slice(mechanical_unit.as_deref().unwrap_or("").as_bytes());
         let data = data.map(|data| WobjData {
             uframe_quat: unit(data.uframe_quat),
             oframe_quat: unit(data.oframe_quat),
             ..data
         });
-        let index = number(&mut self.wobjs, &mut self.wobj_numbers, key, self.mode, Wobj { name, data })?;
+        let index = number(
+            &mut self.wobjs,
+            &mut self.wobj_numbers,
+            key,
+            self.mode,
+            Wobj { name, data, unit: mechanical_unit },
+        )?;
         let Some(index) = index else {
             self.refuse(scope.source, argument.unwrap_or_default(), "rapid.frames", MANY_FRAMES, "split the program");
             return Err("too many work objects");

@@ -26,7 +26,6 @@ impl Runner<'_> {
         self.hold_what_is_used_otherwise();
         let plain = self.plain(files);
         let streamable = plain && self.inline();
-        self.refuse_what_axes_move();
         self.refuse_what_calls_itself();
         // What one refuses may be what another rests on.
         loop {
@@ -77,17 +76,6 @@ impl Runner<'_> {
                     (_, Editable::No(why)) => self.targets[i - 1].editable = Editable::No(why),
                     _ => {}
                 }
-            }
-        }
-    }
-
-    fn refuse_what_axes_move(&mut self) {
-        if !self.external_moves {
-            return;
-        }
-        for (target, _) in self.targets.iter_mut().zip(&self.on_axes).filter(|(_, on)| **on) {
-            if !matches!(target.editable, Editable::No(_)) {
-                target.editable = Editable::No("external axes move the robot or the part");
             }
         }
     }

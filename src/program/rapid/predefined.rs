@@ -17,10 +17,18 @@ pub(super) enum Instruction {
     DisplacementOn,
     /// Switches it off.
     DisplacementOff,
-    /// Switches the offset of external axes on.
+    /// Sets the offset of external axes.
+    AxisOffsetSet,
+    /// Sets it from where they stand.
     AxisOffsetOn,
     /// Switches it off.
     AxisOffsetOff,
+    /// Activates a mechanical unit.
+    UnitOn,
+    /// Deactivates it: it stays where it stands.
+    UnitOff,
+    /// Moves external axes only.
+    MovesAxes,
     /// Data by their names as texts.
     DataByName,
     /// Moves, but to no robtarget that the program states.
@@ -36,7 +44,12 @@ impl Instruction {
     pub(super) fn may_fail(self) -> bool {
         !matches!(
             self,
-            Self::DisplacementOn | Self::DisplacementOff | Self::AxisOffsetOn | Self::AxisOffsetOff | Self::Ends
+            Self::DisplacementOn
+                | Self::DisplacementOff
+                | Self::AxisOffsetSet
+                | Self::AxisOffsetOn
+                | Self::AxisOffsetOff
+                | Self::Ends
         )
     }
 }
@@ -45,7 +58,6 @@ impl Instruction {
 pub(super) const NOTHING: &[&str] = &[
     "AccSet",
     "ActEventBuffer",
-    "ActUnit",
     "AliasIOReset",
     "BookErrNo",
     "Break",
@@ -65,7 +77,6 @@ pub(super) const NOTHING: &[&str] = &[
     "CopyFile",
     "CornerPathWarning",
     "DeactEventBuffer",
-    "DeactUnit",
     "DitherAct",
     "DitherDeact",
     "EraseModule",
@@ -237,16 +248,18 @@ pub(super) const ARGUMENTS: &[&str] = &[
 
 /// Those with a meaning of their own.
 const OWN: &[(&str, Instruction)] = &[
+    ("ActUnit", Instruction::UnitOn),
     ("Add", Instruction::Steps),
     ("Clear", Instruction::Steps),
+    ("DeactUnit", Instruction::UnitOff),
     ("Decr", Instruction::Steps),
     ("EOffsOff", Instruction::AxisOffsetOff),
     ("EOffsOn", Instruction::AxisOffsetOn),
-    ("EOffsSet", Instruction::AxisOffsetOn),
+    ("EOffsSet", Instruction::AxisOffsetSet),
     ("ErrRaise", Instruction::Raises),
     ("ExitCycle", Instruction::Ends),
     ("Incr", Instruction::Steps),
-    ("MoveExtJ", Instruction::Moves),
+    ("MoveExtJ", Instruction::MovesAxes),
     ("PathRecMoveBwd", Instruction::Moves),
     ("PathRecMoveFwd", Instruction::Moves),
     ("PDispOff", Instruction::DisplacementOff),

@@ -1,5 +1,6 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
+use super::axes::Axes;
 use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
 use super::memory::{Layer, Left};
@@ -11,7 +12,7 @@ use super::tree::{File, RoutineKind, Statement};
 use super::uses::{Ran, Use};
 use super::value::Place;
 use super::{Offset, Site};
-use crate::program::{Kept, Mark, Target, Tool, Wobj};
+use crate::program::{ExternalAxes, InactiveUnit, Kept, Mark, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -69,13 +70,13 @@ impl Switch {
 }
 
 /// What the instructions before leave in force.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct State {
     pub(super) mark: Option<Mark>,
     /// Which mark holds is known only at run time.
     pub(super) mark_unknown: bool,
     pub(super) displacement: Switch,
-    pub(super) axis_offset: Switch,
+    pub(super) axes: Axes,
 }
 
 impl State {
@@ -84,7 +85,7 @@ impl State {
             mark: self.mark,
             mark_unknown: self.mark_unknown || other.mark_unknown || self.mark != other.mark,
             displacement: self.displacement.join(other.displacement),
-            axis_offset: self.axis_offset.join(other.axis_offset),
+            axes: self.axes.join(other.axes),
         }
     }
 }
@@ -166,9 +167,12 @@ pub(super) struct Runner<'a> {
     pub(super) ran: Ran,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
-    pub(super) external: Option<[f64; 6]>,
-    pub(super) external_moves: bool,
-    pub(super) on_axes: Vec<bool>,
+    /// Units that were found deactivated together, the first being none; [`Axes::inactive`] numbers them.
+    pub(super) inactive: Vec<Arc<[InactiveUnit]>>,
+    /// External axes of the last target that has any.
+    pub(super) external: Option<Arc<ExternalAxes>>,
+    /// The external axes have moved by themselves since the last target.
+    pub(super) axes_moved: bool,
     pub(super) kept: Vec<Kept>,
     pub(super) seen: HashSet<(usize, Span, &'static str)>,
     pub(super) diagnostics: Vec<Diagnostic>,
@@ -231,9 +235,9 @@ impl<'a> Runner<'a> {
             offsets: Vec::new(),
             ran: Ran::new(sources),
             aside: Vec::new(),
+            inactive: vec![Arc::new([])],
             external: None,
-            external_moves: false,
-            on_axes: Vec::new(),
+            axes_moved: false,
             kept: Vec::new(),
             seen: HashSet::new(),
             diagnostics: Vec::new(),
@@ -252,8 +256,8 @@ impl<'a> Runner<'a> {
         if at_any_moment.displacement {
             runner.state.displacement = Switch::Unknown;
         }
-        if at_any_moment.axis_offset {
-            runner.state.axis_offset = Switch::Unknown;
+        if at_any_moment.axes {
+            runner.state.axes = Axes::UNKNOWN;
         }
         runner
     }

@@ -1,12 +1,13 @@
 //! Who else uses the numbers of a target: routines that nothing runs, traps, handlers and functions. A number is edited only if
 //! all who use it are known and want the same.
 
+use super::axes::Axes;
 use super::lex::{Cursor, Kind};
 use super::motion;
 use super::run::{Mode, Runner, Switch};
 use super::symbols::{RoutineId, Upper, first_word};
 use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
-use super::value::{Place, Pose};
+use super::value::{Place, Pose, axes_in_use};
 use crate::program::{Editable, Motion, Target};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use std::collections::{BTreeSet, HashSet};
@@ -51,7 +52,9 @@ impl<'a> Runner<'a> {
     pub(super) fn use_aside(&mut self, target: &Target, pose: &Pose) {
         let Some(root) = pose.root.filter(|_| self.mode == Mode::Aside) else { return };
         let offset = pose.steps.last().and_then(|step| step.tokens).map(|tokens| tokens[0]);
-        if let Editable::No(_) = self.editable(target, pose) {
+        // Other units may be active, or other offsets, when it is run.
+        let on_axes = axes_in_use(&pose.written.external);
+        if on_axes || matches!(self.editable(target, pose), Editable::No(_)) {
             self.pinned.insert(root);
             self.held.extend(offset);
             return;
@@ -79,9 +82,10 @@ impl<'a> Runner<'a> {
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
         let anywhere =
             |flag: fn(&super::changes::Changes) -> bool| self.symbols.all().any(|id| flag(self.symbols.changed_by(id)));
-        let switch = |flag: bool| if flag { Switch::Unknown } else { Switch::Off };
-        self.state.displacement = switch(anywhere(|changes| changes.displacement));
-        self.state.axis_offset = switch(anywhere(|changes| changes.axis_offset));
+        let displaced = anywhere(|changes| changes.displacement);
+        self.state.displacement = if displaced { Switch::Unknown } else { Switch::Off };
+        self.state.axes = if anywhere(|changes| changes.axes) { Axes::UNKNOWN } else { Axes::default() };
+        self.state.axes.lose_positions();
         self.state.mark_unknown = anywhere(|changes| changes.marks);
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
         let first = waiting.iter().filter(|id| roots.contains(*id));

@@ -161,7 +161,7 @@ impl Value {
             position_mm: position.nums()?,
             quat: quat.nums()?,
             conf: conf.nums().and_then(literal::conf),
-            external: external.nums().unwrap_or([9e9; 6]),
+            external: external.nums().unwrap_or([f64::NAN; 6]),
         };
         let literal = || {
             let Value::List(_, Some(place)) = self else { return None };
@@ -200,10 +200,27 @@ impl Value {
         })
     }
 
+    /// The mechanical unit that a wobjdata names.
+    pub(super) fn wobj_unit(&self) -> Option<&[u8]> {
+        let [_, Value::Bool(false), Value::Text(unit), ..] = self.list()? else { return None };
+        Some(unit)
+    }
+
     /// Motor angles of a jointtarget.
     pub(super) fn joints(&self) -> Option<[f64; 6]> {
         let [robot, _] = self.list()? else { return None };
         robot.nums()
+    }
+
+    /// External axes of a jointtarget; NaN where they are not known.
+    pub(super) fn joints_external(&self) -> [f64; 6] {
+        let external = self.list().and_then(|parts| parts.get(1)?.nums());
+        external.unwrap_or([f64::NAN; 6])
+    }
+
+    /// An extjoint.
+    pub(super) fn external(&self) -> Option<[f64; 6]> {
+        self.nums()
     }
 }
 

@@ -122,7 +122,8 @@ impl PathTrace {
                     Status::Kept(_) => "kept",
                 },
                 values: values(row, self.kind),
-                peaks: [row.error_norm_mm(), row.remaining_norm_mm()],
+                // NaN of targets that are not solved is no peak.
+                peaks: [row.error_norm_mm().max(0.0), row.remaining_norm_mm().max(0.0)],
             });
         }
     }

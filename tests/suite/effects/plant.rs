@@ -119,6 +119,7 @@ fn residual(cell: &Cell, program: &Program, measured: &Table) -> Vec<Vector3<f64
         }
         let situation = Situation {
             base_from_wobj,
+            gravity: robot.gravity(),
             wobj_from_tcp: target.wobj_from_tcp,
             tool: program.tool,
             cutting: Cutting::Constant(force),

@@ -1,0 +1,207 @@
+//! What a target is run with, as the mechanical units that carry robot and part stand there.
+
+use super::frames::WobjFrame;
+use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
+use crate::effects::ToolFrame;
+use crate::equilibrium::Setting;
+use crate::program::{ExternalAxes, Target};
+use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
+use std::sync::Arc;
+
+/// A tool and a work object, and what moves them.
+#[derive(Clone, Debug)]
+pub(super) struct Mount {
+    /// With every unit at zero; wherever they stand, if none of them moves base or work object.
+    pub(super) setting: Setting,
+    moving: Option<Arc<Moving>>,
+}
+
+/// What of a mount moves.
+#[derive(Debug, PartialEq)]
+struct Moving {
+    units: Arc<Units>,
+    /// With every unit at zero.
+    world_from_base: Pose,
+    wobj: WobjFrame,
+}
+
+/// A target's external axes, and what it is run with there.
+#[derive(Clone, Debug)]
+pub(super) struct Moved {
+    /// Of the cell's units; NaN where one is not known and does not matter.
+    pub(super) external: External,
+    pub(super) setting: Setting,
+}
+
+impl PartialEq for Mount {
+    fn eq(&self, other: &Self) -> bool {
+        self.setting == other.setting && self.moving == other.moving
+    }
+}
+
+impl Mount {
+    pub(super) fn new(cell: &Cell, wobj: WobjFrame, tool: ToolFrame) -> Self {
+        let (units, world_from_base) = (&cell.units, cell.arm.robot.world_from_base);
+        let moves = wobj.unit.is_some() || units.under_robot().is_some();
+        let moving = Moving { units: Arc::clone(units), world_from_base, wobj };
+        let setting = moving.at(&[0.0; EXTERNAL_AXES], tool, false);
+        Self { setting, moving: moves.then(|| Arc::new(moving)) }
+    }
+
+    /// A stationary tool in the world, and a part that the robot holds: `tool` is its work object in the flange, with the load there.
+    pub(super) fn held(cell: &Cell, world_from_tool: Pose, tool: ToolFrame) -> Self {
+        let mut mount = Self::new(cell, WobjFrame::fixed(world_from_tool), tool);
+        mount.setting.held = true;
+        mount
+    }
+
+    /// One that nothing moves.
+    pub(super) fn fixed(setting: Setting) -> Self {
+        Self { setting, moving: None }
+    }
+
+    /// Whether it is in the same work object as another.
+    pub(super) fn shares_wobj(&self, other: &Self) -> bool {
+        match (&self.moving, &other.moving) {
+            (Some(own), Some(other)) => own.wobj == other.wobj,
+            (None, None) => self.setting.base_from_wobj == other.setting.base_from_wobj,
+            _ => false,
+        }
+    }
+
+    /// As the units stand at another target; `None` where that is not known.
+    pub(super) fn at(&self, there: Option<&Arc<Moved>>) -> Option<Setting> {
+        match (&self.moving, there) {
+            (None, _) => Some(self.setting),
+            (Some(moving), Some(there)) if moving.needed().all(|axis| !there.external[axis].is_nan()) => {
+                Some(moving.at(&there.external, self.setting.tool, self.setting.held))
+            }
+            _ => None,
+        }
+    }
+
+    /// At a share of the way from one target to another: external axes move evenly along it.
+    pub(super) fn between(&self, from: Option<&Arc<Moved>>, to: Option<&Arc<Moved>>, share: f64) -> Option<Arc<Moved>> {
+        let (Some(moving), Some(from), Some(to)) = (&self.moving, from, to) else { return to.cloned() };
+        if Arc::ptr_eq(from, to) || share >= 1.0 {
+            return Some(Arc::clone(to));
+        }
+        let external = std::array::from_fn(|i| from.external[i] + share * (to.external[i] - from.external[i]));
+        Some(Arc::new(Moved { external, setting: moving.at(&external, self.setting.tool, self.setting.held) }))
+    }
+}
+
+impl Moving {
+    fn at(&self, external: &External, tool: ToolFrame, held: bool) -> Setting {
+        let world_from_base = self.units.world_from_base(&self.world_from_base, external);
+        let world_from_wobj = match self.wobj.unit {
+            Some(unit) => self.units.world_from_unit(unit, external) * self.wobj.frame,
+            None => self.wobj.frame,
+        };
+        let base_from_wobj = world_from_base.inverse() * world_from_wobj;
+        Setting { base_from_wobj, gravity: gravity_at(&world_from_base), tool, held }
+    }
+
+    /// External axes that move base or work object.
+    fn needed(&self) -> impl Iterator<Item = usize> + '_ {
+        let under = [self.units.under_robot(), self.wobj.unit];
+        under.into_iter().flat_map(|unit| self.units.chain(unit)).map(|unit| self.units.all()[unit].axis)
+    }
+}
+
+/// Where units put a target.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stand {
+    pub(super) moved: Option<Arc<Moved>>,
+    /// Why it is not known where the controller goes.
+    pub(super) unsolved: Option<&'static str>,
+    /// The way into the target begins elsewhere than at the target before.
+    pub(super) apart: bool,
+}
+
+/// Why targets are kept, unsolved.
+pub(super) const NO_UNIT: &str = "external axis in use without a [[unit]] in the cell";
+pub(super) const NO_WOBJ_UNIT: &str = "work object on a mechanical unit without a [[unit]] in the cell";
+pub(super) const NO_POSITION: &str = "position of a mechanical unit is not programmed here";
+pub(super) const STANDS_SOMEWHERE: &str = "where a deactivated mechanical unit stands is not known";
+
+/// A stationary tool needs a part that the robot holds, and any other tool one that it does not.
+pub(super) const MISFIT: &str = "tool and work object are both held by the robot, or neither is";
+
+/// What to do about a reason of the cell's.
+pub(super) fn help(reason: &str) -> Option<&'static str> {
+    match reason {
+        NO_UNIT => Some("declare what the axis moves: [[unit]] with its name, axis, kind and what it carries"),
+        NO_WOBJ_UNIT => Some("declare the unit that ufmec names: [[unit]] with its axis, kind and base"),
+        NO_POSITION => Some("give every target the position of each unit that carries the robot or its work object"),
+        STANDS_SOMEWHERE => Some("a unit stands where the last target before DeactUnit has sent it"),
+        _ => None,
+    }
+}
+
+impl Stand {
+    /// Where the units of a cell are at a target with this mount, `last` being its like.
+    ///
+    /// # Errors
+    /// A unit is sent beyond its limits: what is wrong.
+    pub(super) fn of(cell: &Cell, target: &Target, mount: &Mount, last: Option<&Arc<Moved>>) -> Result<Self, String> {
+        let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
+        let unsolved = |why| Ok(Self { moved: None, unsolved: Some(why), apart });
+        let none = ExternalAxes::default();
+        let axes = match (&target.external, &mount.moving) {
+            (None, None) => return Ok(Self::default()),
+            (external, _) => external.as_deref().unwrap_or(&none),
+        };
+        let units = cell.units.all();
+        if (0..EXTERNAL_AXES).any(|axis| axes.written[axis].is_some() && units.iter().all(|unit| unit.axis != axis)) {
+            return unsolved(NO_UNIT);
+        }
+        let mut external = [f64::NAN; EXTERNAL_AXES];
+        let mut stands = false;
+        for (i, unit) in units.iter().enumerate() {
+            let sent = axes.position(unit.axis);
+            if let Some(position) = sent.filter(|position| !(unit.min..=unit.max).contains(position)) {
+                let (name, axis) = (&unit.name, EXTERNAL_AXIS_NAMES[unit.axis]);
+                return Err(format!(
+                    "unit `{name}` ({axis}) is sent to {position}, outside its limits {} to {}",
+                    unit.min, unit.max
+                ));
+            }
+            // Several axes of one unit have names of their own here: that of the last is the program's.
+            let above = |at: &usize| cell.units.chain(Some(*at)).any(|below| below == i);
+            let inactive = (0..units.len()).filter(above).find_map(|at| {
+                let named =
+                    |inactive: &&crate::program::InactiveUnit| inactive.name.eq_ignore_ascii_case(&units[at].name);
+                axes.inactive.iter().find(named).map(|inactive| (at, inactive.stands[unit.axis]))
+            });
+            external[unit.axis] = match (inactive, sent) {
+                (None, sent) => sent.unwrap_or(f64::NAN),
+                (Some((at, stands)), sent) if at == i || stands == sent => stands.unwrap_or(f64::NAN),
+                _ => f64::NAN,
+            };
+            stands |= inactive.is_some() && external[unit.axis].is_nan();
+        }
+        let Some(moving) = &mount.moving else {
+            return Ok(Self {
+                moved: Some(Arc::new(Moved { external, setting: mount.setting })),
+                unsolved: None,
+                apart,
+            });
+        };
+        if moving.needed().any(|axis| external[axis].is_nan()) {
+            return unsolved(if stands { STANDS_SOMEWHERE } else { NO_POSITION });
+        }
+        // Most often as before.
+        let same = |last: &&Arc<Moved>| last.external.map(f64::to_bits) == external.map(f64::to_bits);
+        let moved = last.filter(same).cloned();
+        let moved = moved.unwrap_or_else(|| {
+            Arc::new(Moved { external, setting: moving.at(&external, mount.setting.tool, mount.setting.held) })
+        });
+        Ok(Self { moved: Some(moved), unsolved: None, apart })
+    }
+
+    /// What the target is run with.
+    pub(super) fn setting<'a>(&'a self, mount: &'a Mount) -> &'a Setting {
+        self.moved.as_ref().map_or(&mount.setting, |moved| &moved.setting)
+    }
+}

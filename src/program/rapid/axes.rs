@@ -1,0 +1,203 @@
+//! External axes as the program runs: offsets in force, mechanical units that are deactivated, and where the axes stand.
+//!
+//! Source: ABB, *Technical reference manual: RAPID Instructions, Functions and Data types* (3HAC050917-001), the pages of
+//! `ActUnit`, `DeactUnit`, `EOffsSet`, `EOffsOn`, `EOffsOff`, `MoveExtJ` and `extjoint`.
+
+use super::eval::Scope;
+use super::literal::UNUSED_AXIS;
+use super::motion::Call;
+use super::predefined::Instruction;
+use super::run::{Mode, Runner};
+use super::symbols::{Upper, first_word};
+use super::value::axes_in_use;
+use crate::program::{ExternalAxes, InactiveUnit, Role};
+use crate::robot::{EXTERNAL_AXES, External};
+use crate::text::{Span, decode};
+use std::sync::Arc;
+
+/// What holds of external axes. What is not known is `None`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Axes {
+    /// Added by the controller, mm or degrees.
+    pub(super) offset: Option<External>,
+    /// Which units are deactivated: a number of [`Runner::inactive`].
+    pub(super) inactive: Option<u32>,
+    /// Where the last motion left them, offset included.
+    positions: [Option<f64>; EXTERNAL_AXES],
+}
+
+impl Default for Axes {
+    fn default() -> Self {
+        Self { offset: Some([0.0; EXTERNAL_AXES]), inactive: Some(0), positions: [None; EXTERNAL_AXES] }
+    }
+}
+
+impl Axes {
+    /// Something may have changed any of it.
+    pub(super) const UNKNOWN: Self = Self { offset: None, inactive: None, positions: [None; EXTERNAL_AXES] };
+
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            offset: self.offset.filter(|_| self.offset == other.offset),
+            inactive: self.inactive.filter(|_| self.inactive == other.inactive),
+            positions: std::array::from_fn(|i| self.positions[i].filter(|_| self.positions[i] == other.positions[i])),
+        }
+    }
+
+    /// They may have moved.
+    pub(super) fn lose_positions(&mut self) {
+        self.positions = [None; EXTERNAL_AXES];
+    }
+}
+
+/// Why external axes of a target are not known.
+pub(super) const COMPUTED: &str = "external axes computed at run time";
+const OFFSET_UNKNOWN: &str = "offset of external axes is known only at run time";
+const UNITS_UNKNOWN: &str = "which mechanical units are active is known only at run time";
+
+impl Runner<'_> {
+    /// An instruction on external axes.
+    pub(super) fn axes_instruction(&mut self, scope: Scope, call: &Call, known: Instruction) {
+        let bytes = self.bytes(scope.source as usize);
+        let first = call.positional().first().copied();
+        let axes = self.state.axes;
+        match known {
+            Instruction::AxisOffsetOff => self.state.axes.offset = self.only_here(Some([0.0; EXTERNAL_AXES])),
+            Instruction::AxisOffsetSet => {
+                let set = first.and_then(|span| self.evaluate(scope, span).external());
+                // 9E9 is no length.
+                let set = set.filter(|offset| offset.iter().all(|v| *v < UNUSED_AXIS));
+                self.state.axes.offset = self.only_here(set);
+            }
+            Instruction::AxisOffsetOn => {
+                let target = |this: &mut Self, span: Span| {
+                    let value = this.evaluate(scope, span);
+                    Some(this.as_target(&value)?.written.external.map(|v| (v < UNUSED_AXIS).then_some(v)))
+                };
+                let at = match call.option(bytes, b"ExeP") {
+                    Some(at) => target(self, at),
+                    None => Some(axes.positions),
+                };
+                let programmed = first.and_then(|span| target(self, span));
+                // Offsets on offsets are not followed.
+                let none = axes.offset == Some([0.0; EXTERNAL_AXES]);
+                let offset = at.zip(programmed).filter(|_| none).and_then(|(at, programmed)| {
+                    let mut offset = [0.0; EXTERNAL_AXES];
+                    for (offset, pair) in offset.iter_mut().zip(at.iter().zip(programmed)) {
+                        *offset = match pair {
+                            (Some(at), Some(programmed)) => at - programmed,
+                            (_, None) => 0.0,
+                            (None, Some(_)) => return None,
+                        };
+                    }
+                    Some(offset)
+                });
+                self.state.axes.offset = self.only_here(offset);
+            }
+            Instruction::UnitOn | Instruction::UnitOff => {
+                let name = first.and_then(|span| self.unit_name(scope, span));
+                let inactive = axes.inactive.zip(name).map(|(inactive, name)| {
+                    let others = self.inactive[inactive as usize].iter();
+                    let others = others.filter(|unit| !unit.name.eq_ignore_ascii_case(&name)).cloned();
+                    let others: Vec<InactiveUnit> = others.collect();
+                    let own = (known == Instruction::UnitOff).then(|| InactiveUnit {
+                        stands: self.inactive[inactive as usize]
+                            .iter()
+                            .find(|unit| unit.name.eq_ignore_ascii_case(&name))
+                            .map_or(axes.positions, |already| already.stands),
+                        name: Arc::clone(&name),
+                    });
+                    let units: Arc<[InactiveUnit]> = others.into_iter().chain(own).collect();
+                    let known = self.inactive.iter().position(|known| *known == units);
+                    let at = known.unwrap_or_else(|| {
+                        self.inactive.push(units);
+                        self.inactive.len() - 1
+                    });
+                    u32::try_from(at).unwrap_or(u32::MAX)
+                });
+                self.state.axes.inactive = inactive.filter(|_| self.only_here(Some(())).is_some());
+            }
+            _ => {
+                let value = first.map(|span| self.evaluate(scope, span));
+                let external = value.map_or([f64::NAN; EXTERNAL_AXES], |value| value.joints_external());
+                let plain = call.option(bytes, b"NoEOffs").is_some();
+                self.axes_go_to(&external, plain);
+                self.axes_moved |= self.mode == Mode::Real;
+            }
+        }
+    }
+
+    /// What an instruction leaves, as far as nothing else changes it at any moment.
+    fn only_here<T>(&self, left: Option<T>) -> Option<T> {
+        let others = self.symbols.known.at_any_moment.axes || self.jumping[1] > 0;
+        left.filter(|_| !others)
+    }
+
+    /// The name of a mechanical unit: data of the system, which no module declares.
+    fn unit_name(&mut self, scope: Scope, argument: Span) -> Option<Arc<str>> {
+        let bytes = self.bytes(scope.source as usize);
+        let name = &bytes[argument.range()];
+        let plain = !argument.is_empty() && first_word(bytes, argument) == argument;
+        (plain && self.find(scope, &Upper::new(name)).is_none()).then(|| decode(name).as_ref().into())
+    }
+
+    /// A motion sends the axes somewhere: 9E9 where not in use, NaN where not known.
+    pub(super) fn axes_go_to(&mut self, external: &External, without_offset: bool) {
+        // What runs at any other moment may move them, too.
+        let alone = self.mode == Mode::Real
+            && self.symbols.known.aside.is_empty()
+            && !self.frames.iter().any(|frame| frame.jumps);
+        let offset = if without_offset { Some([0.0; EXTERNAL_AXES]) } else { self.state.axes.offset };
+        for axis in 0..EXTERNAL_AXES {
+            let position = &mut self.state.axes.positions[axis];
+            if !alone || external[axis].is_nan() {
+                *position = None;
+            } else if external[axis] < UNUSED_AXIS {
+                *position = offset.map(|offset| external[axis] + offset[axis]);
+            }
+        }
+    }
+
+    /// Why it is not known where external axes stand, if that is so.
+    pub(super) fn axes_unknown(&self, external: &External) -> Option<&'static str> {
+        let Axes { offset, inactive, .. } = self.state.axes;
+        let in_use = axes_in_use(external);
+        if external.iter().any(|v| v.is_nan()) {
+            Some(COMPUTED)
+        } else if in_use && offset.is_none() {
+            Some(OFFSET_UNKNOWN)
+        } else if in_use && inactive.is_none() {
+            Some(UNITS_UNKNOWN)
+        } else {
+            None
+        }
+    }
+
+    /// External axes of a target, where they matter.
+    pub(super) fn external_axes(
+        &mut self,
+        external: &External,
+        role: Role,
+        without_offset: bool,
+    ) -> Option<Arc<ExternalAxes>> {
+        let Axes { offset, inactive, .. } = self.state.axes;
+        let inactive = &self.inactive[inactive.unwrap_or(0) as usize];
+        let moved_alone = self.axes_moved;
+        // The way of an arc begins before its circle point.
+        self.axes_moved &= role == Role::Via;
+        if !axes_in_use(external) && inactive.is_empty() && !moved_alone {
+            return None;
+        }
+        let axes = ExternalAxes {
+            written: external.map(|v| (v < UNUSED_AXIS).then_some(v)),
+            offset: offset.filter(|_| !without_offset).unwrap_or_default(),
+            inactive: Arc::clone(inactive),
+            moved_alone,
+        };
+        // Most often as before.
+        if self.external.as_deref() != Some(&axes) {
+            self.external = Some(Arc::new(axes));
+        }
+        self.external.clone()
+    }
+}

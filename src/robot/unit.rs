@@ -1,0 +1,191 @@
+//! Mechanical units besides the robot: tracks, positioners, and where they put the base and the work objects.
+//!
+//! ```text
+//! world_from_unit(e) = world_from_on(e) · Frame(base) · Rz(e)                 rotary
+//! world_from_unit(e) = world_from_on(e) · Trans(direction · e) · Frame(base)  linear
+//! world_from_base(e) = world_from_unit(e) · world_from_unit(0)⁻¹ · [robot] base
+//! ```
+//! with e of the unit's own axis, and the last for the unit that carries the robot: Trans(direction · e) · base on a track.
+
+use super::Pose;
+use nalgebra::{Rotation3, Translation3, Vector3};
+
+/// External axes that a program can move.
+pub const EXTERNAL_AXES: usize = 6;
+
+/// Positions of the external axes, mm or degrees as programs count; NaN where one is not known.
+pub type External = [f64; EXTERNAL_AXES];
+
+/// How a unit moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum UnitKind {
+    /// Along a unit vector, in the axes of what it stands on.
+    Linear(Vector3<f64>),
+    /// About z of its own frame.
+    Rotary,
+}
+
+/// What stands on a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carries {
+    /// The robot.
+    Robot,
+    /// The part.
+    Part,
+}
+
+/// One axis besides the robot's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// As the program names it (`ActUnit`, `ufmec`).
+    pub name: String,
+    /// Index of its external axis.
+    pub axis: usize,
+    /// How it moves.
+    pub kind: UnitKind,
+    /// What it moves.
+    pub carries: Carries,
+    /// Its frame at zero, in the world or in the moved frame of the unit that it stands on, m.
+    pub frame: Pose,
+    /// Index of the unit that it stands on.
+    pub on: Option<usize>,
+    /// Least position, mm or degrees.
+    pub min: f64,
+    /// Largest position.
+    pub max: f64,
+}
+
+impl Unit {
+    /// Its frame, in what it stands on, at a position of its axis (mm or degrees).
+    fn at(&self, position: f64) -> Pose {
+        match self.kind {
+            UnitKind::Linear(direction) => Translation3::from(direction * (1e-3 * position)) * self.frame,
+            UnitKind::Rotary => self.frame * Rotation3::from_axis_angle(&Vector3::z_axis(), position.to_radians()),
+        }
+    }
+}
+
+/// The units of a cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Units {
+    all: Vec<Unit>,
+    /// The one that the robot stands on.
+    robot: Option<usize>,
+}
+
+impl Units {
+    /// Units, of which each stands on none or on another.
+    ///
+    /// # Errors
+    /// Index of a unit and what is wrong with it: units that stand on each other in a circle, two chains under one robot, a
+    /// robot that stands on the part.
+    pub fn new(all: Vec<Unit>) -> Result<Self, (usize, String)> {
+        for (i, unit) in all.iter().enumerate() {
+            let mut below = Some(i);
+            for _ in 0..all.len() {
+                below = below.and_then(|at| all.get(at)?.on);
+            }
+            if below.is_some() {
+                return Err((i, format!("unit `{}` stands on itself", unit.name)));
+            }
+            if unit.carries == Carries::Robot && unit.on.is_some_and(|on| all[on].carries == Carries::Part) {
+                let on = unit.on.map_or("", |on| &all[on].name);
+                return Err((
+                    i,
+                    format!("unit `{}` carries the robot, but stands on `{on}`, which carries the part", unit.name),
+                ));
+            }
+        }
+        let robot = |i: &usize| all[*i].carries == Carries::Robot;
+        let last = |i: &usize| !all.iter().any(|unit| unit.carries == Carries::Robot && unit.on == Some(*i));
+        let mut under_robot = (0..all.len()).filter(robot).filter(last);
+        let (first, second) = (under_robot.next(), under_robot.next());
+        if let (Some(first), Some(second)) = (first, second) {
+            let (a, b) = (&all[first].name, &all[second].name);
+            return Err((
+                second,
+                format!("units `{a}` and `{b}` both carry the robot, and neither stands on the other"),
+            ));
+        }
+        Ok(Self { all, robot: first })
+    }
+
+    /// In the order of the cell file.
+    #[must_use]
+    pub fn all(&self) -> &[Unit] {
+        &self.all
+    }
+
+    /// The unit that the robot stands on.
+    #[must_use]
+    pub fn under_robot(&self) -> Option<usize> {
+        self.robot
+    }
+
+    /// A unit by its name, whatever the case.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<usize> {
+        self.all.iter().position(|unit| unit.name.eq_ignore_ascii_case(name))
+    }
+
+    /// A unit, the one that it stands on, and so on.
+    pub fn chain(&self, unit: Option<usize>) -> impl Iterator<Item = usize> + '_ {
+        std::iter::successors(unit, |at| self.all[*at].on)
+    }
+
+    /// A unit's frame in the world, m.
+    #[must_use]
+    pub fn world_from_unit(&self, unit: usize, external: &External) -> Pose {
+        self.chain(Some(unit)).fold(Pose::identity(), |above, at| {
+            let unit = &self.all[at];
+            unit.at(external[unit.axis]) * above
+        })
+    }
+
+    /// Where the base of a robot stands that stands at `world_from_base` with all units at zero, m.
+    #[must_use]
+    pub fn world_from_base(&self, world_from_base: &Pose, external: &External) -> Pose {
+        match self.robot {
+            None => *world_from_base,
+            Some(unit) => {
+                let at_zero = self.world_from_unit(unit, &[0.0; EXTERNAL_AXES]);
+                self.world_from_unit(unit, external) * at_zero.inverse() * world_from_base
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn unit(name: &str, axis: usize, kind: UnitKind, carries: Carries, on: Option<usize>) -> Unit {
+        Unit { name: name.into(), axis, kind, carries, frame: Pose::identity(), on, min: -1e4, max: 1e4 }
+    }
+
+    #[test]
+    fn a_positioner_on_a_track_by_hand() {
+        let track = unit("T", 0, UnitKind::Linear(Vector3::y()), Carries::Robot, None);
+        let table =
+            Unit { frame: Pose::translation(1.5, 0.0, 0.6), ..unit("S", 1, UnitKind::Rotary, Carries::Part, Some(0)) };
+        let units = Units::new(vec![track, table]).unwrap();
+        let external = [500.0, 90.0, f64::NAN, f64::NAN, f64::NAN, f64::NAN];
+        let base = Pose::translation(0.0, 0.0, 0.3);
+        assert_relative_eq!(units.world_from_base(&base, &external), Pose::translation(0.0, 0.5, 0.3), epsilon = 1e-15);
+        // x of the turned table points along y of the world.
+        let seen = units.world_from_unit(1, &external) * nalgebra::Point3::new(0.1, 0.0, 0.0);
+        assert_relative_eq!(seen.coords, Vector3::new(1.5, 0.6, 0.6), epsilon = 1e-15);
+    }
+
+    #[test]
+    fn units_that_cannot_stand_are_refused() {
+        let rotary = |name, carries, on| unit(name, 0, UnitKind::Rotary, carries, on);
+        let circle = vec![rotary("A", Carries::Part, Some(1)), rotary("B", Carries::Part, Some(0))];
+        assert!(Units::new(circle).is_err());
+        let two = vec![rotary("A", Carries::Robot, None), rotary("B", Carries::Robot, None)];
+        assert!(Units::new(two).is_err());
+        let on_part = vec![rotary("A", Carries::Part, None), rotary("B", Carries::Robot, Some(0))];
+        assert!(Units::new(on_part).is_err());
+    }
+}
