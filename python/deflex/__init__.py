@@ -4,7 +4,7 @@
 >>> cell = deflex.Cell.read("samples/slot/cell.toml")
 >>> done = deflex.compensate("samples/slot/slot.mod", cell)
 >>> done.summary.corrected
-72
+81
 >>> bool(done.report["remaining_mm"].max() < 1e-3)
 True
 

@@ -22,10 +22,10 @@ pub(crate) fn rows<const N: usize>(name: &str, array: &Rows<'_>) -> PyResult<Vec
         let message = format!("{name} has shape ({}, {}), expected (N, {N})", shape[0], shape[1]);
         return Err(PyValueError::new_err(message));
     }
-    // In memory as it is asked for, mostly; else NumPy's own order.
+    // In memory as it is asked for, mostly; else row by row.
     let all = match array.as_slice() {
-        Ok(slice) => slice.as_chunks::<N>().0.to_vec(),
-        Err(_) => array.as_array().iter().copied().collect::<Vec<f64>>().as_chunks::<N>().0.to_vec(),
+        Ok(slice) if array.is_c_contiguous() => slice.as_chunks::<N>().0.to_vec(),
+        _ => array.as_array().iter().copied().collect::<Vec<f64>>().as_chunks::<N>().0.to_vec(),
     };
     finite(name, all.as_flattened(), N)?;
     Ok(all)
@@ -39,8 +39,8 @@ pub(crate) fn matrices(name: &str, array: &Matrices<'_>) -> PyResult<Vec<[[f64; 
         return Err(PyValueError::new_err(message));
     }
     let all: Vec<f64> = match array.as_slice() {
-        Ok(slice) => slice.to_vec(),
-        Err(_) => array.as_array().iter().copied().collect(),
+        Ok(slice) if array.is_c_contiguous() => slice.to_vec(),
+        _ => array.as_array().iter().copied().collect(),
     };
     Ok(all.as_chunks::<4>().0.as_chunks::<4>().0.to_vec())
 }

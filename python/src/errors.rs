@@ -6,21 +6,28 @@ use pyo3::{create_exception, intern};
 create_exception!(deflex, DeflexError, PyException, "Why there is no answer; `diagnostics` says it place by place.");
 
 /// One message: what is wrong where, and how to mend it.
-#[pyclass(frozen, get_all, module = "deflex")]
+#[pyclass(frozen, module = "deflex")]
 pub(crate) struct Diagnostic {
     /// Stable short name.
+    #[pyo3(get)]
     code: &'static str,
     /// `note`, `warning` or `error`.
+    #[pyo3(get)]
     severity: &'static str,
     /// What is wrong and what was expected.
+    #[pyo3(get)]
     message: String,
     /// How to mend it.
+    #[pyo3(get)]
     help: Option<String>,
     /// File; empty where none is concerned.
+    #[pyo3(get)]
     file: String,
     /// Line from 1; 0 where the whole file is meant.
+    #[pyo3(get)]
     line: usize,
     /// Column from 1.
+    #[pyo3(get)]
     column: usize,
     text: String,
 }

@@ -42,6 +42,8 @@ impl Table {
 pub(crate) struct Done {
     done: held::Done,
     program: Arc<ProgramFiles>,
+    /// Of a prediction: the original, where there is one.
+    against: Option<Option<Arc<ProgramFiles>>>,
     run: Run,
     notes: Mutex<Vec<deflex::text::Diagnostic>>,
 }
@@ -84,7 +86,11 @@ impl Done {
     }
 
     fn page(&self, py: Python<'_>) -> PyResult<String> {
-        py.detach(|| self.done.page(&self.program, &self.run)).or_raise(py)
+        let page = || match &self.against {
+            Some(original) => held::predict_page(&self.program, original.as_deref(), &self.run),
+            None => held::compensate_page(&self.program, &self.run),
+        };
+        py.detach(page).or_raise(py)
     }
 }
 
@@ -131,17 +137,22 @@ fn done(
     (program, cell): Held<'_>,
     forces: Option<Table>,
     asked: Asked,
+    against: Option<Option<Arc<ProgramFiles>>>,
     progress: Option<&Bound<'_, PyAny>>,
-    what: impl FnOnce(&ProgramFiles, &Run) -> Result<held::Done, Vec<deflex::text::Diagnostic>> + Send + 'static,
 ) -> PyResult<Done> {
     let (files, total) = (Arc::clone(&program.files), program.bytes());
     let mut run = asked.run(&cell.file, &files);
     work::run(py, (progress, total), move |follow| {
         forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
         run.follow = Some(follow.follow());
-        let mut done = what(&files, &run)?;
+        let mut done = match &against {
+            Some(original) => held::predict(&files, original.as_deref(), &run)?,
+            None => held::compensate(&files, &run)?,
+        };
         let notes = Mutex::new(std::mem::take(&mut done.notes));
-        Ok(Done { done, program: files, run, notes })
+        // The page is another run, which nobody follows.
+        run.follow = None;
+        Ok(Done { done, program: files, against, run, notes })
     })
 }
 
@@ -156,7 +167,7 @@ pub(crate) fn predict(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Done> {
     let against = against.map(|program| Arc::clone(&program.files));
-    done(py, held, forces, asked, progress.as_ref(), move |files, run| held::predict(files, against.as_deref(), run))
+    done(py, held, forces, asked, Some(against), progress.as_ref())
 }
 
 /// Corrects.
@@ -168,7 +179,7 @@ pub(crate) fn compensate(
     asked: Asked,
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Done> {
-    done(py, held, forces, asked, progress.as_ref(), held::compensate)
+    done(py, held, forces, asked, None, progress.as_ref())
 }
 
 /// What was identified.

@@ -40,6 +40,14 @@ def long_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def steep_cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The slot's cell, for a program that goes back to its start in one step."""
+    path = tmp_path_factory.mktemp("cell") / "cell.toml"
+    path.write_text((SAMPLES / "slot/cell.toml").read_text().replace("max_step_mm = 0.2", "max_step_mm = 5.0"))
+    return path
+
+
 def split(text: str) -> tuple[str, str, str]:
     """A program up to its first motion, its motions, and the rest."""
     lines = text.splitlines(keepends=True)

@@ -68,7 +68,7 @@ def test_progress_is_told_and_its_errors_stop_the_run(long_program):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the Unix way")
-def test_ctrl_c_stops_soon(long_program, tmp_path):
+def test_ctrl_c_stops_soon(long_program, steep_cell, tmp_path):
     longer = tmp_path / "longer.mod"
     text = long_program.read_text()
     first = text.index("MoveL")
@@ -82,7 +82,7 @@ def test_ctrl_c_stops_soon(long_program, tmp_path):
 
     threading.Timer(0.4, interrupt).start()
     with pytest.raises(KeyboardInterrupt):
-        deflex.compensate(longer, "samples/slot/cell.toml")
+        deflex.compensate(longer, steep_cell)
     assert time.monotonic() - sent[0] < 1.0
 
 

@@ -53,26 +53,28 @@ def test_compensate(program, folder, command, tmp_path):
 @pytest.mark.parametrize("program, folder", SAMPLES[:1])
 def test_predict(program, folder, command, tmp_path):
     cell = f"samples/{folder}/cell.toml"
-    report, summary = tmp_path / "out.csv", tmp_path / "out.json"
-    command("predict", f"samples/{program}", "--cell", cell, "--report", report, "--json", summary)
+    report, summary, page = (tmp_path / name for name in ("out.csv", "out.json", "out.html"))
+    command("predict", f"samples/{program}", "--cell", cell, "--report", report, "--json", summary, "--html", page)
     held = deflex.Program.read(f"samples/{program}")
     found = deflex.predict(held, deflex.Cell.read(cell))
     same_report(found.report, report.read_text())
     same_summary(found.summary, summary)
+    assert found.html == page.read_text()
 
 
-def test_a_long_program_is_streamed_to_the_same_bytes(long_program, command, tmp_path):
+def test_a_long_program_is_streamed_to_the_same_bytes(long_program, steep_cell, command, tmp_path):
     written, report = tmp_path / "out.mod", tmp_path / "out.csv"
-    args = ("--cell", "samples/slot/cell.toml")
-    command("compensate", long_program, *args, "-o", written, "--report", report)
-    done = deflex.compensate(long_program, "samples/slot/cell.toml")
+    args = ("--cell", steep_cell)
+    page = tmp_path / "out.html"
+    command("compensate", long_program, *args, "-o", written, "--report", report, "--html", page)
+    done = deflex.compensate(long_program, steep_cell)
     assert next(iter(done.files.values())) == written.read_bytes()
     assert done.csv == report.read_text()
+    assert done.html == page.read_text()
     judged = tmp_path / "judged.csv"
     command("predict", written, *args, "--against", long_program, "--report", judged)
-    again = deflex.predict(written, "samples/slot/cell.toml", against=long_program)
+    again = deflex.predict(written, steep_cell, against=long_program)
     assert again.csv == judged.read_text()
-    assert "<html" in done.html[:200]
 
 
 def test_forces_from_a_file_and_from_a_frame(command, tmp_path):

@@ -53,9 +53,9 @@ impl Job {
     }
 
     /// With its texts in memory.
-    pub(super) fn holding(mut self, sources: &[Source]) -> Self {
-        self.texts = sources.iter().cloned().map(Text::Held).collect();
-        self
+    pub(super) fn held(mut self) -> Result<Self, Vec<Diagnostic>> {
+        self.texts = all(self.texts.into_iter().map(|text| text.read().map(Text::Held)))?;
+        Ok(self)
     }
 
     /// With the modules of another.
@@ -215,6 +215,14 @@ impl Text {
                 let bytes = std::fs::read(path).map_err(|error| cannot_read(&name, &error))?;
                 Ok(Source::new(name, bytes))
             }
+        }
+    }
+
+    /// What is held; `None` of a file.
+    pub(super) fn source(&self) -> Option<&Source> {
+        match self {
+            Self::Held(source) => Some(source),
+            Self::File { .. } => None,
         }
     }
 

@@ -17,7 +17,7 @@ use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, BufReader, Seek};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
@@ -210,7 +210,7 @@ impl<'a> Long<'a> {
 }
 
 /// Quotes the program on its page.
-pub(super) fn quote(path: &mut PathTrace, file: File) {
+pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
     // Calls go back and forth in the file: which lines first, then one pass over it.
     let mut wanted = BTreeSet::new();
     path.quote(|_, line| {

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 /// The files of one program, read and not yet parsed.
 #[derive(Clone, Debug)]
 pub struct ProgramFiles {
+    /// Its texts are held.
     job: Job,
-    sources: Vec<Source>,
     context: Context,
 }
 
@@ -29,8 +29,7 @@ impl ProgramFiles {
     }
 
     pub(in crate::cli) fn of(job: Job, context: Context) -> Result<Self, Vec<Diagnostic>> {
-        let sources = all(job.texts.iter().cloned().map(Text::read))?;
-        Ok(Self { job: job.holding(&sources), sources, context })
+        Ok(Self { job: job.held()?, context })
     }
 
     /// Name for messages and reports: the files as they were given.
@@ -47,8 +46,8 @@ impl ProgramFiles {
 
     /// The files.
     #[must_use]
-    pub fn sources(&self) -> &[Source] {
-        &self.sources
+    pub fn sources(&self) -> Vec<&Source> {
+        self.job.texts.iter().filter_map(Text::source).collect()
     }
 
     /// Names of the files in an output folder.

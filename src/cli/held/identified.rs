@@ -87,7 +87,7 @@ pub fn identify(
 ) -> Result<Identified, Vec<Diagnostic>> {
     let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), Table::read(&table.0));
     let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(|table| Table::read(&table.0))))?;
-    let measured = runs.iter().flat_map(|(program, table)| program.sources().iter().chain([&table.0]));
+    let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.0]));
     let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.0)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
     let input = Input { cell: &cell.cell, runs: &programs, poses: &tables, tool, data_hash: &hash };

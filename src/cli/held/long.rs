@@ -4,12 +4,13 @@ use super::{Done, ProgramFiles, Run, noticed};
 use crate::cli::input::cannot_read;
 use crate::cli::job::HEAD;
 use crate::cli::report::Noticed;
+use crate::cli::stream::quote;
 use deflex::correct::{
-    self, Outline, Poster, Row, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, post_chunks,
+    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, post_chunks,
     predict_chunks,
 };
 use deflex::program::{AnyChunks, Language, cl, rapid};
-use deflex::report::html::PathKind;
+use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Patch, Source};
 use std::io::{self, Cursor, Write};
@@ -30,7 +31,7 @@ type Text<'a> = Cursor<&'a [u8]>;
 
 /// What comes of the rows of a program.
 struct Reports<'a> {
-    rows: Vec<Row>,
+    path: Option<PathTrace>,
     csv: Vec<u8>,
     noticed: Noticed<'a>,
 }
@@ -38,7 +39,7 @@ struct Reports<'a> {
 impl<'a> Long<'a> {
     /// `None` where the program is short, or of several files.
     pub(super) fn of(program: &'a ProgramFiles, run: &'a Run) -> Option<Self> {
-        let [source] = program.sources() else { return None };
+        let [source] = program.sources()[..] else { return None };
         let long = source.bytes.len() as u64 > HEAD && program.companions().is_empty();
         long.then(|| Self { program, source, run, stopped: AtomicBool::new(false) })
     }
@@ -65,7 +66,7 @@ impl<'a> Long<'a> {
         let (name, context) = (&self.source.name, self.program.context());
         let Some(chunks) = self.read(rapid::Chunks::of_file(name, self.text(), context))? else { return self.patch() };
         let mut text = self.held();
-        let (reports, done) = self.filled(noticed(self.program, self.run), |sinks| {
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
             let setup = &self.run.setup;
             compensate_chunks(chunks, &setup.cell.cell, &setup.options, Self::threads(), &mut text, sinks)
         });
@@ -73,7 +74,7 @@ impl<'a> Long<'a> {
             return self.patch();
         }
         let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |_| false, PathKind::Compensate)
+        self.done(done, reports, files, |_| false)
     }
 
     /// RAPID with declared targets or several routines: what changes is collected first.
@@ -84,7 +85,7 @@ impl<'a> Long<'a> {
         let mut text = self.held();
         let mut patch = Patch::new(Cursor::new(Vec::new()));
         let names = chunks.names();
-        let (reports, done) = self.filled(noticed(self.program, self.run), |sinks| {
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
             let setup = &self.run.setup;
             let done =
                 compensate_declared(chunks, &setup.cell.cell, &setup.options, Self::threads(), &mut patch, sinks)?;
@@ -94,7 +95,7 @@ impl<'a> Long<'a> {
             Ok(done)
         });
         let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |name| names.uses(name), PathKind::Compensate)
+        self.done(done, reports, files, |name| names.uses(name))
     }
 
     /// CL, posted as RAPID.
@@ -119,11 +120,11 @@ impl<'a> Long<'a> {
         let poster = Poster::new(outline, &setup.cell.cell, &post)?;
         let files: Mutex<Vec<(PathBuf, Vec<u8>)>> = Mutex::default();
         let open = |name: &str| Ok(Posted { name: name.into(), text: self.held(), files: &files });
-        let (reports, done) = self.filled(noticed(self.program, self.run), |sinks| {
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
             post_chunks(chunks, &setup.cell.cell, &setup.options, Self::threads(), &poster, open, sinks)
         });
         let files = files.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        self.done(done, reports, files, |_| false, PathKind::Compensate)
+        self.done(done, reports, files, |_| false)
     }
 
     /// What becomes of it as it is; `None` where only the whole of it, or of its original, tells what it means.
@@ -139,7 +140,7 @@ impl<'a> Long<'a> {
             };
             let names = [chunks.names(), before.as_ref().and_then(AnyChunks::names)];
             let noticed = Noticed::new(self.run.setup.options.forces.as_ref(), None);
-            let (reports, done) = self.filled(noticed, |sinks| {
+            let (reports, done) = self.filled((PathKind::Predict, noticed), |sinks| {
                 let setup = &self.run.setup;
                 predict_chunks(chunks, before, &setup.cell.cell, &setup.options, Self::threads(), None, sinks)
             });
@@ -147,7 +148,7 @@ impl<'a> Long<'a> {
                 continue;
             }
             let named = |name: &str| names.iter().flatten().any(|names| names.uses(name));
-            return self.done(done, reports, Vec::new(), named, PathKind::Predict);
+            return self.done(done, reports, Vec::new(), named);
         }
         Ok(None)
     }
@@ -157,7 +158,7 @@ impl<'a> Long<'a> {
         program: &'p ProgramFiles,
         inline: bool,
     ) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
-        let [source] = program.sources() else { return Ok(None) };
+        let [source] = program.sources()[..] else { return Ok(None) };
         let (name, text) = (&source.name, || Cursor::new(&source.bytes[..]));
         let setup = &self.run.setup;
         let chunks = match program.language() {
@@ -176,25 +177,25 @@ impl<'a> Long<'a> {
         read.map_err(|error| cannot_read(&self.source.name, &error))
     }
 
-    /// Room for a text, which is full when the run is called off.
+    /// Room for a text, which is full when the run is called off: a report takes some more than the program.
     fn held(&self) -> HeldText<'_> {
-        HeldText { bytes: Vec::with_capacity(self.source.bytes.len()), stopped: &self.stopped }
+        HeldText { bytes: Vec::with_capacity(2 * self.source.bytes.len()), stopped: &self.stopped }
     }
 
     fn filled<'n>(
         &self,
-        noticed: Noticed<'n>,
+        (kind, noticed): (PathKind, Noticed<'n>),
         run: impl FnOnce(&mut Sinks<'_>) -> Result<Streamed, StreamError>,
     ) -> (Reports<'n>, Result<Streamed, StreamError>) {
         let mut csv = self.held();
         csv.bytes.extend_from_slice(CSV_HEADER.as_bytes());
-        let mut reports = Reports { rows: Vec::new(), csv: Vec::new(), noticed };
+        let mut reports = Reports { path: self.run.path(kind), csv: Vec::new(), noticed };
         let done = run(&mut Sinks {
             report: &mut csv,
             rows: &csv_rows,
             each: &mut |rows| {
                 reports.noticed.take(rows);
-                reports.rows.extend_from_slice(rows);
+                reports.path.iter_mut().for_each(|path| path.extend(rows));
             },
             progress: &|targets, bytes| {
                 let goes_on = self.run.follow.as_ref().is_none_or(|follow| follow(targets, bytes));
@@ -208,10 +209,9 @@ impl<'a> Long<'a> {
     fn done(
         &self,
         done: Result<Streamed, StreamError>,
-        reports: Reports<'_>,
+        mut reports: Reports<'_>,
         files: Vec<(PathBuf, Vec<u8>)>,
         named: impl Fn(&str) -> bool,
-        kind: PathKind,
     ) -> Answer {
         let done = match done {
             Ok(done) => done,
@@ -227,7 +227,10 @@ impl<'a> Long<'a> {
         let noticed = reports.noticed.notes(name)?;
         let summary = FileSummary::of(name, &done.summary, &[]);
         let notes = done.notes.into_iter().chain(noticed).collect();
-        Ok(Some(Done { files, rows: reports.rows, csv: reports.csv, summary, notes, kind }))
+        if let Some(path) = &mut reports.path {
+            quote(path, self.text());
+        }
+        Ok(Some(Done { files, csv: reports.csv, summary, notes, path: reports.path }))
     }
 
     fn refused(&self, why: StreamError) -> Answer {

@@ -49,6 +49,8 @@ pub struct Run {
     pub post: Option<PostOptions>,
     /// Who follows a long program; a short one is done at once.
     pub follow: Option<Arc<Follow>>,
+    /// Whether the path is kept for a page.
+    draws: bool,
 }
 
 impl Run {
@@ -57,7 +59,7 @@ impl Run {
     pub fn new(cell: Arc<CellFile>) -> Self {
         let setup =
             Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
-        Self { setup, again: false, post: None, follow: None }
+        Self { setup, again: false, post: None, follow: None, draws: false }
     }
 
     /// What is asked of the library; its `forces` are those of [`Run::take_forces`].
@@ -94,6 +96,26 @@ impl Run {
         posted_from(file, file)
     }
 
+    /// The same for a page: with the path, and the stiffness along it.
+    fn drawing(&self) -> Self {
+        let Setup { cell, forces, context, options } = &self.setup;
+        let options = Options { stiffness: true, ..options.clone() };
+        let setup = Setup { cell: Arc::clone(cell), forces: forces.clone(), context: context.clone(), options };
+        Self { setup, again: self.again, post: self.post.clone(), follow: self.follow.clone(), draws: true }
+    }
+
+    /// An empty path, where one is wanted.
+    fn path(&self, kind: PathKind) -> Option<PathTrace> {
+        self.draws.then(|| PathTrace::new(kind, 1))
+    }
+
+    /// The page of a run whose path was kept.
+    fn page(&self, kind: PathKind, done: Done) -> String {
+        let cell = self.setup.cell.origin();
+        let programs = done.path.map(|path| (done.summary, path));
+        PathPage { kind, cell: &cell, programs: programs.as_slice() }.html()
+    }
+
     /// Parses a program and checks that the forces are its own.
     fn parse(&self, program: &ProgramFiles) -> Result<Program, Vec<Diagnostic>> {
         let parsed = program.parse(&self.setup.cell, self.setup.options.tool.as_deref())?;
@@ -108,31 +130,36 @@ impl Run {
 pub struct Done {
     /// The corrected program's files under their names; none where it is only predicted.
     pub files: Vec<(PathBuf, Vec<u8>)>,
-    /// Rows of the report, in running order.
-    pub rows: Vec<correct::Row>,
     /// The report as `--report` writes it.
     pub csv: Vec<u8>,
     /// What `--json` says of the program.
     pub summary: FileSummary,
     /// What the command says besides.
     pub notes: Vec<Diagnostic>,
-    kind: PathKind,
+    /// Where it is kept for a page.
+    path: Option<PathTrace>,
 }
 
-impl Done {
-    /// The page that `--html` writes, without the stiffness, which would take as long as the run.
-    ///
-    /// # Errors
-    /// The program cannot be parsed: as when it was run.
-    pub fn page(&self, program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
-        let parsed = program.parse(&run.setup.cell, run.setup.options.tool.as_deref())?;
-        let mut path = PathTrace::new(self.kind, 1);
-        Rows::new(&parsed, &self.rows).draw(&mut path, &self.rows);
-        path.quote(|target, _| parsed.line_of(target));
-        let cell = run.setup.cell.origin();
-        let programs = [(self.summary.clone(), path)];
-        Ok(PathPage { kind: self.kind, cell: &cell, programs: &programs }.html())
-    }
+/// The page that `deflex compensate --html` writes: takes another run, with the stiffness along the path.
+///
+/// # Errors
+/// Those of [`compensate`].
+pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
+    let run = run.drawing();
+    compensate(program, &run).map(|done| run.page(PathKind::Compensate, done))
+}
+
+/// The page that `deflex predict --html` writes, in the same way.
+///
+/// # Errors
+/// Those of [`predict`].
+pub fn predict_page(
+    program: &ProgramFiles,
+    against: Option<&ProgramFiles>,
+    run: &Run,
+) -> Result<String, Vec<Diagnostic>> {
+    let run = run.drawing();
+    predict(program, against, &run).map(|done| run.page(PathKind::Predict, done))
 }
 
 /// Corrects a program: what `deflex compensate` does.
@@ -174,8 +201,8 @@ fn told(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) 
 
 /// What is watched for in the rows of a program that is corrected.
 fn noticed<'a>(program: &ProgramFiles, run: &'a Run) -> Noticed<'a> {
-    let files = || program.sources().iter().map(|source| Path::new(&source.name));
-    Noticed::new(run.setup.options.forces.as_ref(), (!run.again).then(|| Again::beside(files())))
+    let files = program.sources().into_iter().map(|source| Path::new(&source.name));
+    Noticed::new(run.setup.options.forces.as_ref(), (!run.again).then(|| Again::beside(files)))
 }
 
 fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
@@ -231,9 +258,14 @@ fn whole(
     let mut csv = Vec::new();
     // Writing to a Vec cannot fail.
     let _ = write_joined(&[Rows::new(program, &corrected.rows)], &mut csv);
+    let mut path = run.path(kind);
+    if let Some(path) = &mut path {
+        Rows::new(program, &corrected.rows).draw(path, &corrected.rows);
+        path.quote(|target, _| program.line_of(target));
+    }
     if let Some(follow) = &run.follow {
         follow(corrected.rows.len(), program.sources.iter().map(|source| source.bytes.len() as u64).sum());
     }
     let notes = corrected.notes.into_iter().chain(said).collect();
-    Ok(Done { files: Vec::new(), rows: corrected.rows, csv, summary, notes, kind })
+    Ok(Done { files: Vec::new(), csv, summary, notes, path })
 }
