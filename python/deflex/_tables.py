@@ -52,7 +52,11 @@ def _values(column: Any) -> list[Any]:
 
 
 def _field(value: Any) -> str:
-    if value is None or value != value:  # pandas' NA and every NaN are no figures
+    if isinstance(value, str):
+        return value
+    if hasattr(value, "item"):
+        value = value.item()
+    if value is None or str(value) in ("nan", "<NA>", "NaT"):  # no figures, as NumPy and pandas write them
         return ""
     if isinstance(value, bool):
         return str(int(value))

@@ -116,6 +116,9 @@ def test_tables_keep_every_bit():
     fields = [line.split(",")[1] for line in texts.pop().splitlines()[1:]]
     assert [float(field) for field in fields] == values
     assert given(pandas.DataFrame({"name": ["a,b"], "x": [np.nan]}))[1] == 'name,x\n"a,b",\n'
+    nullable = pandas.DataFrame({"target": pandas.array([1, None], dtype="Int64"), "holdout": [True, False]})
+    assert given(nullable)[1] == "target,holdout\n1,1\n,0\n"
+    assert given({"target": np.array([1, 2]), "holdout": list(np.array([True, False]))})[1] == "target,holdout\n1,1\n2,0\n"
     with pytest.raises(ValueError, match="differ in length"):
         given({"a": [1], "b": [1, 2]})
 
