@@ -2,10 +2,12 @@
 
 use super::check::Check;
 use super::{Cl, Spin, SpinRule, nearest, raw};
+use crate::correct::SINGULAR_MARGIN;
 use crate::program::cl::{ClOptions, Point, Units, may_be_declared_harmless};
 use crate::program::post::{TEMPLATES, Templates};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::FRAC_PI_2;
 
 /// Reads `[cl]`; corner radii (mm) are those of `[cut.cutter]` and of the tools' own cutters, by name in upper case.
 pub(super) fn cl(
@@ -23,9 +25,10 @@ pub(super) fn cl(
         raw.point.as_deref().unwrap_or("tip"),
         &[("tip", Point::Tip), ("centre", Point::Centre)],
     )?;
-    let rule = match check.word("cl.spin", &raw.spin, &[("fixed", 0), ("feed", 1), ("towards", 2)])? {
+    let rule = match check.word("cl.spin", &raw.spin, &[("fixed", 0), ("feed", 1), ("towards", 2), ("stiffest", 3)])? {
         0 => SpinRule::Fixed,
         1 => SpinRule::Feed,
+        3 => SpinRule::Stiffest,
         _ => {
             let point = check.need("cl", "towards_mm", raw.towards_mm, "spin = \"towards\" needs a point")?;
             SpinRule::Towards(Vector3::from(point) * 1e-3)
@@ -42,6 +45,14 @@ pub(super) fn cl(
     check.positive("cl.arc_tolerance_mm", &[arc_tolerance_mm]);
     let turn = raw.spin_deg.unwrap_or(0.0);
     check.finite("cl.spin_deg", &[turn]);
+    let singular_margin = raw.singular_margin_deg.map_or(SINGULAR_MARGIN, f64::to_radians);
+    if !(0.0..FRAC_PI_2).contains(&singular_margin) {
+        check.error(
+            "cl.singular_margin_deg",
+            "the margin from a singular wrist is an angle of axis 5 from 0 to 90°",
+            "10 is usual",
+        );
+    }
     let tool = match (&raw.tool, raw.tools.is_empty()) {
         (Some(tool), _) => Some(tool.clone()),
         (None, false) => None,
@@ -59,7 +70,12 @@ pub(super) fn cl(
         corner_radii_mm,
         arc_tolerance_mm,
     };
-    Some(Cl { options, post: templates(check, &raw.post), spin: Spin { rule, turn: turn.to_radians() } })
+    Some(Cl {
+        options,
+        post: templates(check, &raw.post),
+        spin: Spin { rule, turn: turn.to_radians() },
+        singular_margin,
+    })
 }
 
 /// `[cl] tools`: numbers as CL data write them, `2` and `2.` being one.

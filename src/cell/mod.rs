@@ -105,6 +105,8 @@ pub struct Cl {
     pub post: Templates,
     /// Turn about the tool axis.
     pub spin: Spin,
+    /// Least angle of axis 5 from a singular wrist where the turn is chosen, rad.
+    pub singular_margin: f64,
 }
 
 /// Where the TCP's x axis points, projected square to the tool axis, then turned by `turn` about it.
@@ -125,6 +127,8 @@ pub enum SpinRule {
     Feed,
     /// A point in the work object, m.
     Towards(Vector3<f64>),
+    /// Chosen along the path for the least predicted error.
+    Stiffest,
 }
 
 /// Axes of a constant force.

@@ -48,6 +48,7 @@ pub(super) struct Kinematics {
     pub(super) axis_max_deg: Option<[f64; 6]>,
     pub(super) elbow_min_deg: Option<f64>,
     pub(super) elbow_max_deg: Option<f64>,
+    pub(super) axis_speed_deg_s: Option<[f64; 6]>,
 }
 
 #[derive(Deserialize)]
@@ -126,6 +127,7 @@ pub(super) struct Cl {
     pub(super) point: Option<String>,
     pub(super) spin: String,
     pub(super) spin_deg: Option<f64>,
+    pub(super) singular_margin_deg: Option<f64>,
     pub(super) towards_mm: Option<[f64; 3]>,
     pub(super) arc_tolerance_mm: Option<f64>,
 }

@@ -204,7 +204,11 @@ fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
     });
     let limits =
         Limits { min: axis_min_deg.map(f64::to_radians).into(), max: axis_max_deg.map(f64::to_radians).into(), elbow };
-    Some(Robot::new(raw.model.clone(), rows, axes, limits).standing_at(world_from_base))
+    if let Some(speed) = &own.axis_speed_deg_s {
+        check.positive(&format!("{key}.axis_speed_deg_s"), speed);
+    }
+    let axis_speed = own.axis_speed_deg_s.map(|speed| speed.map(f64::to_radians).into());
+    Some(Robot::new(raw.model.clone(), rows, axes, limits).as_fast_as(axis_speed).standing_at(world_from_base))
 }
 
 /// The rows of `links`, complete and finite.

@@ -145,8 +145,9 @@ tool = "{tool}"                  # of [tools]
 wobj = "{wobj}"                  # of [wobjs]
 units = "mm"                    # << where the file does not say: mm | inch
 point = "tip"                   # << what GOTO names: tip | centre
-spin = "fixed"                  # the TCP's x axis: fixed | feed | towards
+spin = "fixed"                  # the TCP's x axis: fixed | feed | towards | stiffest (chosen along the path)
 spin_deg = 0.0
+# singular_margin_deg = 10.0      # stiffest: how far axis 5 stays from 0
 # harmless = ["RETRCT"]           # words that do nothing on your machine: listed instead of refused
 # [cl.post]                       # lines of the posted program; what has no line is listed, a tool change is an error
 # tool_change = "rToolChange {{number}};"

@@ -187,6 +187,9 @@ pub(super) struct Model {
     /// Tool of the cell for every target, instead of the program's
     #[arg(long, value_name = "NAME")]
     pub(super) tool: Option<String>,
+    /// Choose the turn about the tool axis of RAPID targets for the least predicted error (CL: `[cl] spin = "stiffest"`)
+    #[arg(long)]
+    pub(super) free_spin: bool,
 }
 
 /// Where reports go.

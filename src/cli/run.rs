@@ -44,6 +44,7 @@ impl Setup {
             },
             forces,
             tool: model.tool.clone(),
+            free_spin: model.free_spin,
             stiffness: reports.html.is_some(),
             ..Options::default()
         };

@@ -3,7 +3,7 @@
 use super::line::{Corrected, Posted};
 use super::path;
 use super::row::Row;
-use super::{PathDeviation, Prepared};
+use super::{PathDeviation, Prepared, spin};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, PredictedPose};
 use crate::program::{Change, Program, Rewritten, Role};
@@ -50,6 +50,7 @@ impl<'a> Collected<'a> {
         self.rows.push(Row::BLANK);
         if let Some(row) = self.rows.last_mut() {
             row.fill(target, point, there, normal);
+            row.spin_deg = self.prepared.turns_are_chosen.then(|| spin::turn_of(&point.wobj_from_tcp).to_degrees());
         }
     }
 

@@ -55,8 +55,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     judge: Option<Judge<'_>>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    // A stock is cut by the program as a whole.
-    if cell.stock.is_some() {
+    if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let path = OrderedStage::new(path::Carried::new(cell));
@@ -196,6 +195,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
             settings: prepared.settings.clone(),
             laws: prepared.laws.clone(),
             fronts: prepared.fronts.clone(),
+            turns_are_chosen: false,
             notes: Vec::new(),
         };
         Ok(Some((prepared, targets)))

@@ -14,7 +14,7 @@ use super::{Cuts, Options, Prepared, deviation, frames, mount, removal, segment,
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{Change, Conf, Editable, Insert, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -130,7 +130,8 @@ pub(super) fn warm_start(
 /// # Errors
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
-    let carried = Carried::new(cell);
+    let carried =
+        Carried { path: OrderedStage::new(path::Carried::for_whole(program, cell, options)?), ..Carried::new(cell) };
     // Nobody else has a chunk that could break off.
     let mut corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
     corrected.notes.extend(std::mem::take(&mut corrected.repeated).once());
@@ -258,7 +259,7 @@ pub(super) fn chunk(
                     out.fail(i, &EquilibriumError::Unreachable(violation.into()));
                 }
                 motors[i] = solved.motor;
-                change(&program.targets[i], &prepared.points[i], solved, modes[i], cell)
+                change(&program.targets[i], (&prepared, i), solved, modes[i], cell)
             }
             Err(error) => {
                 out.fail(i, error);
@@ -419,8 +420,19 @@ fn posted(
 }
 
 /// The change of a target, or `None` where nothing is to be changed.
-fn change(target: &Target, point: &Point, solved: &Solved, mode: CorrectionMode, cell: &Cell) -> Option<Change> {
-    let (from, to) = (&point.wobj_from_tcp, &solved.wobj_from_tcp);
+fn change(
+    target: &Target,
+    (prepared, i): (&Prepared, usize),
+    solved: &Solved,
+    mode: CorrectionMode,
+    cell: &Cell,
+) -> Option<Change> {
+    let point = &prepared.points[i];
+    let as_written = match target.goal {
+        Goal::Pose { position_mm, quat, .. } if prepared.turns_are_chosen => Some(frames::pose(position_mm, quat)),
+        _ => None,
+    };
+    let (from, to) = (as_written.as_ref().unwrap_or(&point.wobj_from_tcp), &solved.wobj_from_tcp);
     let shifted = (to.translation.vector - from.translation.vector).norm_squared() >= NO_CHANGE_M * NO_CHANGE_M;
     // Twice the angle's square.
     let turned = (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
@@ -430,7 +442,8 @@ fn change(target: &Target, point: &Point, solved: &Solved, mode: CorrectionMode,
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
     // confdata follow only where they were true: posts write dummies.
-    let was = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
+    let holds = |written: &Conf| prepared.turns_are_chosen || conf_is(robot, &point.motor, *written);
+    let was = path::written_conf(target).filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|_| conf_of(robot, &solved.motor));
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
 }

@@ -16,6 +16,7 @@ mod deviation;
 mod flow;
 mod forces;
 mod frames;
+mod free_turn;
 mod judge;
 mod laws;
 mod line;
@@ -43,6 +44,7 @@ pub use deviation::PathDeviation;
 pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
+pub(crate) use free_turn::SINGULAR_MARGIN;
 pub use judge::{Judge, Judged, predict_chunks};
 pub use line::{Corrected, Posted, compensate, predict};
 pub use messages::Messages;
@@ -54,7 +56,7 @@ pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chunks};
 
-use crate::cell::Cell;
+use crate::cell::{Cell, SpinRule};
 use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::program::Program;
@@ -95,6 +97,14 @@ pub struct Options {
     pub subdivide: Option<f64>,
     /// Find the stiffness of the TCP at every target too: six more equilibria each.
     pub stiffness: bool,
+    /// Choose the turn about the tool axis of RAPID targets for the least predicted error, in place of the written one.
+    pub free_spin: bool,
+}
+
+/// Whether a program can only be corrected as a whole: it cuts a stock, or its turns about the tool axis are chosen along it.
+fn is_held_whole(cell: &Cell, options: &Options) -> bool {
+    let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
+    cell.stock.is_some() || options.free_spin || stiffest
 }
 
 /// A program with everything solved before its equilibria: for callers that have questions of their own, such as
@@ -113,6 +123,8 @@ pub struct Prepared {
     laws: Vec<laws::Law>,
     /// Cutters that the points lead through the stock.
     fronts: Vec<Arc<Front>>,
+    /// The turns about the tool axis are not the program's.
+    turns_are_chosen: bool,
     /// What the stock has to say, once.
     notes: Vec<Diagnostic>,
 }
@@ -123,7 +135,8 @@ impl Prepared {
     /// # Errors
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        let mut prepared = path::prepare(program, cell, options, &mut path::Carried::new(cell))?;
+        let mut carried = path::Carried::for_whole(program, cell, options)?;
+        let mut prepared = path::prepare(program, cell, options, &mut carried)?;
         removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
         Ok(prepared)
     }
@@ -138,6 +151,7 @@ impl Prepared {
             settings: vec![Mount::fixed(base)],
             laws: Vec::new(),
             fronts: Vec::new(),
+            turns_are_chosen: false,
             notes: Vec::new(),
         }
     }
@@ -187,6 +201,7 @@ impl Prepared {
             settings: self.settings.clone(),
             laws: self.laws.clone(),
             fronts: self.fronts.clone(),
+            turns_are_chosen: false,
             notes: Vec::new(),
         }
     }

@@ -2,6 +2,7 @@
 
 use super::ahead::{Ahead, Approach};
 use super::frames::{self, WobjFrame, pose};
+use super::free_turn::{self, Chosen};
 use super::laws::Laws;
 use super::mount::{MISFIT, Mount, Moved, Stand};
 use super::point::{Point, PointLoad, tool_axis};
@@ -45,6 +46,24 @@ pub(super) struct Carried<'a> {
     pub(super) spun: Option<Vector3<f64>>,
     /// It was said that a cutting force acts on an arm without a stiffness.
     unsprung: bool,
+    /// The turn about the tool axis, where the program leaves it free.
+    pub(super) free: Free,
+    /// Targets that are not reached while it is sought, rising.
+    pub(super) unreached: Vec<usize>,
+    /// What is to be said of the choice, once.
+    notes: Vec<Diagnostic>,
+}
+
+/// The turn about the tool axis.
+#[derive(Clone, Debug, Default)]
+pub(super) enum Free {
+    /// As the program or the cell's rule has it.
+    #[default]
+    No,
+    /// To be chosen: poses and cuts are asked for, whether they are reached or not.
+    Sought,
+    /// Chosen, for each target of the program.
+    Chosen(Arc<[Chosen]>),
 }
 
 impl<'a> Carried<'a> {
@@ -58,7 +77,21 @@ impl<'a> Carried<'a> {
             before: None,
             spun: None,
             unsprung: false,
+            free: Free::No,
+            unreached: Vec::new(),
+            notes: Vec::new(),
         }
+    }
+
+    /// Before the first target of a program that is held whole: its turns about the tool axis are chosen, where they are free.
+    pub(super) fn for_whole(program: &Program, cell: &'a Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
+        let mut carried = Self::new(cell);
+        if free_turn::is_asked(program.language, cell, options) {
+            let found = free_turn::choose(program, cell, options)?;
+            carried.free = Free::Chosen(found.chosen);
+            carried.notes.push(found.note);
+        }
+        Ok(carried)
     }
 
     /// Index of a mount. Programs have few: a linear search.
@@ -102,12 +135,14 @@ pub(super) fn prepare(
     if program.targets.iter().any(holds_part) {
         stationary(program, cell)?;
     }
+    // A chosen turn is each target's own.
+    let many = if matches!(carried.free, Free::No) { BatchArm::of(&cell.arm.robot) } else { None };
     let mut walk = Walk {
         program,
         cell,
         options,
         carried,
-        many: BatchArm::of(&cell.arm.robot),
+        many,
         ahead: Ahead::new(cell),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
@@ -176,7 +211,8 @@ pub(super) fn prepare(
             settings: carried.settings.clone(),
             laws: carried.laws.laws.clone(),
             fronts: carried.laws.fronts.clone(),
-            notes: Vec::new(),
+            turns_are_chosen: matches!(carried.free, Free::Chosen(_)),
+            notes: std::mem::take(&mut carried.notes),
         })
     } else {
         Err(errors)
@@ -314,10 +350,26 @@ impl Walk<'_, '_> {
                 stand.setting(self.mount(setting)).wobj_from_tcp(&self.cell.arm.robot.forward(&motor))
             }
         };
-        let soon = self.joints_soon((target, lane), stand.setting(self.mount(setting)));
+        let chosen = match &self.carried.free {
+            Free::Chosen(chosen) => Some(chosen[i]),
+            Free::No | Free::Sought => None,
+        };
+        let wobj_from_tcp = match chosen.and_then(|chosen| chosen.turn) {
+            Some(turn) => spin::turned(wobj_from_tcp.translation.vector, &tool_axis(&wobj_from_tcp), turn),
+            None => wobj_from_tcp,
+        };
         let run_at = *stand.setting(self.mount(setting));
-        let motor = match soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok) {
+        let soon = self.joints_soon((target, lane), &run_at);
+        let joints = match chosen {
+            Some(Chosen { turn: Some(_), near }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
+            _ => soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok),
+        };
+        let motor = match joints {
             Ok(motor) => motor,
+            Err(_) if matches!(self.carried.free, Free::Sought) => {
+                self.carried.unreached.push(i);
+                self.carried.near.unwrap_or_else(Joints::zeros)
+            }
             Err(error) => {
                 let message = format!("target {} is not reached: {error}", target.ordinal);
                 return self.refuse(
@@ -475,6 +527,19 @@ impl Walk<'_, '_> {
             robot.find(1, |_| place, &mut found);
             found.nearest(0, near)
         })
+    }
+
+    /// Motor angles nearest to known ones at a pose.
+    fn joints_near(
+        &mut self,
+        setting: &Setting,
+        wobj_from_tcp: &Pose,
+        near: &Joints,
+    ) -> Result<Joints, crate::robot::Unreachable> {
+        if self.carried.near.is_none() {
+            self.carried.started = StartedFrom::FreeTurn;
+        }
+        self.cell.arm.robot.inverse_near(&setting.base_from_flange(wobj_from_tcp), near)
     }
 
     /// Motor angles at a pose: joint moves go to their configuration, linear moves take the nearest.

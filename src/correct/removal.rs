@@ -126,7 +126,7 @@ pub(super) fn run(
         return Err(walk.errors);
     }
     if cuts == Cuts::Programmed {
-        prepared.notes = walk.notes(resolution, section.resolution.is_none());
+        prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
     Ok(Some(Removal { stock: walk.stock, base_from_stock }))
 }

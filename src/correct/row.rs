@@ -55,6 +55,8 @@ pub struct Row {
     pub engaged_deg: Option<f64>,
     /// Removed on the way into the target, mm³.
     pub removed_mm3: Option<f64>,
+    /// Turn about the tool axis, from the work object's x axis as it is seen along the tool, degrees; where it was chosen.
+    pub spin_deg: Option<f64>,
     /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
     pub stiffness: Option<Stiffness>,
 }
@@ -108,6 +110,7 @@ impl Row {
         depth_mm: None,
         engaged_deg: None,
         removed_mm3: None,
+        spin_deg: None,
         stiffness: None,
     };
 

@@ -23,7 +23,8 @@ pub(super) fn pose(
     let axis = Vector3::from(axis);
     let position = Vector3::from(position_mm) * 1e-3;
     let reference = match spin.rule {
-        SpinRule::Fixed => Vector3::x(),
+        // Stiffest: as far as the turn is not chosen yet.
+        SpinRule::Fixed | SpinRule::Stiffest => Vector3::x(),
         SpinRule::Feed => chord,
         SpinRule::Towards(point) => point - position,
     };
@@ -36,4 +37,49 @@ pub(super) fn pose(
     let z = -axis;
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
     Some(Pose::from_parts(position.into(), rotation))
+}
+
+/// The direction that turns are counted from, square to a tool axis: the work object's x axis as it is seen along the tool; its y
+/// axis where the tool lies along x.
+fn reference(axis: &Vector3<f64>) -> Vector3<f64> {
+    let across = |v: Vector3<f64>| (v - axis * v.dot(axis)).try_normalize(PARALLEL);
+    across(Vector3::x()).or_else(|| across(Vector3::y())).unwrap_or_else(Vector3::x)
+}
+
+/// Pose at a position (m, work object axes) with a tool axis (tip to spindle) and a turn (rad) about it from [`reference`]: what
+/// `spin = "fixed"` gives with that `spin_deg`.
+pub(super) fn turned(position: Vector3<f64>, axis: &Vector3<f64>, turn: f64) -> Pose {
+    let x = Rotation3::from_axis_angle(&Unit::new_normalize(*axis), turn) * reference(axis);
+    let z = -axis;
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]));
+    Pose::from_parts(position.into(), rotation)
+}
+
+/// The turn of a pose, rad; see [`turned`].
+pub(super) fn turn_of(pose: &Pose) -> f64 {
+    let x: Vector3<f64> = pose.rotation.matrix().column(0).into();
+    let axis: Vector3<f64> = -Vector3::from(pose.rotation.matrix().column(2));
+    let from = reference(&axis);
+    axis.dot(&from.cross(&x)).atan2(from.dot(&x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_is_read_back() {
+        for (axis, turn) in [([0.0, 0.0, 1.0], 0.3), ([0.3, -0.2, 0.9], -2.9), ([1.0, 0.0, 0.0], 1.2)] {
+            let pose = turned(Vector3::new(0.1, 0.2, 0.3), &Vector3::from(axis).normalize(), turn);
+            assert!((turn_of(&pose) - turn).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_turn_is_that_of_the_fixed_rule() {
+        let axis = Vector3::new(0.3, -0.2, 0.9).normalize();
+        let spin = Spin { rule: SpinRule::Fixed, turn: 0.7 };
+        let fixed = pose(&spin, [1.0, 2.0, 3.0], axis.into(), Vector3::zeros(), &mut None).unwrap();
+        assert!((turned(fixed.translation.vector, &axis, 0.7).to_matrix() - fixed.to_matrix()).amax() < 1e-12);
+    }
 }

@@ -27,7 +27,7 @@ pub fn compensate_chunks<R: Read + Send>(
     program: &mut (dyn Write + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    if cell.stock.is_some() {
+    if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
@@ -64,7 +64,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     if options.allow_clones && chunks.shares() {
         return Err(StreamError::NotStreamable);
     }
-    if cell.stock.is_some() {
+    if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
@@ -110,7 +110,7 @@ pub fn post_chunks<R: Read + Send, W: Write + Send>(
     mut open: impl FnMut(&str) -> io::Result<W> + Send,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    if cell.stock.is_some() {
+    if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);
@@ -167,7 +167,7 @@ pub fn count_chunks<R: Read + Send>(
     outline: &mut Outline,
     progress: &(dyn Fn(usize, u64) + Sync),
 ) -> Result<(), StreamError> {
-    if cell.stock.is_some() {
+    if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);

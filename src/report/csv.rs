@@ -8,7 +8,7 @@ use std::io::{self, Write};
 pub const CSV_HEADER: &str = "target,line,name,status,x_mm,y_mm,z_mm,error_x_mm,error_y_mm,error_z_mm,error_mm,\
 error_rx_deg,error_ry_deg,error_rz_deg,error_normal_mm,correction_x_mm,correction_y_mm,correction_z_mm,\
 correction_rx_deg,correction_ry_deg,correction_rz_deg,remaining_mm,fx_n,fy_n,fz_n,sigma_mm,\
-depth_mm,engaged_deg,removed_mm3,remaining_path_mm\n";
+depth_mm,engaged_deg,removed_mm3,remaining_path_mm,spin_deg\n";
 
 /// Decimals: a tenth of a micrometre, more where only the order of magnitude is of interest.
 const POSITION: usize = 4;
@@ -30,9 +30,10 @@ const DEPTH: usize = LINE + 1;
 const ENGAGED: usize = DEPTH + 1;
 const REMOVED: usize = ENGAGED + 1;
 const PATH: usize = REMOVED + 1;
+const SPIN: usize = PATH + 1;
 
 /// In rows of eight.
-const BLOCKS: usize = (PATH + 1).div_ceil(SIDE);
+const BLOCKS: usize = (SPIN + 1).div_ceil(SIDE);
 const ROW: number::Row<BLOCKS> = number::Row::new(&{
     let mut decimals = [1; BLOCKS * SIDE];
     let (numbers, _) = decimals.split_at_mut(NUMBERS);
@@ -42,6 +43,7 @@ const ROW: number::Row<BLOCKS> = number::Row::new(&{
     decimals[ENGAGED] = FORCE;
     decimals[REMOVED] = POSITION;
     decimals[PATH] = ERROR;
+    decimals[SPIN] = POSITION;
     decimals
 });
 
@@ -120,13 +122,14 @@ fn numbers(row: &Row) -> Numbers {
     let [fx, fy, fz] = row.force_n;
     let (error, normal, remaining) = (row.error_norm_mm(), row.error_normal_mm, row.remaining_norm_mm());
     let sigma = row.sigma_mm.unwrap_or(0.0);
-    let [depth, engaged, removed, path] =
-        [row.depth_mm, row.engaged_deg, row.removed_mm3, row.remaining_path_mm()].map(|value| value.unwrap_or(0.0));
+    let [depth, engaged, removed, path, spin] =
+        [row.depth_mm, row.engaged_deg, row.removed_mm3, row.remaining_path_mm(), row.spin_deg]
+            .map(|value| value.unwrap_or(0.0));
     [
         [x, y, z, ex, ey, ez, error, erx],
         [ery, erz, normal, cx, cy, cz, crx, cry],
         [crz, remaining, fx, fy, fz, sigma, row.target.into(), row.line.into()],
-        [depth, engaged, removed, path, 0.0, 0.0, 0.0, 0.0],
+        [depth, engaged, removed, path, spin, 0.0, 0.0, 0.0],
     ]
 }
 
@@ -177,6 +180,7 @@ impl Text {
         self.optional::<FORCE>(digits, ENGAGED, row.engaged_deg);
         self.optional::<POSITION>(digits, REMOVED, row.removed_mm3);
         self.optional::<ERROR>(digits, PATH, row.path.map(|path| path.max_mm));
+        self.optional::<POSITION>(digits, SPIN, row.spin_deg);
         // Nothing follows.
         self.len -= 1;
         self.text(b"\n");
@@ -243,6 +247,7 @@ impl Text {
             (row.engaged_deg, FORCE),
             (row.removed_mm3, POSITION),
             (row.remaining_path_mm(), ERROR),
+            (row.spin_deg, POSITION),
         ];
         for (i, (value, decimals)) in optional.into_iter().enumerate() {
             if i > 0 {
@@ -292,6 +297,7 @@ mod tests {
             engaged_deg: target.is_multiple_of(3).then_some(values[5]),
             removed_mm3: target.is_multiple_of(2).then_some(values[8]),
             path: (!line.is_multiple_of(4)).then_some(PathDeviation { max_mm: values[7], ..PathDeviation::default() }),
+            spin_deg: line.is_multiple_of(5).then_some(values[11]),
             stiffness: None,
         }
     }

@@ -80,7 +80,8 @@ impl Builtin {
             elbow: self.elbow_deg.map(|[min, max]| (min.to_radians(), max.to_radians())),
         };
         let axes = Axes { sign: self.axis_sign, parallelogram: self.parallelogram, coupled_23: self.coupled_23 };
-        Robot::new(&self.model, rows, axes, limits)
+        let axis_speed = self.axis_speed_deg_s.map(|speed| speed.map(f64::to_radians).into());
+        Robot::new(&self.model, rows, axes, limits).as_fast_as(axis_speed)
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Robot {
     pub axes: Axes,
     /// Axis limits, as the controller counts.
     pub limits: Limits,
+    /// Largest axis speeds, rad/s, where they are known.
+    pub axis_speed: Option<Joints>,
     /// Where the base stands; gravity is along world −z.
     pub world_from_base: Pose,
     /// Explicit inverse, where the geometry has one.
@@ -75,6 +77,7 @@ impl Robot {
             links: Links::new(rows),
             axes,
             limits,
+            axis_speed: None,
             world_from_base: Pose::identity(),
             closed_form,
         }
@@ -90,6 +93,13 @@ impl Robot {
     #[must_use]
     pub fn standing_at(mut self, world_from_base: Pose) -> Self {
         self.world_from_base = world_from_base;
+        self
+    }
+
+    /// The same robot with its largest axis speeds, rad/s.
+    #[must_use]
+    pub fn as_fast_as(mut self, axis_speed: Option<Joints>) -> Self {
+        self.axis_speed = axis_speed;
         self
     }
 

@@ -20,6 +20,8 @@ pub enum StartedFrom {
     StartDeg,
     /// confdata of the first target, which fits one of the branches.
     Confdata,
+    /// The turn about the tool axis is free, and was chosen with its branch.
+    FreeTurn,
     /// Nothing said: the branch nearest home (all motor angles zero).
     NearestHome,
 }

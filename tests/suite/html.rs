@@ -32,6 +32,7 @@ fn row(i: usize) -> Row {
         depth_mm: None,
         engaged_deg: None,
         removed_mm3: None,
+        spin_deg: None,
         stiffness: Some(Stiffness { normal_n_per_mm: 1500.0, least_n_per_mm: 300.0 + t * 1e-3, most_n_per_mm: 4000.0 }),
     }
 }

@@ -8,6 +8,7 @@ mod cl_post;
 #[cfg(unix)]
 mod durable;
 #[cfg(unix)]
+mod free_turn;
 mod gate;
 mod help;
 mod html;
