@@ -7,10 +7,11 @@ use super::syntax::{in_words, parse};
 use super::{Cell, Controller, CorrectionLimits, nearest, plausible, raw, uncertainty};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
-use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot};
+use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot, Units};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{DMatrix, Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Without `[limits]`: what a correction of a sane cell never reaches, mm.
 const MAX_CORRECTION_MM: f64 = 5.0;
@@ -78,8 +79,8 @@ impl Cell {
         let own = raw.tools.iter().filter_map(own).collect();
         let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own));
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
-        let units = super::unit::units(&mut check, &raw.unit).into();
-        let (effects, covariances) = effects(&mut check, &raw.effect, stiffness.is_some(), &mut controller);
+        let units: Arc<Units> = super::unit::units(&mut check, &raw.unit).into();
+        let (effects, covariances) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
             robot.as_ref().map_or_else(Joints::zeros, |robot| robot.motor_from_axes_deg(&deg))
@@ -310,7 +311,12 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>);
 
-fn effects(check: &mut Check, raw: &[toml::Table], stiffness: bool, controller: &mut Controller) -> Effects {
+fn effects(
+    check: &mut Check,
+    (raw, units): (&[toml::Table], &Units),
+    stiffness: bool,
+    controller: &mut Controller,
+) -> Effects {
     let (mut effects, mut covariances): Effects = (Vec::new(), Vec::new());
     for (i, table) in raw.iter().enumerate() {
         let mut table = table.clone();
@@ -343,6 +349,12 @@ fn effects(check: &mut Check, raw: &[toml::Table], stiffness: bool, controller: 
                 format!("effect `{name}` needs [robot.stiffness]"),
                 "add joint_nm_per_rad = [ … ] to [robot.stiffness]",
             );
+            continue;
+        }
+        if let Some(unit) = effect.unit().filter(|unit| units.named(unit).is_none()) {
+            let near = nearest(unit, units.all().iter().map(|unit| unit.name.as_str()));
+            let help = near.map_or("declare it with [[unit]]".to_owned(), |near| format!("did you mean `{near}`?"));
+            check.error(&key, format!("effect `{name}`: unit `{unit}` is not declared"), help);
             continue;
         }
         let covered = match effect.covered_by() {

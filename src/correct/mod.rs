@@ -60,7 +60,7 @@ use crate::cell::{Cell, SpinRule};
 use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
 use crate::program::Program;
-use crate::robot::{Joints, Pose, Robot, StartedFrom};
+use crate::robot::{External, Joints, Pose, Robot, StartedFrom};
 use crate::stock::Front;
 use crate::text::Diagnostic;
 use mount::Mount;
@@ -214,6 +214,12 @@ impl Prepared {
     /// What point `i` is run with, wherever units stand.
     fn mount(&self, i: usize) -> &Mount {
         &self.settings[self.points[i].setting as usize]
+    }
+
+    /// External axes at point `i`, mm or degrees, where there are any; NaN where one is not known.
+    #[must_use]
+    pub fn external(&self, i: usize) -> Option<&External> {
+        self.points[i].moved.as_ref().map(|moved| &moved.external)
     }
 
     /// Why the target of point `i` is not solved, where that is so.

@@ -2,7 +2,7 @@
 
 use super::frames::WobjFrame;
 use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
-use crate::effects::ToolFrame;
+use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
 use crate::program::{ExternalAxes, Target};
 use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
@@ -31,6 +31,8 @@ pub(super) struct Moved {
     /// Of the cell's units; NaN where one is not known and does not matter.
     pub(super) external: External,
     pub(super) setting: Setting,
+    /// As effects see the units there.
+    pub(super) units: Vec<UnitAt>,
 }
 
 impl PartialEq for Mount {
@@ -87,7 +89,7 @@ impl Mount {
             return Some(Arc::clone(to));
         }
         let external = std::array::from_fn(|i| from.external[i] + share * (to.external[i] - from.external[i]));
-        Some(Arc::new(Moved { external, setting: moving.at(&external, self.setting.tool, self.setting.held) }))
+        Some(Arc::new(moving.moved(external, &self.setting)))
     }
 }
 
@@ -100,6 +102,26 @@ impl Moving {
         };
         let base_from_wobj = world_from_base.inverse() * world_from_wobj;
         Setting { base_from_wobj, gravity: gravity_at(&world_from_base), tool, held }
+    }
+
+    /// A target at positions of the external axes, `zero` being its setting with every unit at zero.
+    fn moved(&self, external: External, zero: &Setting) -> Moved {
+        let setting = self.at(&external, zero.tool, zero.held);
+        let units = &self.units;
+        let world_from_base = units.world_from_base(&self.world_from_base, &external);
+        let wobj_from_world = (world_from_base * setting.base_from_wobj).inverse();
+        let at = |i: usize| {
+            let under = |top: Option<usize>| units.chain(top).any(|below| below == i);
+            let (part, robot) = (under(self.wobj.unit), under(units.under_robot()));
+            let known = units.chain(Some(i)).all(|below| !external[units.all()[below].axis].is_nan());
+            let frame = if known && part != robot {
+                wobj_from_world * units.world_from_frame(i, &external)
+            } else {
+                Pose::identity()
+            };
+            UnitAt::new(&units.all()[i].name, frame, known && part && !robot, known && robot && !part)
+        };
+        Moved { external, setting, units: (0..units.all().len()).map(at).collect() }
     }
 
     /// External axes that move base or work object.
@@ -183,7 +205,7 @@ impl Stand {
         }
         let Some(moving) = &mount.moving else {
             return Ok(Self {
-                moved: Some(Arc::new(Moved { external, setting: mount.setting })),
+                moved: Some(Arc::new(Moved { external, setting: mount.setting, units: Vec::new() })),
                 unsolved: None,
                 apart,
             });
@@ -194,9 +216,7 @@ impl Stand {
         // Most often as before.
         let same = |last: &&Arc<Moved>| last.external.map(f64::to_bits) == external.map(f64::to_bits);
         let moved = last.filter(same).cloned();
-        let moved = moved.unwrap_or_else(|| {
-            Arc::new(Moved { external, setting: moving.at(&external, mount.setting.tool, mount.setting.held) })
-        });
+        let moved = moved.unwrap_or_else(|| Arc::new(moving.moved(external, &mount.setting)));
         Ok(Self { moved: Some(moved), unsolved: None, apart })
     }
 

@@ -317,6 +317,9 @@ impl Walk<'_, '_> {
             Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
             Goal::Axis { position_mm, .. } => pose(position_mm, [1.0, 0.0, 0.0, 0.0]),
             Goal::Joints { deg } => {
+                if self.carried.near.is_none() {
+                    self.carried.started = StartedFrom::JointTarget;
+                }
                 self.carried.near = Some(self.cell.arm.robot.motor_from_axes_deg(&deg));
                 IDENTITY
             }

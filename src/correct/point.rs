@@ -2,7 +2,7 @@
 
 use super::laws::Law;
 use super::mount::Moved;
-use crate::effects::{Cutting, Situation, ToolFrame};
+use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
@@ -137,10 +137,15 @@ impl Point {
             time: self.time,
             temperature: self.temperature,
             payload: self.payload,
+            units: self.units(),
         }
     }
 
-    pub(super) fn situation<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
+    fn units(&self) -> &[UnitAt] {
+        self.moved.as_ref().map_or(&[], |moved| &moved.units)
+    }
+
+    pub(super) fn situation<'a>(&'a self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
         if setting.held {
             return self.mirrored(setting, laws);
         }
@@ -156,12 +161,13 @@ impl Point {
             time: self.time,
             temperature: self.temperature,
             payload: self.payload,
+            units: self.units(),
         }
     }
 
     /// The same of a part that the robot holds against a stationary tool: the place of the part that is to be at the tool is the
     /// TCP, the tool is the work object, and all that acts between them acts the other way.
-    fn mirrored<'a>(&self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
+    fn mirrored<'a>(&'a self, setting: &Setting, laws: &'a [Law]) -> Situation<'a> {
         let tool_from_wobj = self.reference.rotation.inverse();
         let flange_from_tcp = setting.tool.flange_from_tcp * self.reference;
         let cutting = match self.cutting(laws) {

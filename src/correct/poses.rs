@@ -86,6 +86,7 @@ mod tests {
                 time: 0.0,
                 temperature: None,
                 payload: 0.0,
+                units: &[],
             };
             let one = cell.arm.predict(&situation, &motor, &Joints::zeros()).unwrap().wobj_from_tcp;
             let off = found.as_ref().unwrap().translation.vector - one.translation.vector;

@@ -42,6 +42,7 @@ impl Default for Bench {
                 time: 0.0,
                 temperature: None,
                 payload: 0.0,
+                units: &[],
             },
         }
     }
@@ -71,6 +72,7 @@ impl Bench {
             time: situation.time,
             temperature: situation.temperature.unwrap_or(f64::NAN),
             payload: situation.payload,
+            units: Default::default(),
             tool_mass: situation.tool.mass,
             tool_cog: Vector::of(&situation.tool.cog),
         };

@@ -32,6 +32,7 @@ mod tool_compliance;
 mod tool_frame;
 mod tool_wear;
 mod tracking_lag;
+mod unit_frame;
 mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
@@ -43,7 +44,8 @@ pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use kind::{Kind, Part, Shape, Stage};
 pub use physics::Law;
 pub(crate) use physics::{Deflection, Load, Offset, Parts, Physics, Site, State};
-pub use state::{Cutting, ForceLaw, Situation, ToolFrame};
+pub(crate) use state::unit_key;
+pub use state::{Cutting, ForceLaw, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
 
 use crate::lanes::Real;
@@ -69,6 +71,11 @@ pub trait Effect: Debug + Send + Sync {
     /// What must be declared or measured for the effect to act.
     fn needs(&self) -> &'static [Need] {
         &[]
+    }
+
+    /// The mechanical unit that it is of, by its name.
+    fn unit(&self) -> Option<&str> {
+        None
     }
 
     /// Which of `[controller] compensates` covers it, if any.
@@ -191,6 +198,7 @@ physics::registry! {
     tracking_lag: TrackingLag;
     joint_coupling: JointCoupling;
     stiffness_temperature: StiffnessTemperature;
+    unit_frame: UnitFrame;
     empirical: Empirical, EmpiricalField;
 }
 

@@ -1,8 +1,9 @@
 //! What an effect does, written once over any number of targets.
 
+use super::UnitAt;
 use crate::lanes::{Frame, Real, Vector, six};
 use crate::robot::kinematics::{Chain, Six};
-use crate::robot::{Joints, Robot};
+use crate::robot::{EXTERNAL_AXES, Joints, Robot};
 use nalgebra::Vector3;
 
 /// The physics of an effect, over one target or several: **loads**, **offsets** that move the geometry whatever the load, and
@@ -116,9 +117,38 @@ pub(crate) struct Site<R> {
     pub(crate) temperature: R,
     /// Payload besides the tool, kg.
     pub(crate) payload: R,
+    /// The cell's mechanical units, as many as there are.
+    pub(crate) units: [UnitSite<R>; EXTERNAL_AXES],
     /// Mass of the declared tool, kg, and its centre of gravity in the flange frame, m.
     pub(crate) tool_mass: R,
     pub(crate) tool_cog: Vector<R>,
+}
+
+/// A mechanical unit at targets; see [`UnitAt`](super::UnitAt).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct UnitSite<R> {
+    /// Of its name; 0 of none.
+    pub(crate) key: u64,
+    pub(crate) wobj_from_unit: Frame<R>,
+    /// 1 where the part is on it, and where the robot is, else 0.
+    pub(crate) part: R,
+    pub(crate) robot: R,
+}
+
+impl<R: Real> Site<R> {
+    /// Puts mechanical units into a lane: the same in all of them, but for those that have none.
+    pub(crate) fn set_units(&mut self, lane: usize, units: &[UnitAt]) {
+        let of = |on: bool| f64::from(u8::from(on));
+        for (i, slot) in self.units.iter_mut().enumerate() {
+            let unit = units.get(i);
+            slot.part.set(lane, unit.map_or(0.0, |unit| of(unit.part)));
+            slot.robot.set(lane, unit.map_or(0.0, |unit| of(unit.robot)));
+            if let Some(unit) = unit {
+                slot.key = unit.key;
+                slot.wobj_from_unit.set(lane, &unit.wobj_from_unit);
+            }
+        }
+    }
 }
 
 /// The arms' state at targets: what an effect may depend on.

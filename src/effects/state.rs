@@ -92,4 +92,32 @@ pub struct Situation<'a> {
     pub temperature: Option<f64>,
     /// Payload besides the tool, kg.
     pub payload: f64,
+    /// The cell's mechanical units, where there are any.
+    pub units: &'a [UnitAt],
+}
+
+/// A mechanical unit at a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitAt {
+    pub(crate) key: u64,
+    /// Its frame at zero, in what it stands on there, in the declared work object, m.
+    pub wobj_from_unit: Pose,
+    /// Whether the work object is on it, and the robot is not.
+    pub part: bool,
+    /// Whether the robot is on it, and the work object is not.
+    pub robot: bool,
+}
+
+impl UnitAt {
+    /// A unit by its name, whatever the case.
+    #[must_use]
+    pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
+        Self { key: unit_key(name), wobj_from_unit, part, robot }
+    }
+}
+
+/// A unit's name as a number, whatever the case (FNV-1a).
+pub(crate) fn unit_key(name: &str) -> u64 {
+    let byte = |key: u64, byte: u8| (key ^ u64::from(byte.to_ascii_uppercase())).wrapping_mul(0x0100_0000_01b3);
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, byte)
 }

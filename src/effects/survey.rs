@@ -18,6 +18,8 @@ pub struct Survey<'a> {
     pub time: Option<(f64, f64)>,
     /// Lowest and highest temperature, °C, where measured.
     pub temperature: Option<(f64, f64)>,
+    /// Names of mechanical units that move.
+    pub moving_units: Vec<String>,
     /// Least commanded motor angles, rad.
     pub motor_min: Joints,
     /// Largest commanded motor angles, rad.

@@ -1,5 +1,5 @@
 use super::Number;
-use crate::effects::{self, Cutting, ForceLaw, Situation, ToolFrame};
+use crate::effects::{self, Cutting, ForceLaw, Situation, ToolFrame, UnitAt};
 use crate::lanes::{Frame, Mask, Vector, WIDTH};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -35,6 +35,7 @@ pub(crate) struct Site<'a> {
     pub(crate) time: f64,
     pub(crate) temperature: Option<f64>,
     pub(crate) payload: f64,
+    pub(crate) units: &'a [UnitAt],
 }
 
 impl Setting {
@@ -58,8 +59,9 @@ impl Setting {
 
 impl<'a> Site<'a> {
     pub(super) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
-        let Situation { wobj_from_tcp, cutting, normal, velocity, cut_length, time, temperature, payload, .. } =
-            situation;
+        let Situation {
+            wobj_from_tcp, cutting, normal, velocity, cut_length, time, temperature, payload, units, ..
+        } = situation;
         Self {
             setting,
             wobj_from_tcp,
@@ -71,6 +73,7 @@ impl<'a> Site<'a> {
             time: *time,
             temperature: *temperature,
             payload: *payload,
+            units,
         }
     }
 }
@@ -99,6 +102,8 @@ pub(super) struct Block<'a, R: Number> {
     lanes: SmallVec<[R::Mask; 2]>,
     /// Whether laws have changed since these were found.
     changed: bool,
+    /// Whether any lane has had mechanical units.
+    units: bool,
 }
 
 impl<'a, R: Number> Block<'a, R> {
@@ -114,6 +119,10 @@ impl<'a, R: Number> Block<'a, R> {
         own.time.set(lane, site.time);
         own.temperature.set(lane, site.temperature.unwrap_or(f64::NAN));
         own.payload.set(lane, site.payload);
+        if !site.units.is_empty() || self.units {
+            own.set_units(lane, site.units);
+            self.units = true;
+        }
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),
             // As a law whose frame is the force's own: along its first axis.

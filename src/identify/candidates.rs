@@ -6,7 +6,7 @@ use super::smooth::{Curve, Smoothness};
 use crate::effects::Shape as Follows;
 use crate::effects::{Effect, KINDS, Kind, Part, Survey, joint_error_curve, kind};
 use crate::equilibrium::Arm;
-use crate::robot::Joints;
+use crate::robot::{EXTERNAL_AXES, Joints, Unit};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
 
@@ -267,6 +267,21 @@ fn time_constants(variants: Vec<Box<dyn Effect>>, name: &str, survey: &Survey) -
     out
 }
 
+/// Names of the units that move over the rows.
+fn moving_units(problem: &Problem) -> Vec<String> {
+    /// Less than this tells nothing of where a unit stands, mm or degrees.
+    const LEAST: f64 = 1.0;
+    let mut range = [(f64::INFINITY, f64::NEG_INFINITY); EXTERNAL_AXES];
+    for row in &problem.rows {
+        let Some(external) = problem.runs[row.run].external(row.point) else { continue };
+        for (range, position) in range.iter_mut().zip(external).filter(|(_, position)| !position.is_nan()) {
+            *range = (range.0.min(*position), range.1.max(*position));
+        }
+    }
+    let moves = |unit: &&Unit| range[unit.axis].1 - range[unit.axis].0 > LEAST;
+    problem.units.all().iter().filter(moves).map(|unit| unit.name.clone()).collect()
+}
+
 /// What the data offer.
 pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     let big = f64::INFINITY;
@@ -278,6 +293,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         has_speed: false,
         time: None,
         temperature: None,
+        moving_units: moving_units(problem),
         motor_min: Joints::repeat(big),
         motor_max: Joints::repeat(-big),
         position_min: Vector3::repeat(big),

@@ -7,11 +7,12 @@ use crate::correct::Prepared;
 use crate::effects::Cutting;
 use crate::equilibrium::{Arm, Equilibrium};
 use crate::measured::{MeasuredRow, Table};
-use crate::robot::{Joints, Pose};
+use crate::robot::{Joints, Pose, Units};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What an instrument said about one row.
 #[derive(Clone, Copy, Debug)]
@@ -99,6 +100,8 @@ pub(super) struct Problem {
     pub(super) turn_weight: f64,
     /// Standard deviation that the table declares, per axis, quadratic mean, mm.
     pub(super) declared_sigma_mm: Option<f64>,
+    /// The cell's mechanical units.
+    pub(super) units: Arc<Units>,
 }
 
 /// A row whose arm finds no equilibrium.
@@ -118,6 +121,7 @@ impl Problem {
             devices: Vec::new(),
             turn_weight: 1.0,
             declared_sigma_mm: None,
+            units: Arc::default(),
         }
     }
 

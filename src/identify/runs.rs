@@ -17,6 +17,7 @@ impl Problem {
     /// Aligns runs to their programs.
     pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(false);
+        problem.units = std::sync::Arc::clone(&cell.units);
         let parts: Vec<(&Program, Cow<Table>)> = runs
             .iter()
             .flat_map(|(program, table)| clampings(table).into_iter().map(move |part| (program, part)))

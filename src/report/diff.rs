@@ -124,6 +124,7 @@ fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'
         (first.wobjs[usize::from(a.wobj)] != second.wobjs[usize::from(b.wobj)], "the work object"),
         ((a.motion, a.role) != (b.motion, b.role), "the kind of motion"),
         (a.mark != b.mark, "the air or cut mark"),
+        (a.external != b.external, "the position of the external axes"),
     ]
     .into_iter()
     .filter_map(|(differs, what)| differs.then_some(what))

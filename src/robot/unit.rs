@@ -142,6 +142,13 @@ impl Units {
         })
     }
 
+    /// A unit's frame at zero, in the world, as what it stands on is now, m.
+    #[must_use]
+    pub fn world_from_frame(&self, unit: usize, external: &External) -> Pose {
+        let below = self.all[unit].on.map_or_else(Pose::identity, |on| self.world_from_unit(on, external));
+        below * self.all[unit].frame
+    }
+
     /// Where the base of a robot stands that stands at `world_from_base` with all units at zero, m.
     #[must_use]
     pub fn world_from_base(&self, world_from_base: &Pose, external: &External) -> Pose {

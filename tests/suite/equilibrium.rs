@@ -58,6 +58,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         time: 0.0,
         temperature: None,
         payload: 0.0,
+        units: &[],
     }
 }
 

@@ -125,6 +125,7 @@ fn situation<'a>(case: &Case, law: &'a Slot) -> Situation<'a> {
         time: 0.0,
         temperature: None,
         payload: 0.0,
+        units: &[],
     }
 }
 

@@ -385,6 +385,108 @@ fn axes_that_are_known_only_at_run_time_are_kept() {
     assert_eq!(reasons, ["offset of external axes is known only at run time"]);
 }
 
+/// Where the tool is in the work object, by hand, when table and track stand off by a motion in their own frames.
+fn seen_by_hand(i: usize, table_off: &Pose, track_off: &Pose) -> Vector3<f64> {
+    let share = i as f64 / 20.0;
+    let turn = (30.0 * share).to_radians();
+    let pose = |x: f64, y: f64, z: f64, q: UnitQuaternion<f64>| {
+        Pose::from_parts(Translation3::new(x, y, z), q.to_rotation_matrix())
+    };
+    let one = UnitQuaternion::identity();
+    let table = pose(1.3, 0.0, 0.7, UnitQuaternion::from_euler_angles(10_f64.to_radians(), 0.0, 0.0));
+    let turned = pose(0.0, 0.0, 0.0, UnitQuaternion::from_euler_angles(0.0, 0.0, turn));
+    let object = pose(-0.05, 0.0, 0.2, one);
+    let [w, x, y, z] = quat(0.1 * share, -0.2 * share);
+    let target = pose(
+        0.1 * share,
+        0.06 * (4.0 * share).sin(),
+        0.01 * share,
+        UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z)),
+    );
+    // The track's own frame is the world's: the base is carried along by what it is off.
+    let world_from_tcp = track_off * table * turned * object * target;
+    let seen = (table * table_off * turned * object).inverse() * world_from_tcp;
+    1e3 * (seen.translation.vector - target.translation.vector)
+}
+
+const NO_FORCE: &str = "[cut]\nforce = \"none\"\n";
+
+fn rigid(effects: &str) -> Cell {
+    let text = format!(
+        "[robot]\nmodel = \"irb6660-205-1.9\"\n[controller]\ncompensates = []\n{NO_FORCE}{TRACK}{TABLE}{effects}"
+    );
+    Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap()
+}
+
+fn off(d_mm: [f64; 3], d_rad: [f64; 3]) -> Pose {
+    Pose::from_parts((Vector3::from(d_mm) * 1e-3).into(), Rotation3::from_scaled_axis(d_rad.into()))
+}
+
+#[test]
+fn a_unit_that_stands_elsewhere_takes_along_what_is_on_it() {
+    let program = moving().0;
+    let (d_mm, d_rad) = ([0.4, -0.3, 0.2], [1e-3, -2e-3, 3e-3]);
+    let effect = |unit: &str| {
+        format!("[[effect]]\nkind = \"unit_frame\"\nunit = \"{unit}\"\nd_mm = {d_mm:?}\nd_rad = {d_rad:?}\n")
+    };
+    let (moved, still) = (off(d_mm, d_rad), Pose::identity());
+    for (unit, table, track) in [("stn1", &moved, &still), ("TRACK1", &still, &moved)] {
+        let rows = predict(&program, &rigid(&effect(unit)), &options(), None).unwrap().rows;
+        for (i, row) in rows.iter().enumerate() {
+            let wanted = seen_by_hand(i, table, track);
+            assert!(wanted.norm() > 0.2);
+            assert_abs_diff_eq!(Vector3::from(row.error_mm), wanted, epsilon = 1e-9);
+        }
+    }
+    // Corrected, it is where it was meant to.
+    let cell = rigid(&effect("STN1"));
+    assert!(corrected(&program, &cell).rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
+}
+
+#[test]
+fn an_effect_of_a_unit_that_is_not_declared_is_refused() {
+    let text = CELL.replace("BASE", "[0.0, 0.0, 0.0]") + "[[effect]]\nkind = \"unit_frame\"\nunit = \"STN2\"\n" + TABLE;
+    let refused = Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap_err();
+    assert!(refused[0].help.as_deref().is_some_and(|help| help.contains("STN1")), "{refused:?}");
+}
+
+#[test]
+fn a_misplaced_table_is_found() {
+    let lines: Vec<String> = (0..96)
+        .map(|i| {
+            let (x, y) = (60.0 * (0.7 * f64::from(i)).sin(), 60.0 * (1.1 * f64::from(i)).cos());
+            let turn = 60.0 * (f64::from(i) / 95.0 - 0.5);
+            line([x, y, 5.0 * (0.3 * f64::from(i)).sin()], quat(0.0, 0.0), &format!("0,{turn},9E9,9E9,9E9,9E9"))
+        })
+        .collect();
+    let program = program(ON_TABLE, &lines);
+    let truth =
+        rigid("[[effect]]\nkind = \"unit_frame\"\nunit = \"STN1\"\nd_mm = [0.4, -0.3, 0.0]\nd_rad = [8e-4, 0, 0]\n");
+    let rows = predict(&program, &truth, &options(), None).unwrap().rows;
+    let mut table = "target,x_mm,y_mm,z_mm\n".to_owned();
+    let mut state = 7_u64;
+    for row in &rows {
+        // Uniform noise of 2 µm rms.
+        let noise: [f64; 3] = std::array::from_fn(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            0.0035 * ((state >> 33) as f64 / f64::from(1_u32 << 30) - 1.0)
+        });
+        let at: Vec<f64> = (0..3).map(|k| row.position_mm[k] + row.error_mm[k] + noise[k]).collect();
+        table += &format!("{},{},{},{}\n", row.target, at[0], at[1], at[2]);
+    }
+    let measured = deflex::measured::Table::read(&Source::new("m.csv", table.into_bytes())).unwrap();
+    let cell = rigid("");
+    let runs = [(program, measured)];
+    let input = deflex::identify::Input { cell: &cell, runs: &runs, poses: &[], tool: None, data_hash: "test" };
+    let found = deflex::identify::identify(&input).unwrap();
+    let kinds: Vec<&str> = found.added.iter().map(|added| added.kind.as_str()).collect();
+    assert_eq!(kinds, ["unit_frame"], "{:?}", found.ranking);
+    assert!(found.after.rms_mm < 0.008, "{:?}", found.after);
+    let value = |name: &str| found.added[0].parameters.iter().find(|p| p.name == name).unwrap().value;
+    assert_abs_diff_eq!(value("d_mm[0]"), 0.4, epsilon = 0.01);
+    assert_abs_diff_eq!(value("d_mm[1]"), -0.3, epsilon = 0.01);
+}
+
 fn random_unit() -> impl Strategy<Value = (bool, [f64; 3], [f64; 3], [f64; 3], f64)> {
     let three = prop::array::uniform3(-2.0..2.0_f64);
     (any::<bool>(), three.clone(), three.clone(), three, -500.0..500.0_f64)

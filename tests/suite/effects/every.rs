@@ -1,6 +1,6 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
-use deflex::effects::{Cutting, Effect, KINDS, Situation, Survey, ToolFrame, kind};
+use deflex::effects::{Cutting, Effect, KINDS, Situation, Survey, ToolFrame, UnitAt, kind};
 use deflex::equilibrium::Arm;
 use deflex::robot::{BUILTIN, Joints, Pose};
 use nalgebra::{Rotation3, Translation3, Vector3};
@@ -55,6 +55,12 @@ fn arm(effects: Vec<Box<dyn Effect>>) -> Arm {
     }
 }
 
+/// A table under the part and a track under the robot.
+static UNITS: std::sync::LazyLock<Vec<UnitAt>> = std::sync::LazyLock::new(|| {
+    let at = |x, turn| Pose::from_parts(Translation3::new(x, 0.2, -0.1), Rotation3::from_euler_angles(0.1, turn, 0.2));
+    vec![UnitAt::new("STN1", at(0.3, 0.4), true, false), UnitAt::new("TRACK1", at(-1.2, -0.1), false, true)]
+});
+
 /// A cut at `motor` with everything that an effect may look at.
 fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'static> {
     let tool = ToolFrame {
@@ -79,6 +85,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         time: 700.0,
         temperature: Some(27.0),
         payload: 6.0,
+        units: &UNITS,
     }
 }
 
@@ -299,6 +306,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
         has_speed: true,
         time: Some((0.0, 1200.0)),
         temperature: Some((19.0, 31.0)),
+        moving_units: vec!["STN1".to_owned()],
         motor_min: motor().add_scalar(-0.3),
         motor_max: motor().add_scalar(0.3),
         position_min: Vector3::new(0.0, 0.0, -0.01),

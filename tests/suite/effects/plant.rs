@@ -129,6 +129,7 @@ fn residual(cell: &Cell, program: &Program, measured: &Table) -> Vec<Vector3<f64
             time: row.time_s.unwrap_or(time),
             temperature: row.temperature_c,
             payload: 0.0,
+            units: &[],
         };
         states.push((situation, motor, travel, 1e-3 * Vector3::from(row.position_mm.unwrap())));
     }
