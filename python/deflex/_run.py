@@ -38,7 +38,7 @@ def _asked(**options: Any) -> dict[str, Any]:
     defaults: dict[str, Any] = dict.fromkeys(
         ("tool", "subdivide_mm", "name", "max_targets", "rapid_mm_s", "feed_mm_s")
     )
-    return {"position": correct == "position", "allow_clones": False, "again": False, **defaults, **options}
+    return {"position": correct == "position", "allow_clones": False, "free_spin": False, "again": False, **defaults, **options}
 
 
 def predict(
@@ -48,6 +48,7 @@ def predict(
     *,
     against: AnyProgram | None = None,
     tool: str | None = None,
+    free_spin: bool = False,
     progress: Progress | None = None,
 ) -> Prediction:
     """Predicts what the cell would cut: `deflex predict`.
@@ -55,7 +56,8 @@ def predict(
     `program` is one program: a `Program`, a path, or the paths of its modules. `forces` is a path or a table with `target` and
     `fx_n`, `fy_n`, `fz_n` (N, work object axes; also `time_s`, `temperature_c`, `payload_kg`), which overrides `[cut]`.
     `against` is the original of a corrected program, from which errors are counted then. `tool` takes the place of the
-    program's. `progress(done, total)` is told bytes of the program.
+    program's; `free_spin` lets the turn about the tool axis of RAPID targets go where the predicted error is least.
+    `progress(done, total)` is told bytes of the program.
 
     Raises `DeflexError` where the command ends with exit code 2.
 
@@ -65,7 +67,7 @@ def predict(
     forced = None if forces is None else given(forces, "<forces>")
     original = None if against is None else _program(against)
     held = (_program(program), _cell(cell))
-    return Prediction(_deflex.predict(held, forced, original, _asked(tool=tool), progress))
+    return Prediction(_deflex.predict(held, forced, original, _asked(tool=tool, free_spin=free_spin), progress))
 
 
 def compensate(
@@ -77,6 +79,7 @@ def compensate(
     tool: str | None = None,
     subdivide_mm: float | None = None,
     allow_clones: bool = False,
+    free_spin: bool = False,
     again: bool = False,
     name: str | None = None,
     max_targets: int | None = None,
@@ -86,7 +89,7 @@ def compensate(
 ) -> Correction:
     """Corrects a program so that the loaded tool lands where it says: `deflex compensate`.
 
-    `program`, `forces`, `tool` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
+    `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
     inserts targets until no more is left on the way between two; `allow_clones` gives a declared target that is used with
     different corrections a clone for each; `again` corrects a program that has its correction in it already. CL data are
     posted as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
@@ -104,6 +107,7 @@ def compensate(
         tool=tool,
         subdivide_mm=subdivide_mm,
         allow_clones=allow_clones,
+        free_spin=free_spin,
         again=again,
         name=name,
         max_targets=max_targets,

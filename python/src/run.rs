@@ -102,6 +102,7 @@ pub(crate) struct Asked {
     tool: Option<String>,
     subdivide_mm: Option<f64>,
     allow_clones: bool,
+    free_spin: bool,
     again: bool,
     name: Option<String>,
     max_targets: Option<usize>,
@@ -117,6 +118,7 @@ impl Asked {
         options.tool = self.tool;
         options.subdivide = self.subdivide_mm.map(|mm| 1e-3 * mm);
         options.allow_clones = self.allow_clones;
+        options.free_spin = self.free_spin;
         run.again = self.again;
         let post = Run::posted_from(program.names().first().map_or(Path::new("program"), |name| name));
         run.post = Some(PostOptions {

@@ -62,6 +62,21 @@ def test_predict(program, folder, command, tmp_path):
     assert found.html == page.read_text()
 
 
+def test_options_are_the_command_s(command, tmp_path):
+    program, cell, written = "samples/slot/slot.mod", "samples/slot/cell.toml", tmp_path / "out.mod"
+    asked = {
+        ("--free-spin",): {"free_spin": True},
+        ("--correct", "position"): {"correct": "position"},
+        ("--subdivide", "0.0001"): {"subdivide_mm": 1e-4},
+    }
+    texts = set()
+    for arguments, options in asked.items():
+        command("compensate", program, "--cell", cell, *arguments, "-o", written)
+        texts.add(written.read_text())
+        assert deflex.compensate(program, cell, **options).text == written.read_text(), arguments
+    assert len(texts) == len(asked)
+
+
 def test_a_long_program_is_streamed_to_the_same_bytes(long_program, steep_cell, command, tmp_path):
     written, report = tmp_path / "out.mod", tmp_path / "out.csv"
     args = ("--cell", steep_cell)
