@@ -6,7 +6,7 @@ use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome};
 use deflex::cell::{Cell, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
-use deflex::robot::{Joints, Pose, conf_of};
+use deflex::robot::{Joints, Pose, confdata_of};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -111,7 +111,7 @@ impl Frames<'_> {
         let _ = writeln!(text, "FANUC W P R, Yaskawa Rx Ry Rz {}   degrees, about fixed x, y, z", fixed(&[c, b, a], 5));
         let _ = writeln!(text, "Stäubli Rx Ry Rz              {}   degrees, about x, y', z''", fixed(&xyz, 5));
         let _ = writeln!(text, "UR rotation vector            {}   rad", fixed(&vector, 6));
-        let conf = conf_of(robot, &motor);
+        let conf = confdata_of(robot, &motor);
         let _ = writeln!(text, "ABB confdata                    [{},{},{},{}]", conf.cf1, conf.cf4, conf.cf6, conf.cfx);
         let beyond = robot.limit_violation(&motor).map(|violation| violation.to_string());
         if let Some(beyond) = &beyond {
@@ -138,7 +138,7 @@ impl Frames<'_> {
         let mut text = String::new();
         let mut list = Vec::new();
         for motor in &ways {
-            let (deg, conf) = (robot.axes_deg_from_motor(motor), conf_of(robot, motor));
+            let (deg, conf) = (robot.axes_deg_from_motor(motor), confdata_of(robot, motor));
             let _ =
                 writeln!(text, "{}   confdata [{},{},{},{}]", fixed(&deg, 5), conf.cf1, conf.cf4, conf.cf6, conf.cfx);
             list.push(json!({ "joints_deg": deg, "confdata": [conf.cf1, conf.cf4, conf.cf6, conf.cfx] }));

@@ -14,8 +14,8 @@ use super::{Cuts, Options, Prepared, deviation, frames, mount, removal, segment,
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
-use crate::robot::{Joints, Pose, conf_is, conf_of};
+use crate::program::{Change, Conf, Confdata, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
+use crate::robot::{Joints, Pose, conf_is, conf_like, confdata_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
@@ -48,7 +48,7 @@ pub struct Posted {
     /// Corrected orientation, scalar first.
     pub quat: [f64; 4],
     /// Configuration of the commanded joints.
-    pub conf: Conf,
+    pub conf: Confdata,
     /// Commanded angles as the controller counts them, degrees.
     pub motor_deg: [f64; 6],
 }
@@ -400,7 +400,7 @@ fn posted(
         target,
         position_mm,
         quat,
-        conf: conf_of(robot, motor),
+        conf: confdata_of(robot, motor),
         motor_deg: robot.axes_deg_from_motor(motor),
     };
     let mut out = Vec::with_capacity(written.len() + inserts.len());
@@ -441,10 +441,10 @@ fn change(
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
-    // confdata follow only where they were true: posts write dummies.
+    // The configuration follows only where it was true: posts write dummies.
     let holds = |written: &Conf| prepared.turns_are_chosen || conf_is(robot, &point.motor, *written);
     let was = path::written_conf(target).filter(holds);
-    let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|_| conf_of(robot, &solved.motor));
+    let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
 }
 

@@ -15,7 +15,7 @@ use super::track::Track;
 use super::{Prepared, frames, path};
 use crate::cell::Cell;
 use crate::program::{Insert, Program};
-use crate::robot::{conf_is, conf_of};
+use crate::robot::{conf_is, conf_like};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -283,9 +283,9 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         let from = beside(k.checked_sub(1), node).map_or(0.0, |before| before.share);
         let to = beside(Some(k + 1), node).map_or(1.0, |behind| behind.share);
         let room = (node.share - from).min(to - node.share) * node.length;
-        // confdata follow only where they were true: posts write dummies.
+        // The configuration follows only where it was true: posts write dummies.
         let robot = &cell.arm.robot;
-        let honest = path::written_conf(target).is_some_and(|written| conf_is(robot, &point.motor, written));
+        let honest = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
         let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
         let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
         // As they are written, that is without what the controller adds.
@@ -295,7 +295,7 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
             });
         let (position_mm, quat) = frames::millimetres(&node.commanded);
         Insert {
-            conf: motor.filter(|_| honest).map(|motor| conf_of(robot, &motor)),
+            conf: motor.zip(honest).map(|(motor, written)| conf_like(robot, &motor, written)),
             via: node.via.as_ref().map(frames::millimetres),
             external,
             ..Insert::line(node.before, (position_mm, quat), 1e3 * room)

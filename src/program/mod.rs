@@ -29,7 +29,7 @@ pub use modules::{ModuleNames, group_modules};
 #[doc(hidden)]
 pub use chunk::{AnyChunks, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
-pub use target::{Conf, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Target};
+pub use target::{Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Target};
 
 use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, Edit, Source, Span};

@@ -107,7 +107,7 @@ pub enum Goal {
         position_mm: [f64; 3],
         /// Orientation, scalar first, unit norm (normalised on reading).
         quat: [f64; 4],
-        /// confdata, where written as numbers.
+        /// Configuration, where written as numbers.
         conf: Option<Conf>,
     },
     /// Tool point and tool axis (tip to spindle) in the work object: the turn about the axis is free (CL).
@@ -126,9 +126,32 @@ pub enum Goal {
     },
 }
 
+/// Which of the axis angles that reach a pose are meant, as the language writes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Conf {
+    /// RAPID.
+    Quarters(Confdata),
+    /// FANUC TP.
+    Turns(Config),
+}
+
+/// FANUC `CONFIG : 'F D B, t1, t4, t6'`.
+///
+/// Its letters are the three signs of RAPID's cfx: F, axis 5 above zero as the controller counts it; D, the wrist centre behind
+/// the lower arm; B, behind axis 1. Source: FANUC, R-30iB Operator's Manual, position data; the CONFIG that a controller
+/// computes at the postures of an ABB arm (LeroyDu56/CrossArm, `docs/validation.md`, section 14).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Config {
+    /// 4·(B) + 2·(D) + (F), as [`Confdata::cfx`].
+    pub posture: i32,
+    /// Turn numbers of axes 1, 4, 6: 0 between −180° and 180° without these, 1 from 180° on, −1 from −180° down.
+    pub turns: [i32; 3],
+}
+
 /// RAPID confdata `[cf1, cf4, cf6, cfx]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Conf {
+pub struct Confdata {
     /// Quarter turn of axis 1.
     pub cf1: i32,
     /// Quarter turn of axis 4.

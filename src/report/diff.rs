@@ -1,6 +1,6 @@
 //! What changed between two programs, target by target.
 
-use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Target};
+use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Target};
 use crate::text::{apply, number};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -131,8 +131,12 @@ fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'
     .collect()
 }
 
+/// Turns of axes 1, 4, 6, quarters or whole ones, and the posture.
 fn list(conf: Conf) -> [i32; 4] {
-    [conf.cf1, conf.cf4, conf.cf6, conf.cfx]
+    match conf {
+        Conf::Quarters(conf) => [conf.cf1, conf.cf4, conf.cf6, conf.cfx],
+        Conf::Turns(Config { turns: [one, four, six], posture }) => [one, four, six, posture],
+    }
 }
 
 /// How far apart two goals are, mm.

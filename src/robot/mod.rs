@@ -8,7 +8,7 @@
 
 pub(crate) mod batch;
 mod builtin;
-mod confdata;
+mod configuration;
 mod forward;
 mod inverse;
 pub(crate) mod kinematics;
@@ -22,7 +22,7 @@ mod unit;
 
 pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
-pub use confdata::{conf_is, conf_of};
+pub use configuration::{conf_is, conf_like, confdata_of};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};
 pub use inverse::{Branch, Solutions, Unreachable, polish};

@@ -1,4 +1,5 @@
-use super::{Branch, Joints, Pose, Robot, Unreachable, conf_of};
+use super::configuration::{branch_index, turned_to};
+use super::{Branch, Joints, Pose, Robot, Unreachable, conf_is};
 use crate::program::Conf;
 
 /// Where a program starts, and why there.
@@ -67,20 +68,11 @@ impl Robot {
 
     /// The branch that a configuration names, if its quarter turns fit it and it lies inside the limits.
     fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
-        let index = usize::try_from(conf.cfx).ok().filter(|cfx| *cfx < Branch::ALL.len())?;
+        let index = branch_index(conf).filter(|index| *index < Branch::ALL.len())?;
         let motor = self.inverse(base_from_flange, near).ok()?[index]?;
-        // Whole turns that the quarter indices ask for; within a turn they must agree.
-        let turned = Joints::from_fn(|i, _| {
-            let now = conf_of(self, &motor);
-            let (wanted, has) = match i {
-                0 => (conf.cf1, now.cf1),
-                3 => (conf.cf4, now.cf4),
-                5 => (conf.cf6, now.cf6),
-                _ => (0, 0),
-            };
-            motor[i] + f64::from((wanted - has).div_euclid(4)) * std::f64::consts::TAU
-        });
-        let fits = conf_of(self, &turned) == conf;
+        let turned = turned_to(&motor, conf);
+        // Within a whole turn they must agree.
+        let fits = conf_is(self, &turned, conf);
         (fits && self.limit_violation(&turned).is_none()).then_some(turned)
     }
 }

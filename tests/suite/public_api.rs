@@ -18,8 +18,8 @@ use deflex::identify::{
 };
 use deflex::measured::{MeasuredRow, Table, TargetRef};
 use deflex::program::{
-    self, Change, Conf, Editable, Goal, Insert, Kept, Language, Mark, Motion, Program, RewriteOptions, Rewritten, Role,
-    RoundTrip, Target, Tool, ToolData, Wobj, WobjData, cl, rapid,
+    self, Change, Conf, Confdata, Config, Editable, Goal, Insert, Kept, Language, Mark, Motion, Program,
+    RewriteOptions, Rewritten, Role, RoundTrip, Target, Tool, ToolData, Wobj, WobjData, cl, rapid,
 };
 use deflex::report::html::{self, PathKind, PathPage, PathTrace};
 use deflex::report::{self, CheckFile, Difference, FileSummary, InspectFile, InspectFiles, MovedTarget};
@@ -79,6 +79,8 @@ fn types_are_there_and_can_be_shared_between_threads() {
         TargetRef,
         Change,
         Conf,
+        Confdata,
+        Config,
         Editable,
         Goal,
         Insert,

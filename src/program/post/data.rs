@@ -1,7 +1,7 @@
 //! Declarations, as RAPID aggregates.
 
 use super::names::predefined_speed;
-use crate::program::{Conf, ToolData, WobjData};
+use crate::program::{Confdata, ToolData, WobjData};
 use crate::text::number::{Digits, Fixed, Row, write_fixed, write_whole};
 
 /// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).
@@ -33,7 +33,7 @@ fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
 }
 
 /// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
-pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Conf) {
+pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Confdata) {
     const ROW: Row<1> = Row::new(&[MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
     let ([x, y, z], [q1, q2, q3, q4]) = (*mm, *quat);
     let mut digits = [Digits::default()];
@@ -60,7 +60,7 @@ pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf:
 }
 
 /// `[cf1,cf4,cf6,cfx]`
-fn quarters(out: &mut Vec<u8>, conf: Conf) {
+fn quarters(out: &mut Vec<u8>, conf: Confdata) {
     out.push(b'[');
     for (i, quarter) in [conf.cf1, conf.cf4, conf.cf6, conf.cfx].into_iter().enumerate() {
         if i > 0 {

@@ -3,7 +3,7 @@
 use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
-use crate::program::{Conf, Mark, ToolData, WobjData};
+use crate::program::{Confdata, Mark, ToolData, WobjData};
 use crate::text::number::write_whole;
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub struct PostedPoint {
     /// Orientation in the work object, scalar first, unit norm.
     pub quat: [f64; 4],
     /// Configuration of the joints there.
-    pub conf: Conf,
+    pub conf: Confdata,
     /// Speed into the point, mm/s; rapid travel has the plan's.
     pub speed_mm_s: f64,
     /// Rapid travel.
@@ -273,7 +273,7 @@ mod tests {
 
     fn plan_and_points(max_points: Option<usize>) -> (RapidPlan, [PostedPoint; 5]) {
         let quat = [0.0, 1.0, 0.0, -0.0];
-        let conf = Conf { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
+        let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
         let at = |x: f64, speed_mm_s: f64, rapid: bool, mark| PostedPoint {
             position_mm: [x, -0.000_01, 10.0],
             quat,

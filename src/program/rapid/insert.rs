@@ -202,11 +202,8 @@ fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, own: Option<Conf>, goal:
         Goal::Pose { conf, .. } => *conf,
         Goal::Axis { .. } | Goal::Joints { .. } => None,
     };
-    let conf = match own.or(written) {
-        Some(conf) => {
-            let [a, b, c, d] = quarters(conf);
-            format!("[{a},{b},{c},{d}]").into_bytes()
-        }
+    let conf = match own.or(written).and_then(quarters) {
+        Some([a, b, c, d]) => format!("[{a},{b},{c},{d}]").into_bytes(),
         None => b"[0,0,0,0]".to_vec(),
     };
     let axes = literal.map(|l| {

@@ -1,7 +1,7 @@
 //! Complete robtarget literals: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a … eax_f]]`.
 
 use super::lex::{Kind, lexeme, number};
-use crate::program::Conf;
+use crate::program::{Conf, Confdata};
 use crate::text::Span;
 use crate::text::number::{self as numbers, Leading, read_leading};
 use nom::Parser;
@@ -189,7 +189,7 @@ pub(super) fn conf(values: [f64; 4]) -> Option<Conf> {
     #[allow(clippy::cast_possible_truncation, clippy::float_cmp)]
     let whole = |v: f64| (v.fract() == 0.0 && v.abs() < 1e6).then_some(v as i32);
     let [cf1, cf4, cf6, cfx] = values;
-    Some(Conf { cf1: whole(cf1)?, cf4: whole(cf4)?, cf6: whole(cf6)?, cfx: whole(cfx)? })
+    Some(Conf::Quarters(Confdata { cf1: whole(cf1)?, cf4: whole(cf4)?, cf6: whole(cf6)?, cfx: whole(cfx)? }))
 }
 
 /// Passes blanks and comments: a literal may be wrapped over lines.

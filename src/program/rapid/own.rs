@@ -256,7 +256,7 @@ impl Writer<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::{chunk, rewrite};
-    use crate::program::{Change, Conf, Goal, Program, RewriteOptions, Rewritten, rapid};
+    use crate::program::{Change, Conf, Confdata, Goal, Program, RewriteOptions, Rewritten, rapid};
     use crate::text::{Source, apply};
     use proptest::prelude::*;
 
@@ -309,7 +309,7 @@ mod tests {
                 Some(Change {
                     position_mm: std::array::from_fn(|k| position_mm[k] + by[k]),
                     quat: (*kind > 2).then_some(quat),
-                    conf: if *kind == 7 { Some(Conf { cf1: 1, cf4: 0, cf6: 0, cfx: 0 }) } else { conf },
+                    conf: if *kind == 7 { Some(Conf::Quarters(Confdata { cf1: 1, cf4: 0, cf6: 0, cfx: 0 })) } else { conf },
                 }).filter(|_| *kind > 0)
             }).collect();
             let (layout, options) = (chunk::layout(&program).unwrap(), RewriteOptions::default());

@@ -229,8 +229,8 @@ impl<'a> Writer<'a> {
                 (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
             }
         }
-        if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf) {
-            for (c, value) in quarters(wanted).into_iter().enumerate() {
+        if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf).and_then(quarters) {
+            for (c, value) in wanted.into_iter().enumerate() {
                 // A configuration that is a name stays; it is not this target's own.
                 if !literal.token(7 + c).is_empty() {
                     print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
@@ -392,8 +392,10 @@ impl<'a> Writer<'a> {
     }
 }
 
-pub(super) fn quarters(conf: Conf) -> [i32; 4] {
-    [conf.cf1, conf.cf4, conf.cf6, conf.cfx]
+/// The numbers of a robtarget's configuration; `None` for those of another language.
+pub(super) fn quarters(conf: Conf) -> Option<[i32; 4]> {
+    let Conf::Quarters(conf) = conf else { return None };
+    Some([conf.cf1, conf.cf4, conf.cf6, conf.cfx])
 }
 
 /// Whether two unit quaternions are different orientations.

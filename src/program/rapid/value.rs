@@ -1,6 +1,7 @@
 //! What an expression is worth, as far as it is known when reading, and where its numbers stand.
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
+use super::rewrite::quarters;
 use crate::program::{ToolData, WobjData};
 use crate::text::Span;
 use std::rc::Rc;
@@ -321,8 +322,7 @@ pub(super) fn component(kind: &[u8], name: &[u8]) -> Option<(usize, &'static [u8
 /// The parts of a robtarget as a list, for access by component.
 pub(super) fn parts(pose: &Pose) -> Value {
     let w = &pose.written;
-    let conf = w.conf.map_or(Value::Unknown("configuration is not known"), |c| {
-        l([c.cf1, c.cf4, c.cf6, c.cfx].map(|v| n(f64::from(v))))
-    });
+    let conf = w.conf.and_then(quarters);
+    let conf = conf.map_or(Value::Unknown("configuration is not known"), |c| l(c.map(|v| n(f64::from(v)))));
     l([l(w.position_mm.map(n)), l(w.quat.map(n)), conf, l(w.external.map(n))])
 }

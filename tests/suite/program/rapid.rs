@@ -1,6 +1,6 @@
 //! RAPID in and out: targets by hand, edits on number tokens only, nothing lost and nothing panics.
 
-use deflex::program::{Change, Editable, Goal, Insert, Program, RewriteOptions, Role, rapid, round_trip};
+use deflex::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Role, rapid, round_trip};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -186,7 +186,10 @@ fn render(program: &Program) -> String {
             Goal::Joints { deg } => (deg.to_vec(), None),
         };
         let numbers: Vec<String> = numbers.iter().map(|v| format!("{:.4}", v + 0.0)).collect();
-        let conf = conf.map_or(String::new(), |c| format!(" conf {} {} {} {}", c.cf1, c.cf4, c.cf6, c.cfx));
+        let conf = match conf {
+            Some(Conf::Quarters(c)) => format!(" conf {} {} {} {}", c.cf1, c.cf4, c.cf6, c.cfx),
+            _ => String::new(),
+        };
         let feed = t.feed_mm_s.map_or(String::new(), |f| format!(" {f:.3} mm/s"));
         let role = if t.role == Role::End { "" } else { " via" };
         let (tool, wobj) = (&program.tools[t.tool as usize], &program.wobjs[t.wobj as usize]);

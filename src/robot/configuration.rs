@@ -1,0 +1,116 @@
+//! Configurations as controllers write them, of motor angles.
+
+use super::{Joints, Robot};
+use crate::program::{Conf, Confdata, Config};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// ABB's quarter-turn index of an axis: 0 for 0…90°, 1 for 90…180°, −1 for 0…−90° (exactly −90° is −2).
+///
+/// `int(θ/90)` for θ ≥ 0, `int(θ/90 − 1)` for θ < 0 (ABB RAPID reference manual, confdata).
+#[must_use]
+pub(crate) fn quarter_turn(angle: f64) -> i32 {
+    let quarters = angle / FRAC_PI_2;
+    #[allow(clippy::cast_possible_truncation)]
+    let index = if angle >= 0.0 { quarters.trunc() } else { (quarters - 1.0).trunc() } as i32;
+    index
+}
+
+/// Half turns that miss this are half turns, rad: FANUC counts 180° ± 0.0005° in turn 1 (measured on a virtual controller,
+/// LeroyDu56/CrossArm, `docs/validation.md`, section 14).
+const HALF_TURN: f64 = 0.0005 / 180.0 * PI;
+
+/// FANUC's turn number of an axis: 0 between −180° and 180° without these, 1 from 180° on, −1 from −180° down.
+fn whole_turn(angle: f64) -> i32 {
+    #[allow(clippy::cast_possible_truncation)]
+    let turns = ((angle.abs() + HALF_TURN + PI) / TAU).trunc() as i32;
+    if angle < 0.0 { -turns } else { turns }
+}
+
+/// 4·(wrist centre behind axis 1) + 2·(behind the lower arm) + (axis 5 negative as its joint turns).
+fn posture(robot: &Robot, motor: &Joints) -> i32 {
+    let (rear, behind) = robot.posture(motor);
+    4 * i32::from(rear) + 2 * i32::from(behind) + i32::from(robot.axes.sign[4] * motor[4] < 0.0)
+}
+
+/// confdata of motor angles (rad): quarter turns of axes 1, 4, 6 and the posture.
+#[must_use]
+pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
+    Confdata {
+        cf1: quarter_turn(motor[0]),
+        cf4: quarter_turn(motor[3]),
+        cf6: quarter_turn(motor[5]),
+        cfx: posture(robot, motor),
+    }
+}
+
+/// The configuration of motor angles (rad) as a controller writes it that writes `like`.
+#[must_use]
+pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
+    match like {
+        Conf::Quarters(_) => Conf::Quarters(confdata_of(robot, motor)),
+        Conf::Turns(_) => Conf::Turns(Config {
+            posture: posture(robot, motor),
+            turns: [motor[0], motor[3], motor[5]].map(whole_turn),
+        }),
+    }
+}
+
+/// Whether motor angles (rad) have this configuration: `conf_like(robot, motor, conf) == conf`, mostly without a look at the posture.
+#[must_use]
+pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
+    let turned = |index: fn(f64) -> i32, wanted: [i32; 3]| {
+        [0, 3, 5].into_iter().zip(wanted).all(|(axis, wanted)| index(motor[axis]) == wanted)
+    };
+    let turned = match conf {
+        Conf::Quarters(conf) => turned(quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
+        Conf::Turns(conf) => turned(whole_turn, conf.turns),
+    };
+    turned && conf_like(robot, motor, conf) == conf
+}
+
+/// Motor angles (rad) with whole turns added to axes 1, 4, 6 so that they have this configuration, where its posture is theirs;
+/// without where none fit.
+pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
+    /// Axes turn no more often than this either way.
+    const TURNS: [i32; 7] = [0, 1, -1, 2, -2, 3, -3];
+    let (index, wanted): (fn(f64) -> i32, _) = match conf {
+        Conf::Quarters(conf) => (quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
+        Conf::Turns(conf) => (whole_turn, conf.turns),
+    };
+    let mut turned = *motor;
+    for (axis, wanted) in [0, 3, 5].into_iter().zip(wanted) {
+        let angles = TURNS.map(|turns| motor[axis] + f64::from(turns) * TAU);
+        turned[axis] = angles.into_iter().find(|angle| index(*angle) == wanted).unwrap_or(motor[axis]);
+    }
+    turned
+}
+
+/// Number of the branch that a configuration means.
+pub(super) fn branch_index(conf: Conf) -> Option<usize> {
+    let posture = match conf {
+        Conf::Quarters(conf) => conf.cfx,
+        Conf::Turns(conf) => conf.posture,
+    };
+    usize::try_from(posture).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{quarter_turn, whole_turn};
+
+    #[test]
+    fn quarter_turns_follow_the_manual() {
+        for (degrees, index) in [(0.0, 0), (89.9, 0), (90.0, 1), (-0.1, -1), (-89.9, -1), (-90.0, -2), (-200.0, -3)] {
+            assert_eq!(quarter_turn(f64::to_radians(degrees)), index, "{degrees}");
+        }
+    }
+
+    #[test]
+    fn whole_turns_begin_at_half_a_turn() {
+        for (degrees, turn) in
+            [(0.0, 0), (179.99, 0), (180.0, 1), (-180.0, -1), (-179.99, 0), (539.9, 1), (540.0, 2), (-400.0, -1)]
+        {
+            assert_eq!(whole_turn(f64::to_radians(degrees)), turn, "{degrees}");
+        }
+    }
+}
