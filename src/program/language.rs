@@ -134,6 +134,8 @@ pub(crate) enum Layout {
     Rapid(rapid::Layout),
     /// CL.
     Cl(cl::Layout),
+    /// FANUC TP.
+    Ls(tp::Layout),
 }
 
 impl Layout {
@@ -141,6 +143,7 @@ impl Layout {
         match self {
             Self::Rapid(layout) => layout,
             Self::Cl(layout) => layout,
+            Self::Ls(layout) => layout,
         }
     }
 }

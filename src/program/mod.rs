@@ -17,6 +17,7 @@ pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
+mod token;
 pub mod tp;
 
 pub use action::{Action, ActionKind};

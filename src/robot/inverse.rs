@@ -390,7 +390,7 @@ mod tests {
             assert!((robot.inverse_near(&pose, &motor).unwrap() - motor).norm() < 1e-12);
             for (cfx, solution) in solutions.iter().enumerate() {
                 if let Some(motor) = solution {
-                    assert_eq!(crate::robot::conf_of(&robot, motor).cfx as usize, cfx);
+                    assert_eq!(crate::robot::confdata_of(&robot, motor).cfx as usize, cfx);
                 }
             }
         }

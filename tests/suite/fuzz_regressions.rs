@@ -42,6 +42,11 @@ fn cl() {
 }
 
 #[test]
+fn tp() {
+    hold("tp", &["tests/fixtures/tp"], invariants::tp);
+}
+
+#[test]
 fn cell() {
     hold("cell", &["tests/fixtures/rapid/invalid"], invariants::cell);
 }
@@ -53,5 +58,5 @@ fn measured() {
 
 #[test]
 fn compensate() {
-    hold("compensate", &["tests/fixtures/rapid", "tests/fixtures/cl"], invariants::compensate);
+    hold("compensate", &["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/tp"], invariants::compensate);
 }

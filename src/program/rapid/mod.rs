@@ -41,7 +41,6 @@ mod statement;
 mod streamable;
 mod symbols;
 mod syntax;
-mod token;
 mod tree;
 mod uses;
 mod value;

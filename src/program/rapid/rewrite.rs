@@ -1,9 +1,9 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
 use super::literal::Literal;
-use super::token::{New, signed};
 use super::value::{Place, rotate, unit};
 use super::{Layout, Offset, Site, clone, insert, own};
+use crate::program::token::{New, signed};
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};

@@ -1,18 +1,207 @@
-//! FANUC TP.
+//! FANUC TP programs as text (`.ls`).
+//!
+//! | file | from | to |
+//! |---|---|---|
+//! | `lines` | bytes | sections; the statements of `/MN` with their continuations |
+//! | `lex`, `statement`, `motion`, `expression` | statements | what they do to where the robot goes |
+//! | `position` | `/POS` | positions, and where their numbers stand |
+//! | `flow`, `calls` | statements | what each makes of what is known, and where a run goes on |
+//! | `run` | flow | the motions that run, with what is known at each |
+//! | `targets` | motions and positions | targets |
+//! | `rewrite` | wanted poses | edits on numbers of `/POS` |
 
-use super::Program;
-use crate::text::{Diagnostic, Source, Span};
+mod calls;
+mod dialect;
+mod expression;
+mod flow;
+mod lex;
+mod lines;
+mod motion;
+mod position;
+mod rewrite;
+mod run;
+mod statement;
+mod targets;
 
-/// Refuses: programs of this language are told from others, and not read.
+use super::language::FrontEnd;
+use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
+use crate::text::{Diagnostic, Severity, Source, Span};
+use position::{Body, Position};
+
+/// Where the numbers of positions stand.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    /// In the order of the text.
+    positions: Vec<Position>,
+    /// One a target.
+    sites: Vec<targets::Site>,
+    motions: usize,
+    unknown: Vec<(&'static str, usize)>,
+}
+
+impl FrontEnd for Layout {
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        rewrite::rewrite(program, self, changes, inserts, options)
+    }
+
+    fn motion_targets(&self, _: &Program) -> usize {
+        self.motions
+    }
+
+    fn unknown_targets(&self) -> &[(&'static str, usize)] {
+        &self.unknown
+    }
+}
+
+/// Reads one program; programs of `context` tell what those that it calls may change.
 ///
 /// # Errors
-/// Always.
-pub fn read(sources: Vec<Source>, _context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let refused = |source: &Source| {
-        let message = "FANUC TP is recognised, but not read by this version";
-        Diagnostic::error("ls.not-read", &source.name, message)
-            .at(source, Span::new(0, 0))
-            .help("give RAPID or CL data")
+/// The program as a whole is refused (no TP, binary, cut off): every reason found.
+pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    if sources.len() != 1 {
+        let message = format!("{} TP files are as many programs", sources.len());
+        return Err(Diagnostic::error("ls.several", "", message).help("give them one by one").into());
+    }
+    sources.extend(context);
+    let source = &sources[0];
+    if let Some(refusal) = refused(source) {
+        return Err(refusal.into());
+    }
+    let sections = lines::sections(&source.bytes);
+    let (Some(statements), Some(places)) = (sections.statements.clone(), sections.positions.clone()) else {
+        return Err(without_section(source, sections.statements.is_some()).into());
     };
-    Err(sources.iter().map(refused).collect())
+    let lines = lines::statements(&source.bytes, statements);
+    let (positions, odd) = positions(source, places);
+    if let Some(cut) = odd.last().filter(|_| !sections.ends) {
+        let message = "the file ends inside a position: expected `};` and /END";
+        let error = Diagnostic::error("ls.truncated", &source.name, message).at(source, *cut);
+        return Err(error.help("the file is cut off; get it again from its source").into());
+    }
+    let calls = calls::Calls::new(sources[1..].iter());
+    let flow = flow::Flow::new(&lines, &calls);
+    let built = targets::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
+    let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
+    diagnostics.extend(not_given(source, &lines, &flow, &calls));
+    let mut kept = built.kept;
+    kept.extend(odd.iter().map(|span| Kept {
+        source: 0,
+        span: *span,
+        line: source.line_column(span.start as usize).line,
+        reason: NOT_READ,
+        fault: false,
+        help: "",
+    }));
+    let literal_targets = positions.iter().filter(|position| matches!(position.body, Body::Pose(_))).count();
+    let dialect = dialect::of(source, sections.head);
+    Ok(Program {
+        written: 1,
+        language: Language::Ls,
+        dialect,
+        tools: built.tools,
+        wobjs: built.wobjs,
+        targets: built.targets,
+        actions: Vec::new(),
+        kept,
+        literal_targets,
+        arcs: built.arcs,
+        cutter: None,
+        diagnostics,
+        layout: super::Layout::Ls(Layout {
+            positions,
+            sites: built.sites,
+            motions: built.motions,
+            unknown: built.unknown,
+        }),
+        sources,
+    })
+}
+
+const NOT_READ: &str = "position that cannot be read";
+
+/// Positions, and the heads of those that cannot be read.
+fn positions(source: &Source, section: std::ops::Range<usize>) -> (Vec<Position>, Vec<Span>) {
+    let base = &source.bytes[..section.end];
+    let (mut found, mut odd, mut rest) = (Vec::new(), Vec::new(), &base[section.start..]);
+    while let Some((behind, position)) = position::next(base, rest) {
+        match position {
+            Ok(position) => found.push(position),
+            Err(span) => odd.push(span),
+        }
+        rest = behind;
+    }
+    (found, odd)
+}
+
+/// Why a file as a whole is not read.
+fn refused(source: &Source) -> Option<Diagnostic> {
+    /// Of this many bytes at the beginning one in `PER_CONTROL` may be a control character.
+    const LOOK: usize = 64 * 1024;
+    const PER_CONTROL: usize = 100;
+    let bytes = &source.bytes;
+    let first = Span::new(0, bytes.len().min(1));
+    let whole = |code, message: &str| Diagnostic::error(code, &source.name, message).at(source, first);
+    if u32::try_from(bytes.len()).is_err() {
+        return Some(whole("ls.too-large", "file is larger than 4 GiB").help("no controller holds such a program"));
+    }
+    if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
+        return Some(whole("ls.utf16", "the file is UTF-16 text").help("save it as ASCII or ISO 8859-1"));
+    }
+    let head = &bytes[..bytes.len().min(LOOK)];
+    let control = |b: &&u8| b.is_ascii_control() && !b.is_ascii_whitespace() && **b != 0x1A;
+    if head.iter().filter(control).count() * PER_CONTROL > head.len() {
+        let message = "the file is no text: expected a TP program in ASCII";
+        return Some(whole("ls.binary", message).help("export it as .ls, not as .tp"));
+    }
+    None
+}
+
+fn without_section(source: &Source, has_statements: bool) -> Diagnostic {
+    let first = Span::new(0, source.bytes.len().min(1));
+    let (message, help) = if has_statements {
+        ("no /POS section: expected the positions of a TP program", "export the program again: /POS stands before /END")
+    } else {
+        ("the file is no TP program: there is no /MN section in it", "give a .ls with /PROG, /MN, /POS and /END")
+    };
+    Diagnostic::error("ls.no-section", &source.name, message).at(source, first).help(help)
+}
+
+/// A warning for positions that cannot be read, at the first of them.
+fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
+    let message = match odd.len() {
+        1 => NOT_READ.to_owned(),
+        more => format!("{NOT_READ} ({more} of them)"),
+    };
+    let warning = Diagnostic::error("ls.not-read", &source.name, message).at(source, *odd.first()?);
+    let help = "expected P[n]{ GP1: UF : u, UT : t, CONFIG : '…', X = … mm, … R = … deg };";
+    Some(warning.severity(Severity::Warning).help(help))
+}
+
+/// A warning for programs that are called and not given, at the first of them.
+fn not_given(
+    source: &Source,
+    lines: &[lines::Line<'_>],
+    flow: &flow::Flow<'_>,
+    calls: &calls::Calls,
+) -> Option<Diagnostic> {
+    let mut names: Vec<(String, Span)> = Vec::new();
+    for (line, kind) in lines.iter().zip(&flow.kinds) {
+        for name in flow.called(kind) {
+            let text = String::from_utf8_lossy(name).into_owned();
+            if !calls.knows(name) && names.iter().all(|(known, _)| *known != text) {
+                names.push((text, line.span));
+            }
+        }
+    }
+    let (_, first) = names.first()?;
+    let listed: Vec<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
+    let message = format!("not given, so taken to leave the values of frames and tools alone: {}", listed.join(", "));
+    let warning = Diagnostic::error("ls.called", &source.name, message).at(source, *first);
+    Some(warning.severity(Severity::Warning).help("give the programs that it calls with --context"))
 }

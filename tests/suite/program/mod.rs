@@ -5,3 +5,5 @@ mod cl_corpus;
 mod cl_sound;
 mod rapid;
 mod rapid_sound;
+mod tp;
+mod tp_sound;

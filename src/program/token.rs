@@ -56,6 +56,14 @@ impl New {
         if old.first() == Some(&b'+') && out[0] != b'-' {
             out.insert(0, b'+');
         }
+        // `.500` and `-.500` too: nothing but a zero stood before the point.
+        if whole == 0
+            && let Some(point) = out.iter().position(|b| *b == b'.').filter(|at| *at > 0)
+            && out[point - 1] == b'0'
+            && !out[..point - 1].iter().any(u8::is_ascii_digit)
+        {
+            out.remove(point - 1);
+        }
         Self { token: Some(out.into()), value: printed }
     }
 }

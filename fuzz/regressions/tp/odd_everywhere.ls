@@ -1,0 +1,14 @@
+/PROG A
+/MN
+1:IF (((R[1]=1 THEN ;
+2:ELSE ;
+3:FOR R[=1 TO ;
+4:ENDFOR ;
+5:=2,JMP LBL[ ;
+6:C P[1] ;
+7:L P[1]5mm/sec Skip,LBL[9] ;
+/POS
+P[1]{GP1:UF:1,UT:9999999999,CONFIG:'NUT,0,0',X=1e400 mm,Y=.mm};P[99999999999]{}
+P[1:
+P[1]{
+/END

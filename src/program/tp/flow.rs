@@ -1,0 +1,408 @@
+//! What a statement makes of what is known, and where a run goes on.
+
+use super::calls::{Called, Calls};
+use super::expression::{self, Registers};
+use super::lines::Line;
+use super::statement::{self, Frame, Kind};
+use crate::program::Mark;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What is known before a statement.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct State {
+    /// Selected user frame and tool, where known.
+    pub(super) selected: [Option<u32>; 2],
+    /// Registers whose value is known.
+    pub(super) registers: Registers,
+    /// The mark in force; `None` where it depends on the run.
+    pub(super) mark: Marked,
+    /// Frames whose values a program has set.
+    pub(super) redefined: BTreeSet<(Frame, u32)>,
+    /// The same of any frame, for want of a number that is known.
+    pub(super) all_redefined: BTreeSet<Frame>,
+    /// Paths are moved at run time.
+    pub(super) displaced: bool,
+    /// Something runs beside: nothing that it could change stays known.
+    concurrent: bool,
+    /// Motions that the robot may stand at the end of.
+    pub(super) standing: BTreeSet<usize>,
+}
+
+/// The mark in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Marked {
+    /// This one, or none.
+    Known(Option<Mark>),
+    /// It depends on the run.
+    Unknown,
+}
+
+impl Default for Marked {
+    fn default() -> Self {
+        Self::Known(None)
+    }
+}
+
+impl State {
+    /// Takes in what is known on another way to the same statement; whether less is known than before.
+    pub(super) fn join(&mut self, other: &Self) -> bool {
+        let before = self.clone();
+        for (own, others) in self.selected.iter_mut().zip(other.selected) {
+            *own = own.filter(|own| Some(*own) == others);
+        }
+        self.registers.retain(|register, value| other.registers.get(register) == Some(value));
+        if self.mark != other.mark {
+            self.mark = Marked::Unknown;
+        }
+        self.redefined.extend(&other.redefined);
+        self.all_redefined.extend(&other.all_redefined);
+        self.displaced |= other.displaced;
+        self.concurrent |= other.concurrent;
+        self.standing.extend(&other.standing);
+        *self != before
+    }
+
+    /// Which frame is selected, while nothing runs beside.
+    fn select(&mut self, frame: Frame, number: Option<u32>) {
+        self.selected[frame as usize] = number.filter(|_| !self.concurrent);
+    }
+
+    fn set(&mut self, register: &[u8], value: &[u8]) {
+        let value = expression::value(value, &self.registers);
+        match expression::count(register, &self.registers) {
+            Some(register) => self.put(register, value),
+            None => self.registers.clear(),
+        }
+    }
+
+    fn put(&mut self, register: u32, value: Option<f64>) {
+        match value.filter(|_| !self.concurrent) {
+            Some(value) => self.registers.insert(register, value),
+            None => self.registers.remove(&register),
+        };
+    }
+
+    /// Nothing is known any more of what any program can change.
+    fn forget(&mut self) {
+        self.selected = [None; 2];
+        self.registers.clear();
+    }
+
+    /// The same, and it stays so.
+    fn runs_beside(&mut self) {
+        self.forget();
+        self.concurrent = true;
+    }
+
+    /// What a program that is called may change.
+    fn call(&mut self, called: &Called) {
+        if called.all_registers {
+            self.registers.clear();
+        }
+        for register in &called.registers {
+            self.registers.remove(register);
+        }
+        for (own, selects) in self.selected.iter_mut().zip(called.selects) {
+            *own = own.filter(|_| !selects);
+        }
+        self.redefined.extend(&called.redefined);
+        self.all_redefined.extend(&called.all_redefined);
+        self.displaced |= called.displaces;
+        if called.concurrent {
+            self.runs_beside();
+        }
+    }
+}
+
+/// Where a run may go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Next {
+    /// At this statement; behind the last one it ends.
+    At(usize),
+    /// At any statement.
+    Anywhere,
+}
+
+/// The statements of a program with what belongs together.
+#[derive(Debug)]
+pub(super) struct Flow<'a> {
+    pub(super) kinds: Vec<Kind<'a>>,
+    /// Statements within a block of point logic: they run beside.
+    inner: Vec<bool>,
+    labels: BTreeMap<u32, usize>,
+    /// Of `IF`, where it goes on if not so; of `ELSE`, behind `ENDIF`; of `FOR`, its `ENDFOR`, and the other way round; of the
+    /// cases of a `SELECT`, behind it.
+    partner: BTreeMap<usize, usize>,
+    /// Of the cases of a `SELECT`, its first.
+    first_case: BTreeMap<usize, usize>,
+    calls: &'a Calls,
+}
+
+impl<'a> Flow<'a> {
+    pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls) -> Self {
+        let kinds: Vec<Kind<'a>> = lines.iter().map(statement::kind).collect();
+        let mut flow = Self {
+            inner: inner(lines, &kinds),
+            kinds,
+            labels: BTreeMap::new(),
+            partner: BTreeMap::new(),
+            first_case: BTreeMap::new(),
+            calls,
+        };
+        flow.link();
+        flow
+    }
+
+    /// Finds what belongs together. What has lost its partner is not known.
+    fn link(&mut self) {
+        let (mut open, mut select): (Vec<(usize, Vec<usize>)>, Option<usize>) = (Vec::new(), None);
+        let mut odd = Vec::new();
+        for at in 0..self.kinds.len() {
+            if self.inner[at] {
+                continue;
+            }
+            match &self.kinds[at] {
+                Kind::Label(number) => {
+                    if let Some(number) = expression::count(number, &Registers::new()) {
+                        self.labels.entry(number).or_insert(at);
+                    }
+                }
+                Kind::If(_) | Kind::For(..) => open.push((at, Vec::new())),
+                Kind::Else => match open.last_mut() {
+                    Some((first, ends)) if matches!(self.kinds[*first], Kind::If(_)) && ends.is_empty() => {
+                        ends.push(at)
+                    }
+                    _ => odd.push(at),
+                },
+                Kind::EndIf | Kind::EndFor => {
+                    let wanted = matches!(self.kinds[at], Kind::EndIf);
+                    match open.pop_if(|(first, _)| matches!(self.kinds[*first], Kind::If(_)) == wanted) {
+                        Some((first, _)) if !wanted => {
+                            self.partner.insert(first, at);
+                            self.partner.insert(at, first);
+                        }
+                        Some((first, other)) => {
+                            self.partner.insert(first, other.first().map_or(at, |other| other + 1));
+                            other.first().and_then(|other| self.partner.insert(*other, at));
+                        }
+                        None => odd.push(at),
+                    }
+                }
+                _ => {}
+            }
+            select = match self.kinds[at] {
+                Kind::SelectCase(..) => Some(at),
+                Kind::Case(_) | Kind::ElseCase(_) if select.is_none() => {
+                    odd.push(at);
+                    None
+                }
+                Kind::Case(_) | Kind::ElseCase(_) => select,
+                _ => None,
+            };
+            if let Some(first) = select {
+                self.first_case.insert(at, first);
+                // The last of them says where it goes on.
+                for case in first..=at {
+                    self.partner.insert(case, at + 1);
+                }
+            }
+        }
+        for at in odd.into_iter().chain(open.into_iter().map(|(first, _)| first)) {
+            self.kinds[at] = Kind::Unknown;
+        }
+    }
+
+    /// Programs that a statement calls, guarded by a condition or not.
+    pub(super) fn called<'k>(&self, kind: &Kind<'k>) -> Vec<&'k [u8]> {
+        let text = match kind {
+            Kind::Call(name) => return vec![name],
+            Kind::When(text) | Kind::SelectCase(_, text) | Kind::Case(text) | Kind::ElseCase(text) => text,
+            _ => return Vec::new(),
+        };
+        match statement::guarded(behind_condition(text)) {
+            Kind::Call(name) => vec![name],
+            _ => Vec::new(),
+        }
+    }
+
+    fn partner(&self, at: usize) -> Next {
+        self.partner.get(&at).map_or(Next::Anywhere, |partner| Next::At(*partner))
+    }
+
+    fn label(&self, index: &[u8], state: &State) -> Option<Next> {
+        match expression::count(index, &state.registers) {
+            // A controller stops at a label that is not there.
+            Some(number) => self.labels.get(&number).map(|at| Next::At(*at)),
+            None => Some(Next::Anywhere),
+        }
+    }
+
+    /// What is known behind statement `at`, and where it goes on: one way or several.
+    pub(super) fn step(&self, at: usize, mut state: State) -> Vec<(Next, State)> {
+        if self.inner[at] {
+            // Its effects came with the motion that it belongs to.
+            return vec![(Next::At(at + 1), state)];
+        }
+        match &self.kinds[at] {
+            Kind::If(condition) => {
+                let (rest, holds) = expression::condition(condition, &state.registers);
+                let holds = holds.filter(|_| rest.trim_ascii().is_empty());
+                either(holds, (Next::At(at + 1), state.clone()), (self.partner(at), state))
+            }
+            Kind::Else => vec![(self.partner(at), state)],
+            Kind::When(text) => {
+                let (rest, holds) = expression::condition(text, &state.registers);
+                let (rest, holds) = match rest.trim_ascii_start().first() {
+                    Some(b',') => (rest, holds),
+                    _ => (behind_condition(text), None),
+                };
+                let mut out = Vec::new();
+                if holds != Some(true) {
+                    out.push((Next::At(at + 1), state.clone()));
+                }
+                if holds != Some(false) {
+                    out.extend(self.plain(at, &statement::guarded(rest), Next::At(at + 1), state));
+                }
+                out
+            }
+            Kind::SelectCase(..) | Kind::Case(_) | Kind::ElseCase(_) => self.case(at, state),
+            Kind::For(register, from, to, down) => {
+                let (first, last) =
+                    (expression::value(from, &state.registers), expression::value(to, &state.registers));
+                let enters = first.zip(last).map(|(first, last)| if *down { first >= last } else { first <= last });
+                state.set(register, from);
+                let mut over = state.clone();
+                over.set(register, b"");
+                let behind = match self.partner(at) {
+                    Next::At(end) => Next::At(end + 1),
+                    anywhere => anywhere,
+                };
+                either(enters, (Next::At(at + 1), state), (behind, over))
+            }
+            Kind::EndFor => self.again(at, state),
+            kind => self.plain(at, kind, Next::At(at + 1), state),
+        }
+    }
+
+    /// A statement that is not one of several that belong together; `behind` is what follows it.
+    fn plain(&self, at: usize, kind: &Kind<'_>, behind: Next, mut state: State) -> Vec<(Next, State)> {
+        match kind {
+            Kind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
+            Kind::Motion(motion) => {
+                state.standing = BTreeSet::from([at]);
+                if motion.runs_others {
+                    state.runs_beside();
+                }
+                if let Some(skip) = motion.skip.and_then(|label| self.label(label, &state)) {
+                    return vec![(behind, state.clone()), (skip, state)];
+                }
+            }
+            Kind::Select(frame, value) => state.select(*frame, expression::count(value, &state.registers)),
+            Kind::Redefine(frame, index) => match expression::count(index, &state.registers) {
+                Some(number) => drop(state.redefined.insert((*frame, number))),
+                None => drop(state.all_redefined.insert(*frame)),
+            },
+            Kind::Register(register, value) => state.set(register, value),
+            Kind::Jump(label) => return self.label(label, &state).map(|to| (to, state)).into_iter().collect(),
+            Kind::Timeout(label) => {
+                let to = self.label(label, &state);
+                return [Some(behind), to].into_iter().flatten().map(|next| (next, state.clone())).collect();
+            }
+            Kind::Call(name) => state.call(self.calls.of(name)),
+            Kind::Macro => state.call(&Called::unknown()),
+            Kind::Concurrent => state.runs_beside(),
+            Kind::Displace => state.displaced = true,
+            Kind::End => return Vec::new(),
+            Kind::Unknown => {
+                state.forget();
+                return vec![(Next::Anywhere, state)];
+            }
+            // Within a condition none of these is a statement.
+            Kind::If(_) | Kind::Else | Kind::When(_) | Kind::SelectCase(..) | Kind::Case(_) | Kind::ElseCase(_) => {}
+            Kind::For(..) | Kind::EndFor | Kind::EndIf | Kind::Label(_) | Kind::Plain => {}
+        }
+        vec![(behind, state)]
+    }
+
+    /// A case of a `SELECT`: its statement, and behind all cases; or the next case.
+    fn case(&self, at: usize, state: State) -> Vec<(Next, State)> {
+        let first = self.first_case.get(&at).map(|first| &self.kinds[*first]);
+        let Some(Kind::SelectCase(operand, first)) = first else { return vec![(Next::Anywhere, state)] };
+        let (value, kind) = match &self.kinds[at] {
+            Kind::SelectCase(..) => statement::case(first, &state.registers),
+            Kind::Case(text) => statement::case(text, &state.registers),
+            Kind::ElseCase(text) => (None, statement::guarded(text)),
+            _ => (None, Kind::Unknown),
+        };
+        #[allow(clippy::float_cmp)] // whole numbers
+        let holds = match &self.kinds[at] {
+            Kind::ElseCase(_) => Some(true),
+            _ => expression::value(operand, &state.registers).zip(value).map(|(a, b)| a == b),
+        };
+        let mut out = Vec::new();
+        if holds != Some(true) {
+            out.push((Next::At(at + 1), state.clone()));
+        }
+        if holds != Some(false) {
+            out.extend(self.plain(at, &kind, self.partner(at), state));
+        }
+        out
+    }
+
+    /// `ENDFOR`: once more, or on.
+    fn again(&self, at: usize, mut state: State) -> Vec<(Next, State)> {
+        let Next::At(start) = self.partner(at) else { return vec![(Next::Anywhere, state)] };
+        let Kind::For(register, _, to, down) = &self.kinds[start] else { return vec![(Next::Anywhere, state)] };
+        // A bound in a register may have been changed on the way.
+        let last = expression::value(to, &Registers::new());
+        let number = expression::count(register, &state.registers);
+        let counter = number.and_then(|number| state.registers.get(&number).copied());
+        let next = counter.map(|counter| if *down { counter - 1.0 } else { counter + 1.0 });
+        let enters = next.zip(last).map(|(next, last)| if *down { next >= last } else { next <= last });
+        // What is left in the counter behind the loop is the controller's affair.
+        let mut over = state.clone();
+        over.set(register, b"");
+        match number {
+            Some(number) => state.put(number, next),
+            None => state.registers.clear(),
+        }
+        either(enters, (Next::At(start + 1), state), (Next::At(at + 1), over))
+    }
+}
+
+/// One way, the other, or both.
+fn either(holds: Option<bool>, so: (Next, State), not: (Next, State)) -> Vec<(Next, State)> {
+    match holds {
+        Some(true) => vec![so],
+        Some(false) => vec![not],
+        None => vec![so, not],
+    }
+}
+
+/// What follows a condition that cannot be read: the first comma outside all brackets.
+fn behind_condition(text: &[u8]) -> &[u8] {
+    let mut depth = 0_i32;
+    for (at, byte) in text.iter().enumerate() {
+        match byte {
+            b'[' | b'(' => depth += 1,
+            b']' | b')' => depth -= 1,
+            b',' if depth <= 0 => return &text[at..],
+            _ => {}
+        }
+    }
+    b",?[]"
+}
+
+/// Which statements stand in blocks of point logic: behind a motion that announces one, up to a line of dashes.
+fn inner(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<bool> {
+    let mut within = false;
+    let one = |(line, kind): (&Line<'_>, &Kind<'_>)| {
+        let was = within;
+        within = match kind {
+            Kind::Motion(motion) if !within => motion.point_logic,
+            _ => within && !line.text.starts_with(b"---"),
+        };
+        was
+    };
+    lines.iter().zip(kinds).map(one).collect()
+}

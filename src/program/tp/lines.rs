@@ -1,0 +1,166 @@
+//! `/PROG … /END`: sections, and the statements of `/MN` with their continuations.
+
+use crate::text::Span;
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// Where the sections are that are read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Sections {
+    /// Name that `/PROG` gives.
+    pub(super) name: Option<Span>,
+    /// `/ATTR` and `/APPL`, from the first of them on.
+    pub(super) head: Range<usize>,
+    /// `/MN`.
+    pub(super) statements: Option<Range<usize>>,
+    /// `/POS`.
+    pub(super) positions: Option<Range<usize>>,
+    /// Whether `/END` is there.
+    pub(super) ends: bool,
+}
+
+/// Lines without their ends, as ranges.
+fn lines(bytes: &[u8], from: usize) -> impl Iterator<Item = Range<usize>> {
+    let mut at = from;
+    std::iter::from_fn(move || {
+        let rest = bytes.get(at..).filter(|rest| !rest.is_empty())?;
+        let len = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
+        let line = at..at + len;
+        // CR LF, LF and a lone CR end lines; CR CR LF is one end, as one exporter wrote it.
+        at += len;
+        while bytes.get(at) == Some(&b'\r') && matches!(bytes.get(at + 1), Some(b'\r' | b'\n')) {
+            at += 1;
+        }
+        at += 1;
+        Some(line)
+    })
+}
+
+/// Finds the sections.
+pub(super) fn sections(bytes: &[u8]) -> Sections {
+    let mut found = Sections::default();
+    let mut open: Option<(&'static str, usize)> = None;
+    let close = |open: &mut Option<(&'static str, usize)>, found: &mut Sections, end: usize| {
+        match open.take() {
+            Some(("/MN", start)) => found.statements = Some(start..end),
+            Some(("/POS", start)) => found.positions = Some(start..end),
+            Some(("/ATTR" | "/APPL", start)) if found.head.is_empty() => found.head = start..end,
+            Some(("/ATTR" | "/APPL", _)) => found.head.end = end,
+            _ => {}
+        };
+    };
+    let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+    for line in lines(bytes, start) {
+        let text = bytes[line.clone()].trim_ascii();
+        if text.first() != Some(&b'/') {
+            continue;
+        }
+        let word = text.split(u8::is_ascii_whitespace).next().unwrap_or_default();
+        let known = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"];
+        let Some(section) = known.into_iter().find(|name| word.eq_ignore_ascii_case(name.as_bytes())) else { continue };
+        // A remark of `/MN` cannot begin a line; a second `/PROG` in one file is not read.
+        close(&mut open, &mut found, line.start);
+        match section {
+            "/PROG" => {
+                let name = text[word.len()..].trim_ascii_start();
+                let at = line.end - (bytes[line.clone()].trim_ascii_start().len() - (text.len() - name.len()));
+                let len = name.iter().position(u8::is_ascii_whitespace).unwrap_or(name.len());
+                found.name.get_or_insert(Span::new(at, at + len));
+            }
+            "/END" => {
+                found.ends = true;
+                break;
+            }
+            section => open = Some((section, line.end)),
+        }
+    }
+    close(&mut open, &mut found, bytes.len());
+    found
+}
+
+/// A statement of `/MN` with its continuation lines.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Line<'a> {
+    /// Without number, colon and the semicolon at its end; continuation lines joined by a blank.
+    pub(super) text: Cow<'a, [u8]>,
+    /// First to last byte.
+    pub(super) span: Span,
+    /// Line of the first byte, from 1.
+    pub(super) line: usize,
+}
+
+/// The statements of `/MN`.
+pub(super) fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
+    let mut out: Vec<Line<'_>> = Vec::new();
+    let mut open = false;
+    let (mut counted, mut number) = (0, 1);
+    for line in lines(&bytes[..section.end], section.start) {
+        let text = &bytes[line.clone()];
+        let (numbered, body) = unnumbered(text);
+        let body = body.trim_ascii();
+        // Lines are counted where a statement stands: once through the text altogether.
+        if body.is_empty() && !numbered {
+            continue;
+        }
+        let ends = body.last() == Some(&b';');
+        let body = if ends { body[..body.len() - 1].trim_ascii_end() } else { body };
+        let end = line.start + text.trim_ascii_end().len();
+        match out.last_mut() {
+            Some(last) if open && !numbered => {
+                let text = last.text.to_mut();
+                text.push(b' ');
+                text.extend_from_slice(body);
+                last.span.end = Span::new(0, end).end;
+            }
+            _ => {
+                let start = line.start + (text.len() - text.trim_ascii_start().len());
+                number += line_ends(&bytes[counted..start]);
+                counted = start;
+                out.push(Line { text: Cow::Borrowed(body), span: Span::new(start, end), line: number });
+            }
+        }
+        open = !ends;
+    }
+    out
+}
+
+/// Line ends in a stretch, as [`Source::line_column`](crate::text::Source::line_column) counts them.
+fn line_ends(bytes: &[u8]) -> usize {
+    let lone = |at: usize| bytes[at] == b'\r' && !matches!(bytes.get(at + 1), Some(b'\n' | b'\r'));
+    memchr::memchr2_iter(b'\n', b'\r', bytes).filter(|&at| bytes[at] == b'\n' || lone(at)).count()
+}
+
+/// A line without its number and colon, and whether it has a number.
+fn unnumbered(line: &[u8]) -> (bool, &[u8]) {
+    let text = line.trim_ascii_start();
+    let digits = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    match text[digits..].trim_ascii_start().split_first() {
+        Some((b':', rest)) => (digits > 0, rest),
+        _ => (false, text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &[u8] = b"/PROG  MILL\tMacro\r\n/ATTR\r\nCOMMENT = \"a/POS\";\r\n/MN\r\n   1:  UFRAME_NUM=1 ;\r\n   2:C P[1]    \r\n    :  P[2] 100mm/sec FINE    ;\r\n\
+        3: ! a; b ;\r\n  ------ ;\r\n/POS\r\nP[1]{};\r\n/END\r\n";
+
+    #[test]
+    fn sections_are_found_by_the_beginning_of_their_lines() {
+        let found = sections(TEXT);
+        assert_eq!(&TEXT[found.name.unwrap().range()], b"MILL");
+        assert_eq!(&TEXT[found.positions.unwrap()], b"\r\nP[1]{};\r\n");
+        assert!(found.ends);
+        assert!(TEXT[found.head].ends_with(b"a/POS\";\r\n"));
+    }
+
+    #[test]
+    fn statements_are_joined_with_their_continuations() {
+        let found = statements(TEXT, sections(TEXT).statements.unwrap());
+        let texts: Vec<_> = found.iter().map(|line| (str::from_utf8(&line.text).unwrap(), line.line)).collect();
+        assert_eq!(texts, [("UFRAME_NUM=1", 5), ("C P[1] P[2] 100mm/sec FINE", 6), ("! a; b", 8), ("------", 9)]);
+        assert!(TEXT[found[1].span.range()].ends_with(b"FINE    ;"));
+    }
+}

@@ -1,0 +1,279 @@
+//! Motion instructions: `L P[3:corner] 500mm/sec CNT50 ACC80 Offset,PR[1]`.
+
+use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
+use crate::program::Motion as Path;
+use nom::Parser;
+use nom::branch::alt;
+use nom::bytes::complete::{tag, tag_no_case, take_while};
+use nom::character::complete::one_of;
+use nom::combinator::{map, opt, recognize};
+
+/// A motion as written.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Motion<'a> {
+    /// Into its last point.
+    pub(super) path: Path,
+    /// Circle point of `C`.
+    pub(super) via: Option<Point<'a>>,
+    /// Where it ends.
+    pub(super) end: Point<'a>,
+    /// Speed of the TCP, mm/s, where it is a number and says so.
+    pub(super) feed_mm_s: Option<f64>,
+    /// Why the motion does not end at its point, or not with this robot alone.
+    pub(super) moved: Option<&'static str>,
+    /// Other statements run beside it, or while it runs.
+    pub(super) runs_others: bool,
+    /// Where it goes on when a condition was not met (`Skip,LBL[n]`).
+    pub(super) skip: Option<&'a [u8]>,
+    /// A block of statements that run beside it follows.
+    pub(super) point_logic: bool,
+}
+
+/// What a motion goes to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Point<'a> {
+    /// `P[…]`: the index as written.
+    Position(&'a [u8]),
+    /// Something whose value only a run knows, and what.
+    RunTime(&'static str),
+}
+
+/// Reads a motion; `None` where the statement is another.
+pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
+    let (rest, letter) = one_of::<_, _, nom::error::Error<&[u8]>>("JLCASjlcas").parse(text).ok()?;
+    let (rest, first) = point(rest).ok()?;
+    let (rest, second) = match letter.to_ascii_uppercase() {
+        'C' => point(rest).ok().map(|(rest, point)| (rest, Some(point)))?,
+        _ => (rest, None),
+    };
+    let (rest, feed_mm_s) = speed(rest).unwrap_or((rest, None));
+    let (via, end) = second.map_or((None, first), |second| (Some(first), second));
+    let path = match letter.to_ascii_uppercase() {
+        'J' => Path::Joint,
+        'C' => Path::Circular,
+        _ => Path::Linear,
+    };
+    let moved = match letter.to_ascii_uppercase() {
+        'A' => Some("circle arc motion (A)"),
+        'S' => Some("spline motion (S)"),
+        _ => None,
+    };
+    let mut motion = Motion { path, via, end, feed_mm_s, moved, runs_others: false, skip: None, point_logic: false };
+    modifiers(rest, &mut motion);
+    Some(motion)
+}
+
+/// `P[3:corner]`, `PR[1]`, `PAL_1[A_2]`
+fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
+    let palletizing = recognize((tag_no_case("PAL_"), take_while(|b: u8| b.is_ascii_digit())));
+    let name = alt((tag_no_case("PR"), palletizing, tag_no_case("P")));
+    let (rest, (_, name, _, within)) = (blanks, name, blanks, brackets).parse(input)?;
+    let point = match name.len() {
+        1 => Point::Position(index(within)),
+        2 => Point::RunTime("motion to a position register (PR)"),
+        _ => Point::RunTime("palletizing motion (PAL)"),
+    };
+    Ok((rest, point))
+}
+
+/// Millimetres in an inch, and seconds in a minute.
+const INCH: f64 = 25.4;
+const MINUTE: f64 = 60.0;
+
+/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed in mm/s where it is one and a number.
+fn speed(input: &[u8]) -> Parsed<'_, Option<f64>> {
+    let number = map(number_token, value_of);
+    let register = map((word, brackets), |_| None);
+    let (rest, value) = spaced(alt((number, register))).parse(input)?;
+    let mut unit = alt((
+        map(alt((tag_no_case("mm/sec"), tag_no_case("mm/sek"))), |_| Some(1.0)),
+        map(tag_no_case("cm/min"), |_| Some(10.0 / MINUTE)),
+        map(tag_no_case("inch/min"), |_| Some(INCH / MINUTE)),
+        map(
+            alt((tag("%"), tag_no_case("deg/sec"), tag_no_case("msec"), tag_no_case("sec"), tag_no_case("sek"))),
+            |_| None,
+        ),
+        map(recognize((word, opt((tag("/"), word)))), |_| None),
+    ));
+    let (rest, unit) = unit.parse(rest)?;
+    Ok((rest, value.zip(unit).map(|(value, unit)| value * unit).filter(|speed| *speed > 0.0)))
+}
+
+/// What the words behind the speed mean.
+enum Meaning {
+    /// Nothing for where the motion ends.
+    Plain,
+    /// It ends elsewhere.
+    Moved(&'static str),
+    /// It may end before, at a condition.
+    Skip,
+    /// Something runs shortly before or behind the point: the rest says what.
+    Timed,
+}
+
+/// Words of motion options, upper case. Source: FANUC, R-30iB Operator's Manual (Basic Operation), motion instructions.
+const WORDS: [(&[u8], Meaning); 51] = [
+    (b"FINE", Meaning::Plain),
+    (b"FEIN", Meaning::Plain),
+    (b"CNT", Meaning::Plain),
+    (b"CR", Meaning::Plain),
+    (b"CD", Meaning::Plain),
+    (b"ACC", Meaning::Plain),
+    (b"WJNT", Meaning::Plain),
+    (b"PTH", Meaning::Plain),
+    (b"MROT", Meaning::Plain),
+    (b"BREAK", Meaning::Plain),
+    (b"CTV", Meaning::Plain),
+    (b"PSPD", Meaning::Plain),
+    (b"RT_LD", Meaning::Plain),
+    (b"AP_LD", Meaning::Plain),
+    (b"MAX_SPEED", Meaning::Plain),
+    (b"WELD_SPEED", Meaning::Plain),
+    (b"ARC", Meaning::Plain),
+    (b"START", Meaning::Plain),
+    (b"END", Meaning::Plain),
+    (b"SPOT", Meaning::Timed),
+    (b"PRESS_MOTN", Meaning::Timed),
+    (b"DO", Meaning::Plain),
+    (b"RO", Meaning::Plain),
+    (b"GO", Meaning::Plain),
+    (b"AO", Meaning::Plain),
+    (b"ON", Meaning::Plain),
+    (b"OFF", Meaning::Plain),
+    (b"TB", Meaning::Timed),
+    (b"TA", Meaning::Timed),
+    (b"DB", Meaning::Timed),
+    (b"DA", Meaning::Timed),
+    (b"ZEIT", Meaning::Timed),
+    (b"CALL", Meaning::Timed),
+    (b"AUFRUF", Meaning::Timed),
+    (b"POINT_LOGIC", Meaning::Timed),
+    (b"EV", Meaning::Moved("external axis with a speed of its own (EV)")),
+    (b"IND", Meaning::Moved("external axis with a speed of its own (EV)")),
+    (b"OFFSET", Meaning::Moved("moved by a position register (Offset)")),
+    (b"TOOL_OFFSET", Meaning::Moved("moved by a position register (Tool_Offset)")),
+    (b"VOFFSET", Meaning::Moved("moved by a vision register (VOFFSET)")),
+    (b"VR", Meaning::Moved("moved by a vision register (VOFFSET)")),
+    (b"INC", Meaning::Moved("incremental motion (INC)")),
+    (b"COORD", Meaning::Moved("coordinated with another motion group (COORD)")),
+    (b"RTCP", Meaning::Moved("stationary tool (RTCP)")),
+    (b"SEARCH", Meaning::Moved("ends where a search finds something")),
+    (b"WEAVE", Meaning::Moved("weaving motion")),
+    (b"TRACK", Meaning::Moved("path is moved at run time (tracking)")),
+    (b"SKIP", Meaning::Skip),
+    (b"QUICK_SKIP", Meaning::Skip),
+    (b"SKIPJUMP", Meaning::Skip),
+    (b"HOP", Meaning::Plain),
+];
+
+/// Reads what stands behind the speed.
+fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
+    let mut rest = text;
+    loop {
+        rest = rest.trim_ascii_start();
+        if rest.is_empty() {
+            return;
+        }
+        if let Ok((behind, name)) = word(rest) {
+            let (behind, within) = brackets(behind).map_or((behind, None), |(behind, within)| (behind, Some(within)));
+            let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
+            let upper = name[..letters].to_ascii_uppercase();
+            match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
+                Some(Meaning::Plain) => {}
+                Some(Meaning::Moved(why)) => {
+                    motion.moved.get_or_insert(why);
+                }
+                Some(Meaning::Skip) => {
+                    motion.moved.get_or_insert("ends where a condition is met (Skip)");
+                    motion.skip = label(behind);
+                    return;
+                }
+                Some(Meaning::Timed) => {
+                    let upper = rest.to_ascii_uppercase();
+                    let has = |wanted: &[u8]| memchr::memmem::find(&upper, wanted).is_some();
+                    motion.point_logic = has(b"P-SPS") || has(b"POINT_LOGIC");
+                    motion.runs_others |= motion.point_logic || has(b"CALL") || has(b"AUFRUF") || has(b"SPOT");
+                    motion.runs_others |= has(b"PRESS_MOTN");
+                    return;
+                }
+                // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
+                None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
+                None => {
+                    motion.moved.get_or_insert("motion option that is not known");
+                }
+            }
+            rest = behind;
+            continue;
+        }
+        let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
+        if !mark(&rest[0]) {
+            motion.moved.get_or_insert("motion option that is not known");
+        }
+        rest = &rest[1..];
+    }
+}
+
+/// `,LBL[3]`: the index.
+fn label(text: &[u8]) -> Option<&[u8]> {
+    let (rest, _) = (spaced(tag(",")), tag_no_case("LBL")).parse(text).ok().map(|(rest, _): (&[u8], _)| (rest, ()))?;
+    brackets(rest).ok().map(|(_, within)| index(within))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Motion<'_> {
+        motion(text.as_bytes()).unwrap_or_else(|| panic!("{text}"))
+    }
+
+    #[test]
+    fn speeds_are_those_of_the_tcp() {
+        for (text, feed) in [
+            ("L P[1] 500mm/sec FINE", Some(500.0)),
+            ("L P[1] 90cm/min CNT50", Some(15.0)),
+            ("L P[1] 60.0inch/min CNT50", Some(25.4)),
+            ("L P[1] 1500mm/sek CNT0 ACC100", Some(1500.0)),
+            ("L P[1] R[1:v]mm/sec FINE", None),
+            ("L P[1] 2.5sec FINE", None),
+            ("L P[1] 300msec FINE", None),
+            ("L P[1] 50deg/sec FINE", None),
+            ("L P[1] max_speed FINE", None),
+            ("J P[1] 100% CNT100", None),
+        ] {
+            let read = read(text);
+            assert_eq!((read.feed_mm_s, read.moved), (feed, None), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_moves_the_point_is_said() {
+        for (text, why) in [
+            ("L P[1] 500mm/sec FINE Offset,PR[1:off]", "moved by a position register (Offset)"),
+            ("L P[1] 500mm/sec FINE Offset", "moved by a position register (Offset)"),
+            ("L P[1] 500mm/sec CNT R[2] Tool_Offset,PR[1]", "moved by a position register (Tool_Offset)"),
+            ("L P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
+            ("L P[1] 500mm/sec FINE COORD", "coordinated with another motion group (COORD)"),
+            ("L P[1] 500mm/sec FINE Frobnicate", "motion option that is not known"),
+            ("A P[1] 500mm/sec FINE", "circle arc motion (A)"),
+        ] {
+            assert_eq!(read(text).moved, Some(why), "{text}");
+        }
+        let skip = read("L P[2] 50mm/sec FINE Skip,LBL[2],PR[99]=LPOS");
+        assert_eq!((skip.skip, skip.moved.is_some()), (Some(&b"2"[..]), true));
+        let timed = read("J P[1] 10% CNT0 ACC100 ZEIT VOR   0.00sek,P-SPS");
+        assert!(timed.point_logic && timed.runs_others && timed.moved.is_none());
+        assert!(!read("L P[1] 5mm/sec CNT100 ACC80 TB .10sec,DO[1]=ON").runs_others);
+    }
+
+    #[test]
+    fn points_are_told_apart() {
+        let circle = read("C P[1:a] P[R[2]] 100mm/sec FINE");
+        assert_eq!((circle.via, circle.end), (Some(Point::Position(b"1")), Point::Position(b"R[2]")));
+        assert!(matches!(read("J PR[1] 100% FINE").end, Point::RunTime(_)));
+        assert!(matches!(read("J PAL_1[A_2] 30% FINE").end, Point::RunTime(_)));
+        for other in ["LBL[1]", "JMP LBL[1]", "CALL P", "Lift P", "C P[1] 100mm/sec FINE"] {
+            assert_eq!(motion(other.as_bytes()), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! Corrected poses back into the numbers of `/POS`: nothing but sign and digits changes.
+
+use super::Layout;
+use super::position::{Body, Config as Written, Pose};
+use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::token::New;
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::text::{Content, Edit, Span, Token};
+use std::collections::BTreeSet;
+
+/// Least decimals of X … R: as many as every controller prints, and reads (`docs/formats.md`).
+const DECIMALS: usize = 3;
+
+/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+const SAME_QUAT: f64 = 1e-12;
+
+const SHARED: &str = "position used by motions whose corrections differ";
+const HALF_ARC: &str = "other point of an arc that is not edited";
+const POSTURE: &str = "the correction would change the letters of CONFIG";
+const NO_POINTS: &str = "a TP program gets no new positions";
+
+/// New token texts of one position; `None` where a token stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Print {
+    tokens: [Option<Token>; 6],
+    turns: [Option<Token>; 3],
+    /// The numbers that stand there then.
+    values: [f64; 6],
+    /// Whether the angles are others than before.
+    turned: bool,
+}
+
+impl Print {
+    fn of(pose: &Pose) -> Self {
+        Self { values: pose.values, ..Self::default() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.tokens.iter().all(Option::is_none) && self.turns.iter().all(Option::is_none)
+    }
+}
+
+pub(super) fn rewrite(
+    program: &Program,
+    layout: &Layout,
+    changes: &[Option<Change>],
+    inserts: &[Insert],
+    options: &RewriteOptions,
+) -> Rewritten {
+    let mut writer = Writer { program, layout, options, frozen: BTreeSet::new() };
+    let (prints, mut kept) = loop {
+        let (prints, kept) = writer.prints(changes);
+        if !writer.freeze(&kept) {
+            break (prints, kept);
+        }
+    };
+    kept.sort_unstable();
+    let mut edits: Vec<Edit> = Vec::new();
+    for (position, print) in layout.positions.iter().zip(&prints) {
+        if let (Body::Pose(pose), Some(print)) = (&position.body, print) {
+            let turns = pose.config.map_or([Span::default(); 3], |config| config.tokens);
+            let all = pose.tokens.iter().zip(&print.tokens).chain(turns.iter().zip(&print.turns));
+            edits.extend(all.filter_map(|(span, token)| {
+                Some(Edit { span: *span, content: Content::from_slice(token.as_deref()?) })
+            }));
+        }
+    }
+    edits.sort_by_key(|edit| edit.span);
+    let mut all = vec![Vec::new(); program.written];
+    if let Some(first) = all.first_mut() {
+        *first = edits;
+    }
+    let before: BTreeSet<usize> = inserts.iter().map(|insert| insert.before).collect();
+    Rewritten {
+        edits: all,
+        written: (0..program.targets.len()).map(|i| writer.written(i, &prints)).collect(),
+        inserted: vec![None; inserts.len()],
+        not_inserted: before.into_iter().map(|before| (before, NO_POINTS)).collect(),
+        kept,
+        ..Rewritten::default()
+    }
+}
+
+struct Writer<'a> {
+    program: &'a Program,
+    layout: &'a Layout,
+    options: &'a RewriteOptions,
+    /// Positions that stay for the sake of another point of their arc.
+    frozen: BTreeSet<u32>,
+}
+
+impl Writer<'_> {
+    /// What each position is to become, agreed among all motions that use it, and targets whose change is not written.
+    fn prints(&self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, Vec<(usize, &'static str)>) {
+        let mut prints: Vec<Option<Print>> = vec![None; self.layout.positions.len()];
+        let (mut kept, mut refused) = (Vec::new(), BTreeSet::new());
+        let mut wishes: Vec<(usize, u32, Result<Print, &'static str>)> = Vec::new();
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+            let target = &self.program.targets[i];
+            let pose = site.and_then(|site| Some((site, self.pose(site)?)));
+            let wish = match (target.editable, pose, change) {
+                (Editable::Pose, Some((site, pose)), change) => {
+                    let print =
+                        change.as_ref().map_or_else(|| Ok(Print::of(pose)), |change| self.print(i, pose, change));
+                    (site, print)
+                }
+                (Editable::No(why), _, Some(change)) if self.differs(i, change) => {
+                    kept.push((i, why));
+                    continue;
+                }
+                _ => continue,
+            };
+            wishes.push((i, wish.0, wish.1));
+        }
+        for (_, site, wish) in &wishes {
+            let slot = &mut prints[*site as usize];
+            match wish {
+                Ok(print) if slot.is_none() => *slot = Some(print.clone()),
+                Ok(print) if slot.as_ref() == Some(print) => {}
+                _ => drop(refused.insert(*site)),
+            }
+        }
+        for (i, site, wish) in wishes {
+            let frozen = self.frozen.contains(&site);
+            if refused.contains(&site) || frozen {
+                prints[site as usize] = None;
+                if changes[i].as_ref().is_some_and(|change| self.differs(i, change)) {
+                    kept.push((i, wish.err().unwrap_or(if frozen { HALF_ARC } else { SHARED })));
+                }
+            }
+        }
+        for print in &mut prints {
+            print.take_if(|print| print.is_empty());
+        }
+        (prints, kept)
+    }
+
+    /// Holds the other point of arcs of which one is kept; whether there is any.
+    fn freeze(&mut self, kept: &[(usize, &'static str)]) -> bool {
+        let count = self.frozen.len();
+        let targets = &self.program.targets;
+        for &(i, _) in kept {
+            let other = match targets[i].role {
+                Role::Via => i + 1,
+                _ if i > 0 && targets[i - 1].role == Role::Via => i - 1,
+                _ => continue,
+            };
+            self.frozen.extend(self.layout.sites.get(other).copied().flatten());
+        }
+        self.frozen.len() > count
+    }
+
+    fn pose(&self, site: u32) -> Option<&Pose> {
+        match &self.layout.positions.get(site as usize)?.body {
+            Body::Pose(pose) => Some(pose),
+            _ => None,
+        }
+    }
+
+    /// Whether a change asks for anything else than what is there.
+    fn differs(&self, i: usize, change: &Change) -> bool {
+        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
+        #[allow(clippy::float_cmp)] // the very number that was read means no change
+        let moved = change.position_mm != position_mm;
+        moved || change.quat.is_some_and(|q| turned(q, quat)) || change.conf.is_some() && change.conf != conf
+    }
+
+    /// New tokens of a position for one user's change.
+    fn print(&self, i: usize, pose: &Pose, change: &Change) -> Result<Print, &'static str> {
+        let mut print = Print::of(pose);
+        let Goal::Pose { quat, .. } = self.program.targets[i].goal else { return Ok(print) };
+        let put = |print: &mut Print, at: usize, value: f64| {
+            let old = self.program.sources[0].slice(pose.tokens[at]);
+            let new = New::of(old, value, DECIMALS.min(self.options.position_decimals));
+            (print.tokens[at], print.values[at]) = (new.token, new.value.unwrap_or(value));
+        };
+        for (at, value) in change.position_mm.into_iter().enumerate() {
+            put(&mut print, at, value);
+        }
+        if let Some(wanted) = change.quat.filter(|wanted| turned(*wanted, quat)) {
+            let [r, p, w] = zyx_deg(&rotation(wanted));
+            let [w0, p0, r0] = [pose.values[3], pose.values[4], pose.values[5]];
+            for (at, value) in nearest([w, p, r], [w0, p0, r0]).into_iter().enumerate() {
+                put(&mut print, 3 + at, value);
+            }
+            print.turned = true;
+        }
+        if let (Some(Conf::Turns(wanted)), Some(written)) = (change.conf, pose.config) {
+            self.turns(&mut print, written, wanted.posture, wanted.turns)?;
+        }
+        Ok(print)
+    }
+
+    /// New turn numbers. Letters are no numbers: they stay, and so does what would need others.
+    fn turns(&self, print: &mut Print, written: Written, posture: i32, turns: [i32; 3]) -> Result<(), &'static str> {
+        if posture != written.config.posture {
+            return Err(POSTURE);
+        }
+        for (at, turn) in turns.into_iter().enumerate() {
+            let old = self.program.sources[0].slice(written.tokens[at]);
+            print.turns[at] = New::of(old, f64::from(turn), 0).token;
+        }
+        Ok(())
+    }
+
+    /// A target as the controller will hold it: the printed numbers in single precision.
+    fn written(&self, i: usize, prints: &[Option<Print>]) -> ([f64; 3], [f64; 4]) {
+        let Goal::Pose { position_mm, quat, .. } = self.program.targets[i].goal else {
+            return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+        };
+        let Some(site) = self.layout.sites[i] else { return (position_mm, quat) };
+        let print = prints[site as usize].as_ref();
+        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.pose(site)?.values)) else {
+            return (position_mm, quat);
+        };
+        let [x, y, z, w, p, r] = values.map(single);
+        let turned = print.is_some_and(|print| print.turned);
+        ([x, y, z], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
+    }
+}
+
+/// Of the angles of one orientation, those next to others: half a turn of the first and the last goes with the second counted
+/// from the other side.
+fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
+    let within = |angle: f64| angle - 360.0 * (angle / 360.0).round();
+    let [w, p, r] = wpr;
+    let other = [within(w + 180.0), within(180.0 - p), within(r + 180.0)];
+    let off = |angles: &[f64; 3]| (0..3).map(|i| within(angles[i] - before[i]).powi(2)).sum::<f64>();
+    if off(&other) < off(&wpr) { other } else { wpr }
+}
+
+/// Whether two unit quaternions are different orientations.
+fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
+    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
+    !same(1.0) && !same(-1.0)
+}
+
+/// The controller's reals are IEEE singles.
+#[allow(clippy::cast_possible_truncation)]
+fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}

@@ -1,0 +1,355 @@
+//! What a statement of `/MN` does to where the robot goes.
+
+use super::expression::{self, Registers};
+use super::lex::{Parsed, brackets, index, keyword, spaced, word};
+use super::lines::Line;
+use super::motion::{self, Motion};
+use crate::program::Mark;
+use nom::Parser;
+use nom::branch::alt;
+use nom::bytes::complete::{tag, tag_no_case};
+use nom::combinator::{opt, recognize};
+
+/// A statement.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Kind<'a> {
+    /// Nothing for motion: outputs, waits, messages, speeds, remarks.
+    Plain,
+    /// `! deflex air`, `! deflex cut`
+    Mark(Mark),
+    /// A motion.
+    Motion(Box<Motion<'a>>),
+    /// `UFRAME_NUM=…`, `UTOOL_NUM=…`: which, and the value.
+    Select(Frame, &'a [u8]),
+    /// `UFRAME[…]=…`, `UTOOL[…]=…`: which, and the index.
+    Redefine(Frame, &'a [u8]),
+    /// `R[…]=…`: index and value.
+    Register(&'a [u8], &'a [u8]),
+    /// `LBL[…]`
+    Label(&'a [u8]),
+    /// `JMP LBL[…]`
+    Jump(&'a [u8]),
+    /// `IF … THEN`: all behind `IF`.
+    If(&'a [u8]),
+    /// `ELSE`
+    Else,
+    /// `ENDIF`
+    EndIf,
+    /// `IF …,statement`: the condition with what follows it.
+    When(&'a [u8]),
+    /// `SELECT R[…]=value,statement`: what is compared, then a value with what follows it.
+    SelectCase(&'a [u8], &'a [u8]),
+    /// `=value,statement` of the same.
+    Case(&'a [u8]),
+    /// `ELSE,statement` of the same.
+    ElseCase(&'a [u8]),
+    /// `FOR R[…]=from TO to`: index, first value, last value, whether it counts down.
+    For(&'a [u8], &'a [u8], &'a [u8], bool),
+    /// `ENDFOR`
+    EndFor,
+    /// Runs another program, and comes back: its name.
+    Call(&'a [u8]),
+    /// Something runs beside from here on, or may run at any moment.
+    Concurrent,
+    /// `WAIT …,TIMEOUT,LBL[…]`
+    Timeout(&'a [u8]),
+    /// Paths are moved at run time from here on.
+    Displace,
+    /// `END`, `ABORT`
+    End,
+    /// Not known; it may be a macro, which is a call.
+    Macro,
+    /// Not known, and it may go on anywhere.
+    Unknown,
+}
+
+/// User frame or tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Frame {
+    /// `UFRAME`
+    User,
+    /// `UTOOL`
+    Tool,
+}
+
+/// Words that a statement begins with which does nothing to motion, upper case.
+const PLAIN: [&str; 22] = [
+    "WAIT",
+    "WARTE",
+    "MESSAGE",
+    "PAUSE",
+    "OVERRIDE",
+    "JOINT_MAX_SPEED",
+    "LINEAR_MAX_SPEED",
+    "PAYLOAD",
+    "TRAGLST",
+    "UALM",
+    "RSR",
+    "COL",
+    "SKIP",
+    "OFFSET",
+    "TOOL_OFFSET",
+    "LOCK",
+    "UNLOCK",
+    "ACC",
+    "ARC",
+    "SPOT",
+    "PALLETIZING",
+    "FB",
+];
+
+/// Data that a statement sets without doing anything to motion: an index follows.
+const DATA: [&str; 20] = [
+    "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "PR", "PL", "AR", "DI", "A", "E", "TIMER",
+    "VR",
+];
+
+/// The statement.
+pub(super) fn kind<'a>(line: &'a Line<'_>) -> Kind<'a> {
+    of(&line.text, true)
+}
+
+fn of(text: &[u8], nested: bool) -> Kind<'_> {
+    let text = text.trim_ascii();
+    if text.is_empty() || text.starts_with(b"//") || text.starts_with(b"--") {
+        return Kind::Plain;
+    }
+    if let Some(remark) = text.strip_prefix(b"!") {
+        return mark(remark).map_or(Kind::Plain, Kind::Mark);
+    }
+    if let Some(motion) = motion::motion(text) {
+        return Kind::Motion(Box::new(motion));
+    }
+    if let Some(rest) = text.strip_prefix(b"=").filter(|_| nested) {
+        return Kind::Case(rest);
+    }
+    let Ok((rest, name)) = alt((word, recognize((tag("$"), word)))).parse(text) else { return unknown(text) };
+    let upper = name.to_ascii_uppercase();
+    let trimmed = rest.trim_ascii();
+    match &upper[..] {
+        b"LBL" => labelled(rest, Kind::Label),
+        b"JMP" => jump(trimmed),
+        b"IF" | b"WENN" if nested => conditional(trimmed),
+        b"ELSE" if trimmed.is_empty() => Kind::Else,
+        b"ELSE" if trimmed.starts_with(b",") => Kind::ElseCase(&trimmed[1..]),
+        b"ENDIF" => Kind::EndIf,
+        b"SELECT" if nested => select(trimmed),
+        b"FOR" => counted(trimmed),
+        b"ENDFOR" => Kind::EndFor,
+        b"CALL" | b"AUFRUF" => called(trimmed),
+        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => Kind::Concurrent,
+        b"END" | b"ABORT" if trimmed.is_empty() => Kind::End,
+        b"R" => assigned(rest, Kind::Register),
+        b"UFRAME_NUM" | b"BENUTZER_NUM" => selected(Frame::User, rest),
+        b"UTOOL_NUM" | b"WKZ_NUM" => selected(Frame::Tool, rest),
+        b"UFRAME" => redefined(Frame::User, rest),
+        b"UTOOL" => redefined(Frame::Tool, rest),
+        b"WAIT" if contains(&text.to_ascii_uppercase(), b"TIMEOUT") => timeout(text),
+        b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" => Kind::Displace,
+        [b'$', ..] if contains(&upper, b"FRAME") || contains(&upper, b"TOOL") => Kind::Macro,
+        [b'$', ..] => Kind::Plain,
+        word if PLAIN.iter().any(|plain| plain.as_bytes() == word) => Kind::Plain,
+        word if trimmed.starts_with(b"[") && DATA.iter().any(|data| data.as_bytes() == word) => Kind::Plain,
+        _ => unknown(text),
+    }
+}
+
+/// Brackets name what a jump goes to; a macro is a name alone.
+fn unknown(text: &[u8]) -> Kind<'_> {
+    if text.contains(&b'[') { Kind::Unknown } else { Kind::Macro }
+}
+
+fn contains(text: &[u8], wanted: &[u8]) -> bool {
+    memchr::memmem::find(text, wanted).is_some()
+}
+
+/// `deflex air`, `deflex cut`
+fn mark(remark: &[u8]) -> Option<Mark> {
+    let apart = |b: &u8| b.is_ascii_whitespace() || *b == b';';
+    let mut words = remark.split(apart).filter(|word| !word.is_empty());
+    words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
+    match words.next()?.to_ascii_lowercase().as_slice() {
+        b"air" => Some(Mark::Air),
+        b"cut" => Some(Mark::Cut),
+        _ => None,
+    }
+}
+
+/// `[3:name]`
+fn labelled<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8]) -> Kind<'a>) -> Kind<'a> {
+    brackets(rest.trim_ascii_start()).map_or(Kind::Unknown, |(_, within)| kind(index(within)))
+}
+
+/// `LBL[3]`
+fn jump(rest: &[u8]) -> Kind<'_> {
+    match keyword("LBL").parse(rest) {
+        Ok((rest, _)) => labelled(rest, Kind::Jump),
+        Err(_) => Kind::Unknown,
+    }
+}
+
+/// `[3:name]=value`
+fn assigned<'a>(rest: &'a [u8], kind: impl Fn(&'a [u8], &'a [u8]) -> Kind<'a>) -> Kind<'a> {
+    match (brackets, spaced(tag("="))).parse(rest) {
+        Ok((value, (within, _))) => kind(index(within), value),
+        Err(_) => Kind::Unknown,
+    }
+}
+
+/// `=3`, `[GP1]=3`
+fn selected(frame: Frame, rest: &[u8]) -> Kind<'_> {
+    match (opt(brackets), spaced(tag("="))).parse(rest) {
+        // Of another motion group.
+        Ok((_, (Some(groups), _))) if !contains(&groups.to_ascii_uppercase(), b"GP1") => Kind::Plain,
+        Ok((value, _)) => Kind::Select(frame, value),
+        Err(_) => Kind::Unknown,
+    }
+}
+
+/// `[3]=PR[1]`, `[GP1:3]=PR[1]`
+fn redefined(frame: Frame, rest: &[u8]) -> Kind<'_> {
+    match (brackets, spaced(tag("="))).parse(rest) {
+        Ok((_, (within, _))) => {
+            let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
+            let colon = within.iter().position(|b| *b == b':').filter(|_| grouped);
+            match colon {
+                Some(at) if !within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1") => Kind::Plain,
+                Some(at) => Kind::Redefine(frame, index(&within[at + 1..])),
+                None => Kind::Redefine(frame, index(within)),
+            }
+        }
+        Err(_) => Kind::Unknown,
+    }
+}
+
+/// `(…) THEN`, `…,statement`
+fn conditional(rest: &[u8]) -> Kind<'_> {
+    let upper = rest.to_ascii_uppercase();
+    if upper.ends_with(b"THEN") { Kind::If(&rest[..rest.len() - 4]) } else { Kind::When(rest) }
+}
+
+/// `R[1]=2,statement`
+fn select(rest: &[u8]) -> Kind<'_> {
+    let operand = recognize((word, brackets));
+    match (operand, spaced(tag("="))).parse(rest) as Parsed<'_, _> {
+        Ok((case, (operand, _))) => Kind::SelectCase(operand, case),
+        Err(_) => Kind::Unknown,
+    }
+}
+
+/// `R[1:i]=1 TO 5`
+fn counted(rest: &[u8]) -> Kind<'_> {
+    let Ok((bounds, (_, within, _))) = (keyword("R"), brackets, spaced(tag("="))).parse(rest) as Parsed<'_, _> else {
+        return Kind::Unknown;
+    };
+    let upper = bounds.to_ascii_uppercase();
+    for (between, down) in [(&b" DOWNTO "[..], true), (b" TO ", false)] {
+        if let Some(at) = memchr::memmem::find(&upper, between) {
+            return Kind::For(index(within), &bounds[..at], &bounds[at + between.len()..], down);
+        }
+    }
+    Kind::Unknown
+}
+
+fn called(rest: &[u8]) -> Kind<'_> {
+    let end = rest.iter().position(|b| matches!(b, b'(' | b'[') || b.is_ascii_whitespace()).unwrap_or(rest.len());
+    Kind::Call(&rest[..end])
+}
+
+/// `WAIT DI[1]=ON TIMEOUT,LBL[3]`
+fn timeout(text: &[u8]) -> Kind<'_> {
+    let upper = text.to_ascii_uppercase();
+    let at = memchr::memmem::rfind(&upper, b"TIMEOUT").map_or(text.len(), |at| at + 7);
+    match (spaced(tag(",")), tag_no_case("LBL")).parse(&text[at..]) as Parsed<'_, _> {
+        Ok((rest, _)) => labelled(rest, Kind::Timeout),
+        Err(_) => Kind::Plain,
+    }
+}
+
+/// What follows a condition or a value, behind its comma.
+pub(super) fn guarded<'a>(text: &'a [u8]) -> Kind<'a> {
+    let text = text.trim_ascii_start();
+    of(text.strip_prefix(b",").unwrap_or(text), false)
+}
+
+/// The value of a case and what follows it.
+pub(super) fn case<'a>(text: &'a [u8], registers: &Registers) -> (Option<f64>, Kind<'a>) {
+    // Quotes and brackets hold no comma: a value is a number, a constant or a register.
+    let at = text.iter().position(|b| *b == b',').unwrap_or(text.len());
+    (expression::value(&text[..at], registers), guarded(&text[at..]))
+}
+
+/// Indices of the positions that a statement names besides those that it moves to, as written.
+pub(super) fn positions_named<'a>(line: &'a Line<'_>, kind: &Kind<'_>) -> Vec<&'a [u8]> {
+    let text = &line.text[..];
+    if matches!(kind, Kind::Mark(_)) || text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
+        return Vec::new();
+    }
+    let mut skip = match kind {
+        Kind::Motion(motion) => 1 + usize::from(motion.via.is_some()),
+        _ => 0,
+    };
+    if let Kind::Motion(motion) = kind {
+        let register = |point| matches!(point, motion::Point::RunTime(_));
+        skip -= usize::from(register(motion.end)) + usize::from(motion.via.is_some_and(register));
+    }
+    let mut found = Vec::new();
+    for at in memchr::memmem::find_iter(&text.to_ascii_uppercase(), b"P[") {
+        let letter =
+            at.checked_sub(1).is_some_and(|before| text[before].is_ascii_alphanumeric() || text[before] == b'_');
+        if let (false, Ok((_, within))) = (letter, brackets(&text[at + 1..])) {
+            if skip > 0 {
+                skip -= 1
+            } else {
+                found.push(index(within).split(|b| *b == b',').next().unwrap_or_default())
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statements_are_what_they_do() {
+        let is = |text: &'static str| of(text.as_bytes(), true);
+        assert_eq!(is("! deflex air"), Kind::Mark(Mark::Air));
+        assert_eq!(is("! deflexion of the arm"), Kind::Plain);
+        assert_eq!(is("UFRAME_NUM=R[1]"), Kind::Select(Frame::User, b"R[1]"));
+        assert_eq!(is("WKZ_NUM=1"), Kind::Select(Frame::Tool, b"1"));
+        assert_eq!(is("UFRAME_NUM[GP2]=1"), Kind::Plain);
+        assert_eq!(is("UFRAME[3]=PR[1]"), Kind::Redefine(Frame::User, b"3"));
+        assert_eq!(is("UTOOL[GP1:2]=PR[1]"), Kind::Redefine(Frame::Tool, b"2"));
+        assert_eq!(is("IF (DI[1]=ON) THEN"), Kind::If(b"(DI[1]=ON) "));
+        assert_eq!(is("IF R[1]=2,JMP LBL[3]"), Kind::When(b"R[1]=2,JMP LBL[3]"));
+        assert_eq!(guarded(b",JMP LBL[3:end]"), Kind::Jump(b"3"));
+        assert_eq!(is("FOR R[1:i]=1 TO R[2]"), Kind::For(b"1", b"1", b"R[2]", false));
+        assert_eq!(is("SELECT R[1]=1,CALL A"), Kind::SelectCase(b"R[1]", b"1,CALL A"));
+        assert_eq!(case(b"(-1),CALL SUB(1,2)", &Registers::new()), (Some(-1.0), Kind::Call(b"SUB")));
+        assert_eq!(is("=2,CALL B"), Kind::Case(b"2,CALL B"));
+        assert_eq!(is("ELSE,JMP LBL[1]"), Kind::ElseCase(b"JMP LBL[1]"));
+        assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), Kind::Timeout(b"4"));
+        assert_eq!(is("GO TO HOME POS"), Kind::Macro);
+        assert_eq!(is("GO[1]=R[1]"), Kind::Plain);
+        assert_eq!(is("OPEN GRIPPER"), Kind::Macro);
+        assert_eq!(is("SPRUNG MARKE[1]"), Kind::Unknown);
+        assert_eq!(is("$MNUFRAMENUM[1]=2"), Kind::Macro);
+    }
+
+    #[test]
+    fn positions_beside_those_moved_to_are_found() {
+        let named = |text: &'static str| {
+            let line = Line { text: text.as_bytes().into(), span: crate::text::Span::default(), line: 1 };
+            let kind = of(text.as_bytes(), true);
+            positions_named(&line, &kind).into_iter().map(<[u8]>::to_vec).collect::<Vec<_>>()
+        };
+        assert_eq!(named("PR[1]=P[2:a]"), [b"2"]);
+        assert_eq!(named("P[R[1],3]=5"), [b"R[1]"]);
+        assert_eq!(named("L P[1] 5mm/sec FINE"), [b""; 0]);
+        assert_eq!(named("L P[1] 5mm/sec FINE TB .1sec,CALL X(P[4])"), [b"4"]);
+        assert_eq!(named("!P[1]"), [b""; 0]);
+        assert_eq!(named("UP[1]=0"), [b""; 0]);
+    }
+}

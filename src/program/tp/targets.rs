@@ -1,0 +1,350 @@
+//! Motions that run to targets: which position, in which frames, and whether its numbers may be edited.
+
+use super::expression;
+use super::flow::{Flow, Marked, State};
+use super::lines::Line;
+use super::motion::{Motion, Point};
+use super::position::{Body, Number, Pose, Position};
+use super::run::Visit;
+use super::statement::{self, Frame, Kind};
+use crate::program::orientation::{from_zyx_deg, quaternion};
+use crate::program::{Conf, Editable, Goal, Kept, Motion as Path, Role, Target, Tool, ToolData, Wobj, WobjData};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A position that a target is, and may be edited: an index into the positions.
+pub(super) type Site = Option<u32>;
+
+const SELECTED_LATER: [&str; 2] = ["user frame selected at run time", "tool selected at run time"];
+const OTHER_SELECTED: [&str; 2] =
+    ["recorded in another user frame than is selected", "recorded with another tool than is selected"];
+const REDEFINED: [&str; 2] = ["user frame whose values a program sets", "tool whose values a program sets"];
+const NOT_THERE: &str = "position that is not in /POS";
+const TWICE: &str = "position that is twice in /POS";
+const ANY: &str = "position known only at run time";
+const MAY_BE_ANY: &str = "a motion to a position known only at run time may go there";
+const NAMED: &str = "position that another instruction reads or changes";
+const MOVED_TOO: &str = "position of a motion that is moved at run time, too";
+const COUNTED_FROM: &str = "an incremental motion is counted from it";
+const HALF_ARC: &str = "arc with a point that is not edited";
+const MARKS: &str = "air or cut is known only at run time";
+
+/// What a run comes to.
+#[derive(Debug, Default)]
+pub(super) struct Built {
+    pub(super) targets: Vec<Target>,
+    /// One a target.
+    pub(super) sites: Vec<Site>,
+    pub(super) tools: Vec<Tool>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) kept: Vec<Kept>,
+    pub(super) motions: usize,
+    pub(super) arcs: usize,
+    /// Motions without a target, by reason, in the order first met.
+    pub(super) unknown: Vec<(&'static str, usize)>,
+}
+
+/// Builds targets from what runs.
+pub(super) struct Builder<'a> {
+    pub(super) lines: &'a [Line<'a>],
+    pub(super) flow: &'a Flow<'a>,
+    pub(super) positions: &'a [Position],
+    /// Index of each number; the second where a number is there twice.
+    pub(super) numbers: BTreeMap<u32, (usize, bool)>,
+    /// Positions that stay for the sake of other uses, with the reason.
+    frozen: BTreeMap<usize, &'static str>,
+    /// The same of every position.
+    all_frozen: Option<&'static str>,
+    /// Targets of each motion's last visit.
+    ends: BTreeMap<usize, Vec<usize>>,
+    built: Built,
+}
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(lines: &'a [Line<'a>], flow: &'a Flow<'a>, positions: &'a [Position]) -> Self {
+        let mut numbers = BTreeMap::new();
+        for (at, position) in positions.iter().enumerate() {
+            numbers.entry(position.number).and_modify(|(_, twice)| *twice = true).or_insert((at, false));
+        }
+        Self {
+            lines,
+            flow,
+            positions,
+            numbers,
+            frozen: BTreeMap::new(),
+            all_frozen: None,
+            ends: BTreeMap::new(),
+            built: Built::default(),
+        }
+    }
+
+    /// All of it.
+    pub(super) fn build(mut self, visits: &[Visit]) -> Built {
+        for (line, kind) in self.lines.iter().zip(&self.flow.kinds) {
+            for index in statement::positions_named(line, kind) {
+                self.freeze(index, &State::default(), NAMED);
+            }
+        }
+        for (at, state) in visits {
+            if let Kind::Motion(motion) = &self.flow.kinds[*at] {
+                self.motion(*at, motion, state);
+            }
+        }
+        self.hold_what_others_use();
+        self.keep_halves_of_arcs();
+        self.say_what_is_kept();
+        self.built
+    }
+
+    /// The position of an index.
+    fn position(&self, index: &[u8], state: &State) -> Result<usize, &'static str> {
+        let number = expression::count(index, &state.registers).ok_or(ANY)?;
+        match self.numbers.get(&number) {
+            Some((at, false)) => Ok(*at),
+            Some((_, true)) => Err(TWICE),
+            None => Err(NOT_THERE),
+        }
+    }
+
+    fn freeze(&mut self, index: &[u8], state: &State, why: &'static str) {
+        match self.position(index, state) {
+            Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
+            Err(ANY) => drop(self.all_frozen.get_or_insert(MAY_BE_ANY)),
+            Err(_) => {}
+        }
+    }
+
+    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &State) {
+        self.built.motions += 1;
+        self.built.arcs += usize::from(motion.path == Path::Circular);
+        if motion.moved == Some("incremental motion (INC)") {
+            // What the robot stands at is part of where it goes.
+            for target in state.standing.iter().filter_map(|at| self.ends.get(at)).flatten() {
+                refuse(&mut self.built.targets[*target], COUNTED_FROM);
+            }
+        }
+        let ways: Vec<_> = motion.via.iter().chain([&motion.end]).collect();
+        let first = self.built.targets.len();
+        for (i, point) in ways.iter().enumerate() {
+            let role = if i + 1 < ways.len() { Role::Via } else { Role::End };
+            if let Err(why) = self.point(at, motion, **point, role, state) {
+                self.built.targets.truncate(first);
+                self.built.sites.truncate(first);
+                for point in &ways {
+                    if let Point::Position(index) = **point {
+                        self.freeze(index, state, MOVED_TOO);
+                    }
+                }
+                self.ends.remove(&at);
+                return self.unknown(at, why);
+            }
+        }
+        self.ends.insert(at, (first..self.built.targets.len()).collect());
+    }
+
+    /// A point that a motion goes to or through; or why nobody knows where it is.
+    fn point(
+        &mut self,
+        at: usize,
+        motion: &Motion<'_>,
+        point: Point<'_>,
+        role: Role,
+        state: &State,
+    ) -> Result<(), &'static str> {
+        let index = match point {
+            Point::Position(index) => index,
+            Point::RunTime(why) => return Err(why),
+        };
+        let known = self.position(index, state)?;
+        let position = &self.positions[known];
+        let arc = motion.moved.filter(|_| stays_at_its_point(motion));
+        if let Some(why) = motion.moved.filter(|_| arc.is_none()) {
+            return Err(why);
+        }
+        if state.displaced {
+            return Err("path is moved at run time (tracking)");
+        }
+        if let Some(why) = position.beside {
+            return Err(why);
+        }
+        let (goal, frames, site, why) = match &position.body {
+            Body::None(why) => return Err(why),
+            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), arc),
+            Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some("joint target")),
+        };
+        let mark = match state.mark {
+            Marked::Known(mark) => mark,
+            Marked::Unknown => None,
+        };
+        let unmarked = (state.mark == Marked::Unknown).then_some(MARKS);
+        let why = why.or(unmarked).or(self.all_frozen);
+        let [wobj, tool] = self.frames(frames, state)?;
+        let path = match (motion.path, &goal) {
+            (Path::Joint, Goal::Joints { .. }) => Path::AbsoluteJoint,
+            (path, _) => path,
+        };
+        let line = &self.lines[at];
+        self.built.targets.push(Target {
+            ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
+            role,
+            motion: path,
+            goal,
+            tool,
+            wobj,
+            feed_mm_s: motion.feed_mm_s,
+            spindle_rpm: None,
+            rapid: false,
+            mark,
+            editable: why.map_or(Editable::Pose, Editable::No),
+            name: Some(format!("P[{}]", position.number).into()),
+            source: 0,
+            span: line.span,
+            line: u32::try_from(line.line).unwrap_or(u32::MAX),
+        });
+        self.built.sites.push(site);
+        Ok(())
+    }
+
+    /// Indices of work object and tool.
+    fn frames(&mut self, recorded: [Number; 2], state: &State) -> Result<[u16; 2], &'static str> {
+        let mut numbers = [0; 2];
+        for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
+            numbers[i] = match (recorded[i], state.selected[i]) {
+                (Number::Known(own), Some(selected)) if own != selected => return Err(OTHER_SELECTED[i]),
+                (Number::Known(own), _) => own,
+                (Number::Selected, Some(selected)) => selected,
+                (Number::Selected, None) => return Err(SELECTED_LATER[i]),
+            };
+            if state.all_redefined.contains(&frame) || state.redefined.contains(&(frame, numbers[i])) {
+                return Err(REDEFINED[i]);
+            }
+        }
+        let wobj = Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD) };
+        let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
+        Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
+    }
+
+    /// A motion that nobody knows the end of.
+    fn unknown(&mut self, at: usize, why: &'static str) {
+        match self.built.unknown.iter_mut().find(|(known, _)| *known == why) {
+            Some((_, count)) => *count += 1,
+            None => self.built.unknown.push((why, 1)),
+        }
+        self.keep(at, why);
+    }
+
+    fn keep(&mut self, at: usize, reason: &'static str) {
+        let line = &self.lines[at];
+        let known = self.built.kept.iter().any(|kept| kept.span == line.span && kept.reason == reason);
+        if !known {
+            self.built.kept.push(Kept { source: 0, span: line.span, line: line.line, reason, fault: false, help: "" });
+        }
+    }
+
+    /// Numbers that something else uses, too, stay as they are.
+    fn hold_what_others_use(&mut self) {
+        let built = &mut self.built;
+        for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+            let Some(site) = site else { continue };
+            if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
+                refuse(target, why);
+            }
+        }
+        // One that stays for a reason of its own holds its numbers for all that use them.
+        let mut held: BTreeMap<u32, &'static str> = BTreeMap::new();
+        for (target, site) in built.targets.iter().zip(&built.sites) {
+            if let (Editable::No(why), Some(site)) = (target.editable, site) {
+                held.entry(*site).or_insert(why);
+            }
+        }
+        for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+            if let Some(why) = site.and_then(|site| held.get(&site)) {
+                refuse(target, why);
+            }
+        }
+    }
+
+    /// An arc with one of its points moved is another arc, and so are those that share the other.
+    fn keep_halves_of_arcs(&mut self) {
+        let built = &mut self.built;
+        loop {
+            let mut held = BTreeSet::new();
+            for i in 1..built.targets.len() {
+                let halves = [i - 1, i];
+                let one = halves.iter().any(|i| matches!(built.targets[*i].editable, Editable::No(_)));
+                let both = halves.iter().all(|i| matches!(built.targets[*i].editable, Editable::No(_)));
+                if built.targets[i - 1].role == Role::Via && one && !both {
+                    held.extend(halves.iter().filter_map(|i| built.sites[*i]));
+                    halves.iter().for_each(|i| refuse(&mut built.targets[*i], HALF_ARC));
+                }
+            }
+            if held.is_empty() {
+                return;
+            }
+            for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+                if site.is_some_and(|site| held.contains(&site)) {
+                    refuse(target, HALF_ARC);
+                }
+            }
+        }
+    }
+
+    fn say_what_is_kept(&mut self) {
+        let spans: BTreeMap<_, _> = self.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
+        let kept: BTreeSet<_> = self
+            .built
+            .targets
+            .iter()
+            .filter_map(|target| match target.editable {
+                Editable::No(why) => Some((spans[&target.span], why)),
+                _ => None,
+            })
+            .collect();
+        kept.into_iter().for_each(|(at, why)| self.keep(at, why));
+        self.built.kept.sort_by_key(|kept| kept.span);
+    }
+}
+
+/// Options that leave the end of a motion where its position says.
+fn stays_at_its_point(motion: &Motion<'_>) -> bool {
+    matches!(motion.moved, Some("circle arc motion (A)" | "spline motion (S)"))
+}
+
+fn refuse(target: &mut Target, why: &'static str) {
+    if !matches!(target.editable, Editable::No(_)) {
+        target.editable = Editable::No(why);
+    }
+}
+
+fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
+    let at = known.iter().position(|known| *known == wanted).unwrap_or_else(|| {
+        known.push(wanted);
+        known.len() - 1
+    });
+    u16::try_from(at).unwrap_or(u16::MAX)
+}
+
+/// A pose as the correction sees it: W, P, R turn about the fixed x, y, z.
+fn goal(pose: &Pose) -> Goal {
+    let [x, y, z, w, p, r] = pose.values;
+    Goal::Pose {
+        position_mm: [x, y, z],
+        quat: quaternion(&from_zyx_deg([r, p, w])),
+        conf: pose.config.map(|config| Conf::Turns(config.config)),
+    }
+}
+
+const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+
+/// User frame 0.
+const WORLD: WobjData = WobjData {
+    robhold: false,
+    fixed: true,
+    uframe_mm: [0.0; 3],
+    uframe_quat: UNTURNED,
+    oframe_mm: [0.0; 3],
+    oframe_quat: UNTURNED,
+};
+
+/// Tool 0: the flange.
+const FLANGE: ToolData =
+    ToolData { robhold: true, tcp_mm: [0.0; 3], tcp_quat: UNTURNED, mass_kg: 0.0, cog_mm: [0.0; 3] };
