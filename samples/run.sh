@@ -1,5 +1,5 @@
 #!/bin/sh
-# Corrects the slot and the blade (as RAPID and as CL data), closes the loop on the measured sample, and judges each
+# Corrects the slot and the blade (as RAPID and as CL data), a contour in FANUC TP, closes the loop on the measured sample, and judges each
 # corrected program against its original. Programs, reports and pages are left in samples/out/.
 set -eu
 cd "$(dirname "$0")"
@@ -18,6 +18,12 @@ for program in slot/slot.mod blade/blade.mod blade/blade.aptsource; do
         --report "out/$name.report.csv" --html "out/$name.html"
     "$deflex" check "out/$name.corrected.mod" --cell "$folder/cell.toml" --against "$program" --max-error 0.001
 done
+
+echo
+echo "== fanuc/contour.ls"
+"$deflex" compensate fanuc/contour.ls --cell fanuc/cell.toml -o out/contour.corrected.ls --report out/contour.report.csv
+# Three decimals of a millimetre and of a degree are left.
+"$deflex" check out/contour.corrected.ls --cell fanuc/cell.toml --against fanuc/contour.ls --at-targets --max-error 0.005
 
 echo
 echo "== stock/part.mod: from the block, with two tools"

@@ -39,6 +39,12 @@ fn meant<'a>(name: &str, declared: impl Iterator<Item = &'a String>) -> String {
     nearest(name, declared.map(String::as_str)).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
 }
 
+/// A name as a key of TOML: quoted where it is more than a word.
+fn key(name: &str) -> String {
+    let bare = name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+    if bare { name.to_owned() } else { format!("\"{name}\"") }
+}
+
 /// The tool that `--tool` names.
 pub(crate) fn named_tool(cell: &Cell, name: &str) -> Result<ToolFrame, Vec<Diagnostic>> {
     cell.tools.get(&name.to_ascii_uppercase()).copied().ok_or_else(|| {
@@ -71,7 +77,7 @@ pub(super) fn tools(
                     format!(
                         "{}add [tools.{}] to the cell, or give the module that declares it with --context",
                         meant(&tool.name, cell.tools.keys()),
-                        tool.name
+                        key(&tool.name)
                     ),
                 )
             }));
@@ -127,7 +133,7 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
                     format!(
                         "{}add [wobjs.{}] to the cell, or give the module that declares it with --context",
                         meant(&wobj.name, cell.wobjs.keys()),
-                        wobj.name
+                        key(&wobj.name)
                     ),
                 )
             }));

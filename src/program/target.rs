@@ -140,7 +140,7 @@ pub enum Conf {
 ///
 /// Its letters are the three signs of RAPID's cfx: F, axis 5 above zero as the controller counts it; D, the wrist centre behind
 /// the lower arm; B, behind axis 1. Source: FANUC, R-30iB Operator's Manual, position data; the CONFIG that a controller
-/// computes at the postures of an ABB arm (LeroyDu56/CrossArm, `docs/validation.md`, section 14).
+/// computes at the postures of an ABB arm (GitHub, LeroyDu56/CrossArm: validation on virtual controllers, section 14).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Config {
     /// 4·(B) + 2·(D) + (F), as [`Confdata::cfx`].

@@ -15,8 +15,8 @@ pub(crate) fn quarter_turn(angle: f64) -> i32 {
     index
 }
 
-/// Half turns that miss this are half turns, rad: FANUC counts 180° ± 0.0005° in turn 1 (measured on a virtual controller,
-/// LeroyDu56/CrossArm, `docs/validation.md`, section 14).
+/// Half turns that miss this are half turns, rad: FANUC counts 180° ± 0.0005° in turn 1 (measured on a virtual
+/// controller: GitHub, LeroyDu56/CrossArm, validation, section 14).
 const HALF_TURN: f64 = 0.0005 / 180.0 * PI;
 
 /// FANUC's turn number of an axis: 0 between −180° and 180° without these, 1 from 180° on, −1 from −180° down.

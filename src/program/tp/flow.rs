@@ -3,6 +3,7 @@
 use super::calls::{Called, Calls};
 use super::expression::{self, Registers};
 use super::lines::Line;
+use super::motion::INCREMENT;
 use super::statement::{self, Frame, Kind};
 use crate::program::Mark;
 use std::collections::{BTreeMap, BTreeSet};
@@ -135,6 +136,8 @@ pub(super) struct Flow<'a> {
     partner: BTreeMap<usize, usize>,
     /// Of the cases of a `SELECT`, its first.
     first_case: BTreeMap<usize, usize>,
+    /// Some motion counts from where the robot stands.
+    counts_on: bool,
     calls: &'a Calls,
 }
 
@@ -143,6 +146,7 @@ impl<'a> Flow<'a> {
         let kinds: Vec<Kind<'a>> = lines.iter().map(statement::kind).collect();
         let mut flow = Self {
             inner: inner(lines, &kinds),
+            counts_on: kinds.iter().any(|kind| matches!(kind, Kind::Motion(motion) if motion.moved == Some(INCREMENT))),
             kinds,
             labels: BTreeMap::new(),
             partner: BTreeMap::new(),
@@ -289,7 +293,9 @@ impl<'a> Flow<'a> {
         match kind {
             Kind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
             Kind::Motion(motion) => {
-                state.standing = BTreeSet::from([at]);
+                if self.counts_on {
+                    state.standing = BTreeSet::from([at]);
+                }
                 if motion.runs_others {
                     state.runs_beside();
                 }

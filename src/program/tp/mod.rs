@@ -192,15 +192,21 @@ fn not_given(
 ) -> Option<Diagnostic> {
     let mut names: Vec<(String, Span)> = Vec::new();
     for (line, kind) in lines.iter().zip(&flow.kinds) {
-        for name in flow.called(kind) {
+        let plain = matches!(kind, statement::Kind::Macro | statement::Kind::Unknown).then_some(&line.text[..]);
+        for name in flow.called(kind).into_iter().chain(plain) {
             let text = String::from_utf8_lossy(name).into_owned();
             if !calls.knows(name) && names.iter().all(|(known, _)| *known != text) {
                 names.push((text, line.span));
             }
         }
     }
+    /// Of so many names the rest is only counted.
+    const SHOWN: usize = 8;
     let (_, first) = names.first()?;
-    let listed: Vec<&str> = names.iter().map(|(name, _)| name.as_str()).collect();
+    let mut listed: Vec<String> = names.iter().take(SHOWN).map(|(name, _)| name.clone()).collect();
+    if names.len() > SHOWN {
+        listed.push(format!("{} more", names.len() - SHOWN));
+    }
     let message = format!("not given, so taken to leave the values of frames and tools alone: {}", listed.join(", "));
     let warning = Diagnostic::error("ls.called", &source.name, message).at(source, *first);
     Some(warning.severity(Severity::Warning).help("give the programs that it calls with --context"))

@@ -76,6 +76,9 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
     Ok((rest, point))
 }
 
+/// Why a motion that counts from where the robot stands is moved.
+pub(super) const INCREMENT: &str = "incremental motion (INC)";
+
 /// Millimetres in an inch, and seconds in a minute.
 const INCH: f64 = 25.4;
 const MINUTE: f64 = 60.0;
@@ -154,7 +157,7 @@ const WORDS: [(&[u8], Meaning); 51] = [
     (b"TOOL_OFFSET", Meaning::Moved("moved by a position register (Tool_Offset)")),
     (b"VOFFSET", Meaning::Moved("moved by a vision register (VOFFSET)")),
     (b"VR", Meaning::Moved("moved by a vision register (VOFFSET)")),
-    (b"INC", Meaning::Moved("incremental motion (INC)")),
+    (b"INC", Meaning::Moved(INCREMENT)),
     (b"COORD", Meaning::Moved("coordinated with another motion group (COORD)")),
     (b"RTCP", Meaning::Moved("stationary tool (RTCP)")),
     (b"SEARCH", Meaning::Moved("ends where a search finds something")),

@@ -300,6 +300,7 @@ mod tests {
         .000 mm,\tZ =    -.500  mm,\r\n\tW =   -70.737 deg,\tP =    11.951 deg,\tR =   -35.487 deg,\r\n\tE1=  0.000  mm\r\n};\r\nP[3]{GP1: UF : 0, UT : 1, J1= 1 deg, J2= 2 deg, J3= 3 deg, J4= 4 deg, J5= 5 deg, J6= 6 deg GP2: UF : F, UT : F, J1= 7 mm};";
 
     #[test]
+    #[allow(clippy::float_cmp)] // the very numbers that were written
     fn a_position_is_read_with_its_tokens() {
         let (rest, first) = next(TEXT, TEXT).unwrap();
         let Ok(Position { number: 2, body: Body::Pose(pose), beside: None, .. }) = first else { panic!("{first:?}") };

@@ -3,7 +3,7 @@
 use super::expression;
 use super::flow::{Flow, Marked, State};
 use super::lines::Line;
-use super::motion::{Motion, Point};
+use super::motion::{INCREMENT, Motion, Point};
 use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
 use super::statement::{self, Frame, Kind};
@@ -54,8 +54,10 @@ pub(super) struct Builder<'a> {
     frozen: BTreeMap<usize, &'static str>,
     /// The same of every position.
     all_frozen: Option<&'static str>,
-    /// Targets of each motion's last visit.
+    /// Targets of each motion.
     ends: BTreeMap<usize, Vec<usize>>,
+    /// Motions that others count on from.
+    counted_from: BTreeSet<usize>,
     built: Built,
 }
 
@@ -73,6 +75,7 @@ impl<'a> Builder<'a> {
             frozen: BTreeMap::new(),
             all_frozen: None,
             ends: BTreeMap::new(),
+            counted_from: BTreeSet::new(),
             built: Built::default(),
         }
     }
@@ -116,11 +119,9 @@ impl<'a> Builder<'a> {
     fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &State) {
         self.built.motions += 1;
         self.built.arcs += usize::from(motion.path == Path::Circular);
-        if motion.moved == Some("incremental motion (INC)") {
+        if motion.moved == Some(INCREMENT) {
             // What the robot stands at is part of where it goes.
-            for target in state.standing.iter().filter_map(|at| self.ends.get(at)).flatten() {
-                refuse(&mut self.built.targets[*target], COUNTED_FROM);
-            }
+            self.counted_from.extend(&state.standing);
         }
         let ways: Vec<_> = motion.via.iter().chain([&motion.end]).collect();
         let first = self.built.targets.len();
@@ -134,11 +135,10 @@ impl<'a> Builder<'a> {
                         self.freeze(index, state, MOVED_TOO);
                     }
                 }
-                self.ends.remove(&at);
                 return self.unknown(at, why);
             }
         }
-        self.ends.insert(at, (first..self.built.targets.len()).collect());
+        self.ends.entry(at).or_default().extend(first..self.built.targets.len());
     }
 
     /// A point that a motion goes to or through; or why nobody knows where it is.
@@ -243,6 +243,9 @@ impl<'a> Builder<'a> {
     /// Numbers that something else uses, too, stay as they are.
     fn hold_what_others_use(&mut self) {
         let built = &mut self.built;
+        for target in self.counted_from.iter().filter_map(|at| self.ends.get(at)).flatten() {
+            refuse(&mut built.targets[*target], COUNTED_FROM);
+        }
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
             let Some(site) = site else { continue };
             if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
@@ -294,6 +297,7 @@ impl<'a> Builder<'a> {
             .built
             .targets
             .iter()
+            .filter(|target| target.motion != Path::AbsoluteJoint)
             .filter_map(|target| match target.editable {
                 Editable::No(why) => Some((spans[&target.span], why)),
                 _ => None,

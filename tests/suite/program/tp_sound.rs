@@ -303,7 +303,7 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
         }
     }
     for run in 0..20 {
-        let random = (seed ^ (run + 1) * 0x9E37_79B9_7F4A_7C15) | 1;
+        let random = (seed ^ (run + 1_u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)) | 1;
         let mut machine = Machine {
             lines,
             random,
