@@ -2,6 +2,7 @@
 
 use super::lex::{Parsed, blanks, number_token, spaced, value_of, word};
 use crate::program::Config as Said;
+use crate::robot::EXTERNAL_AXES;
 use crate::text::Span;
 use nom::Parser;
 use nom::branch::alt;
@@ -19,7 +20,9 @@ pub(super) struct Position {
     pub(super) span: Span,
     /// What motion group 1 has.
     pub(super) body: Body,
-    /// Something besides the arm stands elsewhere than at zero: an external axis or another motion group.
+    /// E1 … E6 of motion group 1, mm or degrees.
+    pub(super) external: [Option<f64>; EXTERNAL_AXES],
+    /// An axis of another motion group stands elsewhere than at zero, or another arm has a pose.
     pub(super) beside: Option<&'static str>,
 }
 
@@ -185,7 +188,11 @@ fn value<'a>(base: Base<'a>, input: &'a [u8]) -> Parsed<'a, Value<'a>> {
 }
 
 fn position(number: u32, span: Span, items: &[Item<'_>]) -> Position {
-    Position { number, span, body: body(items), beside: beside(items) }
+    let external = |i: usize| match numbers(items, [["E1", "E2", "E3", "E4", "E5", "E6"][i]]) {
+        Some([Value::Number { value, .. }]) => Some(value),
+        _ => None,
+    };
+    Position { number, span, body: body(items), external: std::array::from_fn(external), beside: beside(items) }
 }
 
 /// The numbers of motion group 1 under these keys.
@@ -275,21 +282,15 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
     rest.is_empty().then_some(Config { config, tokens })
 }
 
-/// Whether anything besides the six axes of group 1 stands elsewhere than at zero.
+/// Whether anything of another motion group stands elsewhere than at zero.
 fn beside(items: &[Item<'_>]) -> Option<&'static str> {
-    let off_zero = |item: &&Item<'_>| !matches!(item.value, Value::Number { value: 0.0, .. });
-    let axis = |item: &&Item<'_>, letter: u8| {
-        item.key.len() == 2 && item.key[0].eq_ignore_ascii_case(&letter) && item.key[1].is_ascii_digit()
+    let elsewhere = |item: &Item<'_>| match item.key {
+        [b'X' | b'x'] => true,
+        [b'J' | b'j' | b'E' | b'e', b'1'..=b'9'] => !matches!(item.value, Value::Number { value: 0.0, .. }),
+        _ => false,
     };
-    let cartesian = |item: &&Item<'_>| item.key.eq_ignore_ascii_case(b"X");
-    let other = |item: &&Item<'_>| item.group != 1;
-    if items.iter().filter(|item| axis(item, b'E')).any(|item| off_zero(&item)) {
-        return Some("external axis in use");
-    }
-    if items.iter().filter(other).any(|item| cartesian(&item) || axis(&item, b'J') && off_zero(&item)) {
-        return Some("another motion group in use");
-    }
-    None
+    let used = items.iter().any(|item| item.group != 1 && elsewhere(item));
+    used.then_some("another motion group in use")
 }
 
 #[cfg(test)]

@@ -8,8 +8,12 @@ use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
 use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
-use crate::program::{Conf, Editable, Goal, Kept, Motion as Path, Role, Target, Tool, ToolData, Wobj, WobjData};
+use crate::program::{
+    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Role, Target, Tool, ToolData, Wobj, WobjData,
+};
+use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// A position that a target is, and may be edited: an index into the positions.
 pub(super) type Site = Option<u32>;
@@ -56,6 +60,8 @@ pub(super) struct Builder<'a> {
     all_frozen: Option<&'static str>,
     /// Targets of each motion.
     ends: BTreeMap<usize, Vec<usize>>,
+    /// External axes that any position has elsewhere than at zero.
+    axes: [bool; EXTERNAL_AXES],
     /// Motions that others count on from.
     counted_from: BTreeSet<usize>,
     built: Built,
@@ -75,6 +81,9 @@ impl<'a> Builder<'a> {
             frozen: BTreeMap::new(),
             all_frozen: None,
             ends: BTreeMap::new(),
+            axes: std::array::from_fn(|i| {
+                positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
+            }),
             counted_from: BTreeSet::new(),
             built: Built::default(),
         }
@@ -195,6 +204,8 @@ impl<'a> Builder<'a> {
             rapid: false,
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
+            located: true,
+            external: self.external(position),
             name: Some(format!("P[{}]", position.number).into()),
             source: 0,
             span: line.span,
@@ -202,6 +213,12 @@ impl<'a> Builder<'a> {
         });
         self.built.sites.push(site);
         Ok(())
+    }
+
+    /// External axes, where any position of the program has them elsewhere than at zero.
+    fn external(&self, position: &Position) -> Option<Arc<ExternalAxes>> {
+        let written = std::array::from_fn(|i| position.external[i].filter(|_| self.axes[i]));
+        self.axes.contains(&true).then(|| Arc::new(ExternalAxes { written, ..ExternalAxes::default() }))
     }
 
     /// Indices of work object and tool.
@@ -218,7 +235,8 @@ impl<'a> Builder<'a> {
                 return Err(REDEFINED[i]);
             }
         }
-        let wobj = Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD) };
+        let wobj =
+            Wobj { name: format!("UF {}", numbers[0]).into(), data: (numbers[0] == 0).then_some(WORLD), unit: None };
         let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(FLANGE) };
         Ok([intern(&mut self.built.wobjs, wobj), intern(&mut self.built.tools, tool)])
     }

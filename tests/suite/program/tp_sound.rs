@@ -204,18 +204,18 @@ impl Machine<'_> {
                     Op::Add(r, v) => self.registers[r as usize] += v,
                     Op::Take(r) => self.registers[r as usize] = self.random(5) as i32,
                     Op::Move(p) | Op::Offset(p) | Op::Increment(p) => {
-                        if !self.moves(at, p, &op, &mut before) {
+                        let moved = self.moves(at, p, &op, &mut before);
+                        if !moved {
                             return;
                         }
                     }
-                    Op::MoveTo(r) => match u32::try_from(self.registers[r as usize]) {
-                        Ok(p) if (1..=POSITIONS).contains(&p) => {
-                            if !self.moves(at, p, &Op::Move(p), &mut before) {
-                                return;
-                            }
+                    Op::MoveTo(r) => {
+                        let p = u32::try_from(self.registers[r as usize]).unwrap_or(0);
+                        let there = (1..=POSITIONS).contains(&p);
+                        if !there || !self.moves(at, p, &Op::Move(p), &mut before) {
+                            return;
                         }
-                        _ => return,
-                    },
+                    }
                     Op::Redefine(n) => drop(self.redefined.insert(n)),
                     Op::Call => {
                         for r in 1..5 {
