@@ -224,6 +224,25 @@ impl Reports {
 /// Rapid travel of posted programs: as fast as a milling robot is let go near a part.
 pub(super) const RAPID_MM_S: f64 = 200.0;
 
+/// What CL data are posted in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum PostIn {
+    /// ABB RAPID
+    #[default]
+    Rapid,
+    /// FANUC TP: tools and work objects are those of the numbers in their names
+    Ls,
+}
+
+impl From<PostIn> for Language {
+    fn from(post: PostIn) -> Self {
+        match post {
+            PostIn::Rapid => Self::Rapid,
+            PostIn::Ls => Self::Ls,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub(super) struct Compensate {
     /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
@@ -251,6 +270,9 @@ pub(super) struct Compensate {
     /// Correct a program that `compensate` has written once more; without it, such a program is refused
     #[arg(long)]
     pub(super) again: bool,
+    /// CL input: language of the corrected program
+    #[arg(long, value_enum, default_value_t, value_name = "LANGUAGE")]
+    pub(super) post: PostIn,
     /// CL input: split into modules of at most this many targets, loaded one after the other
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) max_targets: Option<u32>,

@@ -24,6 +24,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
+    setup.options.post = Some(args.post.into());
     one_stdout(args, &jobs)?;
     named_as_written(args, &jobs)?;
     let outputs = outputs(args, &jobs);
@@ -134,8 +135,9 @@ fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnosti
     if !Language::Cl.endings().contains(&&*ending) || !jobs.iter().any(|job| job.language == Language::Cl) {
         return Ok(());
     }
-    let message = format!("is not written: `.{ending}` is for CL data, but what is posted is RAPID");
-    let help = format!("write it to {}", output.with_extension("mod").display());
+    let posted = Language::from(args.post);
+    let message = format!("is not written: `.{ending}` is for CL data, but what is posted is {}", posted.name());
+    let help = format!("write it to {}", output.with_extension(posted.endings()[0]).display());
     Err(Diagnostic::error("usage.output", &output.display().to_string(), message).help(help).into())
 }
 
@@ -187,6 +189,7 @@ pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
         max_targets: args.max_targets.map(|most| most as usize),
         rapid_mm_s: args.rapid_speed,
         feed_mm_s: args.feed,
+        language: args.post.into(),
         ..posted_from(file, named)
     }
 }
@@ -200,6 +203,7 @@ pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
         max_targets: None,
         rapid_mm_s: RAPID_MM_S,
         feed_mm_s: None,
+        language: Language::Rapid,
     }
 }
 

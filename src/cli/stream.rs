@@ -1,6 +1,6 @@
 //! `compensate` on long programs: from file to file in constant memory.
 
-use super::args::Compensate;
+use super::args::{Compensate, PostIn};
 use super::compensate::{Batch, in_one_file, post_options, report_beside};
 use super::input::cannot_read;
 use super::job::{Job, Text};
@@ -37,7 +37,8 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     let long = Long { batch, job, name, path, file, outputs: batch.outputs.sibling(), bar };
     match job.language {
         Language::Rapid => long.edit(),
-        Language::Cl => long.post(),
+        // The positions of a TP program stand behind all its motions: it is held as a whole.
+        Language::Cl if batch.args.post == PostIn::Rapid => long.post(),
         _ => Ok(None),
     }
 }

@@ -14,7 +14,9 @@ use super::{Cuts, Options, Prepared, deviation, frames, mount, removal, segment,
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{Change, Conf, Confdata, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{
+    Change, Conf, Confdata, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target,
+};
 use crate::robot::{Joints, Pose, conf_is, conf_like, confdata_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -273,7 +275,7 @@ pub(super) fn chunk(
     } else {
         let printed = |i: usize| {
             let pose = solved[i].as_ref().map_or(prepared.points[i].wobj_from_tcp, |s| s.wobj_from_tcp);
-            solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
+            solve::as_posted(&pose, options.post)
         };
         (None, parallelism.map(prepared.points.len(), printed))
     };
@@ -282,7 +284,7 @@ pub(super) fn chunk(
         Some(rewritten) => subdivide::as_written(nodes, |k| rewritten.inserted[k]),
         None => subdivide::as_written(nodes, |k| {
             let pose = frames::pose(inserts[k].position_mm, inserts[k].quat);
-            Some(solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1))
+            Some(solve::as_posted(&pose, options.post))
         }),
     };
 
@@ -358,8 +360,11 @@ pub(super) fn chunk(
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, &prepared, parallelism);
     }
-    let posted =
-        if program.language.is_edited() { Vec::new() } else { posted(cell, &prepared, written, &travels, &inserts) };
+    let posted = if program.language.is_edited() {
+        Vec::new()
+    } else {
+        posted(cell, &prepared, written, &travels, (&inserts, options.post))
+    };
     let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
     let repeated = rewritten.as_ref().map_or_else(Repeated::default, |rewritten| insertions(program, rewritten));
     Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))
@@ -393,7 +398,7 @@ fn posted(
     prepared: &Prepared,
     written: &[([f64; 3], [f64; 4])],
     reached: &[(Joints, Joints)],
-    inserts: &[Insert],
+    (inserts, post_in): (&[Insert], Option<Language>),
 ) -> Vec<Posted> {
     let robot = &cell.arm.robot;
     let post = |target: usize, (position_mm, quat): ([f64; 3], [f64; 4]), motor: &Joints| Posted {
@@ -408,7 +413,7 @@ fn posted(
     for i in 0..prepared.points.len() {
         while let Some(insert) = inserts.next_if(|insert| insert.before == i) {
             let pose = frames::pose(insert.position_mm, insert.quat);
-            let printed = solve::as_printed(&pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1);
+            let printed = solve::as_posted(&pose, post_in);
             // Its correction was solved: a point that the arm does not reach would not stand here.
             if let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), &printed, &reached[i].0) {
                 out.push(post(i, printed, &motor));

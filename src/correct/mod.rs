@@ -59,7 +59,7 @@ pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chun
 use crate::cell::{Cell, SpinRule};
 use crate::effects::{Situation, ToolFrame};
 use crate::equilibrium::{Setting, Site};
-use crate::program::Program;
+use crate::program::{Language, Program};
 use crate::robot::{External, Joints, Pose, Robot, StartedFrom};
 use crate::stock::Front;
 use crate::text::Diagnostic;
@@ -93,6 +93,8 @@ pub struct Options {
     pub tool: Option<String>,
     /// Declared targets used with different corrections may get clones.
     pub allow_clones: bool,
+    /// What CL data are posted in: RAPID where nothing is said.
+    pub post: Option<Language>,
     /// Insert targets where the correction bends by more than this between targets, m.
     pub subdivide: Option<f64>,
     /// Find the stiffness of the TCP at every target too: six more equilibria each.

@@ -5,9 +5,10 @@ use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
 use crate::program::cl::Chunks;
+use crate::program::post::tp;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
-use crate::program::{Action, ActionKind, Goal, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
-use crate::robot::Pose;
+use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
+use crate::robot::{Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
 use smallvec::SmallVec;
 use std::io::Read;
@@ -26,6 +27,8 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
+    /// Language of the program: RAPID or FANUC TP.
+    pub language: Language,
 }
 
 /// How far a zone may pass a cutting corner, mm: below what a robot repeats.
@@ -150,6 +153,13 @@ pub fn post(
     outline.points = corrected.posted.len();
     let poster = Poster::new(outline, cell, options)?;
     let points = poster.points(program, corrected);
+    if options.language == Language::Ls {
+        let files = tp::programs(poster.post.plan(), &points, &poster.end(program)).map_err(|message| {
+            let help = "rename it in the cell and in [cl]: a TP program knows frames and tools by their numbers";
+            vec![Diagnostic::error("post.number", "", message).help(help)]
+        })?;
+        return Ok(PostedProgram { files, notes: poster.notes });
+    }
     let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for Text { bytes, files: starts } in [poster.post.head(), &body] {
@@ -175,6 +185,7 @@ pub struct Poster {
     /// No force acts anywhere: everything is air, which says nothing about the program.
     no_force: bool,
     templates: Templates,
+    language: Language,
     /// What those get then that have no mark of their own: the end of a mark on rapid travel.
     unmarked: Option<Mark>,
 }
@@ -215,6 +226,7 @@ impl Poster {
             first_feed: first_feed.unwrap_or(options.rapid_mm_s),
             no_force,
             templates,
+            language: options.language,
             unmarked: (no_force && outline.rapid).then_some(Mark::Cut),
         })
     }
@@ -244,6 +256,7 @@ impl Poster {
                 position_mm: posted.position_mm,
                 quat: posted.quat,
                 conf: posted.conf,
+                turns: turn_numbers(&posted.motor_deg),
                 speed_mm_s: target.feed_mm_s.unwrap_or(self.first_feed),
                 rapid: target.rapid,
                 stop: matches!(target.goal, Goal::Joints { .. }),
@@ -267,7 +280,8 @@ impl Poster {
 
     fn lines(&self, actions: &[&Action], program: &Program, tool: u16) -> Option<Arc<str>> {
         let tool = program.tools.get(usize::from(tool)).map_or("", |tool| &tool.name);
-        let lines: Vec<String> = actions.iter().filter_map(|action| self.templates.lines(&action.kind, tool)).collect();
+        let lines: Vec<String> =
+            actions.iter().filter_map(|action| self.templates.lines(&action.kind, tool, self.language)).collect();
         (!lines.is_empty()).then(|| lines.join("\n").into())
     }
 

@@ -1,12 +1,14 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
+use super::line::POSTED_DECIMALS;
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
 use super::path::{TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
     Arm, Batch, Command, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start, WarmStart,
 };
-use crate::program::Editable;
+use crate::program::post::tp;
+use crate::program::{Editable, Language};
 use crate::robot::{BatchArm, Joints, Place, Pose, Robot, Unreachable, turn_between};
 use crate::text::number;
 use nalgebra::Vector3;
@@ -321,9 +323,18 @@ pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, ne
 }
 
 /// Numbers as a post-processor prints them and the controller holds them: fixed decimals, single precision.
-pub(super) fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
+fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
     #[allow(clippy::cast_possible_truncation)]
     let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
     let (position, quat) = frames::millimetres(pose);
     (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
+}
+
+/// A pose as the posted program's controller holds it, position mm and orientation scalar first.
+pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64; 4]) {
+    if post == Some(Language::Ls) {
+        let (position, quat) = frames::millimetres(pose);
+        return tp::held_pose(position, quat);
+    }
+    as_printed(pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
 }

@@ -26,6 +26,12 @@ fn whole_turn(angle: f64) -> i32 {
     if angle < 0.0 { -turns } else { turns }
 }
 
+/// FANUC's turn numbers of axes 1, 4, 6 at angles as the controller counts them, degrees.
+#[must_use]
+pub(crate) fn turn_numbers(axes_deg: &[f64; 6]) -> [i32; 3] {
+    [axes_deg[0], axes_deg[3], axes_deg[5]].map(|deg| whole_turn(deg.to_radians()))
+}
+
 /// 4·(wrist centre behind axis 1) + 2·(behind the lower arm) + (axis 5 negative as its joint turns).
 fn posture(robot: &Robot, motor: &Joints) -> i32 {
     let (rear, behind) = robot.posture(motor);

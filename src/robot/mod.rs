@@ -22,6 +22,7 @@ mod unit;
 
 pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
+pub(crate) use configuration::turn_numbers;
 pub use configuration::{conf_is, conf_like, confdata_of};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};

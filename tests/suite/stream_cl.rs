@@ -5,7 +5,7 @@ use deflex::correct::{
     Options, Outline, PostOptions, Poster, Sinks, StreamError, Streamed, compensate, post, post_chunks,
 };
 use deflex::program::cl::{self, Chunks, ClOptions};
-use deflex::program::{Next, Program};
+use deflex::program::{Language, Next, Program};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, Span};
 use proptest::prelude::*;
@@ -190,6 +190,7 @@ fn posting(max_targets: Option<usize>) -> PostOptions {
         max_targets,
         rapid_mm_s: 500.0,
         feed_mm_s: None,
+        language: Language::Rapid,
     }
 }
 

@@ -1,4 +1,4 @@
-//! Points to a RAPID program: what a robot loads where the input was CL.
+//! Points to a program that a robot loads where the input was CL.
 //!
 //! | file | does |
 //! |---|---|
@@ -6,11 +6,13 @@
 //! | `zone` | corner zones suited to spacing and bend |
 //! | `data` | declarations: tools, work objects, speeds |
 //! | `template` | lines that call the cell's own routines |
-//! | `writer` | modules, written chunk by chunk |
+//! | `writer` | RAPID modules, written chunk by chunk |
+//! | `tp` | FANUC TP programs |
 
 mod data;
 mod names;
 mod template;
+pub(crate) mod tp;
 mod writer;
 mod zone;
 

@@ -1,6 +1,6 @@
 //! Lines of a posted program that call the cell's own routines (`[cl.post]`).
 
-use crate::program::ActionKind;
+use crate::program::{ActionKind, Language};
 use std::collections::BTreeMap;
 
 /// Every key of `[cl.post]`, with what may stand in its braces.
@@ -60,7 +60,10 @@ impl Templates {
     }
 
     /// Lines of an action, without their indentation; `None` where it has no template, or lacks what is filled in.
-    pub(crate) fn lines(&self, kind: &ActionKind, tool: &str) -> Option<String> {
+    pub(crate) fn lines(&self, kind: &ActionKind, tool: &str, language: Language) -> Option<String> {
+        if let (ActionKind::Dwell { seconds }, Language::Ls) = (kind, language) {
+            return Some(format!("WAIT {seconds:.2}(sec)"));
+        }
         if let ActionKind::Dwell { seconds } = kind {
             return Some(format!("WaitTime {};", decimal(*seconds)));
         }
@@ -107,10 +110,13 @@ mod tests {
         let mut templates = Templates::default();
         templates.insert("spindle_on", "rSpindle {rpm};".to_owned());
         let on = |rpm| ActionKind::SpindleOn { rpm, clockwise: true };
-        assert_eq!(templates.lines(&on(Some(9000.0)), "").as_deref(), Some("rSpindle 9000;"));
-        assert_eq!(templates.lines(&on(Some(0.5)), "").as_deref(), Some("rSpindle 0.5;"));
-        assert_eq!(templates.lines(&on(None), ""), None);
-        assert_eq!(templates.lines(&ActionKind::Dwell { seconds: 2.5 }, "").as_deref(), Some("WaitTime 2.5;"));
-        assert_eq!(templates.lines(&ActionKind::Stop, ""), None);
+        assert_eq!(templates.lines(&on(Some(9000.0)), "", Language::Rapid).as_deref(), Some("rSpindle 9000;"));
+        assert_eq!(templates.lines(&on(Some(0.5)), "", Language::Rapid).as_deref(), Some("rSpindle 0.5;"));
+        assert_eq!(templates.lines(&on(None), "", Language::Rapid), None);
+        assert_eq!(
+            templates.lines(&ActionKind::Dwell { seconds: 2.5 }, "", Language::Rapid).as_deref(),
+            Some("WaitTime 2.5;")
+        );
+        assert_eq!(templates.lines(&ActionKind::Stop, "", Language::Rapid), None);
     }
 }

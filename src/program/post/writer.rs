@@ -39,6 +39,8 @@ pub struct PostedPoint {
     pub quat: [f64; 4],
     /// Configuration of the joints there.
     pub conf: Confdata,
+    /// Whole turns of axes 1, 4, 6 there, as FANUC numbers them.
+    pub turns: [i32; 3],
     /// Speed into the point, mm/s; rapid travel has the plan's.
     pub speed_mm_s: f64,
     /// Rapid travel.
@@ -142,6 +144,12 @@ impl RapidPost {
         let mut post = Self { plan, module, speeds: Vec::new(), part, head: Text::default() };
         post.declare();
         post
+    }
+
+    /// What it was laid out from.
+    #[must_use]
+    pub fn plan(&self) -> &RapidPlan {
+        &self.plan
     }
 
     /// How many files the program is.
@@ -278,6 +286,7 @@ mod tests {
             position_mm: [x, -0.000_01, 10.0],
             quat,
             conf,
+            turns: [0; 3],
             speed_mm_s,
             rapid,
             stop: false,

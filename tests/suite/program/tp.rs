@@ -3,9 +3,11 @@
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
 use deflex::cell::Cell;
-use deflex::correct::{Options, Prepared, compensate};
+use deflex::correct::{Options, PostOptions, Prepared, compensate, post};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
-use deflex::program::{Change, Conf, Config, Goal, Motion, Program, RewriteOptions, Role, rapid, round_trip, tp};
+use deflex::program::{
+    Change, Conf, Config, Goal, Language, Motion, Program, RewriteOptions, Role, rapid, round_trip, tp,
+};
 use deflex::robot::{BUILTIN, Joints, conf_like};
 use deflex::text::{Diagnostic, Source, apply};
 use std::fmt::Write;
@@ -322,4 +324,58 @@ fn options_of_the_grammar_are_known() {
         let program = read(&program(&format!("L P[1] 20mm/sec FINE {word}"), &positions));
         assert!(program.kept.iter().all(|kept| kept.reason != "motion option that is not known"), "{word}");
     }
+}
+
+/// CL data posted as TP: read back they are the corrected points, split where a controller's numbering ends.
+#[test]
+fn posted_cl_data_are_programs_that_read_back() {
+    let cell =
+        format!("{CELL}[cl]\ntool = \"UT 1\"\nwobj = \"UF 1\"\nunits = \"mm\"\nspin = \"fixed\"\nspin_deg = 180.0\n");
+    let cell = Cell::read(&Source::new("cell.toml", cell)).unwrap();
+    let mut text = "RAPID\nGOTO/-10,0,30,0,0,1\nFEDRAT/1800,MMPM\nDELAY/2\n".to_owned();
+    for i in 0..12 {
+        let _ = writeln!(text, "GOTO/{i}.5,{},0,0,0,1", 2 * i);
+    }
+    let options = cell.cl.as_ref().unwrap().options.clone();
+    let program = deflex::program::cl::read(Source::new("a.cl", text), &options).unwrap();
+    let posts = Options { post: Some(Language::Ls), ..Options::default() };
+    let corrected = compensate(&program, &cell, &posts).unwrap();
+    assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
+    // What is left is what three decimals leave: of a coordinate half a micrometre, of an angle three at 300 mm.
+    assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 0.005));
+    let files = |max_targets| {
+        let options = PostOptions {
+            name: "part".into(),
+            title: vec!["a test".into()],
+            max_targets,
+            rapid_mm_s: 200.0,
+            feed_mm_s: None,
+            language: Language::Ls,
+        };
+        post(&program, &cell, &corrected, &options).unwrap().files
+    };
+    let [(name, bytes)] = &files(None)[..] else { panic!() };
+    let whole = tp::read(vec![Source::new(name, bytes.clone())], Vec::new()).unwrap();
+    assert_eq!((whole.targets.len(), name.as_str()), (13, "PART.ls"));
+    assert!(String::from_utf8_lossy(bytes).contains(":  WAIT 2.00(sec) ;"));
+    for (target, posted) in whole.targets.iter().zip(&corrected.posted) {
+        let Goal::Pose { position_mm, quat, conf } = target.goal else { panic!() };
+        let near = |a: &[f64], b: &[f64], within| a.iter().zip(b).all(|(a, b): (&f64, &f64)| (a - b).abs() < within);
+        assert!(near(&position_mm, &posted.position_mm, 1e-4), "{position_mm:?} {:?}", posted.position_mm);
+        assert!((quat.iter().zip(posted.quat).map(|(a, b)| a * b).sum::<f64>().abs() - 1.0).abs() < 1e-10);
+        assert!(matches!(conf, Some(Conf::Turns(_))));
+        assert_eq!(
+            (&*whole.tools[target.tool as usize].name, &*whole.wobjs[target.wobj as usize].name),
+            ("UT 1", "UF 1")
+        );
+    }
+    assert_eq!(whole.targets[5].feed_mm_s, Some(30.0));
+    assert_eq!(whole.targets[0].motion, Motion::Joint);
+    let parts = files(Some(5));
+    let names: Vec<&str> = parts.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["PART.ls", "PART_1.ls", "PART_2.ls", "PART_3.ls"]);
+    assert_eq!(String::from_utf8_lossy(&parts[0].1).matches("CALL PART_").count(), 3);
+    let read_back =
+        |bytes: &Vec<u8>| tp::read(vec![Source::new("p.ls", bytes.clone())], Vec::new()).unwrap().targets.len();
+    assert_eq!(parts[1..].iter().map(|(_, bytes)| read_back(bytes)).collect::<Vec<_>>(), [5, 5, 3]);
 }

@@ -8,7 +8,7 @@ use super::syntax;
 use super::value::Frame;
 use deflex::cell::Cell;
 use deflex::correct::{self, Options, PostOptions};
-use deflex::program::cl;
+use deflex::program::{Language, cl};
 use deflex::text::{Diagnostic, Source};
 
 /// Positions are posted to 4 decimals.
@@ -110,8 +110,14 @@ fn posted(text: &str) -> Result<Posted, Vec<Diagnostic>> {
     if !corrected.failures.is_empty() {
         return Err(corrected.failures);
     }
-    let options =
-        PostOptions { name: "P".into(), title: Vec::new(), max_targets: None, rapid_mm_s: 200.0, feed_mm_s: None };
+    let options = PostOptions {
+        name: "P".into(),
+        title: Vec::new(),
+        max_targets: None,
+        rapid_mm_s: 200.0,
+        feed_mm_s: None,
+        language: Language::Rapid,
+    };
     let files = correct::post(&program, &cell, &corrected, &options)?;
     let mut said: Vec<u32> = program.kept.iter().map(|kept| kept.line as u32).collect();
     let notes = program.diagnostics.iter().chain(&corrected.notes).chain(&files.notes);

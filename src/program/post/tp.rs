@@ -1,0 +1,211 @@
+//! Points to FANUC TP programs as text.
+
+use super::PostedPoint;
+use super::names::identifier;
+use super::writer::RapidPlan;
+use super::zone::{FINE, zone};
+use crate::program::Mark;
+use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::text::number::{printed, write_fixed};
+use std::fmt::Write;
+
+/// Most positions of a program: those of a controller's numbering, three digits.
+const MOST_POINTS: usize = 999;
+/// Decimals of millimetres and degrees, as controllers print them.
+const DECIMALS: usize = 3;
+/// Speed of J moves, per cent: CL data say nothing of joints.
+const JOINT_PERCENT: u32 = 20;
+/// Longest program name less `_12`.
+const ENDING: usize = 4;
+
+/// What a controller holds of a pose (mm, scalar first) that is printed as X … R.
+pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
+    #[allow(clippy::cast_possible_truncation)]
+    let held = |value: f64| f64::from(printed(value, DECIMALS) as f32);
+    (mm.map(held), quaternion(&from_zyx_deg(zyx_deg(&rotation(quat)).map(held))))
+}
+
+/// Writes a program: one file, or parts and a program that calls them in turn.
+///
+/// # Errors
+/// A tool or a work object that is no number (`UT 1`, `UF 1`): a sentence without its end.
+pub(crate) fn programs(plan: &RapidPlan, points: &[PostedPoint], end: &str) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let numbers = |prefix: &str, names: Vec<&String>| -> Result<Vec<u32>, String> {
+        let number = |name: &str| name.to_ascii_uppercase().strip_prefix(prefix)?.trim().parse().ok();
+        names.into_iter().map(|name| number(name).ok_or_else(|| name.clone())).collect()
+    };
+    let tools = numbers("UT", plan.tools.iter().map(|(name, _)| name).collect());
+    let tools =
+        tools.map_err(|name| format!("tool `{name}` is no number of a TP program: expected a name like `UT 1`"))?;
+    let wobjs = numbers("UF", plan.wobjs.iter().map(|(name, _)| name).collect());
+    let wobjs = wobjs
+        .map_err(|name| format!("work object `{name}` is no number of a TP program: expected a name like `UF 1`"))?;
+    let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
+    let most = plan.max_points.unwrap_or(MOST_POINTS).clamp(1, MOST_POINTS);
+    let parts: Vec<&[PostedPoint]> = points.chunks(most).collect();
+    let mut writer = Writer { plan, points, tools: &tools, wobjs: &wobjs };
+    if parts.len() <= 1 {
+        let text = writer.part(&name, 0, points.len(), end);
+        return Ok(vec![(format!("{name}.ls"), text)]);
+    }
+    let mut main = Lines::default();
+    plan.title.iter().for_each(|line| main.remark(line));
+    let mut files = Vec::new();
+    for (i, part) in parts.iter().enumerate() {
+        let part_name = format!("{name}_{}", i + 1);
+        main.add(&format!("  CALL {part_name}    "));
+        let last = if i + 1 == parts.len() { end } else { "" };
+        files.push((format!("{part_name}.ls"), writer.part(&part_name, i * most, i * most + part.len(), last)));
+    }
+    files.insert(0, (format!("{name}.ls"), main.program(&name, "")));
+    Ok(files)
+}
+
+struct Writer<'a> {
+    plan: &'a RapidPlan,
+    points: &'a [PostedPoint],
+    tools: &'a [u32],
+    wobjs: &'a [u32],
+}
+
+impl Writer<'_> {
+    /// The points from one to another as a program.
+    fn part(&mut self, name: &str, from: usize, to: usize, end: &str) -> Vec<u8> {
+        let (mut lines, mut positions) = (Lines::default(), String::new());
+        if from == 0 {
+            self.plan.title.iter().for_each(|line| lines.remark(line));
+        }
+        let (mut frames, mut mark) = (None, None);
+        for at in from..to {
+            let point = &self.points[at];
+            let number = at - from + 1;
+            let now = (self.wobjs[usize::from(point.wobj)], self.tools[usize::from(point.tool)]);
+            if frames != Some(now) {
+                lines.add(&format!("  UFRAME_NUM={}", now.0));
+                lines.add(&format!("  UTOOL_NUM={}", now.1));
+                frames = Some(now);
+            }
+            point.lines.iter().flat_map(|text| text.lines()).for_each(|line| lines.instruction(line));
+            if mark != point.mark {
+                match point.mark {
+                    Some(Mark::Air) => lines.add("  !deflex air"),
+                    Some(Mark::Cut) => lines.add("  !deflex cut"),
+                    None => {}
+                }
+                mark = point.mark;
+            }
+            // The way to the first point is unknown: joints, not a straight line.
+            let stop = self.stop(at, to);
+            if at == 0 || point.joint {
+                lines.add(&format!("J P[{number}] {JOINT_PERCENT}% {stop}    "));
+            } else {
+                let speed = if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s };
+                lines.add(&format!("L P[{number}] {}mm/sec {stop}    ", tenths(speed)));
+            }
+            position(&mut positions, number, point, now);
+        }
+        end.lines().for_each(|line| lines.instruction(line));
+        lines.program(name, &positions)
+    }
+
+    /// How a move ends: at its point, past it without a stop where the path goes on nearly straight.
+    fn stop(&self, at: usize, to: usize) -> &'static str {
+        let (Some(before), Some(next)) =
+            (at.checked_sub(1).map(|before| &self.points[before]), self.points.get(at + 1))
+        else {
+            return "FINE";
+        };
+        let point = &self.points[at];
+        let enters = point.rapid && !next.rapid;
+        if point.stop || enters || at + 1 == to || next.lines.is_some() || next.joint {
+            return "FINE";
+        }
+        let ways = [before.position_mm, point.position_mm, next.position_mm];
+        // How far a CNT rounds depends on arm and speed: where RAPID's smallest zone would be too much, none is taken.
+        match zone(ways[0], ways[1], ways[2], point.rapid, self.plan.corner_tolerance_mm) {
+            FINE => "FINE",
+            b"z0" => "CNT0",
+            _ => "CNT100",
+        }
+    }
+}
+
+/// Numbered statements.
+#[derive(Default)]
+struct Lines {
+    text: String,
+    count: usize,
+}
+
+impl Lines {
+    fn add(&mut self, statement: &str) {
+        self.count += 1;
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.text, "{:4}:{statement} ;", self.count);
+    }
+
+    fn remark(&mut self, text: &str) {
+        let plain: String = text.chars().map(|c| if c.is_ascii_graphic() && c != ';' { c } else { ' ' }).collect();
+        self.add(&format!("  !{}", plain.trim_end()));
+    }
+
+    /// A line of a template, with or without its semicolon.
+    fn instruction(&mut self, line: &str) {
+        self.add(&format!("  {}", line.trim().trim_end_matches(';').trim_end()));
+    }
+
+    fn program(&self, name: &str, positions: &str) -> Vec<u8> {
+        format!(
+            "/PROG  {name}\n/ATTR\nOWNER\t\t= MNEDITOR;\nCOMMENT\t\t= \"\";\nPROG_SIZE\t= 0;\nVERSION\t\t= 0;\n\
+             LINE_COUNT\t= {};\nMEMORY_SIZE\t= 0;\nPROTECT\t\t= READ_WRITE;\nTCD:  STACK_SIZE\t= 0,\n      \
+             TASK_PRIORITY\t= 50,\n      TIME_SLICE\t= 0,\n      BUSY_LAMP_OFF\t= 0,\n      ABORT_REQUEST\t= 0,\n      \
+             PAUSE_REQUEST\t= 0;\nDEFAULT_GROUP\t= 1,*,*,*,*;\nCONTROL_CODE\t= 00000000 00000000;\n/MN\n{}/POS\n{positions}/END\n",
+            self.count, self.text
+        )
+        .into_bytes()
+    }
+}
+
+/// A speed as the teach pendant has it: tenths, none where they are zero.
+fn tenths(mm_s: f64) -> String {
+    let text = format!("{:.1}", mm_s.max(0.1));
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
+/// A position with its configuration.
+fn position(out: &mut String, number: usize, point: &PostedPoint, (uf, ut): (u32, u32)) {
+    let letter = |bit: i32, yes: char, no: char| if point.conf.cfx & bit == 0 { no } else { yes };
+    let (flip, down, back) = (letter(1, 'F', 'N'), letter(2, 'D', 'U'), letter(4, 'B', 'T'));
+    let [t1, t4, t6] = point.turns;
+    let [x, y, z] = point.position_mm.map(field);
+    let [r, p, w] = zyx_deg(&rotation(point.quat)).map(field);
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "P[{number}]{{\n   GP1:\n\tUF : {uf}, UT : {ut},\t\tCONFIG : '{flip} {down} {back}, {t1}, {t4}, {t6}',\n\tX = {x}  mm,\t\
+         Y = {y}  mm,\tZ = {z}  mm,\n\tW = {w} deg,\tP = {p} deg,\tR = {r} deg\n}};"
+    );
+}
+
+/// A number as wide as controllers print it.
+fn field(value: f64) -> String {
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, DECIMALS);
+    format!("{:>9}", String::from_utf8_lossy(&text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_held_is_what_is_printed() {
+        let (mm, quat) = held_pose([1.23456, -0.0004, 7.0], [0.0, 1.0, 0.0, 0.0]);
+        assert!((mm[0] - 1.235).abs() < 1e-6 && mm[1].abs() < 1e-12 && (quat[1].abs() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn speeds_have_tenths_where_they_need_them() {
+        assert_eq!([tenths(500.0), tenths(27.43), tenths(0.01)], ["500", "27.4", "0.1"]);
+    }
+}
