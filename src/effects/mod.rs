@@ -9,6 +9,7 @@ mod base_compliance;
 mod bearing_compliance;
 #[cfg(test)]
 mod bench;
+mod cable_pull;
 mod empirical;
 mod empirical_field;
 mod force_scale;
@@ -199,6 +200,7 @@ physics::registry! {
     joint_coupling: JointCoupling;
     stiffness_temperature: StiffnessTemperature;
     unit_frame: UnitFrame;
+    cable_pull: CablePull;
     empirical: Empirical, EmpiricalField;
 }
 
