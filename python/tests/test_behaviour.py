@@ -73,14 +73,15 @@ def test_ctrl_c_stops_soon(long_program, steep_cell, tmp_path):
     text = long_program.read_text()
     first = text.index("MoveL")
     body, tail = text[first:].rsplit("ENDPROC", 1)[0], text[text.rindex("ENDPROC") :]
-    longer.write_text(text[:first] + body * 8 + "\n  " + tail)
+    longer.write_text(text[:first] + body * 30 + "\n  " + tail)
     sent = []
 
     def interrupt() -> None:
         sent.append(time.monotonic())
         os.kill(os.getpid(), signal.SIGINT)
 
-    threading.Timer(0.4, interrupt).start()
+    # The run takes a second or more on two cores.
+    threading.Timer(0.15, interrupt).start()
     with pytest.raises(KeyboardInterrupt):
         deflex.compensate(longer, steep_cell)
     assert time.monotonic() - sent[0] < 1.0
