@@ -264,7 +264,7 @@ fn wider_than_the_cutter(
             "{engaged}.engagement.width_mm is {width} mm, wider than the cutter ({key}.cutter.diameter_mm = {})",
             cutter.diameter_mm
         ),
-        "the width is the radial depth of cut: at most the diameter",
+        "the width is the stepover to the pass beside: at most the diameter",
     );
 }
 

@@ -166,7 +166,7 @@ helix_deg = 30.0                # <<
 [cut.engagement]
 mode = "slot"                   # << slot | up (conventional) | down (climb)
 depth_mm = 1.5                  # << along the tool axis
-width_mm = 25.0                 # << across the feed
+width_mm = 25.0                 # << stepover: how far beside the same cutter has passed
 feed_per_tooth_mm = 0.07        # << left out: from feed, spindle_rpm and teeth
 lead_deg = 5.0                  # << tool axis against the surface normal, forward
 tilt_deg = 10.0                 # << and sideways

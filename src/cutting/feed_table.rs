@@ -23,7 +23,6 @@ type Cell = [[[f64; 4]; TERMS]; 3];
 #[derive(Default)]
 struct Places {
     turn: [Lanes; 2],
-    side: Lanes,
     lead: Lanes,
     /// Where the places are along the depth, cells, and which one that is in.
     at: Lanes,
@@ -126,10 +125,9 @@ impl Places {
         // An array's `map` would be a call, which leaves the widest lanes.
         let turned = |across: &Vector3<f64>| Vector::of(across).dot(*axis) / grid.turn_range;
         let (u, v) = (turned(&grid.across[0]), turned(&grid.across[1]));
-        let side = if grid.side { shift.y / grid.side_range } else { Lanes::ZERO };
         let within = |x: Lanes| Lanes::of(FADE).ge(x.abs());
-        self.inside = within(depth) & within(u) & within(v) & within(side);
-        (self.turn, self.side, self.lead) = ([u, v], side, axis.x / grid.turn_range);
+        self.inside = within(depth) & within(u) & within(v);
+        (self.turn, self.lead) = ([u, v], axis.x / grid.turn_range);
         self.at = (depth + 1.0) * 0.5 * grid.cells as f64;
         self.cell = self.at.floor();
     }
@@ -139,12 +137,9 @@ impl Places {
     fn between(&mut self, (number, cell): (f64, &Cell), grid: &Grid, force: &mut Vector) {
         let here = self.left & self.cell.eq(number);
         self.left = self.left & here.not();
-        let ([u, v], w) = (self.turn, self.side);
-        let terms: [Lanes; SMOOTH] = if grid.side {
-            [Lanes::of(1.0), u, v, u * u, u * v, v * v, w, u * w, v * w, w * w]
-        } else {
-            [Lanes::of(1.0), u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v]
-        };
+        let [u, v] = self.turn;
+        let terms: [Lanes; SMOOTH] =
+            [Lanes::of(1.0), u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v];
         let t = self.at - number;
         let (less, more, far) = (t - 1.0, t + 1.0, t - 2.0);
         let weights = [-t * less * far / 6.0, more * less * far / 2.0, -more * t * far / 2.0, more * t * less / 6.0];

@@ -13,6 +13,13 @@ pub(super) fn axis(lead: f64, tilt: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(Vector3::new(sl, -st * cl, ct * cl))
 }
 
+/// The cutter frame of a tool axis, columns in the feed frame: y square to axis and feed. `across` is the feed's part across the
+/// axis.
+pub(super) fn cutter(axis: &Unit<Vector3<f64>>, across: f64) -> Matrix3<f64> {
+    let y = Vector3::new(0.0, axis.z, -axis.y) / across;
+    Matrix3::from_columns(&[y.cross(axis), y, axis.into_inner()])
+}
+
 /// Rotation whose columns are feed, cross-feed and surface normal, in the frame of the arguments.
 ///
 /// The normal is the one against which `tool_axis` (tip to spindle) has this `lead` and `tilt`

@@ -1,5 +1,6 @@
 //! The mean milling force (Tang et al. Eq. 6, integral inside, along the profile angle).
 
+use super::adjacent::AdjacentPass;
 use super::patch::{HalfSpace, Patch, Ring};
 use super::{
     Coefficients, ContactPoint, Cutter, CuttingError, Engagement, Mode, contact, frame, quadrature::integrate,
@@ -23,6 +24,8 @@ pub struct Milling {
     axis: Unit<Vector3<f64>>,
     /// Height of the tip over the stock's top at the programmed pose, m.
     tip_z: f64,
+    /// Up and down milling.
+    beside: Option<AdjacentPass>,
 }
 
 /// Mean forces on the tool over a revolution at many engagements, N, each in its own feed frame, for a cutter that is where it
@@ -82,7 +85,15 @@ impl Milling {
                  does not cover: expected a lead of zero or more, or a ball end",
             ));
         }
-        Ok(Milling { cutter, engagement, coefficients, axis, tip_z })
+        let beside = beside(&cutter, &engagement, &axis, tip_z);
+        let milling = Milling { cutter, engagement, coefficients, axis, tip_z, beside };
+        if milling.mean_force(&Vector3::zeros(), &axis) == Vector3::zeros() {
+            return Err(error(
+                "coefficients",
+                "the cutting force is zero everywhere: expected a coefficient other than zero",
+            ));
+        }
+        Ok(milling)
     }
 
     /// The cutter.
@@ -102,9 +113,9 @@ impl Milling {
 
     /// Mean force on the tool over a revolution, N, in the feed frame.
     ///
-    /// `shift` is the tip's displacement from the programmed one (m, feed frame; along the feed
-    /// it changes nothing, along y only up and down milling), `axis` the tool axis where it really
-    /// is, tip to spindle. Zero out of the material.
+    /// `shift` is the tip's displacement from the programmed one (m, feed frame; only that along z
+    /// counts), `axis` the tool axis where it really is, tip to spindle. In up and down milling the
+    /// pass beside was off by as much. Zero out of the material.
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
         self.force_parts(shift, axis).at(self.engagement.feed_per_tooth)
     }
@@ -115,30 +126,19 @@ impl Milling {
         if axis.z <= 0.0 || feed_across <= 0.0 {
             return ForceParts::default();
         }
-        // Columns of the cutter frame in the feed frame: y square to axis and feed.
-        let y = Vector3::new(0.0, axis.z, -axis.y) / feed_across;
-        let x = y.cross(axis);
-        let to_cutter = |v: Vector3<f64>| Vector3::new(x.dot(&v), y.dot(&v), axis.dot(&v));
+        let feed_from_cutter = frame::cutter(axis, feed_across);
+        let to_cutter = |v: Vector3<f64>| feed_from_cutter.tr_mul(&v);
 
-        let radius = self.cutter.radius();
-        // Distance of the stock's edge from the tip, towards the open side.
-        let edge = self.engagement.width - radius;
-        let side = match self.engagement.mode {
-            Mode::Slot => None,
-            Mode::Down => Some(HalfSpace::new(to_cutter(Vector3::y()), shift.y - edge)),
-            Mode::Up => Some(HalfSpace::new(to_cutter(-Vector3::y()), -shift.y - edge)),
-        };
         let patch = Patch {
-            radius,
+            radius: self.cutter.radius(),
             corner: self.cutter.corner_radius,
             feed_across,
             feed_along: axis.x,
             top: HalfSpace::new(to_cutter(Vector3::z()), self.tip_z + shift.z),
-            side,
+            beside: self.beside.as_ref(),
         };
         let parts = self.integrate(&patch);
-        let to_feed = |f: Vector3<f64>| x * f.x + y * f.y + axis.into_inner() * f.z;
-        ForceParts { edge: to_feed(parts.edge), cutting: to_feed(parts.cutting) }
+        ForceParts { edge: feed_from_cutter * parts.edge, cutting: feed_from_cutter * parts.cutting }
     }
 
     /// The cutter's lowest point with its axis turned to `axis`.
@@ -198,6 +198,20 @@ fn ring_force(k: [f64; 3], ring: &Ring, (one, cos, sin): (f64, f64, f64)) -> Vec
     Vector3::new(-kt * sin - inward * cos, kt * cos - inward * sin, (kr * ring.cos - ka * ring.sin) * one)
 }
 
+/// What the pass beside leaves of the cut at the programmed pose; `None` where that is all of it.
+fn beside(cutter: &Cutter, engagement: &Engagement, axis: &Unit<Vector3<f64>>, tip_z: f64) -> Option<AdjacentPass> {
+    let to_pass = match engagement.mode {
+        Mode::Slot => return None,
+        Mode::Down => Vector3::y(),
+        Mode::Up => -Vector3::y(),
+    };
+    let feed_across = axis.y.hypot(axis.z);
+    let feed_from_cutter = frame::cutter(axis, feed_across);
+    let top = HalfSpace::new(feed_from_cutter.tr_mul(&Vector3::z()), tip_z);
+    let to_pass = feed_from_cutter.tr_mul(&to_pass);
+    AdjacentPass::new(cutter, (feed_across, axis.x), &top, (&to_pass, engagement.width))
+}
+
 fn error(field: &'static str, message: impl Into<String>) -> CuttingError {
     CuttingError { field, message: message.into() }
 }
@@ -218,7 +232,7 @@ fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingErro
         return Err(error("helix", "expected an angle within ±90°"));
     }
     if e.mode != Mode::Slot && !(e.width > 0.0 && e.width <= c.diameter) {
-        return Err(error("width", "expected a radial width above zero, at most the diameter"));
+        return Err(error("width", "expected a stepover above zero, at most the diameter"));
     }
     for (field, angle) in [("lead", e.lead), ("tilt", e.tilt)] {
         if angle.is_nan() || angle.abs() > STEEPEST {

@@ -12,6 +12,7 @@
 //! What the mean over a revolution does not see: helix and lag shift a tooth's angle only, and
 //! runout trades chip between teeth, so both drop out as long as every tooth keeps cutting.
 
+mod adjacent;
 mod contact;
 mod feed_table;
 mod frame;
@@ -47,9 +48,9 @@ pub struct Cutter {
 pub enum Mode {
     /// Material on both sides; the width plays no part.
     Slot,
-    /// Conventional milling: material to the left of the feed, at +y.
+    /// Conventional milling: material to the left of the feed, at +y; the pass before was to the right.
     Up,
-    /// Climb milling: material to the right of the feed, at −y.
+    /// Climb milling: material to the right of the feed, at −y; the pass before was to the left.
     Down,
 }
 
@@ -60,8 +61,8 @@ pub struct Engagement {
     pub mode: Mode,
     /// Depth along the surface normal from the stock's top to the cutter's lowest point, m.
     pub depth: f64,
-    /// Radial width, m, from the line at half a diameter beside the tip, on the material's side,
-    /// to the stock's edge. Used in up and down milling.
+    /// Stepover, m: in up and down milling the same cutter has passed so far beside, at the same
+    /// depth. For an upright flat end mill it is the radial width of cut.
     pub width: f64,
     /// Feed per tooth, m.
     pub feed_per_tooth: f64,

@@ -1,12 +1,13 @@
 //! The part of the cutter's envelope that cuts, ring by ring, in the cutter frame.
 //!
 //! A ring is the circle at one profile angle κ (on the corner) or one height (on the cylinder
-//! above it). A point of it cuts where it lies inside the stock (below its top, and beside its
-//! edge in up and down milling) and where it faces the feed (chip thickness h > 0). Each condition
-//! keeps one arc of the ring; what cuts is their intersection.
+//! above it). A point of it cuts where it lies inside the stock (below its top, and in up and down
+//! milling outside of what the pass beside has taken) and where it faces the feed (chip thickness
+//! h > 0). What cuts is the intersection of the arcs that each condition keeps.
 
+use super::adjacent::AdjacentPass;
 use nalgebra::Vector3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// A circle of the envelope about the tool axis.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +19,8 @@ pub(super) struct Ring {
     /// Radius and height above the tip, m.
     pub(super) radius: f64,
     pub(super) height: f64,
+    /// Length of the profile from the flat or tip, m.
+    pub(super) along: f64,
 }
 
 impl Ring {
@@ -53,7 +56,7 @@ impl HalfSpace {
 
 /// The cutter's envelope against the stock.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patch {
+pub(super) struct Patch<'a> {
     /// Radius of the cylinder and of the corner, m.
     pub(super) radius: f64,
     pub(super) corner: f64,
@@ -61,15 +64,16 @@ pub(super) struct Patch {
     pub(super) feed_across: f64,
     pub(super) feed_along: f64,
     pub(super) top: HalfSpace,
-    pub(super) side: Option<HalfSpace>,
+    /// Up and down milling.
+    pub(super) beside: Option<&'a AdjacentPass>,
 }
 
 /// End of an arc: its angle from the feed towards +y, with cosine and sine.
 #[derive(Clone, Copy, Debug)]
-struct End {
-    angle: f64,
-    cos: f64,
-    sin: f64,
+pub(super) struct End {
+    pub(super) angle: f64,
+    pub(super) cos: f64,
+    pub(super) sin: f64,
 }
 
 /// Integrals over the cutting arcs of a ring: 1, cos, sin, cos², sin·cos.
@@ -83,7 +87,7 @@ pub(super) struct Moments {
 }
 
 /// From one end on to the other, the angle growing.
-type Arc = (End, End);
+pub(super) type Arc = (End, End);
 
 /// What a condition keeps of a ring.
 enum Kept {
@@ -92,14 +96,30 @@ enum Kept {
     All,
 }
 
-impl Patch {
+impl Patch<'_> {
     pub(super) fn corner_ring(&self, kappa: f64) -> Ring {
         let (sin, cos) = kappa.sin_cos();
-        Ring { sin, cos, radius: self.radius - self.corner + self.corner * sin, height: self.corner * (1.0 - cos) }
+        let (r, flat) = (self.corner, self.radius - self.corner);
+        Ring { sin, cos, radius: flat + r * sin, height: r * (1.0 - cos), along: r * kappa }
     }
 
     pub(super) fn cylinder_ring(&self, height: f64) -> Ring {
-        Ring { sin: 1.0, cos: 0.0, radius: self.radius, height }
+        Ring { sin: 1.0, cos: 0.0, radius: self.radius, height, along: self.along_shaft(height) }
+    }
+
+    /// The ring at a length of the profile, m.
+    pub(super) fn ring(&self, along: f64) -> Ring {
+        let corner = FRAC_PI_2 * self.corner;
+        if along < corner {
+            self.corner_ring(along / self.corner)
+        } else {
+            self.cylinder_ring(self.corner + along - corner)
+        }
+    }
+
+    /// Length of the profile up to a height on the shaft, m.
+    fn along_shaft(&self, height: f64) -> f64 {
+        FRAC_PI_2 * self.corner + height - self.corner
     }
 
     /// Component of the outward normal along the feed: chip thickness over feed per tooth.
@@ -107,23 +127,19 @@ impl Patch {
         self.feed_across * ring.sin * cos - self.feed_along * ring.cos
     }
 
-    /// The conditions of the stock.
-    pub(super) fn stock(&self) -> impl Iterator<Item = &HalfSpace> {
-        std::iter::once(&self.top).chain(&self.side)
-    }
-
     /// Moments over the cutting arcs; `None` where the ring does not cut.
     #[inline]
     pub(super) fn moments(&self, ring: &Ring) -> Option<Moments> {
         let facing = self.facing_arc(ring)?;
         let top = self.top.arc(ring);
-        let side = self.side.as_ref().map_or(Kept::All, |side| side.arc(ring));
         let (mut sum, mut any) = (Moments::default(), false);
-        overlaps(facing, &top, |arc| {
-            overlaps(arc, &side, |arc| {
-                any = true;
-                sum.add(&arc);
-            });
+        let mut add = |arc: Arc| {
+            any = true;
+            sum.add(&arc);
+        };
+        overlaps(facing, &top, |arc| match self.beside {
+            None => add(arc),
+            Some(pass) => pass.left(ring, arc, &mut add),
         });
         any.then_some(sum)
     }

@@ -10,9 +10,9 @@ use super::quadrature::Chunk;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Most breaks a profile can have: its two ends, 2 × 4 of two stock conditions, 2 of the facing
-/// condition, 2 × 2 + 1 of the pairs.
-const MOST: usize = 17;
+/// Most breaks a profile can have: its two ends, 4 of the stock's top, 2 of the facing condition, 2 of both, and of the pass
+/// beside its ends and as many turns as are likely.
+const MOST: usize = 20;
 
 /// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
 const OFF_PATCH: f64 = 1e-9;
@@ -71,25 +71,24 @@ impl Breaks {
     }
 }
 
-impl Patch {
+impl Patch<'_> {
     /// Breaks in κ along the corner.
     pub(super) fn corner_breaks(&self) -> Breaks {
         let mut breaks = Breaks::new(0.0, FRAC_PI_2);
         let flat = self.radius - self.corner;
-        for space in self.stock() {
-            for (sign, angle) in [(1.0, opposite(space.inward)), (-1.0, space.inward)] {
-                // offset + g·r(1 − cos κ) ± slope·(flat + r sin κ) = 0.
-                let (c, s) = (-space.direction.z * self.corner, sign * space.slope * self.corner);
-                let rest = space.offset + space.direction.z * self.corner + sign * space.slope * flat;
-                let cosine = -rest / c.hypot(s);
-                if cosine.abs() > 1.0 {
-                    continue;
-                }
-                let (mid, half) = (s.atan2(c), cosine.acos());
-                for kappa in [mid - half, mid + half].map(|a| a.rem_euclid(TAU)) {
-                    if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
-                        breaks.push(kappa);
-                    }
+        let space = &self.top;
+        for (sign, angle) in [(1.0, opposite(space.inward)), (-1.0, space.inward)] {
+            // offset + g·r(1 − cos κ) ± slope·(flat + r sin κ) = 0.
+            let (c, s) = (-space.direction.z * self.corner, sign * space.slope * self.corner);
+            let rest = space.offset + space.direction.z * self.corner + sign * space.slope * flat;
+            let cosine = -rest / c.hypot(s);
+            if cosine.abs() > 1.0 {
+                continue;
+            }
+            let (mid, half) = (s.atan2(c), cosine.acos());
+            for kappa in [mid - half, mid + half].map(|a| a.rem_euclid(TAU)) {
+                if breaks.holds(kappa) && self.cuts(&self.corner_ring(kappa), angle) {
+                    breaks.push(kappa);
                 }
             }
         }
@@ -103,20 +102,19 @@ impl Patch {
                 breaks.push((kappa * FRAC_PI_2).sqrt());
             }
         }
-        for space in self.stock() {
-            for side in [1.0, -1.0] {
-                if let Some((kappa, point)) = self.silhouette_crossing(space, side)
-                    && breaks.holds(kappa)
-                    && self.in_stock(&point)
-                {
-                    breaks.push(kappa);
-                }
+        for side in [1.0, -1.0] {
+            if let Some((kappa, point)) = self.silhouette_crossing(space, side)
+                && breaks.holds(kappa)
+                && self.in_stock(&point)
+            {
+                breaks.push(kappa);
             }
         }
-        if let Some(kappa) = self.edge_crossing_on_corner()
-            && breaks.holds(kappa)
-        {
-            breaks.push(kappa);
+        for along in self.beside.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
+            let kappa = along / self.corner;
+            if breaks.holds(kappa) {
+                breaks.push(kappa);
+            }
         }
         breaks
     }
@@ -128,23 +126,18 @@ impl Patch {
             return None;
         }
         let mut breaks = Breaks::new(self.corner, highest);
-        for space in self.stock() {
-            // Rings that touch the boundary, then the boundary at the silhouette (±90° off feed).
-            let extremes = [(opposite(space.inward), space.slope), (space.inward, -space.slope)];
-            let silhouette = [((0.0, 1.0), space.direction.y), ((0.0, -1.0), -space.direction.y)];
-            for (angle, reach) in extremes.into_iter().chain(silhouette) {
-                let height = -(space.offset + reach * self.radius) / space.direction.z;
-                if breaks.holds(height) && self.cuts(&self.cylinder_ring(height), angle) {
-                    breaks.push(height);
-                }
+        let space = &self.top;
+        // Rings that touch the boundary, then the boundary at the silhouette (±90° off feed).
+        let extremes = [(opposite(space.inward), space.slope), (space.inward, -space.slope)];
+        let silhouette = [((0.0, 1.0), space.direction.y), ((0.0, -1.0), -space.direction.y)];
+        for (angle, reach) in extremes.into_iter().chain(silhouette) {
+            let height = -(space.offset + reach * self.radius) / space.direction.z;
+            if breaks.holds(height) && self.cuts(&self.cylinder_ring(height), angle) {
+                breaks.push(height);
             }
         }
-        if let Some((origin, feed)) = self.stock_edge() {
-            // |(origin + x feed) across the axis| = radius, the foremost of the two points.
-            let (a, b) = (self.feed_across * self.feed_across, self.feed_across * origin.x);
-            let c = origin.x * origin.x + origin.y * origin.y - self.radius * self.radius;
-            let x = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
-            let height = (origin + feed * x).z;
+        for along in self.beside.iter().flat_map(|pass| pass.breaks(&self.top, |along| self.ring(along))) {
+            let height = along + self.corner * (1.0 - FRAC_PI_2);
             if breaks.holds(height) {
                 breaks.push(height);
             }
@@ -158,7 +151,7 @@ impl Patch {
     }
 
     fn in_stock(&self, point: &Vector3<f64>) -> bool {
-        self.stock().all(|space| space.value(point) < OFF_PATCH)
+        self.top.value(point) < OFF_PATCH
     }
 
     /// Crossing of the silhouette seen along the feed (h = 0) with a stock boundary, on one side.
@@ -180,39 +173,6 @@ impl Patch {
         let n = normal(theta);
         (n.z < 0.0).then(|| ((-n.z).min(1.0).acos(), point(&n)))
     }
-
-    /// The line where the stock's top meets its side: the point nearest the tip, and the feed.
-    fn stock_edge(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
-        let side = self.side?;
-        let origin = -self.top.direction * self.top.offset - side.direction * side.offset;
-        Some((origin, Vector3::new(self.feed_across, 0.0, self.feed_along)))
-    }
-
-    /// Profile angle where the stock's edge leaves the corner at the front.
-    ///
-    /// The corner is the surface at distance r from a disk; distance is convex along a line, so
-    /// Newton from far ahead comes down to the foremost point and never passes it.
-    fn edge_crossing_on_corner(&self) -> Option<f64> {
-        let (origin, feed) = self.stock_edge()?;
-        let flat = self.radius - self.corner;
-        let mut x = origin.norm() + 2.0 * self.radius;
-        for _ in 0..64 {
-            let p = origin + feed * x;
-            let (across, up) = (p.x.hypot(p.y), p.z - self.corner);
-            let out = (across - flat).max(0.0);
-            let distance = out.hypot(up);
-            let slope = (out * p.x * feed.x / across + up * feed.z) / distance;
-            if slope.is_nan() || slope <= 0.0 {
-                return None;
-            }
-            let step = (distance - self.corner) / slope;
-            x -= step;
-            if step.abs() <= BREAK_WIDTH * self.radius {
-                return Some(out.atan2(-up));
-            }
-        }
-        None
-    }
 }
 
 fn opposite((cos, sin): (f64, f64)) -> (f64, f64) {
@@ -220,7 +180,7 @@ fn opposite((cos, sin): (f64, f64)) -> (f64, f64) {
 }
 
 /// Root of an increasing function by false position (Illinois) with bisection as a guard.
-fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
+pub(super) fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
     let (mut f_lo, mut f_hi) = (f(lo), f(hi));
     if f_lo.is_nan() || f_hi.is_nan() || f_lo >= 0.0 || f_hi <= 0.0 {
         return None;

@@ -1,21 +1,23 @@
 //! A table of the mean force about the programmed pose, for use inside an equilibrium.
 //!
 //! Along the depth: nodes joined by cubics through four of them. Across it (two small turns of the
-//! axis, and the tip's y shift in up and down milling): one polynomial a node, fitted on Chebyshev
-//! points. The result is continuous, also where it hands over to the integral, so that iterations
+//! axis): one polynomial a node, fitted on Chebyshev points. The result is continuous, also where it hands over to the integral, so that iterations
 //! on it settle.
 
 use super::feed_table::FeedTable;
-use super::{ForceParts, Milling, Mode};
+use super::{ForceParts, Milling};
 use nalgebra::{DMatrix, Unit, Vector3};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Guaranteed error of a look-up over the force.
 pub const TABLE_BOUND: f64 = 1e-3;
 
-/// Error that construction allows at its check points; a tenth of the bound, for what lies between.
-const ALLOWED: f64 = 0.1 * TABLE_BOUND;
+/// Error that construction aims for at its check points; a tenth of the bound, for what lies between.
+const WANTED: f64 = 0.1 * TABLE_BOUND;
+/// What it puts up with in a cut that has kinks: the bound is kept with half of it to spare.
+const ALLOWED: f64 = 0.5 * TABLE_BOUND;
 
 /// Depth range towards less, a share of the programmed depth: the force goes to zero with the depth, and with it what a
 /// relative error may be.
@@ -27,10 +29,8 @@ fn ranges_towards_more(depth: f64) -> [f64; 3] {
     [SAG.max(1.5 * depth), 1.5 * depth, LESS * depth]
 }
 
-/// First try of the other ranges, halved until the table is good enough: turn of the axis (rad),
-/// y shift as a share of the radial width. Joints yield by some 1e-4 rad in a cut.
+/// First try of the turn of the axis, rad, halved until the table is good enough. Joints yield by some 1e-4 rad in a cut.
 const TURN: f64 = 5e-3;
-const SIDE_SHARE: f64 = 0.1;
 const HALVINGS: usize = 5;
 
 /// Depth cells tried, coarse first.
@@ -65,9 +65,6 @@ pub(super) struct Grid {
     pub(super) depth_middle: f64,
     pub(super) depth_range: f64,
     pub(super) turn_range: f64,
-    pub(super) side_range: f64,
-    /// Whether the y shift is a coordinate.
-    pub(super) side: bool,
     /// Whether the lead passes zero within the range.
     pub(super) level: bool,
     pub(super) cells: usize,
@@ -76,12 +73,11 @@ pub(super) struct Grid {
     error: f64,
 }
 
-/// Place in the table: depth, turns and side in [−1, 1].
+/// Place in the table: depth and turns in [−1, 1].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) depth: f64,
     pub(super) turn: [f64; 2],
-    pub(super) side: f64,
     /// Sine of the lead there, in units of the turn range.
     pub(super) lead: f64,
 }
@@ -91,16 +87,28 @@ impl ForceTable {
     /// range until the error is far below [`TABLE_BOUND`]. Where no range will do, every call is
     /// the integral's.
     pub fn new(milling: Milling) -> Self {
-        let tries = (0..HALVINGS).flat_map(|halvings| {
-            let share = 0.5_f64.powi(i32::try_from(halvings).unwrap_or(0));
+        let tries = |share: f64| {
             let more = ranges_towards_more(milling.engagement().depth);
             more.into_iter().flat_map(move |more| CELLS.map(|cells| (share, more, cells)))
-        });
-        for (share, more, cells) in tries {
-            let mut grid = Grid::new(&milling, share, more, cells);
-            grid.error = grid.measured_error(&milling);
-            if grid.error <= ALLOWED {
-                return ForceTable { milling, grid: Some(grid) };
+        };
+        for allowed in [WANTED, ALLOWED] {
+            for halvings in 0..HALVINGS {
+                let share = 0.5_f64.powi(i32::try_from(halvings).unwrap_or(0));
+                for (share, more, cells) in tries(share) {
+                    let mut grid = Grid::new(&milling, share, more, cells);
+                    if grid.error_along_depth(&milling, allowed) > allowed {
+                        continue;
+                    }
+                    // More cells do not mend what turns do.
+                    if grid.error_across_depth(&milling, allowed) > allowed {
+                        break;
+                    }
+                    grid.fill(&milling);
+                    grid.error = grid.measured_error(&milling, allowed);
+                    if grid.error <= allowed {
+                        return ForceTable { milling, grid: Some(grid) };
+                    }
+                }
             }
         }
         ForceTable { milling, grid: None }
@@ -121,10 +129,9 @@ impl ForceTable {
         self.grid.as_ref().map(|grid| grid.error)
     }
 
-    /// Ranges about the programmed pose, either way: depth (m; towards more it may be wider), turn of the axis (rad), y
-    /// shift (m; 0 in a slot, where it changes nothing).
-    pub fn ranges(&self) -> Option<[f64; 3]> {
-        let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range, if g.side { g.side_range } else { 0.0 }];
+    /// Ranges about the programmed pose, either way: depth (m; towards more it may be wider) and turn of the axis (rad).
+    pub fn ranges(&self) -> Option<[f64; 2]> {
+        let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range];
         self.grid.as_ref().map(of)
     }
 
@@ -190,7 +197,7 @@ impl Place {
     #[inline(always)]
     pub(super) fn reach(&self) -> f64 {
         let [u, v] = self.turn;
-        [self.depth, u, v, self.side].iter().fold(0.0, |reach, x| if x.abs() <= reach { reach } else { x.abs() })
+        [self.depth, u, v].iter().fold(0.0, |reach, x| if x.abs() <= reach { reach } else { x.abs() })
     }
 }
 
@@ -199,56 +206,100 @@ impl Grid {
         let engagement = milling.engagement();
         let axis = milling.axis_in_feed();
         let y = axis.cross(&Vector3::x()).normalize();
-        let mut grid = Grid {
+        Grid {
             across: [y.cross(&axis), y],
             // A tip that is higher cuts less.
             depth_middle: 0.5 * (LESS * engagement.depth - more),
             depth_range: 0.5 * (LESS * engagement.depth + more),
             turn_range: TURN * share,
-            side_range: SIDE_SHARE * share * engagement.width,
-            side: engagement.mode != Mode::Slot,
             level: axis.x.abs() < 1.5 * TURN * share,
             cells,
             nodes: Vec::with_capacity(cells + 3),
             error: f64::INFINITY,
-        };
-        let places = grid.fit_places(milling);
-        let fit = grid.least_squares(&places);
-        for node in 0..cells + 3 {
-            let depth = 2.0 * (node as f64 - 1.0) / cells as f64 - 1.0;
-            let rows: Vec<Values> = places.iter().map(|p| grid.integral(milling, &Place { depth, ..*p })).collect();
-            let coefficient = |m: usize, k: usize| {
-                if m < fit.nrows() { (0..rows.len()).map(|i| fit[(m, i)] * rows[i][k]).sum() } else { 0.0 }
-            };
-            grid.nodes.push(std::array::from_fn(|m| std::array::from_fn(|k| coefficient(m, k))));
         }
-        grid
+    }
+
+    /// Depth of a node, in [−1, 1] but for the outer ones.
+    fn depth_of(&self, node: usize) -> f64 {
+        2.0 * (node as f64 - 1.0) / self.cells as f64 - 1.0
+    }
+
+    fn fill(&mut self, milling: &Milling) {
+        let places = self.fit_places(milling);
+        let fit = self.least_squares(&places);
+        let node = |k: usize| self.polynomials(milling, self.depth_of(k), (&places, &fit));
+        self.nodes = (0..self.cells + 3).into_par_iter().map(node).collect();
+    }
+
+    /// The polynomials at a depth, from values at the places of a fit.
+    fn polynomials(&self, milling: &Milling, depth: f64, (places, fit): (&[Place], &DMatrix<f64>)) -> [Values; TERMS] {
+        let rows: Vec<Values> = places.iter().map(|p| self.integral(milling, &Place { depth, ..*p })).collect();
+        let coefficient = |m: usize, k: usize| {
+            if m < fit.nrows() { (0..rows.len()).map(|i| fit[(m, i)] * rows[i][k]).sum() } else { 0.0 }
+        };
+        std::array::from_fn(|m| std::array::from_fn(|k| coefficient(m, k)))
+    }
+
+    /// Error of the cubics along the depth without a turn: with a grid that has this column alone.
+    fn error_along_depth(&self, milling: &Milling, enough: f64) -> f64 {
+        let constant = |value: Values| std::array::from_fn(|m| if m == 0 { value } else { [0.0; 6] });
+        let untilted = |depth: f64| self.integral(milling, &self.at(milling, depth, [0.0; 2]));
+        let nodes = (0..self.cells + 3).map(|k| constant(untilted(self.depth_of(k)))).collect();
+        let column = Grid { nodes, ..self.clone() };
+        let mut worst: f64 = 0.0;
+        for cell in 0..self.cells {
+            let place = column.at(milling, column.between_nodes(cell), [0.0; 2]);
+            let values = column.between(&Place { turn: [0.0; 2], lead: 0.0, ..place });
+            worst = worst.max(error(milling, &self.integral(milling, &place), &values));
+            if worst > enough {
+                break;
+            }
+        }
+        worst
+    }
+
+    /// Error of the polynomials in the turns, at some depths.
+    fn error_across_depth(&self, milling: &Milling, enough: f64) -> f64 {
+        const DEPTHS: [f64; 4] = [-0.9, -0.2, 0.4, 1.0];
+        let places = self.fit_places(milling);
+        let fit = self.least_squares(&places);
+        let mut worst: f64 = 0.0;
+        for depth in DEPTHS {
+            let polynomials = self.polynomials(milling, depth, (&places, &fit));
+            for turn in CHECKED_TURNS {
+                let place = self.at(milling, depth, turn);
+                let terms = self.terms(&place);
+                let values = std::array::from_fn(|k| terms.iter().zip(&polynomials).map(|(term, p)| term * p[k]).sum());
+                worst = worst.max(error(milling, &self.integral(milling, &place), &values));
+                if worst > enough {
+                    return worst;
+                }
+            }
+        }
+        worst
+    }
+
+    /// A depth in a cell, off its middle by turns, so that no symmetry hides an error.
+    fn between_nodes(&self, cell: usize) -> f64 {
+        (2.0 * cell as f64 + [0.5, 1.0, 1.4][cell % 3]) / self.cells as f64 - 1.0
     }
 
     /// Chebyshev points of the coordinates other than depth.
     fn fit_places(&self, milling: &Milling) -> Vec<Place> {
-        let sides = if self.side { 3 } else { 1 };
         // A point more than the degree, and enough for the extra term where it is used.
-        let turns = match (self.level, self.side) {
-            (true, _) => 6,
-            (false, true) => 3,
-            (false, false) => 4,
-        };
+        let turns = if self.level { 6 } else { 4 };
         let chebyshev = |i: usize, n: usize| (PI * (i as f64 + 0.5) / n as f64).cos();
         let mut places = Vec::new();
         for i in 0..turns {
             for j in 0..turns {
-                for k in 0..sides {
-                    let turn = [chebyshev(i, turns), chebyshev(j, turns)];
-                    places.push(self.at(milling, 0.0, turn, chebyshev(k, sides)));
-                }
+                places.push(self.at(milling, 0.0, [chebyshev(i, turns), chebyshev(j, turns)]));
             }
         }
         places
     }
 
-    fn at(&self, milling: &Milling, depth: f64, turn: [f64; 2], side: f64) -> Place {
-        Place { depth, turn, side, lead: self.axis(milling, turn).x / self.turn_range }
+    fn at(&self, milling: &Milling, depth: f64, turn: [f64; 2]) -> Place {
+        Place { depth, turn, lead: self.axis(milling, turn).x / self.turn_range }
     }
 
     fn axis(&self, milling: &Milling, turn: [f64; 2]) -> Unit<Vector3<f64>> {
@@ -262,14 +313,13 @@ impl Grid {
         Place {
             depth: (shift.z - self.depth_middle) / self.depth_range,
             turn: self.across.map(|across| across.dot(axis) / self.turn_range),
-            side: if self.side { shift.y / self.side_range } else { 0.0 },
             lead: axis.x / self.turn_range,
         }
     }
 
     /// The integral at a place.
     fn integral(&self, milling: &Milling, place: &Place) -> Values {
-        let shift = Vector3::new(0.0, place.side * self.side_range, self.depth_middle + place.depth * self.depth_range);
+        let shift = Vector3::new(0.0, 0.0, self.depth_middle + place.depth * self.depth_range);
         let ForceParts { edge: e, cutting: c } = milling.force_parts(&shift, &self.axis(milling, place.turn));
         [e.x, e.y, e.z, c.x, c.y, c.z]
     }
@@ -314,19 +364,15 @@ impl Grid {
         values
     }
 
-    /// Up to third degree in the turns, or to second degree in turns and side.
+    /// Up to third degree in the turns.
     ///
     /// Where the lead l passes zero, the ring where the corner meets the flat stops to face the
     /// feed: its arc integrals go as |l| and l·ln|l|, which no polynomial follows.
     #[inline(always)]
     pub(super) fn terms(&self, place: &Place) -> [f64; TERMS] {
-        let ([u, v], w, l) = (place.turn, place.side, place.lead);
+        let ([u, v], l) = (place.turn, place.lead);
         let [kink, log] = if self.level { kinks(l) } else { [0.0; 2] };
-        if self.side {
-            [1.0, u, v, u * u, u * v, v * v, w, u * w, v * w, w * w, kink, log]
-        } else {
-            [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, kink, log]
-        }
+        [1.0, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v, kink, log]
     }
 
     /// Matrix that turns values at the places into coefficients of the terms.
@@ -340,43 +386,35 @@ impl Grid {
         }
     }
 
-    /// Largest error over the force at points between the nodes and out to the range's corners.
-    fn measured_error(&self, milling: &Milling) -> f64 {
-        let sides: &[f64] = if self.side { &[-1.0, -0.45, 0.0, 0.55, 1.0] } else { &[0.0] };
-        let turns = [
-            [0.0, 0.0],
-            [1.0, 1.0],
-            [1.0, -1.0],
-            [-1.0, 1.0],
-            [-1.0, -1.0],
-            [0.6, 0.0],
-            [-0.5, 0.1],
-            [0.1, 0.5],
-            [-0.1, -0.7],
-        ];
+    /// Largest error over the force at points between the nodes and out to the range's corners; once it is more than `enough`,
+    /// that is what it is.
+    fn measured_error(&self, milling: &Milling, enough: f64) -> f64 {
         let mut worst: f64 = 0.0;
         for cell in 0..self.cells {
-            // Off the middle by turns, so that no symmetry hides an error.
-            let depth = (2.0 * cell as f64 + [0.5, 1.0, 1.4][cell % 3]) / self.cells as f64 - 1.0;
-            for turn in turns {
-                for &side in sides {
-                    let place = self.at(milling, depth, turn, side);
-                    let (want, got) = (parts(&self.integral(milling, &place)), parts(&self.values(&place)));
-                    let edge = (want.edge - got.edge).norm();
-                    let cutting = (want.cutting - got.cutting).norm();
-                    for feed in FEEDS.map(|share| share * milling.engagement().feed_per_tooth) {
-                        let error = (edge + feed * cutting) / want.at(feed).norm();
-                        // A force of zero without an error is no error.
-                        if error.is_nan() {
-                            continue;
-                        }
-                        worst = worst.max(error);
-                    }
-                }
+            for turn in CHECKED_TURNS {
+                let place = self.at(milling, self.between_nodes(cell), turn);
+                worst = worst.max(error(milling, &self.integral(milling, &place), &self.values(&place)));
+            }
+            if worst > enough {
+                break;
             }
         }
         worst
     }
+}
+
+/// Turns that are looked at, in the range's units.
+const CHECKED_TURNS: [[f64; 2]; 9] =
+    [[0.0, 0.0], [1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0], [0.6, 0.0], [-0.5, 0.1], [0.1, 0.5], [-0.1, -0.7]];
+
+/// Error of values over the force, the largest of some feeds.
+fn error(milling: &Milling, want: &Values, got: &Values) -> f64 {
+    let (want, got) = (parts(want), parts(got));
+    let edge = (want.edge - got.edge).norm();
+    let cutting = (want.cutting - got.cutting).norm();
+    let feeds = FEEDS.map(|share| share * milling.engagement().feed_per_tooth);
+    // A force of zero without an error is no error: NaN is the smaller.
+    feeds.into_iter().map(|feed| (edge + feed * cutting) / want.at(feed).norm()).fold(0.0, f64::max)
 }
 
 /// The two terms about a lead of zero.

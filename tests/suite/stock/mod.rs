@@ -89,10 +89,11 @@ fn a_slot_from_the_stock_is_the_declared_slot() {
     }
 }
 
-/// The cutter at y above 0 of the stock's edge: material on the right of a feed along x, climb (down) milling.
+/// The cutter at y above 0 of the stock's edge: material on the right of a feed along x, climb (down) milling. A flat end mill
+/// leaves an upright wall, so that an edge of the blank and a pass beside are the same.
 #[test]
 fn half_immersion_up_and_down() {
-    let cutter = cutter(25.0, 5.0);
+    let cutter = cutter(25.0, 0.0);
     for (mode, y) in [(Mode::Down, 60.0), (Mode::Up, 0.0)] {
         let mut stock = Stock::new(block(100.0, 60.0, 20.0), 0.5 * MM);
         let front = Front::new(&cutter, &coefficients());
@@ -103,6 +104,40 @@ fn half_immersion_up_and_down() {
         assert!((last.arc.to_degrees() - 90.0).abs() < 1.0, "{}", last.arc.to_degrees());
         let section = last.section * (poses[1].tip - poses[0].tip).norm();
         assert!((section / removed - 1.0).abs() < 0.02, "{section} {removed}");
+    }
+}
+
+/// A pass beside its own like before it, a stepover away: as declared and from the stock.
+#[test]
+fn a_stepover_from_the_stock_is_the_declared_one() {
+    for (cutter, depth, width, lead, tilt) in [
+        (cutter(10.0, 5.0), 0.5, 0.5, 0.0, 0.0),
+        (cutter(25.0, 5.0), 0.5, 2.0, 0.0, 0.0),
+        (cutter(25.0, 5.0), 3.0, 12.5, 0.0, 0.0),
+        (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0),
+        (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0),
+    ] {
+        for (mode, beside) in [(Mode::Down, width), (Mode::Up, -width)] {
+            let engagement = Engagement {
+                mode,
+                depth: depth * MM,
+                width: width * MM,
+                feed_per_tooth: FEED_PER_TOOTH,
+                lead: f64::to_radians(lead),
+                tilt: f64::to_radians(tilt),
+            };
+            let milling = Milling::new(cutter, engagement, coefficients()).unwrap();
+            let axis = milling.axis_in_feed();
+            let flat = cutter.radius() - cutter.corner_radius;
+            let lowest = flat * axis.x.hypot(axis.y) + cutter.corner_radius * (1.0 - axis.z);
+            let pose = |x: f64, y: f64| ToolPose { tip: Vector3::new(x * MM, y * MM, lowest - depth * MM), axis };
+            let mut stock = Stock::new(block(60.0, 80.0, 20.0), 0.25 * MM);
+            let front = Front::new(&cutter, &coefficients());
+            run(&mut stock, &front, &line(pose(-20.0, 40.0 + beside), pose(80.0, 40.0 + beside), 2.0));
+            let done = run(&mut stock, &front, &line(pose(-20.0, 40.0), pose(30.0, 40.0), 2.0));
+            let found = force(&done.last().unwrap().0);
+            within(found, milling.mean_force(&Vector3::zeros(), &axis), 0.01);
+        }
     }
 }
 

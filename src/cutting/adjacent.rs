@@ -1,0 +1,321 @@
+//! The pass before, beside this one: what the same cutter has swept there, a stepover away and at the same depth, is no material.
+//!
+//! Seen along the feed a cutter is a convex figure, its silhouette: the rim of the flat, an ellipse, grown by the corner
+//! radius and going on upwards along the axis. A point of the front is in material where the silhouette a stepover away does
+//! not hold it. On the front that boundary is a curve, told by the silhouette's own angle: the points of the near silhouette
+//! moved by the stepover, each followed along the feed to the front. It begins at the cusp between the passes.
+//!
+//! Both passes are off by the same deflection, so that the curve stays on the cutter where it is at the programmed pose: it is
+//! found once, and followed by cubics between its nodes.
+
+use super::Cutter;
+use super::patch::{Arc, End, HalfSpace, Ring};
+use super::silhouette::increasing_root;
+use nalgebra::Vector3;
+use smallvec::SmallVec;
+use std::f64::consts::FRAC_PI_2;
+
+/// Intervals of the boundary.
+const NODES: usize = 160;
+
+/// The boundary is followed so far above the programmed top of the stock, diameters: farther than any deflection.
+const ABOVE: f64 = 1.0;
+
+/// A place on the boundary is found so closely, intervals.
+const CLOSE: f64 = 1e-9;
+
+/// Where the pass beside has been, cutter frame at the programmed pose.
+#[derive(Clone, Debug)]
+pub(super) struct AdjacentPass {
+    flat: f64,
+    corner: f64,
+    /// The feed direction in the cutter frame is (across, 0, along).
+    feed_across: f64,
+    feed_along: f64,
+    /// To the cutter beside, seen along the feed, m.
+    stepover: [f64; 2],
+    /// Which side it is on.
+    side: f64,
+    /// The boundary: length of the profile, m, and angle about the axis, rad, from the cusp on.
+    nodes: Vec<[f64; 2]>,
+    /// Parts of the boundary along which the profile only rises or only falls.
+    stretches: SmallVec<[Stretch; 4]>,
+}
+
+/// A part of the boundary: place, counted in intervals, and profile, m, at its ends.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    from: (f64, f64),
+    to: (f64, f64),
+}
+
+impl AdjacentPass {
+    /// The pass a stepover `width` (m) away on the side of `to_pass`, a unit vector across the feed; `top` is the stock's.
+    /// All in the cutter frame. `None` where it leaves all of the material.
+    pub(super) fn new(
+        cutter: &Cutter,
+        (feed_across, feed_along): (f64, f64),
+        top: &HalfSpace,
+        (to_pass, width): (&Vector3<f64>, f64),
+    ) -> Option<Self> {
+        let mut pass = Self {
+            flat: cutter.radius() - cutter.corner_radius,
+            corner: cutter.corner_radius,
+            feed_across,
+            feed_along,
+            stepover: [0.0; 2],
+            side: 1.0,
+            nodes: Vec::new(),
+            stretches: SmallVec::new(),
+        };
+        let [x, y] = pass.seen(to_pass);
+        pass.stepover = [x * width, y * width];
+        pass.side = x.signum();
+        let [up_x, up_y] = pass.seen(&top.direction);
+        // Where the silhouette is lowest its normal points down.
+        let lowest = (pass.side * up_x).clamp(-1.0, 1.0).asin();
+        let [x, y] = pass.near_silhouette(FRAC_PI_2);
+        let above = top.offset + up_x * x + up_y * y - ABOVE * cutter.diameter;
+        // On the shaft the height grows evenly.
+        let highest = FRAC_PI_2 + (-above / (up_y * cutter.radius())).max(0.0);
+        if pass.held_by(highest) <= 0.0 {
+            return None;
+        }
+        let cusp = increasing_root(lowest, highest, |angle| pass.held_by(angle)).unwrap_or(lowest);
+        // Closer at the cusp, from where profile and angle go as roots.
+        let place = |k: usize| {
+            let share = k as f64 / NODES as f64;
+            cusp + (highest - cusp) * share * share
+        };
+        pass.nodes = (0..=NODES).map(|k| pass.node(place(k))).collect();
+        pass.stretches = pass.stretches();
+        Some(pass)
+    }
+
+    fn radius(&self) -> f64 {
+        self.flat + self.corner
+    }
+
+    /// A point or direction of the cutter frame, seen along the feed.
+    fn seen(&self, v: &Vector3<f64>) -> [f64; 2] {
+        [v.y, self.feed_across * v.z - self.feed_along * v.x]
+    }
+
+    /// Width and height of the silhouette where its normal is this far from the axis downwards, given sine and cosine; the
+    /// height from the tip.
+    fn silhouette(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
+        let oblique = self.feed_along * self.feed_along;
+        let rim = (sin * sin + oblique * cos * cos).sqrt();
+        let over_rim = if rim > 0.0 { self.flat / rim } else { 0.0 };
+        [sin * (self.corner + over_rim), self.corner * self.feed_across - cos * (self.corner + over_rim * oblique)]
+    }
+
+    /// The side of this cutter's silhouette that is away from the pass beside: below 90° the angle of its normal, above it
+    /// the height on the shaft in radii.
+    fn near_silhouette(&self, angle: f64) -> [f64; 2] {
+        let [x, y] = self.silhouette(angle.min(FRAC_PI_2).sin_cos());
+        [-self.side * x, y + (angle - FRAC_PI_2).max(0.0) * self.radius()]
+    }
+
+    /// How far a point across the feed is above the silhouette's lower side, m; below zero outside of it.
+    fn depth_in_silhouette(&self, [x, y]: [f64; 2]) -> f64 {
+        const ROUNDS: usize = 40;
+        let x = x.abs();
+        if x >= self.radius() {
+            return -x;
+        }
+        // The width over the sine of the normal is concave: Newton from below comes up to the root and never passes it.
+        let oblique = self.feed_along * self.feed_along;
+        let steepest = self.corner + if oblique > 0.0 { self.flat / oblique.sqrt() } else { f64::INFINITY };
+        let mut sin = x / steepest;
+        if self.corner > 0.0 {
+            sin = sin.max((x - self.flat) / self.corner);
+        }
+        if self.flat > 0.0 {
+            for _ in 0..ROUNDS {
+                let square = sin * sin * (1.0 - oblique) + oblique;
+                let rim = square.sqrt();
+                if rim <= 0.0 {
+                    break;
+                }
+                let missing = x - sin * (self.corner + self.flat / rim);
+                let step = missing / (self.corner + self.flat * oblique / (square * rim));
+                sin = (sin + step).min(1.0);
+                if step <= 1e-13 {
+                    break;
+                }
+            }
+        }
+        let [_, low] = self.silhouette((sin, (1.0 - sin * sin).max(0.0).sqrt()));
+        y - low
+    }
+
+    /// A place of the boundary, seen along the feed.
+    fn boundary(&self, angle: f64) -> [f64; 2] {
+        let [x, y] = self.near_silhouette(angle);
+        [x + self.stepover[0], y + self.stepover[1]]
+    }
+
+    /// Above zero where the boundary is on this cutter.
+    fn held_by(&self, angle: f64) -> f64 {
+        self.depth_in_silhouette(self.boundary(angle))
+    }
+
+    /// Whether the cutter beside has taken a point of the cutter frame.
+    fn takes(&self, point: &Vector3<f64>) -> bool {
+        let [x, y] = self.seen(point);
+        self.depth_in_silhouette([x - self.stepover[0], y - self.stepover[1]]) > 0.0
+    }
+
+    /// The foremost point of this cutter over a place of the boundary.
+    fn front(&self, angle: f64) -> Vector3<f64> {
+        let [x, y] = self.boundary(angle);
+        let origin = Vector3::new(-self.feed_along * y, x, self.feed_across * y);
+        self.foremost(&origin)
+    }
+
+    /// The foremost point of the cutter on the line along the feed through a point.
+    ///
+    /// The corner is the surface at its radius from a disk; distance is convex along a line, so Newton from ahead comes down to
+    /// the foremost point and never passes it.
+    fn foremost(&self, origin: &Vector3<f64>) -> Vector3<f64> {
+        /// A point is off by this share of the radius.
+        const THERE: f64 = 1e-12;
+        let (radius, corner) = (self.radius(), self.corner);
+        let at = |x: f64| Vector3::new(origin.x + x * self.feed_across, origin.y, origin.z + x * self.feed_along);
+        // On the shaft: as far from the axis as the radius.
+        let mut x = ((radius * radius - origin.y * origin.y).max(0.0).sqrt() - origin.x) / self.feed_across;
+        if at(x).z >= corner {
+            return at(x);
+        }
+        for _ in 0..64 {
+            let p = at(x);
+            let (across, below) = (p.x.hypot(p.y), corner - p.z);
+            let out = (across - self.flat).max(0.0);
+            let distance = out.hypot(below);
+            let slope = (out * p.x * self.feed_across / across - below * self.feed_along) / distance;
+            let step = (distance - corner) / slope;
+            // On the silhouette the line only touches.
+            if slope.is_nan() || slope <= 0.0 || step.abs() <= THERE * radius {
+                break;
+            }
+            x -= step;
+        }
+        at(x)
+    }
+
+    /// How far along the profile the boundary is, m, and its angle about the axis, rad.
+    fn node(&self, angle: f64) -> [f64; 2] {
+        let point = self.front(angle);
+        let across = point.x.hypot(point.y);
+        let along = if point.z >= self.corner {
+            FRAC_PI_2 * self.corner + point.z - self.corner
+        } else {
+            self.corner * (across - self.flat).max(0.0).atan2(self.corner - point.z)
+        };
+        [along, point.y.atan2(point.x)]
+    }
+
+    /// Between the nodes, by the cubic through four: profile and angle.
+    #[inline]
+    fn at(&self, place: f64) -> [f64; 2] {
+        let first = ((place - 1.0).max(0.0) as usize).min(NODES - 3);
+        let t = place - first as f64;
+        let [a, b, c, d] = [t, t - 1.0, t - 2.0, t - 3.0];
+        let weights = [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0];
+        let of = |k: usize| weights.iter().zip(&self.nodes[first..]).map(|(weight, node)| weight * node[k]).sum();
+        [of(0), of(1)]
+    }
+
+    fn stretches(&self) -> SmallVec<[Stretch; 4]> {
+        let along = |k: usize| self.nodes[k][0];
+        let (mut out, mut from) = (SmallVec::new(), (0.0, along(0)));
+        for k in 1..NODES {
+            let (before, after) = (along(k) - along(k - 1), along(k + 1) - along(k));
+            if before * after < 0.0 {
+                // The turn of the parabola through three nodes.
+                let place = k as f64 + 0.5 * (before + after) / (before - after);
+                let turn = (place, self.at(place)[0]);
+                out.push(Stretch { from, to: turn });
+                from = turn;
+            }
+        }
+        out.push(Stretch { from, to: (NODES as f64, along(NODES)) });
+        out
+    }
+
+    /// Places along the profile where the boundary begins, turns, or comes out of the stock, m.
+    pub(super) fn breaks(&self, top: &HalfSpace, ring: impl Fn(f64) -> Ring) -> impl Iterator<Item = f64> {
+        let ends = self.stretches.iter().flat_map(|stretch| [stretch.from.1, stretch.to.1]);
+        let over = |place: f64| {
+            let [along, angle] = self.at(place);
+            let (sin, cos) = angle.sin_cos();
+            top.value(&ring(along).point((cos, sin)))
+        };
+        let out = self.root((0.0, over(0.0)), (NODES as f64, over(NODES as f64)), over);
+        ends.chain(out.map(|place| self.at(place)[0]))
+    }
+
+    /// Where a function of the place changes its sign between two: false position, halving where that creeps.
+    #[inline]
+    fn root(&self, mut low: (f64, f64), mut high: (f64, f64), f: impl Fn(f64) -> f64) -> Option<f64> {
+        if low.1 * high.1 >= 0.0 {
+            return None;
+        }
+        const ROUNDS: usize = 60;
+        for round in 0..ROUNDS {
+            let share = if round % 3 == 2 { 0.5 } else { low.1 / (low.1 - high.1) };
+            let middle = low.0 + (high.0 - low.0) * share;
+            let at = f(middle);
+            let near = if at.signum() == low.1.signum() { &mut low } else { &mut high };
+            let step = (near.0 - middle).abs();
+            *near = (middle, at);
+            if step < CLOSE || at == 0.0 {
+                return Some(middle);
+            }
+        }
+        Some(0.5 * (low.0 + high.0))
+    }
+
+    /// Calls `each` with the parts of a ring's arc that the cutter beside has left.
+    #[inline]
+    pub(super) fn left(&self, ring: &Ring, (from, to): Arc, mut each: impl FnMut(Arc)) {
+        let mut ends: SmallVec<[End; 6]> = SmallVec::new();
+        ends.push(from);
+        let inside = |angle: &f64| *angle > from.angle && *angle < to.angle;
+        for angle in self.stretches.iter().filter_map(|stretch| self.crossing(ring, stretch)).filter(inside) {
+            let (sin, cos) = angle.sin_cos();
+            ends.push(End { angle, cos, sin });
+        }
+        ends[1..].sort_unstable_by(|a, b| a.angle.total_cmp(&b.angle));
+        ends.push(to);
+        for pair in ends.windows(2) {
+            let (sin, cos) = (0.5 * (pair[0].angle + pair[1].angle)).sin_cos();
+            if !self.takes(&ring.point((cos, sin))) {
+                each((pair[0], pair[1]));
+            }
+        }
+    }
+
+    /// Angle at which a stretch of the boundary crosses a ring, rad.
+    fn crossing(&self, ring: &Ring, stretch: &Stretch) -> Option<f64> {
+        let over = |along: f64| along - ring.along;
+        let [low, high] = [stretch.from, stretch.to].map(|(place, along)| (place, over(along)));
+        if low.1 * high.1 >= 0.0 {
+            return None;
+        }
+        // The interval first, among nodes that only rise or only fall.
+        let (mut first, mut last) = (low.0.ceil() as usize, high.0.floor() as usize);
+        let rising = high.1 > 0.0;
+        let (begin, end) = (first, last);
+        while first < last {
+            let middle = (first + last) / 2;
+            if (over(self.nodes[middle][0]) > 0.0) == rising { last = middle } else { first = middle + 1 }
+        }
+        let node = |k: usize| (k as f64, over(self.nodes[k][0]));
+        let low = if first > begin { node(first - 1) } else { low };
+        let high = if first <= end && (over(self.nodes[first][0]) > 0.0) == rising { node(first) } else { high };
+        let place = self.root(low, high, |place| over(self.at(place)[0]))?;
+        Some(self.at(place)[1])
+    }
+}
