@@ -174,8 +174,11 @@ impl Front {
             let axis = pose.axis[k];
             axis * if axis > 0.0 { high[k] - pose.tip[k] } else { low[k] - pose.tip[k] }
         };
-        // Highest point of the blank along the axis, seen from the tip.
-        let highest = reach(0) + reach(1) + reach(2);
+        // Highest point of the blank along the axis, seen from the tip; no farther than where the whole of a ring is over it.
+        let axis = pose.axis;
+        let over_top = high.z - pose.tip.z + self.solid.radius * axis.x.hypot(axis.y);
+        let rings = if axis.z > 0.0 { over_top / axis.z } else { f64::INFINITY };
+        let highest = (reach(0) + reach(1) + reach(2)).min(rings);
         if highest <= 0.0 {
             return Engaged::default();
         }
