@@ -22,7 +22,7 @@ pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;
-pub use stock::StockSection;
+pub use stock::{PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
 pub(crate) use unit::AXES as EXTERNAL_AXIS_NAMES;
 pub use urdf::{Described, described};
@@ -68,6 +68,8 @@ pub struct Cell {
     pub stock: Option<StockSection>,
     /// `[[unit]]`: mechanical units besides the robot.
     pub units: Arc<Units>,
+    /// `[part]`, where present.
+    pub part: Option<PartSection>,
 }
 
 /// `[limits]`: what would surprise the machine, m.

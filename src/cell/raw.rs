@@ -16,6 +16,7 @@ pub(super) struct Cell {
     pub(super) cl: Option<Cl>,
     pub(super) cut: Option<Cut>,
     pub(super) stock: Option<Stock>,
+    pub(super) part: Option<Part>,
     #[serde(default)]
     pub(super) unit: Vec<Unit>,
     #[serde(default)]
@@ -199,5 +200,12 @@ pub(super) struct Unit {
 pub(super) struct Stock {
     pub(super) wobj: Option<String>,
     pub(super) box_mm: Option<[[f64; 3]; 2]>,
+    pub(super) stl: Option<String>,
     pub(super) resolution_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Part {
+    pub(super) stl: String,
 }

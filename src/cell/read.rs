@@ -4,7 +4,7 @@ use super::check::Check;
 use super::cl::cl;
 use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
-use super::{Cell, Controller, CorrectionLimits, nearest, plausible, raw, uncertainty};
+use super::{Cell, Controller, CorrectionLimits, PartSection, nearest, plausible, raw, uncertainty};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot, Units};
@@ -104,6 +104,7 @@ impl Cell {
                 notes: check.warnings,
                 stock,
                 units,
+                part: raw.part.map(|part| PartSection { stl: part.stl, mesh: None }),
             }),
             _ => {
                 check.errors.sort_by_key(|error| (error.line, error.column));

@@ -1,9 +1,11 @@
-//! `[stock]`: the blank that a program cuts.
+//! `[stock]` and `[part]`: the blank that a program cuts, and what is to come of it.
 
 use super::check::Check;
-use super::raw;
-use crate::stock::Blank;
+use super::{Cell, raw};
+use crate::stock::{Blank, ClosedMesh, read_stl};
+use crate::text::{Diagnostic, Source};
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// `[stock]`.
 #[derive(Clone, Debug)]
@@ -11,14 +13,72 @@ use nalgebra::Vector3;
 pub struct StockSection {
     /// Work object in whose axes it is given; without one, the first that cuts.
     pub wobj: Option<String>,
-    /// The blank, m.
-    pub blank: Blank,
+    /// The blank, m; `None` of a mesh that has not been read, see [`Cell::take_meshes`].
+    pub blank: Option<Blank>,
+    /// The file of the blank, beside the cell file.
+    pub stl: Option<String>,
     /// Spacing of the stock's lines, m; without it, from the smallest cutter.
     pub resolution: Option<f64>,
 }
 
+/// `[part]`: the nominal part, in the stock's axes.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct PartSection {
+    /// Its file, beside the cell file.
+    pub stl: String,
+    /// The mesh, once it has been read, see [`Cell::take_meshes`].
+    pub mesh: Option<Arc<ClosedMesh>>,
+}
+
+impl Cell {
+    /// Reads the meshes that `[stock] stl` and `[part] stl` name; `read` gives a file beside the cell file.
+    ///
+    /// # Errors
+    /// What `read` says; files that are no STL, or are not closed.
+    pub fn take_meshes<R>(&mut self, mut read: R) -> Result<(), Vec<Diagnostic>>
+    where
+        R: FnMut(&str) -> Result<Source, Vec<Diagnostic>>,
+    {
+        let mut mesh = |name: &str| -> Result<Arc<ClosedMesh>, Vec<Diagnostic>> {
+            let source = read(name)?;
+            let fail = |message: String, help: &str| vec![Diagnostic::error("stl", &source.name, message).help(help)];
+            let triangles = read_stl(&source.bytes)
+                .map_err(|error| fail(error.to_string(), "export the mesh as STL, binary or text, in millimetres"))?;
+            let closed = ClosedMesh::new(&triangles)
+                .map_err(|error| fail(error.to_string(), "repair the mesh: each edge belongs to two triangles"))?;
+            Ok(Arc::new(closed))
+        };
+        if let Some(stock) = &mut self.stock
+            && let Some(name) = &stock.stl
+        {
+            stock.blank = Some(Blank::Mesh(mesh(name)?));
+        }
+        if let Some(part) = &mut self.part {
+            part.mesh = Some(mesh(&part.stl)?);
+        }
+        Ok(())
+    }
+}
+
 pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection> {
-    let corners = check.need("stock", "box_mm", raw.box_mm, "the blank's lower and upper corner")?;
+    if let Some(resolution) = raw.resolution_mm {
+        check.positive("stock.resolution_mm", &[resolution]);
+    }
+    let section = |blank: Option<Blank>| StockSection {
+        wobj: raw.wobj.clone(),
+        blank,
+        stl: raw.stl.clone(),
+        resolution: raw.resolution_mm.map(|resolution| 1e-3 * resolution),
+    };
+    if raw.stl.is_some() {
+        if raw.box_mm.is_some() {
+            check.error("stock.stl", "[stock] has both box_mm and stl: the blank is one of them", "remove the other");
+        }
+        return Some(section(None));
+    }
+    let corners =
+        check.need("stock", "box_mm", raw.box_mm, "the blank's lower and upper corner, or stl = \"blank.stl\"")?;
     for corner in corners {
         check.finite("stock.box_mm", &corner);
     }
@@ -30,12 +90,5 @@ pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection>
             "give [[xmin, ymin, zmin], [xmax, ymax, zmax]]",
         );
     }
-    if let Some(resolution) = raw.resolution_mm {
-        check.positive("stock.resolution_mm", &[resolution]);
-    }
-    Some(StockSection {
-        wobj: raw.wobj.clone(),
-        blank: Blank::Box([low, high]),
-        resolution: raw.resolution_mm.map(|resolution| 1e-3 * resolution),
-    })
+    Some(section(Some(Blank::Box([low, high]))))
 }

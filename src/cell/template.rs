@@ -178,7 +178,10 @@ material = "al7075"             # << a literature value is a start only: calibra
 # [stock]
 # wobj = "wPart"                # in whose axes; left out: the first work object that cuts
 # box_mm = [[0.0, 0.0, -40.0], [300.0, 200.0, 0.0]]
+# stl = "blank.stl"             # instead of the box: a closed mesh, mm, beside this file
 # resolution_mm = 0.5           # left out: from the smallest cutter
+# [part]
+# stl = "part.stl"              # what `deflex simulate` compares with, in the stock's axes; left out: the part as programmed
 
 # What besides the robot moves: tracks, positioners (docs/formats.md).
 # [[unit]]

@@ -151,12 +151,12 @@ impl CellFile {
         Self::parse(source(path)?)
     }
 
-    /// Checks the text of a cell file.
+    /// Checks the text of a cell file, and reads the meshes that it names, beside its path.
     ///
     /// # Errors
-    /// It is no cell: see [`Cell::read`].
+    /// It is no cell: see [`Cell::read`]; a mesh cannot be read, or is no solid.
     pub fn parse(source: Source) -> Result<Self, Vec<Diagnostic>> {
-        let cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
+        let mut cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
             Some(_) => {
                 Diagnostic::error("cell.syntax", &source.name, "this is a program, where the cell file is expected")
                     .help("give --cell a TOML file; `deflex init --robot MODEL` prints one to start from")
@@ -164,6 +164,9 @@ impl CellFile {
             }
             None => errors,
         })?;
+        // Meshes stand beside the cell file.
+        let folder = Path::new(&source.name).parent().unwrap_or(Path::new(""));
+        cell.take_meshes(|name| self::source(&folder.join(name)))?;
         Ok(Self { name: source.name.clone(), cell, source })
     }
 

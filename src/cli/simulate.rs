@@ -12,6 +12,7 @@ use deflex::correct::{Cuts, Removal, cut_stock};
 use deflex::program::Program;
 use deflex::report::html::simulation_page;
 use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, probe, stl};
+use deflex::stock::{Blank, Stock};
 use deflex::text::Diagnostic;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -46,13 +47,13 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         let name = job.name.clone();
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;
-        let intended = original.as_ref().unwrap_or(&program);
+        let meant = original.as_ref().unwrap_or(&program);
         let cut = |program: &Program, against: Option<&Program>, cuts: Cuts| -> Result<Removal, Vec<Diagnostic>> {
             let done = cut_stock(program, &setup.cell.cell, &setup.options, against, cuts);
             bar.inc(1);
             done.map_err(|errors| setup.cell.own(errors))
         };
-        let programmed = cut(intended, None, Cuts::Programmed)?;
+        let programmed = cut(meant, None, Cuts::Programmed)?;
         let mut actual = Vec::new();
         if let Some(original) = &original {
             actual.push(("before", cut(original, None, Cuts::Deflected)?));
@@ -62,8 +63,13 @@ pub(super) fn run(args: &Simulate) -> Outcome {
             actual[0].0 = "as it is";
         }
         let cell = map_cell(&programmed.stock);
-        let mesh = programmed.stock.surface(cell);
-        let map = |removal: &Removal| DeviationMap::new(mesh.clone(), &programmed.stock, &removal.stock);
+        // A part is a stock that nobody has cut.
+        let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
+        let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
+        let intended = nominal.as_ref().unwrap_or(&programmed.stock);
+        let blank = programmed.stock.blank();
+        let mesh = intended.surface(cell);
+        let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
         let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
         let figures: Vec<(&str, MapFigures)> = maps.iter().map(|(name, map)| (*name, map.figures())).collect();
         let Some(((_, last), (_, last_map))) = actual.last().zip(maps.last()) else { continue };
@@ -72,8 +78,8 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         }
         if let Some(path) = &args.html {
             let larger = (last_map.programmed.triangles.len() as f64 / PAGE_TRIANGLES).sqrt().max(1.0);
-            let mesh = programmed.stock.surface(cell * larger);
-            let map = |removal: &Removal| DeviationMap::new(mesh.clone(), &programmed.stock, &removal.stock);
+            let mesh = intended.surface(cell * larger);
+            let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
             let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
             outputs.add_report(path, simulation_page(&name, &setup.cell.name, &maps, &figures).as_bytes())?;
         }

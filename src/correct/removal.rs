@@ -82,6 +82,11 @@ pub(super) fn run(
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
     let Some(section) = &cell.stock else { return Ok(None) };
     let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
+    let Some(blank) = &section.blank else {
+        let name = section.stl.as_deref().unwrap_or_default();
+        let unread = Diagnostic::error("cell.stock", "", format!("[stock] stl = \"{name}\" has not been read"));
+        return Err(vec![unread.help("call Cell::take_meshes before the cell is used")]);
+    };
     let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = section
         .resolution
@@ -90,7 +95,7 @@ pub(super) fn run(
         program,
         cell,
         cuts,
-        stock: Stock::new(section.blank.clone(), resolution),
+        stock: Stock::new(blank.clone(), resolution),
         mount,
         errors: Vec::new(),
         collided: false,
@@ -187,7 +192,7 @@ pub fn cut_stock(
         };
         vec![
             Diagnostic::error("cell.no-stock", "", message)
-                .help("add [stock] with box_mm to the cell, and a cutter for the tools that cut it"),
+                .help("add [stock] with box_mm or stl to the cell, and a cutter for the tools that cut it"),
         ]
     })
 }

@@ -1,6 +1,6 @@
 //! The part before it is cut: how far the surface that the loaded arm leaves is from the one that is programmed.
 
-use crate::stock::{Mesh, Stock};
+use crate::stock::{Blank, Mesh, Stock};
 use crate::text::number::write_fixed;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -95,11 +95,12 @@ pub struct DeviationMap {
 }
 
 impl DeviationMap {
-    /// Holds an actual stock against the programmed one.
+    /// Holds an actual stock against an intended one, which has this surface: the programmed one, or the nominal part. Where
+    /// the surface is that of the `blank`, nothing is to be cut.
     #[must_use]
-    pub fn new(programmed: Mesh, intended: &Stock, actual: &Stock) -> Self {
+    pub fn new(programmed: Mesh, intended: &Stock, blank: &Blank, actual: &Stock) -> Self {
         let deviation = |point: &Vector3<f64>| {
-            let cut = intended.blank().depth(point) > UNCUT && intended.depth(point).abs() < ON_SURFACE;
+            let cut = blank.depth(point) > UNCUT && intended.depth(point).abs() < ON_SURFACE;
             cut.then(|| 1e3 * actual.depth(point))
         };
         let deviations_mm = programmed.points.par_iter().map(deviation).collect();

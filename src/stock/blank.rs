@@ -1,12 +1,16 @@
 //! The blank: what the stock is before the first cut.
 
+use super::closed::ClosedMesh;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// A blank in the stock's frame, m.
 #[derive(Clone, Debug)]
 pub enum Blank {
     /// From the lower to the upper corner.
     Box([Vector3<f64>; 2]),
+    /// Inside of a mesh.
+    Mesh(Arc<ClosedMesh>),
 }
 
 impl Blank {
@@ -15,10 +19,11 @@ impl Blank {
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         match self {
             Self::Box(corners) => *corners,
+            Self::Mesh(mesh) => mesh.bounds(),
         }
     }
 
-    /// Signed depth of a point in the blank, m: above zero inside.
+    /// Signed depth of a point in the blank, m: above zero inside. Of a mesh it is told up to some millimetres.
     #[inline]
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
@@ -27,6 +32,7 @@ impl Blank {
                 let inside = |k: usize| (point[k] - low[k]).min(high[k] - point[k]);
                 inside(0).min(inside(1)).min(inside(2))
             }
+            Self::Mesh(mesh) => mesh.depth(point),
         }
     }
 
@@ -38,6 +44,7 @@ impl Blank {
                     each(low.z, high.z);
                 }
             }
+            Self::Mesh(mesh) => mesh.spans(x, y, each),
         }
     }
 }

@@ -17,16 +17,20 @@
 //! its shank removes what it meets, collisions are not looked for.
 
 mod blank;
+mod closed;
 mod dexel;
 mod front;
 mod mask;
 mod solid;
+mod stl;
 mod surface;
 mod sweep;
 
 pub use blank::Blank;
+pub use closed::{ClosedMesh, OpenMesh};
 pub use dexel::Stock;
 pub use front::{Engaged, Front};
 pub use solid::Solid;
+pub use stl::{StlError, read_stl};
 pub use surface::Mesh;
 pub use sweep::ToolPose;

@@ -1,12 +1,13 @@
 //! Material removal and engagement against closed forms and against a brute-force witness that shares nothing with it.
 
+mod mesh;
 mod paths;
 mod program;
 mod witness;
 
 use deflex::cutting::{Coefficients, Cutter, Engagement, Milling, Mode};
 use deflex::stock::{Blank, Engaged, Front, Stock, ToolPose};
-use nalgebra::Vector3;
+use nalgebra::{Unit, Vector3};
 use std::f64::consts::{FRAC_PI_4, PI};
 
 const MM: f64 = 1e-3;
@@ -110,12 +111,13 @@ fn half_immersion_up_and_down() {
 /// A pass beside its own like before it, a stepover away: as declared and from the stock.
 #[test]
 fn a_stepover_from_the_stock_is_the_declared_one() {
-    for (cutter, depth, width, lead, tilt) in [
-        (cutter(10.0, 5.0), 0.5, 0.5, 0.0, 0.0),
-        (cutter(25.0, 5.0), 0.5, 2.0, 0.0, 0.0),
-        (cutter(25.0, 5.0), 3.0, 12.5, 0.0, 0.0),
-        (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0),
-        (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0),
+    // Where little of the mask is engaged, or at a flat angle, its rim counts more.
+    for (cutter, depth, width, lead, tilt, share) in [
+        (cutter(10.0, 5.0), 0.5, 0.5, 0.0, 0.0, 0.02),
+        (cutter(25.0, 5.0), 0.5, 2.0, 0.0, 0.0, 0.02),
+        (cutter(25.0, 5.0), 3.0, 12.5, 0.0, 0.0, 0.01),
+        (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0, 0.025),
+        (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0, 0.02),
     ] {
         for (mode, beside) in [(Mode::Down, width), (Mode::Up, -width)] {
             let engagement = Engagement {
@@ -136,7 +138,7 @@ fn a_stepover_from_the_stock_is_the_declared_one() {
             run(&mut stock, &front, &line(pose(-20.0, 40.0 + beside), pose(80.0, 40.0 + beside), 2.0));
             let done = run(&mut stock, &front, &line(pose(-20.0, 40.0), pose(30.0, 40.0), 2.0));
             let found = force(&done.last().unwrap().0);
-            within(found, milling.mean_force(&Vector3::zeros(), &axis), 0.01);
+            within(found, milling.mean_force(&Vector3::zeros(), &axis), share);
         }
     }
 }
@@ -157,6 +159,30 @@ fn a_slot_removes_its_volume() {
         let left = stock.volume();
         assert!(((200.0 * 200.0 * 20.0) * MM.powi(3) - left - removed).abs() / wanted < 2e-3, "{left}");
     }
+}
+
+/// What the moves say that they remove is what is missing of the blank: two cutters, one of them leaning and turning.
+#[test]
+fn what_is_removed_is_missing() {
+    let mut stock = Stock::new(block(60.0, 40.0, 15.0), 0.4 * MM);
+    let before = stock.volume();
+    let (rough, finish) =
+        (Front::new(&cutter(16.0, 2.0), &coefficients()), Front::new(&cutter(8.0, 4.0), &coefficients()));
+    let mut removed = 0.0;
+    for y in [8.0, 18.0, 28.0] {
+        let passes = run(&mut stock, &rough, &line(upright(-10.0, y, -2.0), upright(70.0, y + 3.0, -4.0), 4.0));
+        removed += passes.iter().map(|(_, removed)| removed).sum::<f64>();
+    }
+    for y in [10.0, 14.0] {
+        let lean = |angle: f64| Unit::new_normalize(Vector3::new(angle.sin(), 0.2, angle.cos()));
+        let ends = [(-6.0, -0.4), (66.0, 0.4)].map(|(x, angle)| ToolPose { axis: lean(angle), ..upright(x, y, -5.0) });
+        let passes = run(&mut stock, &finish, &line(ends[0], ends[1], 3.0));
+        removed += passes.iter().map(|(_, removed)| removed).sum::<f64>();
+    }
+    let missing = before - stock.volume();
+    println!("{removed} {missing}");
+    assert!((removed / missing - 1.0).abs() < 1e-5, "{removed} {missing}");
+    assert!((stock.removed() / removed - 1.0).abs() < 1e-12);
 }
 
 /// A plunge of a ball: the mean force goes along the axis, as the integral over the whole cap by hand has it.

@@ -66,15 +66,8 @@ fn force(corrected: &Corrected, row: usize) -> Vector3<f64> {
     corrected.rows[row].force_n.into()
 }
 
-/// Unoptimised, the equilibria of a program take more stack than a test's thread has.
-const STACK: usize = 16 << 20;
-
 #[test]
 fn a_slot_from_the_stock_is_the_declared_one_in_the_report() {
-    std::thread::Builder::new().stack_size(STACK).spawn(slot_as_declared).unwrap().join().unwrap();
-}
-
-fn slot_as_declared() {
     let options = Options::default();
     let declared = cell("mode = \"slot\"\ndepth_mm = 1.5\nlead_deg = 0\ntilt_deg = 0", "");
     let stock = cell("mode = \"stock\"", STOCK);
@@ -128,7 +121,7 @@ fn a_known_shift_is_the_deviation() {
     let volume = mesh.volume();
     assert!((volume / programmed.stock.volume() - 1.0).abs() < 5e-3, "{volume}");
     assert_eq!(stl(&mesh).len(), 84 + 50 * mesh.triangles.len());
-    let map = DeviationMap::new(mesh, &programmed.stock, &actual.stock);
+    let map = DeviationMap::new(mesh, &programmed.stock, programmed.stock.blank(), &actual.stock);
     let floor: Vec<f64> =
         map.points().iter().filter(|p| (p.position_mm[2] + 1.5).abs() < 1e-3).map(|p| p.deviation_mm).collect();
     assert!(floor.len() > 100 && floor.iter().all(|d| (d - 0.1).abs() < 2e-3), "{:?}", &floor[..10]);
@@ -138,4 +131,22 @@ fn a_known_shift_is_the_deviation() {
     assert!(probe(&actual.stock, &at(-1.4), Some(&up)).unwrap().abs() < 1e-3);
     let figures = map.figures();
     assert!(figures.leftover.max_mm >= 0.1 && figures.max_mm < 0.11, "{figures:?}");
+}
+
+/// Forces, deflected cuts and the surface that comes out, whatever the number of threads.
+#[test]
+fn threads_change_no_bit() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (cell, options) = (cell("mode = \"stock\"", STOCK), Options::default());
+            let corrected = compensate(&slot(), &cell, &options).unwrap();
+            let predicted = predict(&slot(), &cell, &options, None).unwrap();
+            let cut = cut_stock(&slot(), &cell, &options, None, Cuts::Deflected).unwrap();
+            let rows = format!("{:?}{:?}", corrected.rows, predicted.rows);
+            (rows, cut.stock.removed().to_bits(), stl(&cut.stock.surface(1e-3)))
+        })
+    };
+    let one = run(1);
+    [2, 5].into_iter().for_each(|threads| assert!(run(threads) == one, "{threads} threads"));
 }

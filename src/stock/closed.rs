@@ -1,0 +1,245 @@
+//! A closed triangle mesh as a solid: lines through it, and distances from it.
+
+use nalgebra::Vector3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Farther from the surface than this, m, a depth is this: what asks for depths looks at cells of cutters, which are smaller.
+const FAR: f64 = 1e-3;
+
+/// Stands for a side that is zero.
+const TINY: f64 = 1e-200;
+
+/// Bins along the longer side at most.
+const MOST_BINS: f64 = 512.0;
+
+/// A mesh whose triangles close it, counterclockwise seen from outside, m.
+#[derive(Clone, Debug)]
+pub struct ClosedMesh {
+    points: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+    /// Triangles over each square of the xy plane.
+    bins: Vec<Vec<u32>>,
+    size: f64,
+    count: [usize; 2],
+}
+
+/// Why triangles are no solid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenMesh {
+    /// There is none.
+    #[error("there is no triangle in it")]
+    Empty,
+    /// Edges that not exactly two triangles share, each in its own direction.
+    #[error(
+        "it is not closed: {edges} edges have no triangle on their other side, the first at x {:.4}, y {:.4}, z {:.4}",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    Edges {
+        /// How many.
+        edges: usize,
+        /// Where the first begins, mm.
+        at_mm: [f64; 3],
+    },
+    /// A corner that is no number.
+    #[error("a corner is not finite")]
+    NotFinite,
+}
+
+impl ClosedMesh {
+    /// Of triangles, m. Corners at the same place are one; a mesh with its inside out is turned.
+    ///
+    /// # Errors
+    /// Triangles that do not close.
+    pub fn new(triangles: &[[Vector3<f64>; 3]]) -> Result<Self, OpenMesh> {
+        if triangles.iter().flatten().any(|corner| !corner.iter().all(|v| v.is_finite())) {
+            return Err(OpenMesh::NotFinite);
+        }
+        let mut mesh = Self {
+            points: Vec::new(),
+            triangles: Vec::new(),
+            low: Vector3::repeat(f64::INFINITY),
+            high: Vector3::repeat(f64::NEG_INFINITY),
+            bins: Vec::new(),
+            size: 0.0,
+            count: [1, 1],
+        };
+        let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        for triangle in triangles {
+            let corners = triangle.map(|corner| {
+                // Zero has two signs.
+                let key = [0, 1, 2].map(|k| (corner[k] + 0.0).to_bits());
+                *known.entry(key).or_insert_with(|| {
+                    mesh.points.push(corner);
+                    (mesh.low, mesh.high) = (mesh.low.inf(&corner), mesh.high.sup(&corner));
+                    u32::try_from(mesh.points.len() - 1).unwrap_or(u32::MAX)
+                })
+            });
+            let [a, b, c] = corners;
+            // Without an area it closes nothing.
+            if a != b && b != c && c != a {
+                mesh.triangles.push(corners);
+            }
+        }
+        mesh.check()?;
+        if mesh.volume() < 0.0 {
+            mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        mesh.sort_into_bins();
+        Ok(mesh)
+    }
+
+    fn check(&self) -> Result<(), OpenMesh> {
+        if self.triangles.is_empty() {
+            return Err(OpenMesh::Empty);
+        }
+        // What is left when each edge has met the same edge the other way.
+        let mut open: BTreeSet<(u32, u32, usize)> = BTreeSet::new();
+        for [a, b, c] in &self.triangles {
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                let other = open.range((to, from, 0)..=(to, from, usize::MAX)).next().copied();
+                match other {
+                    Some(other) => open.remove(&other),
+                    None => open.insert((from, to, open.len())),
+                };
+            }
+        }
+        match open.first() {
+            None => Ok(()),
+            Some((from, ..)) => {
+                let at_mm = (self.points[*from as usize] * 1e3).into();
+                Err(OpenMesh::Edges { edges: open.len(), at_mm })
+            }
+        }
+    }
+
+    fn corners(&self, triangle: u32) -> [Vector3<f64>; 3] {
+        self.triangles[triangle as usize].map(|corner| self.points[corner as usize])
+    }
+
+    /// Volume inside, m³ (divergence theorem).
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        let corner = |i: u32| self.points[i as usize] - self.low;
+        self.triangles.iter().map(|[a, b, c]| corner(*a).dot(&corner(*b).cross(&corner(*c)))).sum::<f64>() / 6.0
+    }
+
+    /// Lower and upper corner of a box about it, m.
+    #[must_use]
+    pub fn bounds(&self) -> [Vector3<f64>; 2] {
+        [self.low, self.high]
+    }
+
+    fn sort_into_bins(&mut self) {
+        let size = self.high - self.low;
+        let wanted = (self.triangles.len() as f64).sqrt().clamp(1.0, MOST_BINS);
+        self.size = size.x.max(size.y) / wanted;
+        self.count = [0, 1].map(|k| (size[k] / self.size).floor() as usize + 1);
+        self.bins = vec![Vec::new(); self.count[0] * self.count[1]];
+        for (number, triangle) in (0_u32..).zip(&self.triangles) {
+            let corners = triangle.map(|corner| self.points[corner as usize]);
+            let range = |k: usize| {
+                let at = corners.map(|corner| corner[k]);
+                let least = at.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+                let most = at.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+                self.bin(least, k)..=self.bin(most, k)
+            };
+            let (columns, rows) = (range(0), range(1));
+            for j in rows {
+                for i in columns.clone() {
+                    self.bins[j * self.count[0] + i].push(number);
+                }
+            }
+        }
+    }
+
+    fn bin(&self, at: f64, k: usize) -> usize {
+        (((at - self.low[k]) / self.size).max(0.0) as usize).min(self.count[k] - 1)
+    }
+
+    /// Heights at which the line along z through a place enters and leaves, in order.
+    pub(super) fn spans(&self, x: f64, y: f64, mut each: impl FnMut(f64, f64)) {
+        if x < self.low.x || x > self.high.x || y < self.low.y || y > self.high.y {
+            return;
+        }
+        let mut heights: smallvec::SmallVec<[f64; 8]> = self.bins[self.bin(y, 1) * self.count[0] + self.bin(x, 0)]
+            .iter()
+            .filter_map(|triangle| self.height(*triangle, x, y))
+            .collect();
+        heights.sort_unstable_by(f64::total_cmp);
+        for pair in heights.chunks_exact(2) {
+            each(pair[0], pair[1]);
+        }
+    }
+
+    /// Height of a triangle over a place, where it is over it: of two triangles with an edge there, one is.
+    fn height(&self, triangle: u32, x: f64, y: f64) -> Option<f64> {
+        let corners = self.triangles[triangle as usize];
+        let side = |k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            // An edge is seen from the same end by both its triangles: their answers are opposite, to the last bit.
+            let (from, to, sign) = if a < b { (a, b, 1.0) } else { (b, a, -1.0) };
+            let (from, to) = (self.points[from as usize], self.points[to as usize]);
+            let side = (to.x - from.x) * (y - from.y) - (to.y - from.y) * (x - from.x);
+            // On it: as if a little ahead in x, and far less in y.
+            let beside = [side, from.y - to.y, to.x - from.x];
+            sign * beside
+                .into_iter()
+                .find(|side| *side != 0.0)
+                .map_or(0.0, |first| if side == 0.0 { first * TINY } else { first })
+        };
+        let sides = [side(0), side(1), side(2)];
+        if !(sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)) {
+            return None;
+        }
+        let [a, b, c] = self.corners(triangle);
+        let whole: f64 = sides.iter().sum();
+        Some((sides[1] * a.z + sides[2] * b.z + sides[0] * c.z) / whole)
+    }
+
+    /// Signed depth of a point, m: above zero inside; a distance from the surface up to [`FAR`], from where on it is that.
+    #[must_use]
+    pub fn depth(&self, point: &Vector3<f64>) -> f64 {
+        let mut inside = false;
+        self.spans(point.x, point.y, |low, high| inside |= (low..=high).contains(&point.z));
+        // What lies over the place itself first: it makes the rest near or far.
+        let mut nearest = FAR * FAR;
+        for reach in [0.0, FAR] {
+            let reach = nearest.sqrt().min(reach);
+            let range = |k: usize| self.bin(point[k] - reach, k)..=self.bin(point[k] + reach, k);
+            for j in range(1) {
+                for i in range(0) {
+                    for triangle in &self.bins[j * self.count[0] + i] {
+                        nearest = nearest.min(self.distance_squared(*triangle, point, nearest));
+                    }
+                }
+            }
+        }
+        if inside { nearest.sqrt() } else { -nearest.sqrt() }
+    }
+
+    /// Square of a point's distance from a triangle, m²; not told where it is above `most`.
+    fn distance_squared(&self, triangle: u32, point: &Vector3<f64>, most: f64) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        let normal = (b - a).cross(&(c - a));
+        let size = normal.norm_squared();
+        let over = (point - a).dot(&normal);
+        let square = if size > 0.0 { over * over / size } else { 0.0 };
+        if square >= most {
+            return f64::INFINITY;
+        }
+        let edge = |from: &Vector3<f64>, to: &Vector3<f64>| {
+            let (along, at) = (to - from, point - from);
+            let away = at - along * (at.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            (along.cross(&normal).dot(&at), away)
+        };
+        let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
+        // `along × normal` points out of the triangle.
+        if size > 0.0 && edges.iter().all(|(outside, _)| *outside <= 0.0) {
+            return square;
+        }
+        edges.iter().map(|(_, away)| away.norm_squared()).fold(f64::INFINITY, f64::min)
+    }
+}
