@@ -26,6 +26,11 @@ echo "== fanuc/contour.ls"
 "$deflex" check out/contour.corrected.ls --cell fanuc/cell.toml --against fanuc/contour.ls --at-targets --max-error 0.005
 
 echo
+echo "== kuka/ring.src: KRL, with the points of ring.dat"
+"$deflex" compensate kuka/ring.src --cell kuka/cell.toml --out-dir out/kuka --report out/kuka.report.csv
+"$deflex" check out/kuka/ring.src --cell kuka/cell.toml --against kuka/ring.src --at-targets --max-error 0.002
+
+echo
 echo "== stock/part.mod: from the block, with two tools"
 "$deflex" compensate stock/part.mod --cell stock/cell.toml -o out/stock.corrected.mod --report out/stock.report.csv
 "$deflex" simulate out/stock.corrected.mod --cell stock/cell.toml --against stock/part.mod \

@@ -230,6 +230,8 @@ pub(super) enum PostIn {
     /// ABB RAPID
     #[default]
     Rapid,
+    /// KUKA KRL
+    Krl,
     /// FANUC TP: tools and work objects are those of the numbers in their names
     Ls,
 }
@@ -238,6 +240,7 @@ impl From<PostIn> for Language {
     fn from(post: PostIn) -> Self {
         match post {
             PostIn::Rapid => Self::Rapid,
+            PostIn::Krl => Self::Krl,
             PostIn::Ls => Self::Ls,
         }
     }

@@ -5,8 +5,8 @@ use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
 use crate::program::cl::Chunks;
-use crate::program::post::tp;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
+use crate::program::post::{krl, tp};
 use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
 use crate::robot::{Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
@@ -27,7 +27,7 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
-    /// Language of the program: RAPID or FANUC TP.
+    /// Language of the program: RAPID, KRL or FANUC TP.
     pub language: Language,
 }
 
@@ -160,6 +160,10 @@ pub fn post(
         })?;
         return Ok(PostedProgram { files, notes: poster.notes });
     }
+    if options.language == Language::Krl {
+        let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
+        return Ok(PostedProgram { files: poster.post.krl(&points, &axes, &poster.end(program)), notes: poster.notes });
+    }
     let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for Text { bytes, files: starts } in [poster.post.head(), &body] {
@@ -214,7 +218,7 @@ impl Poster {
             wobjs: outline.wobjs.iter().map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name))).collect(),
             speeds: outline.feeds,
             points: outline.points,
-            max_points: options.max_targets,
+            max_points: options.max_targets.or((options.language == Language::Krl).then_some(krl::MOST_POINTS)),
             rapid_mm_s: options.rapid_mm_s,
             corner_tolerance_mm: CORNER_TOLERANCE_MM,
         };

@@ -45,7 +45,7 @@ fn is_krl(line: &[u8]) -> bool {
     let word = line.iter().position(|b| !b.is_ascii_alphabetic()).unwrap_or(line.len());
     let (word, rest) = line.split_at(word);
     let name = rest.first().is_some_and(u8::is_ascii_whitespace)
-        && trim(rest).first().is_some_and(|b| b.is_ascii_alphabetic() || matches!(b, b'_' | b'$'));
+        && trim(rest).first().is_some_and(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'$'));
     name && ROUTINES.iter().any(|known| known.eq_ignore_ascii_case(word))
 }
 

@@ -122,6 +122,7 @@ pub fn read(
             let message = format!("{} CL files are as many programs", sources.len());
             Err(Diagnostic::error("cl.several", "", message).help("give them one by one").into())
         }
+        Language::Krl if options.look => krl::look(sources, context),
         Language::Krl => krl::read(sources, context),
         Language::Ls => tp::read(sources, context),
     }
@@ -136,6 +137,8 @@ pub(crate) enum Layout {
     Cl(cl::Layout),
     /// FANUC TP.
     Ls(tp::Layout),
+    /// KRL.
+    Krl(krl::Layout),
 }
 
 impl Layout {
@@ -144,6 +147,7 @@ impl Layout {
             Self::Rapid(layout) => layout,
             Self::Cl(layout) => layout,
             Self::Ls(layout) => layout,
+            Self::Krl(layout) => layout,
         }
     }
 }

@@ -17,7 +17,7 @@ pub mod post;
 pub mod rapid;
 mod round_trip;
 mod target;
-mod token;
+pub(crate) mod token;
 pub mod tp;
 
 pub use action::{Action, ActionKind};

@@ -3,10 +3,10 @@
 use crate::text::{Token, number};
 
 /// Most decimals printed: single precision holds no more of any quaternion.
-pub(super) const MAX_DECIMALS: usize = 15;
+pub(crate) const MAX_DECIMALS: usize = 15;
 
 /// A token with its sign, blanks between them allowed.
-pub(super) fn signed(token: &[u8]) -> Option<f64> {
+pub(crate) fn signed(token: &[u8]) -> Option<f64> {
     let (negative, rest) = match token {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),
@@ -17,15 +17,15 @@ pub(super) fn signed(token: &[u8]) -> Option<f64> {
 }
 
 /// What becomes of a token.
-pub(super) struct New {
+pub(crate) struct New {
     /// Its new text, in its own style; `None` where the printed value stays what it is.
-    pub(super) token: Option<Token>,
+    pub(crate) token: Option<Token>,
     /// The number that stands there then, where it is known.
-    pub(super) value: Option<f64>,
+    pub(crate) value: Option<f64>,
 }
 
 impl New {
-    pub(super) fn of(old: &[u8], value: f64, least: usize) -> Self {
+    pub(crate) fn of(old: &[u8], value: f64, least: usize) -> Self {
         let decimals = |places: usize| places.max(least).min(MAX_DECIMALS);
         // As most numbers are: no looks to keep but the count of decimals.
         if let Some(was) = number::read_leading(old).filter(|was| was.len() == old.len() && was.bare)

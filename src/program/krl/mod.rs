@@ -1,18 +1,194 @@
-//! KUKA KRL.
+//! KUKA KRL: `.src` with its `.dat`.
+//!
+//! | file | from | to |
+//! |---|---|---|
+//! | `lex` | bytes | lines of lexemes, marks |
+//! | `syntax`, `tree` | lines | routines, data lists, blocks |
+//! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
+//! | `run`, `calls`, `motion` | statements | targets |
+//! | `changes`, `names` | statements | what they could change |
+//! | `rewrite` | corrected poses | edits on number tokens |
+//!
+//! A mark `; deflex air` or `; deflex cut` holds from the next statement on, in the order in which statements run.
 
-use super::Program;
-use crate::text::{Diagnostic, Source, Span};
+mod calls;
+mod changes;
+mod eval;
+mod lex;
+mod motion;
+mod names;
+mod rewrite;
+mod run;
+mod state;
+mod symbols;
+mod syntax;
+mod tree;
+mod value;
 
-/// Refuses: programs of this language are told from others, and not read.
+#[cfg(test)]
+mod tests;
+
+use super::{Kept, Language, Program};
+use crate::text::{Diagnostic, Severity, Source, Span};
+use lex::{Cursor, Kind, lines};
+use run::{Runner, Site};
+use value::{POSE, upper};
+
+/// Where the numbers of targets stand.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    /// One a target.
+    sites: Vec<Site>,
+    /// Executed motions, those whose target is not known when reading among them.
+    motions: usize,
+    /// How many of them have no target, by reason, in the order first met.
+    unknown: Vec<(&'static str, usize)>,
+}
+
+/// Reads files as one program with shared names; `context` files only declare.
 ///
 /// # Errors
-/// Always.
-pub fn read(sources: Vec<Source>, _context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let refused = |source: &Source| {
-        let message = "KUKA KRL is recognised, but not read by this version";
-        Diagnostic::error("krl.not-read", &source.name, message)
-            .at(source, Span::new(0, 0))
-            .help("give RAPID or CL data")
+/// The program as a whole is refused (no text, no KRL, cut off): every reason found.
+pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    read_cut(sources, context, false)
+}
+
+/// [`read`] for those who only look: a file that is cut off is read to its end, and where it ends is kept.
+///
+/// # Errors
+/// As [`read`], but for cut-off files.
+pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
+    read_cut(sources, context, true)
+}
+
+fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Result<Program, Vec<Diagnostic>> {
+    let written = sources.len();
+    sources.extend(context);
+    let (mut files, mut errors, mut cuts) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, source) in sources.iter().enumerate() {
+        if let Some(error) = refuse(source) {
+            errors.push(error);
+            continue;
+        }
+        let file = match syntax::parse(source, u16::try_from(index).unwrap_or(u16::MAX)) {
+            Ok(file) => file,
+            Err(syntax::TooDeep(here)) => {
+                let message = format!("blocks are nested deeper than {}", syntax::MAX_DEPTH);
+                let error = Diagnostic::error("krl.too-deep", &source.name, message).at(source, here);
+                errors.push(error.help("split the routine into several"));
+                continue;
+            }
+        };
+        if file.module.is_empty() {
+            let message = "there is no DEF and no DEFDAT in the file: expected a KRL program or data list";
+            let error = Diagnostic::error("krl.no-routine", &source.name, message).at(source, Span::new(0, 0));
+            errors.push(error.help("give a .src with its .dat beside it"));
+        } else if let Some(at) = file.cut {
+            if look {
+                let line = source.line_column(at.range().start).line;
+                let reason = "the file ends inside a routine or a block";
+                cuts.push(Kept { source: index, span: at, line, reason, fault: true, help: "" });
+            } else {
+                let message =
+                    "what begins here is not closed: expected END, ENDDAT, ENDIF, ENDFOR, ENDWHILE, ENDLOOP, …";
+                let error = Diagnostic::error("krl.truncated", &source.name, message).at(source, at);
+                errors.push(error.help("the file is cut off; get it again from its source"));
+            }
+        }
+        files.push(file);
+    }
+    if !errors.is_empty() {
+        return Err(errors);
+    }
+    let mut runner = Runner::new(&sources, &files, written);
+    runner.run();
+    let Runner { tools, wobjs, targets, sites, motions, arcs, unknown, mut kept, mut diagnostics, .. } = runner;
+    if diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        diagnostics.sort_by_key(|d| d.severity != Severity::Error);
+        return Err(diagnostics);
+    }
+    kept.append(&mut cuts);
+    kept.sort_by_key(|kept| (kept.source, kept.span.start));
+    let literal_targets = sources.iter().take(written).map(|source| literals(&source.bytes)).sum();
+    Ok(Program {
+        written,
+        language: Language::Krl,
+        dialect: dialect(&sources[..written]),
+        tools,
+        wobjs,
+        targets,
+        actions: Vec::new(),
+        kept,
+        literal_targets,
+        arcs,
+        cutter: None,
+        diagnostics,
+        layout: super::Layout::Krl(Layout { sites, motions: motions as usize, unknown }),
+        sources,
+    })
+}
+
+/// Why a file as a whole is not read.
+fn refuse(source: &Source) -> Option<Diagnostic> {
+    let whole = |code, message: &str, at: usize| {
+        Diagnostic::error(code, &source.name, message).at(source, Span::new(at, (at + 1).min(source.bytes.len())))
     };
-    Err(sources.iter().map(refused).collect())
+    if u32::try_from(source.bytes.len()).is_err() {
+        return Some(whole("krl.too-large", "file is larger than 4 GiB", 0).help("split it"));
+    }
+    let at = super::rapid::no_text(&source.bytes)?;
+    Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
+}
+
+/// Complete numeric positions in a text: aggregates with all six of X, Y, Z, A, B, C.
+fn literals(bytes: &[u8]) -> usize {
+    lines(bytes)
+        .map(|line| line.code)
+        .filter(|code| bytes[code.range()].contains(&b'{'))
+        .map(|code| in_line(bytes, code))
+        .sum()
+}
+
+fn in_line(bytes: &[u8], code: Span) -> usize {
+    let mut cursor = Cursor::new(bytes, 0, code);
+    // How many of the six numbers each open aggregate has.
+    let (mut open, mut count): (Vec<u8>, usize) = (Vec::new(), 0);
+    while !cursor.is_done() {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            Kind::Mark(b'{') => open.push(0),
+            Kind::Mark(b'}') => count += usize::from(open.pop() == Some(0b11_1111)),
+            Kind::Word => {
+                let name = upper(cursor.text(lexeme));
+                let which = POSE.iter().position(|known| *known == &name[..]);
+                let mut behind = cursor;
+                let _ = behind.accept_mark(b'-') || behind.accept_mark(b'+');
+                let is_number =
+                    behind.accept(Kind::Number).is_some() && matches!(behind.peek().kind, Kind::Mark(b',' | b'}'));
+                if let (Some(which), Some(of), true) = (which, open.last_mut(), is_number) {
+                    *of |= 1 << which;
+                }
+            }
+            _ => {}
+        }
+    }
+    count
+}
+
+/// Who made it, as far as the text tells.
+fn dialect(sources: &[Source]) -> &'static str {
+    const MAKERS: [(&[u8], &str); 8] = [
+        (b"RoboDK", "robodk"),
+        (b"KUKA|prc", "kuka-prc"),
+        (b"SprutCAM", "sprutcam"),
+        (b"Robotmaster", "robotmaster"),
+        (b"PowerMill", "powermill"),
+        (b"Siemens", "nx"),
+        (b"CAMRob", "camrob"),
+        (b"%{PE}", "inline-forms"),
+    ];
+    let head = |source: &Source| source.bytes[..source.bytes.len().min(8192)].to_vec();
+    let heads: Vec<Vec<u8>> = sources.iter().map(head).collect();
+    let made = |text: &[u8]| heads.iter().any(|head| memchr::memmem::find(head, text).is_some());
+    MAKERS.iter().find(|(text, _)| made(text)).map_or("krl", |(_, maker)| maker)
 }

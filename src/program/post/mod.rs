@@ -8,8 +8,10 @@
 //! | `template` | lines that call the cell's own routines |
 //! | `writer` | RAPID modules, written chunk by chunk |
 //! | `tp` | FANUC TP programs |
+//! | `krl` | the same points as KRL |
 
 mod data;
+pub(crate) mod krl;
 mod names;
 mod template;
 pub(crate) mod tp;

@@ -65,7 +65,10 @@ impl Templates {
             return Some(format!("WAIT {seconds:.2}(sec)"));
         }
         if let ActionKind::Dwell { seconds } = kind {
-            return Some(format!("WaitTime {};", decimal(*seconds)));
+            return Some(match language {
+                Language::Krl => format!("WAIT SEC {}", decimal(*seconds)),
+                _ => format!("WaitTime {};", decimal(*seconds)),
+            });
         }
         let text = self.0.get(kind.template()?)?;
         Some(match kind {

@@ -59,6 +59,16 @@ pub struct PostedPoint {
     pub wobj: u16,
 }
 
+#[cfg(test)]
+impl PostedPoint {
+    /// A point to begin a test with.
+    pub(super) fn sample(position_mm: [f64; 3], quat: [f64; 4]) -> Self {
+        let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
+        let (speed_mm_s, rapid, stop, joint, lines, mark) = (20.0, false, false, false, None, None);
+        Self { position_mm, quat, conf, turns: [0; 3], speed_mm_s, rapid, stop, joint, lines, mark, tool: 0, wobj: 0 }
+    }
+}
+
 /// Position and orientation as the controller holds them: printed, then in single precision.
 #[must_use]
 pub fn as_written(position_mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
@@ -108,6 +118,11 @@ pub struct Place {
 }
 
 impl Place {
+    /// Whether the point that waits is the program's first.
+    pub(super) fn is_first(&self) -> bool {
+        self.before.is_none()
+    }
+
     /// Behind these points too, all but the last of which are written with them.
     #[must_use]
     pub fn behind(&self, points: &[PostedPoint]) -> Self {
@@ -123,12 +138,12 @@ impl Place {
 /// The head comes first; then chunks of points, each from its [`Place`] on, whoever has written those before.
 #[derive(Clone, Debug)]
 pub struct RapidPost {
-    plan: RapidPlan,
+    pub(super) plan: RapidPlan,
     module: String,
     /// Names of the declared speeds, slowest first.
     speeds: Vec<(f64, String)>,
     /// Points a part, where there are parts.
-    part: Option<usize>,
+    pub(super) part: Option<usize>,
     head: Text,
 }
 
@@ -257,7 +272,7 @@ impl RapidPost {
         }
     }
 
-    fn zone_at(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
+    pub(super) fn zone_at(&self, place: &Place, point: &PostedPoint, next: Option<&PostedPoint>) -> &'static [u8] {
         let (Some(before), Some(next)) = (&place.before, next) else { return FINE };
         // The tool arrives before it enters the material.
         let enters = point.rapid && !next.rapid;

@@ -55,6 +55,11 @@ pub(super) fn zone(
     }
 }
 
+/// Radius of a predefined zone, mm; none of a stop.
+pub(super) fn radius(zone: &[u8]) -> Option<f64> {
+    ZONES.iter().find(|(name, _)| *name == zone).map(|(_, radius)| *radius)
+}
+
 fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }

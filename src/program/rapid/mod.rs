@@ -122,7 +122,7 @@ struct Offset {
 const ENCRYPTED: u8 = 0xF0;
 
 /// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
-fn no_text(bytes: &[u8]) -> Option<usize> {
+pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
     /// Of this many bytes at the beginning ...
     const LOOK: usize = 64 * 1024;
     /// ... one in so many may be a control character.

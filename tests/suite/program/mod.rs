@@ -3,6 +3,7 @@
 mod cl;
 mod cl_corpus;
 mod cl_sound;
+mod krl;
 mod rapid;
 mod rapid_sound;
 mod tp;

@@ -1,0 +1,491 @@
+//! Assignments, calls, and the start values of data lists.
+
+use super::changes::{Changes, is_frame_function};
+use super::eval::{Path, RUN_TIME};
+use super::lex::{Cursor, Kind};
+use super::names;
+use super::run::{MAX_CALLS, Runner};
+use super::state::{Id, State};
+use super::symbols::RoutineId;
+use super::tree::Param;
+use super::value::{Name, Step, Value, upper};
+use crate::text::Span;
+use std::collections::HashSet;
+use std::rc::Rc;
+
+/// What a call is given: a value, and the variable that it stands in.
+struct Argument {
+    value: Value,
+    path: Option<Path>,
+}
+
+impl<'a> Runner<'a> {
+    /// Declares the data of all files, and gives them what the text says.
+    pub(super) fn declare(&mut self) {
+        for file in 0..self.symbols.files.len() {
+            self.symbols.declare(file);
+        }
+        for file in 0..self.symbols.files.len() {
+            let found = &self.symbols.files[file];
+            let bytes = self.bytes(file);
+            // Names are those of the file, as if one of its routines ran.
+            self.frames.push(super::run::Frame::of_file(file));
+            for data in &found.data {
+                let Some(value) = data.value else { continue };
+                let name = upper(&bytes[data.name.range()]);
+                let id = self.symbols.find(file, &name);
+                let value = self.expression(&mut self.cursor(value));
+                self.symbols.start[id] = value;
+            }
+            for &span in &found.values {
+                let mut cursor = self.cursor(span);
+                let path = self.path(&mut cursor, 0).filter(|_| cursor.accept_mark(b'='));
+                match path {
+                    Some(path) if path.known => {
+                        let value = self.expression(&mut cursor);
+                        self.symbols.start[path.id].set(&path.steps, value);
+                    }
+                    _ => self.keep(file, span, "statement is not understood"),
+                }
+            }
+            self.frames.pop();
+        }
+        self.forget_what_lasts();
+    }
+
+    /// Numbers and switches of data lists that a program assigns keep what its last run left.
+    fn forget_what_lasts(&mut self) {
+        let mut changes = Changes::default();
+        let mut seen = HashSet::new();
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            self.changes_of(id, &mut seen, &mut changes);
+        }
+        let fixed = self.symbols.own_state();
+        for id in changes.ids.into_iter().filter(|id| !fixed.contains(id)) {
+            let value = &self.symbols.start[id];
+            if matches!(value, Value::Number(..) | Value::Bool(_) | Value::Constant(_) | Value::Text(_)) {
+                let value = value.clone().forgotten("holds what the last run left");
+                self.symbols.start[id] = value;
+            }
+        }
+    }
+
+    /// `name … = expression` or `name(arguments)`; whether it is one of these.
+    pub(super) fn assignment_or_call(&mut self, mut cursor: Cursor<'a>, span: Span) -> bool {
+        let mut behind = cursor;
+        let first = behind.next();
+        if first.kind != Kind::Word {
+            return false;
+        }
+        if behind.peek().kind == Kind::Mark(b'(') {
+            let name = upper(cursor.text(first));
+            self.call(&name, &mut behind, span);
+            return behind.is_done();
+        }
+        let Some(path) = self.path(&mut cursor, 0) else { return false };
+        if !cursor.accept_mark(b'=') {
+            return false;
+        }
+        let source = self.name_of(cursor);
+        let value = self.expression(&mut cursor);
+        self.assign(&path, value, source);
+        cursor.is_done()
+    }
+
+    /// The name of what is assigned, where that is a variable as a whole.
+    fn name_of(&mut self, mut cursor: Cursor<'a>) -> Option<String> {
+        let mut behind = cursor;
+        if behind.accept(Kind::Word).is_none() || behind.peek().kind == Kind::Mark(b'(') {
+            return None;
+        }
+        let path = self.path(&mut cursor, 0)?;
+        cursor.is_done().then_some(path.label)
+    }
+
+    /// Assigns; base and tool take the name of what they are made of.
+    pub(super) fn assign(&mut self, path: &Path, value: Value, source: Option<String>) {
+        if path.name.first() == Some(&b'$') && !names::SETTLED.contains(&&path.name[..]) {
+            self.pin(&value);
+            if matches!(&path.name[..], b"$ROBROOT" | b"$ERSYSROOT") {
+                self.volatile.insert(self.symbols.base);
+            }
+            return;
+        }
+        if matches!(&path.name[..], b"$NULLFRAME" | b"$WORLD") {
+            self.volatile.extend([self.symbols.base, self.symbols.tool]);
+        }
+        let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
+        // What a base is made of is read where the robot goes, and not moved with it.
+        if is_frame {
+            self.pin(&value);
+        }
+        // Taken out, so that an element is set in place.
+        let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
+        if path.known {
+            let fits = !self.symbols.whole.contains(&path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
+            whole.set(&path.steps, if fits { value } else { Value::unknown(RUN_TIME) });
+        } else {
+            self.pin(&value);
+            whole = whole.forgotten("an element whose index is known only at run time was changed");
+        }
+        self.state.values.insert(path.id, whole);
+        if is_frame {
+            self.name_frame(path.id, source.filter(|_| path.steps.is_empty()));
+        }
+    }
+
+    /// Another base or tool is in force, under this name.
+    fn name_frame(&mut self, id: Id, name: Option<String>) {
+        let (names, own) =
+            if id == self.symbols.base { (self.symbols.base_name, "$BASE") } else { (self.symbols.tool_name, "$TOOL") };
+        let name = Value::Own(name.as_deref().unwrap_or(own).into());
+        self.state.values.insert(names, name);
+        let position = Value::unknown("the position before is counted in another frame");
+        self.state.values.insert(self.symbols.position, position);
+    }
+
+    fn arguments(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Vec<Argument> {
+        let mut out = Vec::new();
+        cursor.accept_mark(b'(');
+        while !cursor.is_done() && !cursor.accept_mark(b')') {
+            if cursor.accept_mark(b',') {
+                // One that is left out.
+                out.push(Argument { value: Value::unknown("argument that is not given"), path: None });
+                continue;
+            }
+            let mut behind = *cursor;
+            let path = match behind.peek().kind {
+                Kind::Word => {
+                    self.path(&mut behind, depth + 1).filter(|_| matches!(behind.peek().kind, Kind::Mark(b',' | b')')))
+                }
+                _ => None,
+            };
+            let value = self.expression_at(cursor, depth + 1);
+            out.push(Argument { value, path });
+            if !cursor.accept_mark(b',') && cursor.peek().kind != Kind::Mark(b')') {
+                cursor.next();
+            }
+        }
+        out
+    }
+
+    /// A function's value; what it could change is unknown behind it.
+    pub(super) fn function(&mut self, name: &Name, cursor: &mut Cursor<'a>, depth: usize) -> Value {
+        let at = cursor.rest();
+        let arguments = self.arguments(cursor, depth);
+        if let Some(id) = self.symbols.find_routine(self.here(), name) {
+            let mut changes = Changes::default();
+            self.changes_of(id, &mut HashSet::new(), &mut changes);
+            self.forget(&changes, "may be changed by a function");
+            self.give_away(&arguments, true);
+            return Value::unknown("a function's value");
+        }
+        let first = arguments.first().map(|argument| argument.value.clone());
+        if is_frame_function(name) {
+            return self.frame_function(name, first);
+        }
+        let known = names::HARMLESS_ROUTINES.contains(&&name[..]);
+        self.give_away(
+            &arguments,
+            !known || matches!(&name[..], b"SREAD" | b"STRCOPY" | b"STRADD" | b"CAST_FROM" | b"CAST_TO"),
+        );
+        if !known {
+            self.tell_unknown(name, at);
+            self.forget(
+                &Changes { anything: true, ..Changes::default() },
+                "may be changed by a function that is not in the files",
+            );
+        }
+        let number = first.and_then(|value| value.number());
+        let computed = match (&name[..], number) {
+            (b"ABS", Some(v)) => v.abs(),
+            (b"SIN", Some(v)) => v.to_radians().sin(),
+            (b"COS", Some(v)) => v.to_radians().cos(),
+            (b"TAN", Some(v)) => v.to_radians().tan(),
+            (b"SQRT", Some(v)) if v >= 0.0 => v.sqrt(),
+            _ => return Value::unknown(RUN_TIME),
+        };
+        Value::Number(computed, None)
+    }
+
+    /// What spline inline forms use: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
+    fn frame_function(&mut self, name: &[u8], first: Option<Value>) -> Value {
+        let Some(value) = first else { return Value::unknown(RUN_TIME) };
+        self.pin(&value);
+        match name {
+            b"STOOL2" | b"STOOL" => {
+                let number = value.component(b"TOOL_NO").cloned().unwrap_or(value);
+                self.table(b"TOOL_DATA", &number)
+            }
+            b"SBASE" => self.table(b"BASE_DATA", &value),
+            b"SLOAD" => self.table(b"LOAD_DATA", &value),
+            b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
+            _ => value,
+        }
+    }
+
+    /// An element of the controller's tables; number 0 is the flange, or the world.
+    fn table(&mut self, table: &[u8], number: &Value) -> Value {
+        let name = upper(table);
+        let id = self.symbols.find(self.here(), &name);
+        let (steps, known) = match number.index() {
+            Some(0) => {
+                let zero = self.symbols.find(self.here(), &upper(b"$NULLFRAME"));
+                return if table == b"LOAD_DATA" { Value::unknown(RUN_TIME) } else { self.value(zero) };
+            }
+            Some(at) => (vec![Step::Element(at)], true),
+            None => (Vec::new(), false),
+        };
+        self.read(&Path { id, name, steps, known, label: String::new() })
+    }
+
+    /// The name of such an element.
+    fn table_name(table: &str, number: &Value) -> Option<String> {
+        match number.index()? {
+            0 => Some("$NULLFRAME".to_owned()),
+            at => Some(format!("{table}[{at}]")),
+        }
+    }
+
+    /// What was handed to a routine that is not followed: it may be read, and changed where it is a variable.
+    fn give_away(&mut self, arguments: &[Argument], changed: bool) {
+        for argument in arguments {
+            self.pin(&argument.value);
+            if let (Some(path), true) = (&argument.path, changed) {
+                let value = self.value(path.id).forgotten("may be changed by what it is given to");
+                self.state.values.insert(path.id, value);
+            }
+        }
+    }
+
+    fn call(&mut self, name: &Name, cursor: &mut Cursor<'a>, span: Span) {
+        if &name[..] == b"BAS" {
+            let arguments = self.arguments(cursor, 0);
+            return self.bas(&arguments);
+        }
+        let Some(id) = self.symbols.find_routine(self.here(), name) else {
+            drop(self.function(name, cursor, 0));
+            return;
+        };
+        let arguments = self.arguments(cursor, 0);
+        let around = self.frames.iter().filter(|frame| frame.routine == id).count();
+        if around > 0 || self.frames.len() >= MAX_CALLS || self.symbols.routine(id).is_function {
+            // Not followed: its own targets stay.
+            self.pin_names(id);
+            self.keep(self.here(), span, "routine that calls itself");
+            let mut changes = Changes::default();
+            self.changes_of(id, &mut HashSet::new(), &mut changes);
+            self.forget(&changes, "may be changed by a routine that calls itself");
+            return self.give_away(&arguments, true);
+        }
+        self.follow(id, &arguments);
+    }
+
+    /// Runs a routine with copies of what it is given, and gives back what is its caller's own.
+    fn follow(&mut self, id: RoutineId, arguments: &[Argument]) {
+        let params: &'a [Param] = &self.symbols.routine(id).params;
+        let values: Vec<Value> = arguments.iter().map(|argument| argument.value.clone()).collect();
+        let lent = |i: usize| arguments.get(i).and_then(|a| a.path.as_ref()).filter(|_| params[i].is_out);
+        // A variable that is lent is the parameter's meanwhile.
+        let mut held = Vec::new();
+        for path in (0..params.len()).filter_map(lent) {
+            held.push((path.id, self.value(path.id)));
+            let value = self.value(path.id).forgotten("lent to a parameter");
+            self.state.values.insert(path.id, value);
+        }
+        let left = self.enter(id, &values);
+        for (id, value) in held {
+            self.state.values.insert(id, value);
+        }
+        for i in 0..params.len() {
+            if let (Some(path), Some(value)) = (lent(i), left.get(i)) {
+                let path = path.clone();
+                self.assign(&path, value.clone(), None);
+            }
+        }
+    }
+
+    /// KUKA's own BAS.SRC.
+    fn bas(&mut self, arguments: &[Argument]) {
+        let Some(Value::Constant(command)) = arguments.first().map(|a| a.value.clone()) else {
+            return self.frames_unknown();
+        };
+        let number = arguments.get(1).map_or(Value::unknown(RUN_TIME), |a| a.value.clone());
+        self.pin(&number);
+        match &command[..] {
+            b"BASE" => self.set_base(&number),
+            b"TOOL" => self.set_tool(&number),
+            b"VEL_CP" => self.set_speed(number),
+            b"FRAMES" | b"PTP_PARAMS" | b"PARAMS" => self.frames_of_act(),
+            b"CP_PARAMS" => {
+                self.frames_of_act();
+                self.set_speed(number);
+            }
+            b"INITMOV" => {
+                // What was in force before stays only where it was nothing but that.
+                let names = [
+                    (self.symbols.base, self.symbols.base_name, "$BASE"),
+                    (self.symbols.tool, self.symbols.tool_name, "$TOOL"),
+                ];
+                for (id, _, own) in names {
+                    if !matches!(self.value(id), Value::Own(name) if &*name == own) {
+                        let value = Value::unknown("BAS(#INITMOV) may set it");
+                        self.state.values.insert(id, value);
+                        self.name_frame(id, None);
+                    }
+                }
+                self.set_speed(Value::unknown(RUN_TIME));
+            }
+            known if names::HARMLESS_COMMANDS.contains(&known) => {}
+            _ => self.frames_unknown(),
+        }
+    }
+
+    fn frames_unknown(&mut self) {
+        let symbols = &self.symbols;
+        let ids = [symbols.base, symbols.tool, symbols.load, symbols.speed, symbols.mode, symbols.position];
+        self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
+    }
+
+    fn set_base(&mut self, number: &Value) {
+        let value = self.table(b"BASE_DATA", number);
+        self.state.values.insert(self.symbols.base, value);
+        self.name_frame(self.symbols.base, Self::table_name("BASE_DATA", number));
+    }
+
+    fn set_tool(&mut self, number: &Value) {
+        let value = self.table(b"TOOL_DATA", number);
+        let load = self.table(b"LOAD_DATA", number);
+        self.state.values.insert(self.symbols.tool, value);
+        self.state.values.insert(self.symbols.load, load);
+        self.name_frame(self.symbols.tool, Self::table_name("TOOL_DATA", number));
+    }
+
+    fn set_speed(&mut self, value: Value) {
+        let mut speed = self.value(self.symbols.speed);
+        speed.set(&[Step::Component(upper(b"CP"))], value);
+        self.state.values.insert(self.symbols.speed, speed);
+    }
+
+    /// `FDAT_ACT={TOOL_NO n,BASE_NO m,IPO_FRAME #BASE}` comes into force.
+    fn frames_of_act(&mut self) {
+        let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
+        let act = self.value(id);
+        let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(RUN_TIME));
+        let (tool, base, mode) = (part(b"TOOL_NO"), part(b"BASE_NO"), part(b"IPO_FRAME"));
+        self.set_tool(&tool);
+        self.set_base(&base);
+        self.state.values.insert(self.symbols.mode, mode);
+    }
+
+    /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
+    pub(super) fn trigger(&mut self, mut cursor: Cursor<'a>) {
+        cursor.until(&[b"DO"]);
+        let mut behind = cursor;
+        let first = behind.next();
+        let name = upper(cursor.text(first));
+        let mut changes = Changes::default();
+        if behind.peek().kind == Kind::Mark(b'(') {
+            let arguments = self.arguments(&mut behind, 0);
+            self.give_away(&arguments, true);
+            match self.symbols.find_routine(self.here(), &name) {
+                Some(id) => {
+                    self.pin_names(id);
+                    self.changes_of(id, &mut HashSet::new(), &mut changes);
+                }
+                None if names::HARMLESS_ROUTINES.contains(&&name[..]) => {}
+                None => {
+                    self.tell_unknown(&name, first.span());
+                    changes.anything = true;
+                }
+            }
+        } else if name.first() != Some(&b'$') {
+            changes.ids.extend(self.path(&mut cursor, 0).map(|path| path.id));
+        }
+        self.volatile.extend(changes.ids.iter().copied());
+        if changes.anything {
+            self.volatile.extend(self.symbols.visible());
+        }
+    }
+
+    /// A statement that changes nothing: what its functions do, and what it reads.
+    pub(super) fn look_through(&mut self, mut cursor: Cursor<'a>) {
+        if cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL") {
+            return;
+        }
+        while !cursor.is_done() {
+            let lexeme = cursor.peek();
+            if lexeme.kind == Kind::Word {
+                let name = upper(cursor.text(lexeme));
+                let mut behind = cursor;
+                behind.next();
+                let is_call = behind.peek().kind == Kind::Mark(b'(');
+                let is_statement =
+                    names::HARMLESS_STATEMENTS.contains(&&name[..]) || matches!(&name[..], b"FOR" | b"SEC");
+                if is_statement || is_call && matches!(&name[..], b"AND" | b"OR" | b"NOT" | b"EXOR") {
+                    cursor.next();
+                    continue;
+                }
+                let value = self.expression(&mut cursor);
+                self.pin(&value);
+            } else {
+                cursor.next();
+            }
+        }
+    }
+
+    /// What `WITH` sets for one motion; gives what held before.
+    pub(super) fn with(&mut self, span: Span) -> State {
+        let before = self.state.clone();
+        let mut cursor = self.cursor(span);
+        while let Some(path) = self.path(&mut cursor, 0) {
+            if !cursor.accept_mark(b'=') {
+                break;
+            }
+            let named = {
+                let mut behind = cursor;
+                let name = upper(cursor.text(behind.next()));
+                is_frame_function(&name).then(|| (name, self.arguments(&mut behind, 0)))
+            };
+            let name = named.and_then(|(name, arguments)| {
+                let value = &arguments.first()?.value;
+                match &name[..] {
+                    b"SBASE" => Self::table_name("BASE_DATA", value),
+                    b"STOOL2" | b"STOOL" => Self::table_name("TOOL_DATA", value.component(b"TOOL_NO").unwrap_or(value)),
+                    _ => None,
+                }
+            });
+            let name = name.or_else(|| {
+                let mut behind = cursor;
+                self.path(&mut behind, 0)
+                    .filter(|_| behind.peek().kind == Kind::Mark(b',') || behind.is_done())
+                    .map(|p| p.label)
+            });
+            let value = self.expression(&mut cursor);
+            self.assign(&path, value, name);
+            if !cursor.accept_mark(b',') {
+                break;
+            }
+        }
+        before
+    }
+
+    /// Puts back what `WITH` set; the position is where the motion went.
+    pub(super) fn restore(&mut self, before: State) {
+        let symbols = &self.symbols;
+        for id in [
+            symbols.base,
+            symbols.tool,
+            symbols.base_name,
+            symbols.tool_name,
+            symbols.load,
+            symbols.speed,
+            symbols.mode,
+        ] {
+            match before.values.get(&id) {
+                Some(value) => self.state.values.insert(id, value.clone()),
+                None => self.state.values.remove(&id),
+            };
+        }
+    }
+}

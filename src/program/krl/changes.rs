@@ -1,0 +1,286 @@
+//! What statements could change, found without running them.
+
+use super::lex::{Cursor, Kind};
+use super::names;
+use super::run::Runner;
+use super::state::Id;
+use super::symbols::{RoutineId, spans};
+use super::tree::{Statement, walk};
+use super::value::{Name, Value, upper};
+use crate::text::Span;
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+/// Variables that may be changed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Changes {
+    pub(super) ids: BTreeSet<Id>,
+    /// All that other files see, base and tool among it.
+    pub(super) anything: bool,
+}
+
+/// Whose names statements use.
+struct Scope<'n> {
+    file: usize,
+    own: Option<&'n HashMap<Name, Id>>,
+    /// Names of a routine that is not run: its own data end with it.
+    hidden: HashSet<Name>,
+}
+
+impl<'a> Runner<'a> {
+    /// What a block of the routine that is being run could change.
+    pub(super) fn changes_in(&mut self, block: &'a [Statement]) -> Changes {
+        let mut changes = Changes::default();
+        let own = self.frames.last().map(|frame| frame.names.clone());
+        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new() };
+        self.collect(block, &scope, &mut HashSet::new(), &mut changes);
+        changes
+    }
+
+    /// What a routine could change.
+    pub(super) fn changes_of(&mut self, id: RoutineId, seen: &mut HashSet<RoutineId>, changes: &mut Changes) {
+        if !seen.insert(id) {
+            return;
+        }
+        let routine = self.symbols.routine(id);
+        let bytes = self.bytes(id.file);
+        let params = routine.params.iter().map(|param| param.name);
+        let hidden = routine.data.iter().map(|data| data.name).chain(params);
+        let hidden = hidden.map(|name| upper(&bytes[name.range()])).collect();
+        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden }, seen, changes);
+    }
+
+    fn collect(
+        &mut self,
+        block: &'a [Statement],
+        scope: &Scope<'_>,
+        seen: &mut HashSet<RoutineId>,
+        changes: &mut Changes,
+    ) {
+        let mut marks = false;
+        let mut counters = Vec::new();
+        walk(block, &mut |statement| match statement {
+            Statement::Mark(_) => marks = true,
+            Statement::For { variable, .. } => counters.push(*variable),
+            _ => {}
+        });
+        if marks {
+            changes.ids.insert(self.symbols.mark);
+        }
+        let bytes = self.bytes(scope.file);
+        for counter in counters {
+            self.changed(&upper(&bytes[counter.range()]), scope, changes);
+        }
+        for span in spans(block) {
+            self.collect_statement(span, scope, seen, changes);
+        }
+    }
+
+    fn changed(&mut self, name: &Name, scope: &Scope<'_>, changes: &mut Changes) {
+        if let Some(id) = scope.own.and_then(|own| own.get(name)) {
+            changes.ids.insert(*id);
+        } else if !scope.hidden.contains(name) {
+            changes.ids.insert(self.symbols.find(scope.file, name));
+        }
+    }
+
+    fn collect_statement(
+        &mut self,
+        span: Span,
+        scope: &Scope<'_>,
+        seen: &mut HashSet<RoutineId>,
+        changes: &mut Changes,
+    ) {
+        #[allow(clippy::cast_possible_truncation)]
+        let mut cursor = Cursor::new(self.bytes(scope.file), scope.file as u16, span);
+        let first = upper(cursor.text(cursor.peek()));
+        let moves = names::motion(&first).is_some() || names::relative(&first).is_some();
+        if moves {
+            changes.ids.insert(self.symbols.position);
+        } else if &first[..] == b"TRIGGER" {
+            cursor.until(&[b"DO"]);
+            let rest = cursor.rest();
+            return self.collect_statement(rest, scope, seen, changes);
+        } else if &first[..] == b"INTERRUPT" || &first[..] == b"GLOBAL" {
+            return;
+        }
+        // `name … =` at the beginning of a statement.
+        if let Some(name) = assigned(cursor).filter(|_| !moves) {
+            self.changed(&name, scope, changes);
+            let (base, tool) = (&name[..] == b"$BASE", &name[..] == b"$TOOL");
+            if base || tool {
+                self.frames_change(changes, base, tool);
+            }
+        }
+        while !cursor.is_done() {
+            let lexeme = cursor.next();
+            if lexeme.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+                continue;
+            }
+            let name = upper(cursor.text(lexeme));
+            if &name[..] == b"BAS" {
+                let mut behind = cursor;
+                let constant = behind.accept_mark(b'(') && behind.accept_mark(b'#');
+                let command = if constant { upper(behind.text(behind.peek())) } else { Name::new() };
+                let (base, tool) = (&command[..] != b"TOOL", &command[..] != b"BASE");
+                if &command[..] == b"VEL_CP" {
+                    changes.ids.insert(self.symbols.speed);
+                } else if !names::HARMLESS_COMMANDS.contains(&&command[..]) {
+                    self.frames_change(changes, base, tool);
+                    changes.ids.extend([self.symbols.load, self.symbols.speed, self.symbols.mode]);
+                }
+                continue;
+            }
+            let arguments = arguments(cursor);
+            match self.symbols.find_routine(scope.file, &name) {
+                Some(id) => {
+                    self.changes_of(id, seen, changes);
+                    arguments.iter().for_each(|name| self.changed(name, scope, changes));
+                }
+                None if names::HARMLESS_STATEMENTS.contains(&&first[..]) && !moves && first[..] == name[..] => {}
+                None => {
+                    arguments.iter().for_each(|name| self.changed(name, scope, changes));
+                    changes.anything |= !names::HARMLESS_ROUTINES.contains(&&name[..]) && !is_frame_function(&name);
+                }
+            }
+        }
+    }
+
+    /// Base or tool change, and with them what the position before is counted in.
+    fn frames_change(&self, changes: &mut Changes, base: bool, tool: bool) {
+        let symbols = &self.symbols;
+        changes.ids.insert(symbols.position);
+        if base {
+            changes.ids.extend([symbols.base, symbols.base_name]);
+        }
+        if tool {
+            changes.ids.extend([symbols.tool, symbols.tool_name]);
+        }
+    }
+
+    /// Makes unknown what may have changed.
+    pub(super) fn forget(&mut self, changes: &Changes, why: &'static str) {
+        let mut ids: BTreeSet<Id> = changes.ids.clone();
+        if changes.anything {
+            ids.extend(self.symbols.visible());
+        }
+        for id in ids {
+            let value = self.value(id).forgotten(why);
+            self.state.values.insert(id, value);
+        }
+    }
+
+    /// Whether what may be changed has a say in an expression.
+    pub(super) fn depends(&mut self, span: Span, changes: &Changes) -> bool {
+        let mut cursor = self.cursor(span);
+        while !cursor.is_done() {
+            let lexeme = cursor.next();
+            if lexeme.kind != Kind::Word {
+                continue;
+            }
+            let name = upper(cursor.text(lexeme));
+            if cursor.peek().kind == Kind::Mark(b'(') || name.first() == Some(&b'$') {
+                return true;
+            }
+            let id = self.resolve(&name);
+            if changes.ids.contains(&id) || changes.anything && self.symbols.visible().contains(&id) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Routines that interrupts start may run at any moment: what they change is never known, what they name stays.
+    pub(super) fn expect_interrupts(&mut self) {
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            let bytes = self.bytes(id.file);
+            for span in spans(&self.symbols.routine(id).body) {
+                #[allow(clippy::cast_possible_truncation)]
+                let mut cursor = Cursor::new(bytes, id.file as u16, span);
+                cursor.accept_word(b"GLOBAL");
+                if !cursor.accept_word(b"INTERRUPT") || !cursor.accept_word(b"DECL") {
+                    continue;
+                }
+                cursor.until(&[b"DO"]);
+                let mut changes = Changes::default();
+                let scope = Scope { file: id.file, own: None, hidden: HashSet::new() };
+                self.collect_statement(cursor.rest(), &scope, &mut HashSet::new(), &mut changes);
+                let called = upper(cursor.text(cursor.peek()));
+                if let Some(called) = self.symbols.find_routine(id.file, &called) {
+                    self.pin_names(called);
+                }
+                self.volatile.extend(changes.ids);
+                if changes.anything {
+                    self.volatile.extend(self.symbols.visible());
+                }
+            }
+        }
+    }
+
+    /// Functions are not followed: what they name stays.
+    pub(super) fn pin_what_functions_read(&mut self) {
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            if self.symbols.routine(id).is_function {
+                self.pin_names(id);
+            }
+        }
+    }
+
+    /// Pins the data that a routine names.
+    pub(super) fn pin_names(&mut self, id: RoutineId) {
+        let routine = self.symbols.routine(id);
+        let bytes = self.bytes(id.file);
+        let mut done: HashSet<Name> = routine.data.iter().map(|data| upper(&bytes[data.name.range()])).collect();
+        for span in spans(&routine.body) {
+            let mut cursor = Cursor::new(bytes, 0, span);
+            while !cursor.is_done() {
+                let lexeme = cursor.next();
+                if lexeme.kind == Kind::Word && done.insert(upper(cursor.text(lexeme))) {
+                    let at = self.symbols.find(id.file, &upper(cursor.text(lexeme)));
+                    let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
+                    self.pin(&value);
+                }
+            }
+        }
+    }
+}
+
+/// Functions that name a table's frame or a speed.
+pub(super) fn is_frame_function(name: &[u8]) -> bool {
+    matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SVEL_CP")
+}
+
+/// The variable that a statement assigns to.
+fn assigned(mut cursor: Cursor<'_>) -> Option<Name> {
+    let first = cursor.accept(Kind::Word)?;
+    let name = upper(cursor.text(first));
+    let mut depth = 0_usize;
+    loop {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            Kind::Mark(b'[') => depth += 1,
+            Kind::Mark(b']') => depth = depth.saturating_sub(1),
+            Kind::Mark(b'=') if depth == 0 => return Some(name),
+            Kind::Mark(b'.') => {}
+            Kind::End => return None,
+            Kind::Word if depth == 0 => {}
+            _ if depth == 0 => return None,
+            _ => {}
+        }
+    }
+}
+
+/// Names within the brackets that follow.
+fn arguments(mut cursor: Cursor<'_>) -> Vec<Name> {
+    let (mut depth, mut found) = (0_usize, Vec::new());
+    loop {
+        let lexeme = cursor.next();
+        match lexeme.kind {
+            Kind::End => return found,
+            Kind::Mark(b'(') => depth += 1,
+            Kind::Mark(b')') if depth <= 1 => return found,
+            Kind::Mark(b')') => depth -= 1,
+            Kind::Word => found.push(upper(cursor.text(lexeme))),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! Bytes to lexemes, a line at a time: a statement ends with its line.
+
+use crate::program::Mark;
+use crate::text::Span;
+use nom::branch::alt;
+use nom::bytes::complete::{tag, take_till, take_while, take_while_m_n};
+use nom::character::complete::one_of;
+use nom::combinator::{opt, recognize};
+use nom::{IResult, Parser};
+
+/// What a lexeme is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Name, reserved word or system variable.
+    Word,
+    /// Unsigned number: the sign is an operator.
+    Number,
+    /// `"…"`.
+    Text,
+    /// `'B0101'`, `'H1F'`, `'D12'`.
+    Bits,
+    /// `==`
+    Equal,
+    /// `<>`
+    Unequal,
+    /// `<=`
+    AtMost,
+    /// `>=`
+    AtLeast,
+    /// Any other printable character.
+    Mark(u8),
+    /// A byte that KRL has no use for, or a text without an end.
+    Junk,
+    /// The end of the line.
+    End,
+}
+
+/// One lexeme and where it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Lexeme {
+    pub(super) kind: Kind,
+    pub(super) start: usize,
+    pub(super) end: usize,
+}
+
+impl Lexeme {
+    pub(super) fn span(self) -> Span {
+        Span::new(self.start, self.end)
+    }
+}
+
+type Bytes<'a> = &'a [u8];
+type Found<'a> = IResult<Bytes<'a>, Bytes<'a>, ()>;
+
+/// Blank within a line.
+fn is_blank(byte: u8) -> bool {
+    byte <= b' ' || matches!(byte, 0x7F | 0xA0)
+}
+
+fn is_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'$') || byte >= 0xC0
+}
+
+fn digits(input: Bytes<'_>) -> Found<'_> {
+    take_while_m_n(1, usize::MAX, |b: u8| b.is_ascii_digit()).parse(input)
+}
+
+/// `12`, `1.5`, `5.`, `.5`, `1.5E-3`: without a sign.
+fn number(input: Bytes<'_>) -> Found<'_> {
+    let exponent = recognize((one_of("eE"), opt(one_of("+-")), digits));
+    let whole = recognize((digits, opt((tag("."), opt(digits)))));
+    recognize((alt((whole, recognize((tag("."), digits)))), opt(exponent))).parse(input)
+}
+
+/// Up to the same quote on the line.
+fn quoted(input: Bytes<'_>) -> Found<'_> {
+    let quote = input[0];
+    recognize((one_of("\"'"), take_till(|b| b == quote), one_of("\"'"))).parse(input)
+}
+
+/// The lexeme at the start of `input`, blanks passed: its kind and length, which is 0 only at the end.
+fn lexeme(input: Bytes<'_>) -> (Kind, usize) {
+    let Some(&first) = input.first() else { return (Kind::End, 0) };
+    let taken = |kind: Kind, found: Found<'_>| found.map_or((Kind::Junk, 1), |(_, part)| (kind, part.len()));
+    match first {
+        b'0'..=b'9' => taken(Kind::Number, number(input)),
+        b'.' if input.get(1).is_some_and(u8::is_ascii_digit) => taken(Kind::Number, number(input)),
+        _ if is_word(first) => taken(Kind::Word, take_while(is_word).parse(input)),
+        b'"' => taken(Kind::Text, quoted(input)),
+        b'\'' => taken(Kind::Bits, quoted(input)),
+        b'=' if input.get(1) == Some(&b'=') => (Kind::Equal, 2),
+        b'<' if input.get(1) == Some(&b'>') => (Kind::Unequal, 2),
+        b'<' if input.get(1) == Some(&b'=') => (Kind::AtMost, 2),
+        b'>' if input.get(1) == Some(&b'=') => (Kind::AtLeast, 2),
+        b'!'..=b'~' => (Kind::Mark(first), 1),
+        _ => (Kind::Junk, 1),
+    }
+}
+
+/// A walk over the lexemes of a span, mostly one line's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cursor<'a> {
+    pub(super) bytes: &'a [u8],
+    /// Index of the source.
+    pub(super) source: u16,
+    at: usize,
+    end: usize,
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn new(bytes: &'a [u8], source: u16, span: Span) -> Self {
+        let range = span.range();
+        Self { bytes, source, at: range.start, end: range.end.min(bytes.len()) }
+    }
+
+    /// What is left of the span.
+    pub(super) fn rest(&self) -> Span {
+        Span::new(self.at.min(self.end), self.end)
+    }
+
+    /// The next lexeme, without passing it.
+    pub(super) fn peek(&self) -> Lexeme {
+        let rest = &self.bytes[self.at.min(self.end)..self.end];
+        let start = self.at + rest.iter().position(|b| !is_blank(*b)).unwrap_or(rest.len());
+        let (kind, len) = lexeme(&self.bytes[start..self.end]);
+        Lexeme { kind, start, end: start + len }
+    }
+
+    /// Passes and gives the next lexeme.
+    pub(super) fn next(&mut self) -> Lexeme {
+        let lexeme = self.peek();
+        self.at = lexeme.end;
+        lexeme
+    }
+
+    /// Passes the next lexeme if it is of this kind.
+    pub(super) fn accept(&mut self, kind: Kind) -> Option<Lexeme> {
+        let lexeme = self.peek();
+        (lexeme.kind == kind).then(|| {
+            self.at = lexeme.end;
+            lexeme
+        })
+    }
+
+    pub(super) fn accept_mark(&mut self, mark: u8) -> bool {
+        self.accept(Kind::Mark(mark)).is_some()
+    }
+
+    /// Whether the next lexeme is this word.
+    pub(super) fn is_at(&self, word: &[u8]) -> bool {
+        let lexeme = self.peek();
+        lexeme.kind == Kind::Word && self.text(lexeme).eq_ignore_ascii_case(word)
+    }
+
+    /// Passes the next lexeme if it is this word.
+    pub(super) fn accept_word(&mut self, word: &[u8]) -> bool {
+        let is = self.is_at(word);
+        if is {
+            self.next();
+        }
+        is
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.peek().kind == Kind::End
+    }
+
+    pub(super) fn text(&self, lexeme: Lexeme) -> &'a [u8] {
+        &self.bytes[lexeme.start..lexeme.end]
+    }
+
+    /// Passes to the first of these words outside brackets; what stands before it, and which it is.
+    pub(super) fn until(&mut self, words: &[&[u8]]) -> (Span, Option<usize>) {
+        let start = self.at;
+        let mut depth = 0_usize;
+        loop {
+            let lexeme = self.peek();
+            match lexeme.kind {
+                Kind::End => {
+                    self.at = self.end;
+                    return (Span::new(start, self.end), None);
+                }
+                Kind::Mark(b'{' | b'(' | b'[') => depth += 1,
+                Kind::Mark(b'}' | b')' | b']') => depth = depth.saturating_sub(1),
+                Kind::Word if depth == 0 => {
+                    let text = self.text(lexeme);
+                    if let Some(which) = words.iter().position(|word| text.eq_ignore_ascii_case(word)) {
+                        self.at = lexeme.end;
+                        return (Span::new(start, lexeme.start), Some(which));
+                    }
+                }
+                _ => {}
+            }
+            self.at = lexeme.end;
+        }
+    }
+}
+
+/// A line: what of it is code, without blanks around, and the mark in its comment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    pub(super) code: Span,
+    pub(super) mark: Option<Mark>,
+}
+
+/// The lines of a file that hold code or a mark.
+pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line> {
+    let mut at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+    std::iter::from_fn(move || {
+        while at < bytes.len() {
+            let start = at;
+            let end = start + memchr::memchr2(b'\n', b'\r', &bytes[start..]).unwrap_or(bytes.len() - start);
+            at = end + 1;
+            let line = line(bytes, start, end);
+            if line.mark.is_some() || !line.code.is_empty() {
+                return Some(line);
+            }
+        }
+        None
+    })
+}
+
+fn line(bytes: &[u8], start: usize, end: usize) -> Line {
+    let text = &bytes[start..end];
+    let mut open = false;
+    let comment = text.iter().position(|b| {
+        open ^= *b == b'"';
+        *b == b';' && !open
+    });
+    let code = &text[..comment.unwrap_or(text.len())];
+    let from = code.iter().position(|b| !is_blank(*b)).unwrap_or(code.len());
+    let to = code.iter().rposition(|b| !is_blank(*b)).map_or(from, |last| last + 1);
+    let code =
+        if code.get(from) == Some(&b'&') { Span::new(start, start) } else { Span::new(start + from, start + to) };
+    Line { code, mark: comment.and_then(|at| mark(&text[at + 1..])) }
+}
+
+/// `deflex air`, `deflex cut`.
+fn mark(comment: &[u8]) -> Option<Mark> {
+    let mut words = comment.split(|b| is_blank(*b)).filter(|word| !word.is_empty());
+    words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
+    let word = words.next()?;
+    [(&b"air"[..], Mark::Air), (b"cut", Mark::Cut)]
+        .into_iter()
+        .find(|(known, _)| word.eq_ignore_ascii_case(known))
+        .map(|m| m.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lexemes_of_a_line() {
+        let text = b"LIN {X -1.5E-3,S 'B010'} C_DIS";
+        let mut cursor = Cursor::new(text, 0, Span::new(0, text.len()));
+        let kinds: Vec<Kind> = std::iter::from_fn(|| Some(cursor.next().kind).filter(|k| *k != Kind::End)).collect();
+        use Kind::{Bits, Mark, Number, Word};
+        assert_eq!(kinds, [Word, Mark(b'{'), Word, Mark(b'-'), Number, Mark(b','), Word, Bits, Mark(b'}'), Word]);
+    }
+
+    #[test]
+    fn comments_heads_and_blank_lines_are_no_code() {
+        let text = b"&ACCESS RVP\r\n ;FOLD INI;%{PE}\r\n  A=1 ; b\r\n\r\n; deflex AIR\r\n C=\"x;y\"";
+        let found: Vec<(&[u8], Option<crate::program::Mark>)> =
+            lines(text).map(|line| (&text[line.code.range()], line.mark)).collect();
+        assert_eq!(found, [(&b"A=1"[..], None), (b"", Some(crate::program::Mark::Air)), (b"C=\"x;y\"", None)]);
+    }
+}

@@ -1,0 +1,479 @@
+//! Executed motions: their targets, tools, bases and speeds, and what of them may be edited.
+
+use super::eval::RUN_TIME;
+use super::lex::Cursor;
+use super::run::{Runner, Site};
+use super::state::Id;
+use super::symbols::spans;
+use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
+use crate::program::orientation::{from_zyx_deg, quaternion};
+use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Role, Target, Tool, ToolData, Wobj, WobjData};
+use crate::text::{Diagnostic, Severity, Span};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A position as a motion takes it.
+struct Position {
+    numbers: [f64; 6],
+    places: [Option<Place>; 6],
+    /// Those that it, or a motion before, names.
+    external: [Option<Value>; 6],
+}
+
+impl Position {
+    fn quat(&self) -> [f64; 4] {
+        let [.., a, b, c] = self.numbers;
+        quaternion(&from_zyx_deg([a, b, c]))
+    }
+}
+
+impl<'a> Runner<'a> {
+    /// A motion that is not followed: nobody knows from where.
+    pub(super) fn relative(&mut self, mut cursor: Cursor<'a>, span: Span, reason: &'static str) {
+        self.motions += 1;
+        cursor.next();
+        let value = self.expression(&mut cursor);
+        self.pin(&value);
+        self.lose_position(reason);
+        self.keep_motion(span, reason);
+    }
+
+    fn lose_position(&mut self, why: &'static str) {
+        let id = self.symbols.position;
+        self.state.values.insert(id, Value::unknown(why));
+    }
+
+    /// One executed motion.
+    pub(super) fn motion(&mut self, motion: Motion, mut cursor: Cursor<'a>, span: Span) {
+        self.motions += 1;
+        self.arcs += usize::from(motion == Motion::Circular);
+        // What is moved to may call functions, which come before WITH.
+        let (first, name) = self.point(&mut cursor);
+        let second = cursor.accept_mark(b',').then(|| self.point(&mut cursor));
+        let angle = cursor.accept_mark(b',') && cursor.accept_word(b"CA");
+        let (_, with) = cursor.until(&[b"WITH"]);
+        let before = with.map(|_| {
+            let (settings, _) = cursor.until(&[b"C_SPL", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP"]);
+            self.with(settings)
+        });
+        let (via, (end, name)) = match second {
+            Some(second) => (Some(first), second),
+            None => (None, (first, name)),
+        };
+        let done = match (motion, &via) {
+            (Motion::Circular, None) => Err("circle without an end"),
+            (Motion::Circular, Some(_)) if angle => Err("circle with an angle"),
+            _ => self.go(motion, via.as_ref(), &end, name, span),
+        };
+        if let Err(reason) = done {
+            [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
+            self.lose_position("the position before is not known");
+            self.keep_motion(span, reason);
+        }
+        if let Some(before) = before {
+            self.restore(before);
+        }
+    }
+
+    /// A position and, where it has one, its name.
+    fn point(&mut self, cursor: &mut Cursor<'a>) -> (Value, Option<Arc<str>>) {
+        let mut behind = *cursor;
+        let name = match behind.peek().kind {
+            super::lex::Kind::Word => self.path(&mut behind, 0).map(|path| path.label.as_str().into()),
+            _ => None,
+        };
+        let plain = !matches!(behind.peek().kind, super::lex::Kind::Mark(b':' | b'('));
+        (self.expression(cursor), name.filter(|_| plain))
+    }
+
+    fn go(
+        &mut self,
+        motion: Motion,
+        via: Option<&Value>,
+        end: &Value,
+        name: Option<Arc<str>>,
+        span: Span,
+    ) -> Result<(), &'static str> {
+        if let Some(joints) = axes(end)? {
+            return self.go_to_joints(motion, joints, end, span);
+        }
+        let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
+        let to = self.position(end)?;
+        let (mark, mark_known) = self.mark();
+        #[allow(clippy::cast_possible_truncation)]
+        let source = self.here() as u16;
+        let feed = match motion {
+            Motion::Joint => None,
+            _ => self.value(self.symbols.speed).component(b"CP").and_then(Value::number).map(|v| 1e3 * v),
+        };
+        let posture = motion == Motion::Joint && [b"S", b"T"].iter().any(|name| end.component(*name).is_some());
+        let unlocated = self.unlocated(&to);
+        let editable = match unlocated {
+            Some(reason) => Editable::No(reason),
+            None if !mark_known => Editable::No("air or cut is known only at run time"),
+            None if posture => Editable::No("joint motion whose status and turn a correction could make untrue"),
+            None => Editable::Pose,
+        };
+        let target = Target {
+            ordinal: self.motions,
+            role: Role::End,
+            motion,
+            goal: Goal::Pose {
+                position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]],
+                quat: to.quat(),
+                conf: None,
+            },
+            tool,
+            wobj,
+            feed_mm_s: feed,
+            spindle_rpm: None,
+            rapid: false,
+            mark,
+            editable,
+            located: unlocated.is_none(),
+            external: None,
+            name,
+            source,
+            span,
+            line: self.lines[self.here()].line(span.start),
+        };
+        if let Some(via) = via {
+            self.via(via, &to, &target)?;
+        }
+        let numbers = to.numbers.iter().zip(to.places).map(|(v, place)| Value::Number(*v, place));
+        self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
+        let named = EXTERNAL.iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
+        let all = POSE.iter().zip(numbers).chain(named);
+        let record = all.map(|(name, value)| (Name::from_slice(name), value)).collect();
+        self.state.values.insert(self.symbols.position, Value::Record(std::rc::Rc::new(record)));
+        self.push(target, Site { tokens: to.places });
+        Ok(())
+    }
+
+    /// The auxiliary point of a circle: its angles are ignored, the orientation turns from that before to that at the end.
+    fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), &'static str> {
+        let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
+        let from = self.value(self.symbols.position);
+        let quat = from.frame().map_or_else(|| to.quat(), |(_, before)| between(before, to.quat()));
+        let mut tokens = [None; 6];
+        for (to, name) in tokens.iter_mut().zip([b"X", b"Y", b"Z"]) {
+            *to = via.component(name).and_then(place);
+        }
+        let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
+        let editable = if target.editable == Editable::Pose { Editable::Position } else { target.editable };
+        self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
+        self.push(Target { role: Role::Via, goal, editable, name: None, ..target.clone() }, Site { tokens });
+        Ok(())
+    }
+
+    fn go_to_joints(&mut self, motion: Motion, deg: [f64; 6], end: &Value, span: Span) -> Result<(), &'static str> {
+        if motion != Motion::Joint {
+            return Err("path motion to axis angles");
+        }
+        let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
+        #[allow(clippy::cast_possible_truncation)]
+        let source = self.here() as u16;
+        let target = Target {
+            ordinal: self.motions,
+            role: Role::End,
+            motion: Motion::AbsoluteJoint,
+            goal: Goal::Joints { deg },
+            tool,
+            wobj,
+            feed_mm_s: None,
+            spindle_rpm: None,
+            rapid: false,
+            mark: self.mark().0,
+            editable: Editable::No("joint target"),
+            located: true,
+            external: None,
+            name: None,
+            source,
+            span,
+            line: self.lines[self.here()].line(span.start),
+        };
+        let external = EXTERNAL.iter().filter_map(|name| Some((Name::from_slice(name), end.component(name)?.clone())));
+        let record = Value::Record(std::rc::Rc::new(external.collect()));
+        self.external.push(EXTERNAL.map(|name| end.component(name).and_then(Value::number)));
+        self.state.values.insert(self.symbols.position, record);
+        self.push(target, Site::default());
+        Ok(())
+    }
+
+    /// The numbers of a position; those that it does not name are those of the position before.
+    fn position(&mut self, value: &Value) -> Result<Position, &'static str> {
+        let Value::Record(_) = value else { return Err(why(value)) };
+        let before = if self.volatile.contains(&self.symbols.position) {
+            Value::unknown(RUN_TIME)
+        } else {
+            self.value(self.symbols.position)
+        };
+        let mut found = Position { numbers: [0.0; 6], places: [None; 6], external: Default::default() };
+        for (i, name) in POSE.iter().enumerate() {
+            let own = value.component(name);
+            let Some(component) = own.or_else(|| before.component(name)) else {
+                return Err("components are missing, and the position before is not known");
+            };
+            let Value::Number(number, at) = component else { return Err(why(component)) };
+            (found.numbers[i], found.places[i]) = (*number, *at);
+            if own.is_none() {
+                // Whoever moves there would move this one too.
+                self.pinned.extend(*at);
+            }
+        }
+        for (to, name) in found.external.iter_mut().zip(EXTERNAL) {
+            if let Some(component) = value.component(name).or_else(|| before.component(name)) {
+                *to = Some(component.clone());
+            }
+        }
+        Ok(found)
+    }
+
+    /// Why it is not known where the controller goes, if that is so.
+    fn unlocated(&self, to: &Position) -> Option<&'static str> {
+        if to.external.iter().flatten().any(|axis| axis.number().is_none()) {
+            return Some("external axis known only at run time");
+        }
+        match self.value(self.symbols.mode) {
+            _ if self.volatile.contains(&self.symbols.mode) => Some("$IPO_MODE known only at run time"),
+            Value::Constant(mode) if &mode[..] == b"BASE" => None,
+            Value::Constant(_) => Some("the robot holds the part ($IPO_MODE is #TCP)"),
+            _ => Some("$IPO_MODE known only at run time"),
+        }
+    }
+
+    /// The mark in force, and whether that is known.
+    fn mark(&self) -> (Option<Mark>, bool) {
+        match self.value(self.symbols.mark) {
+            _ if self.volatile.contains(&self.symbols.mark) => (None, false),
+            Value::Bool(_) => (None, true),
+            Value::Number(v, _) => (Some(if v > 0.5 { Mark::Cut } else { Mark::Air }), true),
+            _ => (None, false),
+        }
+    }
+
+    fn name(&self, id: Id) -> Arc<str> {
+        match self.value(id) {
+            Value::Own(name) => (&*name).into(),
+            _ => "?".into(),
+        }
+    }
+
+    fn tool_index(&mut self) -> Result<u16, &'static str> {
+        let value = self.value(self.symbols.tool);
+        if self.volatile.contains(&self.symbols.tool) {
+            return Err("tool may be changed at any moment");
+        }
+        let tool = match &value {
+            Value::Own(name) => Tool { name: (&**name).into(), data: None },
+            Value::Record(_) => {
+                let (tcp_mm, tcp_quat) = value.frame().ok_or("tool known only at run time")?;
+                let load = self.value(self.symbols.load);
+                let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
+                let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
+                let data = ToolData {
+                    robhold: true,
+                    tcp_mm,
+                    tcp_quat,
+                    mass_kg: mass.unwrap_or(0.0),
+                    cog_mm: cog.unwrap_or([0.0; 3]),
+                };
+                Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
+            }
+            _ => return Err("tool known only at run time"),
+        };
+        if let Some(at) = self.tools.iter().rposition(|known| known.is(&tool)) {
+            return u16::try_from(at).map_err(|_| "too many tools");
+        }
+        if tool.data.is_some_and(|data| data.mass_kg == 0.0) {
+            let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
+            let warning = Diagnostic::error("krl.no-load", &self.symbols.sources[self.here()].name, message);
+            let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
+            self.diagnostics.push(warning.severity(Severity::Warning).help(help));
+        }
+        self.tools.push(tool);
+        u16::try_from(self.tools.len() - 1).map_err(|_| "too many tools")
+    }
+
+    fn wobj_index(&mut self) -> Result<u16, &'static str> {
+        let value = self.value(self.symbols.base);
+        if self.volatile.contains(&self.symbols.base) {
+            return Err("base may be changed at any moment");
+        }
+        let wobj = match &value {
+            Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
+            Value::Record(_) => {
+                let (uframe_mm, uframe_quat) = value.frame().ok_or("base known only at run time")?;
+                let data = WobjData {
+                    robhold: false,
+                    fixed: true,
+                    uframe_mm,
+                    uframe_quat,
+                    oframe_mm: [0.0; 3],
+                    oframe_quat: [1.0, 0.0, 0.0, 0.0],
+                };
+                Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
+            }
+            _ => return Err("base known only at run time"),
+        };
+        let known = self.wobjs.iter().rposition(|known| known.is(&wobj));
+        let at = known.unwrap_or_else(|| {
+            self.wobjs.push(wobj);
+            self.wobjs.len() - 1
+        });
+        u16::try_from(at).map_err(|_| "too many bases")
+    }
+
+    fn push(&mut self, target: Target, site: Site) {
+        self.targets.push(target);
+        self.sites.push(site);
+    }
+
+    /// What of the targets may be edited, now that all that reads their numbers is known: what stays holds its numbers, and
+    /// with them what else uses these, until that is so of all.
+    pub(super) fn settle(&mut self) {
+        self.use_axes();
+        self.hold_shared_angles();
+        loop {
+            let before = self.pinned.len();
+            for i in 0..self.targets.len() {
+                let arc = self.targets[i].role == Role::Via && i + 1 < self.targets.len();
+                let reasons = [Some(i), arc.then_some(i + 1)].map(|at| self.fixed(at?));
+                let places = |at: usize, tokens: std::ops::Range<usize>| self.sites[at].tokens[tokens].iter().flatten();
+                if let Some(reason) = reasons.into_iter().flatten().next() {
+                    for at in [Some(i), arc.then_some(i + 1)].into_iter().flatten() {
+                        self.targets[at].editable = Editable::No(reason);
+                        let held: Vec<Place> = places(at, 0..6).copied().collect();
+                        self.pinned.extend(held);
+                    }
+                } else if self.sites[i].tokens[3..].iter().any(|place| self.holds(*place).is_some()) {
+                    self.targets[i].editable = Editable::Position;
+                    let held: Vec<Place> = places(i, 3..6).copied().collect();
+                    self.pinned.extend(held);
+                }
+            }
+            if self.pinned.len() == before {
+                break;
+            }
+        }
+        for i in 0..self.targets.len() {
+            let target = &self.targets[i];
+            match target.editable {
+                Editable::No(reason) => {
+                    let (source, span) = (usize::from(target.source), target.span);
+                    self.sites[i] = Site::default();
+                    if target.motion != Motion::AbsoluteJoint {
+                        self.keep(source, span, reason);
+                    }
+                }
+                Editable::Position => self.sites[i].tokens[3..].fill(None),
+                Editable::Pose => {}
+            }
+        }
+    }
+
+    /// External axes that some position has elsewhere than at zero are in use: robots without any are told zeros too.
+    fn use_axes(&mut self) {
+        let used: [bool; 6] =
+            std::array::from_fn(|axis| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0)));
+        if used == [false; 6] {
+            return;
+        }
+        let mut last: Option<Arc<ExternalAxes>> = None;
+        for (target, external) in self.targets.iter_mut().zip(&self.external) {
+            let written: [Option<f64>; 6] = std::array::from_fn(|axis| external[axis].filter(|_| used[axis]));
+            if last.as_ref().is_none_or(|last| last.written != written) {
+                last = Some(Arc::new(ExternalAxes { written, ..ExternalAxes::default() }));
+            }
+            target.external.clone_from(&last);
+        }
+    }
+
+    /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
+    fn hold_shared_angles(&mut self) {
+        let mut owners: HashMap<Place, Option<Place>> = HashMap::new();
+        for site in &self.sites {
+            let [x, _, _, angles @ ..] = site.tokens;
+            for angle in angles.into_iter().flatten() {
+                if *owners.entry(angle).or_insert(x) != x {
+                    self.pinned.insert(angle);
+                }
+            }
+        }
+    }
+
+    /// Why a number stays as it is.
+    fn holds(&self, place: Option<Place>) -> Option<&'static str> {
+        match place {
+            None => Some(RUN_TIME),
+            Some(place) if usize::from(place.source) >= self.written => Some("declared in a context file"),
+            Some(place) if self.pinned.contains(&place) => {
+                Some("its numbers are read by more than motions that are known")
+            }
+            Some(_) => None,
+        }
+    }
+
+    /// Why a target stays as it is.
+    fn fixed(&self, i: usize) -> Option<&'static str> {
+        if let Editable::No(reason) = self.targets[i].editable {
+            return Some(reason);
+        }
+        let [x, y, z, ..] = self.sites[i].tokens;
+        let one = (x == y || y == z || x == z).then_some("one number is several components");
+        [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
+    }
+
+    /// Routines that nothing runs: what they name stays, and so do their motions.
+    pub(super) fn keep_what_is_not_run(&mut self) {
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            if self.entered.contains(&id) {
+                continue;
+            }
+            self.pin_names(id);
+            let bytes = self.bytes(id.file);
+            for span in spans(&self.symbols.routine(id).body) {
+                let cursor = Cursor::new(bytes, 0, span);
+                let word = super::value::upper(cursor.text(cursor.peek()));
+                if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
+                    self.keep(id.file, span, "routine that nothing in the files runs");
+                }
+            }
+        }
+    }
+}
+
+/// Why a value is no position.
+fn why(value: &Value) -> &'static str {
+    match value {
+        Value::Unknown(why, _) => why,
+        Value::Own(_) => "a position that only the controller has",
+        Value::Record(fields) => {
+            let unknown =
+                fields.iter().find_map(|(_, v)| if let Value::Unknown(why, _) = v { Some(*why) } else { None });
+            unknown.unwrap_or("not a complete position")
+        }
+        _ => "not a position",
+    }
+}
+
+/// Axis angles, degrees, where the value has any.
+fn axes(value: &Value) -> Result<Option<[f64; 6]>, &'static str> {
+    if AXES.iter().all(|name| value.component(name).is_none()) {
+        return Ok(None);
+    }
+    value.numbers(AXES).map(Some).ok_or("axis angles are missing or not known")
+}
+
+fn place(value: &Value) -> Option<Place> {
+    if let Value::Number(_, place) = value { *place } else { None }
+}
+
+/// Half the turn from one orientation to another.
+fn between(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+    let sum: [f64; 4] = std::array::from_fn(|i| a[i] + if dot < 0.0 { -b[i] } else { b[i] });
+    let norm = sum.iter().map(|c| c * c).sum::<f64>().sqrt();
+    // Opposite ones have no middle.
+    if norm < 1e-6 { b } else { sum.map(|c| c / norm) }
+}

@@ -1,0 +1,126 @@
+//! Names of the language and of KUKA's own files: what they do, as far as it matters to where the robot goes.
+//!
+//! Source: KUKA System Software, *Operating and Programming Instructions for System Integrators*, KSS 8.3, chapter on KRL, and
+//! the comments of the controller's own BAS.SRC, as cited in public programs.
+
+use crate::program::Motion;
+
+/// A motion statement.
+pub(super) fn motion(word: &[u8]) -> Option<Motion> {
+    Some(match word {
+        b"PTP" | b"SPTP" => Motion::Joint,
+        b"LIN" | b"SLIN" | b"SPL" => Motion::Linear,
+        b"CIRC" | b"SCIRC" => Motion::Circular,
+        _ => return None,
+    })
+}
+
+/// A motion that counts from where the robot stands, or moves external axes beside the program.
+pub(super) fn relative(word: &[u8]) -> Option<&'static str> {
+    Some(match word {
+        b"PTP_REL" | b"LIN_REL" | b"CIRC_REL" | b"SPTP_REL" | b"SLIN_REL" | b"SCIRC_REL" | b"SPL_REL" => {
+            "relative motion, counted from the position before"
+        }
+        b"ASYPTP" | b"ASYCONT" => "motion of asynchronous axes",
+        _ => return None,
+    })
+}
+
+/// Statements that change no data and move nothing.
+pub(super) const HARMLESS_STATEMENTS: [&[u8]; 14] = [
+    b"WAIT",
+    b"HALT",
+    b"CONTINUE",
+    b"BRAKE",
+    b"RESUME",
+    b"INTERRUPT",
+    b"GLOBAL",
+    b"PULSE",
+    b"ANOUT",
+    b"CONFIRM",
+    b"TIME_BLOCK",
+    b"CONST_VEL",
+    b"STOP",
+    b"SYNC",
+];
+
+/// Functions and procedures of the system that change no data but what they are given, and move nothing.
+pub(super) const HARMLESS_ROUTINES: [&[u8]; 60] = [
+    b"ABS",
+    b"ACOS",
+    b"ASIN",
+    b"ATAN2",
+    b"COS",
+    b"SIN",
+    b"SQRT",
+    b"TAN",
+    b"EXP",
+    b"LOG",
+    b"ROUND",
+    b"TRUNC",
+    b"MIN",
+    b"MAX",
+    b"INV_POS",
+    b"INVERSE",
+    b"FORWARD",
+    b"STRADD",
+    b"STRCLEAR",
+    b"STRCOMP",
+    b"STRCOPY",
+    b"STRDECLLEN",
+    b"STRFIND",
+    b"STRLEN",
+    b"SREAD",
+    b"SWRITE",
+    b"CREAD",
+    b"CWRITE",
+    b"COPEN",
+    b"CCLOSE",
+    b"CIOCTL",
+    b"CAST_FROM",
+    b"CAST_TO",
+    b"VARTYPE",
+    b"VARSTATE",
+    b"IR_STOPM",
+    b"MSGNOTIFY",
+    b"MSGQUIT",
+    b"MSGDIALOG",
+    b"MSGLOOP",
+    b"SET_KRLMSG",
+    b"SET_KRLDLG",
+    b"CLEAR_KRLMSG",
+    b"EXISTS_KRLMSG",
+    b"EXISTS_KRLDLG",
+    b"GET_MSGBUFFER",
+    b"WSPACEGIVE",
+    b"WSPACETAKE",
+    b"GET_AXESMASK",
+    b"SVEL_PTP",
+    b"SVEL_JOINT",
+    b"SACC_CP",
+    b"SACC_PTP",
+    b"SAPO",
+    b"SAPO_PTP",
+    b"SGEAR_JERK",
+    b"SJERK",
+    b"SORI_TYP",
+    b"SACC_JOINT",
+    b"USE_CM_PRO_VALUES",
+];
+
+/// System data that keep what they are assigned; all others change by themselves.
+pub(super) const SETTLED: [&[u8]; 7] = [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$NULLFRAME", b"$WORLD"];
+
+/// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
+pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
+    b"VEL_PTP",
+    b"ACC_PTP",
+    b"ACC_CP",
+    b"ACC_GLUE",
+    b"VEL_GLUE",
+    b"PTP_DAT",
+    b"CP_DAT",
+    b"OUT_SYNC",
+    b"OUT_ASYNC",
+    b"OV_PRO",
+];

@@ -1,0 +1,221 @@
+//! Corrected poses back into number tokens: nothing but sign and digits changes.
+
+use super::Layout;
+use super::run::Site;
+use super::value::Place;
+use crate::program::language::FrontEnd;
+use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::token::{New, signed};
+use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::text::{Content, Edit, Token};
+use std::collections::{HashMap, HashSet};
+
+/// Least decimals of a position, mm: half of the last digit is below what a robot repeats by two orders.
+const POSITION_DECIMALS: usize = 3;
+/// Least decimals of an angle, degrees: single precision, in which the controller counts, holds no more at 180.
+const ANGLE_DECIMALS: usize = 5;
+/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+const SAME_QUAT: f64 = 1e-12;
+const SHARED: &str = "point used by motions whose corrections differ";
+
+/// What one motion wants of its six tokens; `None` where one stays.
+#[derive(Clone, Debug, Default)]
+struct Wish {
+    tokens: [Option<Token>; 6],
+    values: [Option<f64>; 6],
+}
+
+impl FrontEnd for Layout {
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        _: &RewriteOptions,
+    ) -> Rewritten {
+        let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
+        out.inserted = vec![None; inserts.len()];
+        let mut at: Vec<usize> = inserts.iter().map(|insert| insert.before).collect();
+        at.dedup();
+        out.not_inserted = at.into_iter().map(|at| (at, "points are not inserted into KRL")).collect();
+        let wishes: Vec<Wish> =
+            (0..changes.len()).map(|i| wish(program, &self.sites[i], i, changes[i].as_ref())).collect();
+        let frozen = self.frozen(program, &wishes);
+        let mut done = HashSet::new();
+        let shared = !self.are_apart();
+        for (i, wish) in wishes.into_iter().enumerate() {
+            let site = &self.sites[i];
+            let stays = site.tokens.iter().flatten().any(|place| frozen.contains(place));
+            if stays || site.tokens.iter().all(Option::is_none) {
+                if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
+                    let own = match program.targets[i].editable {
+                        crate::program::Editable::No(reason) => reason,
+                        _ => SHARED,
+                    };
+                    out.kept.push((i, own));
+                }
+                out.written.push(written(program, site, i, &Wish::default()));
+                continue;
+            }
+            out.written.push(written(program, site, i, &wish));
+            for (place, token) in site.tokens.iter().zip(wish.tokens) {
+                let (Some(place), Some(token)) = (place, token) else { continue };
+                if !shared || done.insert(*place) {
+                    let edit = Edit { span: place.span(), content: Content::from_slice(&token) };
+                    out.edits[usize::from(place.source)].push(edit);
+                }
+            }
+        }
+        for edits in &mut out.edits {
+            edits.sort_by_key(|edit| edit.span.start);
+        }
+        out
+    }
+
+    fn motion_targets(&self, _: &Program) -> usize {
+        self.motions
+    }
+
+    fn unknown_targets(&self) -> &[(&'static str, usize)] {
+        &self.unknown
+    }
+}
+
+impl Layout {
+    /// Whether no number is used twice: they stand in the order of the targets.
+    fn are_apart(&self) -> bool {
+        let places = || self.sites.iter().flat_map(|site| site.tokens.into_iter().flatten());
+        places().zip(places().skip(1)).all(|(a, b)| a < b)
+    }
+
+    /// Numbers that stay because those who use them do not want the same, and all that moves with them.
+    fn frozen(&self, program: &Program, wishes: &[Wish]) -> HashSet<Place> {
+        let mut frozen = HashSet::new();
+        if self.are_apart() {
+            return frozen;
+        }
+        let mut wanted: HashMap<Place, &Option<Token>> = HashMap::new();
+        for (site, wish) in self.sites.iter().zip(wishes) {
+            for (place, token) in site.tokens.iter().zip(&wish.tokens) {
+                let Some(place) = place else { continue };
+                if wanted.insert(*place, token).is_some_and(|other| other != token) {
+                    frozen.insert(*place);
+                }
+            }
+        }
+        // A target is edited as a whole, and so is an arc.
+        loop {
+            let before = frozen.len();
+            for i in 0..self.sites.len() {
+                let via = program.targets[i].role == Role::Via;
+                let group = [Some(i), via.then_some(i + 1)].into_iter().flatten().filter(|at| *at < self.sites.len());
+                let places: Vec<Place> = group.flat_map(|at| self.sites[at].tokens.into_iter().flatten()).collect();
+                if places.iter().any(|place| frozen.contains(place)) {
+                    frozen.extend(places);
+                }
+            }
+            if frozen.len() == before {
+                return frozen;
+            }
+        }
+    }
+}
+
+fn bytes(program: &Program, place: Place) -> &[u8] {
+    program.sources[usize::from(place.source)].slice(place.span())
+}
+
+/// Whether a change asks for anything else than what is there.
+fn differs(program: &Program, i: usize, change: &Change) -> bool {
+    let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return true };
+    #[allow(clippy::float_cmp)] // the very number that was read means no change
+    let moved = change.position_mm != position_mm;
+    moved || change.quat.is_some_and(|q| turned(q, quat))
+}
+
+/// Whether two unit quaternions are different orientations.
+fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
+    let same = |sign: f64| a.iter().zip(b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
+    !same(1.0) && !same(-1.0)
+}
+
+fn wish(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> Wish {
+    let mut wish = Wish::default();
+    let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return wish };
+    let mut put = |axis: usize, value: f64, decimals: usize| {
+        if let Some(place) = site.tokens[axis] {
+            let new = New::of(bytes(program, place), value, decimals);
+            (wish.tokens[axis], wish.values[axis]) = (new.token, new.value);
+        }
+    };
+    for axis in 0..3 {
+        put(axis, change.position_mm[axis], POSITION_DECIMALS);
+    }
+    if let (Some(wanted), [_, _, _, Some(a), Some(b), Some(c)]) =
+        (change.quat.filter(|q| turned(*q, quat)), site.tokens)
+    {
+        let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
+        for (axis, value) in near(zyx_deg(&rotation(wanted)), old).into_iter().enumerate() {
+            put(3 + axis, value, ANGLE_DECIMALS);
+        }
+    }
+    wish
+}
+
+/// Of the two triples of angles that are one rotation the one nearer to another, within half a turn either way.
+fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
+    let wrap = |angle: f64| {
+        let turns = (angle / 360.0).round();
+        angle - 360.0 * turns
+    };
+    let far = |angles: [f64; 3]| angles.iter().zip(old).map(|(new, old)| wrap(new - old).abs()).sum::<f64>();
+    let other = [a + 180.0, 180.0 - b, c + 180.0].map(wrap);
+    let nearer = if far(other) < far([a, b, c]) { other } else { [a, b, c] };
+    // Angles beyond half a turn stay there.
+    std::array::from_fn(|i| {
+        let beside = old[i] + wrap(nearer[i] - old[i]);
+        if beside.abs() <= 180.0 || old[i].abs() > 180.0 { beside } else { wrap(beside) }
+    })
+}
+
+/// Position and orientation as the controller will hold them.
+fn written(program: &Program, site: &Site, i: usize, wish: &Wish) -> ([f64; 3], [f64; 4]) {
+    let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]) };
+    #[allow(clippy::cast_possible_truncation)]
+    let single = |value: f64| f64::from(value as f32);
+    let value = |axis: usize| {
+        let stands = || site.tokens[axis].and_then(|place| signed(bytes(program, place)));
+        wish.values[axis].or_else(stands).map(single)
+    };
+    let position = std::array::from_fn(|axis| value(axis).unwrap_or(position_mm[axis]));
+    let angles = [3, 4, 5].map(value);
+    let quat = match angles {
+        [Some(a), Some(b), Some(c)] => quaternion(&from_zyx_deg([a, b, c])),
+        _ => quat,
+    };
+    (position, quat)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn nearer_angles_are_the_same_rotation(
+            angles in prop::array::uniform3(-180.0..180.0_f64), old in prop::array::uniform3(-180.0..180.0_f64),
+        ) {
+            let chosen = near(angles, old);
+            prop_assert!((from_zyx_deg(chosen).matrix() - from_zyx_deg(angles).matrix()).amax() < 1e-9);
+            prop_assert!(chosen.iter().all(|angle| angle.abs() <= 180.0 + 1e-9));
+        }
+    }
+
+    #[test]
+    fn angles_stay_beside_what_was_written() {
+        assert_eq!(near([179.0, 1.0, -179.0], [-1.0, 179.0, 1.0]).to_vec(), [-1.0, 179.0, 1.0]);
+        assert_eq!(near([-179.5, 0.0, 0.0], [180.0, 0.0, 0.0]).to_vec(), [-179.5, 0.0, 0.0]);
+        assert_eq!(near([10.0, 0.0, 0.0], [370.5, 0.0, 0.0]).to_vec(), [370.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,531 @@
+//! The program as it runs: calls, loops and branches followed as far as they are known when reading.
+
+use super::changes::Changes;
+use super::lex::Cursor;
+use super::names;
+use super::state::{Id, State};
+use super::symbols::{RoutineId, Symbols};
+use super::tree::{Condition, File, Routine, Statement};
+use super::value::{Name, Place, Value, upper};
+use crate::program::{Kept, Mark, Target, Tool, Wobj};
+use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+/// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
+const STEPS: usize = 500_000;
+const STEPS_PER_BYTE: usize = 4;
+/// Targets in all, loops expanded, and for each byte of the program besides: a short file must not fill the memory.
+const TARGETS: usize = 200_000;
+const TARGETS_PER_BYTE: usize = 1;
+/// A WHILE that goes round more often is taken for one whose end is known only at run time.
+const MAX_ROUNDS: usize = 100_000;
+/// Calls within one another.
+pub(super) const MAX_CALLS: usize = 60;
+/// Blocks within one another, through calls: more than anybody writes, and what a thread's stack holds.
+const MAX_NESTING: usize = 250;
+/// Why data are not known in a loop.
+const LOOP: &str = "changed in a loop whose rounds are known only at run time";
+
+/// Whether the statement behind is run next.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flow {
+    Next,
+    /// The program goes on elsewhere: what it leaves there is noted.
+    Gone,
+}
+
+/// A routine that is being run.
+pub(super) struct Frame {
+    pub(super) routine: RoutineId,
+    pub(super) names: HashMap<Name, Id>,
+    /// What it leaves where it returns before its end.
+    returns: Vec<State>,
+}
+
+impl Frame {
+    /// The names of a file alone.
+    pub(super) fn of_file(file: usize) -> Self {
+        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new() }
+    }
+}
+
+/// Where a target's six numbers stand: X Y Z A B C; `None` for one that stands nowhere.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Site {
+    pub(crate) tokens: [Option<Place>; 6],
+}
+
+pub(super) struct Runner<'a> {
+    pub(super) symbols: Symbols<'a>,
+    pub(super) written: usize,
+    pub(super) state: State,
+    pub(super) frames: Vec<Frame>,
+    /// What EXIT leaves of each loop on the way.
+    loops: Vec<Vec<State>>,
+    nested: usize,
+    pub(super) steps: usize,
+    most_steps: usize,
+    most_targets: usize,
+    pub(super) entered: HashSet<RoutineId>,
+    /// Numbers that something else than a motion reads.
+    pub(super) pinned: HashSet<Place>,
+    /// Data that may change at any moment.
+    pub(super) volatile: HashSet<Id>,
+    pub(super) tools: Vec<Tool>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) targets: Vec<Target>,
+    pub(super) sites: Vec<Site>,
+    /// External axes of each target, as far as positions name them.
+    pub(super) external: Vec<[Option<f64>; 6]>,
+    pub(super) motions: u32,
+    pub(super) arcs: usize,
+    /// Motions without a target, by reason.
+    pub(super) unknown: Vec<(&'static str, usize)>,
+    pub(super) kept: Vec<Kept>,
+    seen: HashSet<(usize, Span, &'static str)>,
+    told: BTreeSet<Name>,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    pub(super) lines: Vec<LineIndex>,
+}
+
+impl<'a> Runner<'a> {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File], written: usize) -> Self {
+        let bytes: usize = sources.iter().map(|s| s.bytes.len()).sum();
+        let mut runner = Self {
+            symbols: Symbols::new(sources, files),
+            written,
+            state: State::default(),
+            frames: Vec::new(),
+            loops: Vec::new(),
+            nested: 0,
+            steps: 0,
+            most_steps: STEPS + STEPS_PER_BYTE * bytes,
+            most_targets: TARGETS + TARGETS_PER_BYTE * bytes,
+            entered: HashSet::new(),
+            pinned: HashSet::new(),
+            volatile: HashSet::new(),
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+            targets: Vec::new(),
+            sites: Vec::new(),
+            external: Vec::new(),
+            motions: 0,
+            arcs: 0,
+            unknown: Vec::new(),
+            kept: Vec::new(),
+            seen: HashSet::new(),
+            told: BTreeSet::new(),
+            diagnostics: Vec::new(),
+            lines: sources.iter().map(LineIndex::new).collect(),
+        };
+        for (source, file) in files.iter().enumerate().take(written) {
+            for &(span, reason) in &file.odd {
+                runner.keep(source, span, reason);
+            }
+        }
+        runner.declare();
+        runner
+    }
+
+    /// Runs what an operator may select: the first routine of each file that no other calls.
+    pub(super) fn run(&mut self) {
+        self.expect_interrupts();
+        self.pin_what_functions_read();
+        for root in self.symbols.roots(self.written) {
+            self.state = State::default();
+            let mark = self.symbols.files[root.file].mark;
+            if let Some(mark) = mark {
+                self.set_mark(mark);
+            }
+            self.enter(root, &[]);
+        }
+        self.keep_what_is_not_run();
+        self.settle();
+    }
+
+    pub(super) fn bytes(&self, source: usize) -> &'a [u8] {
+        &self.symbols.sources[source].bytes
+    }
+
+    /// The file whose statements are being run.
+    pub(super) fn here(&self) -> usize {
+        self.frames.last().map_or(0, |frame| frame.routine.file)
+    }
+
+    pub(super) fn cursor(&self, span: Span) -> Cursor<'a> {
+        #[allow(clippy::cast_possible_truncation)]
+        Cursor::new(self.bytes(self.here()), self.here() as u16, span)
+    }
+
+    fn set_mark(&mut self, mark: Mark) {
+        let id = self.symbols.mark;
+        self.state.values.insert(id, Value::Number(f64::from(u8::from(mark == Mark::Cut)), None));
+    }
+
+    /// Runs a routine with values for its parameters.
+    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value]) -> Vec<Value> {
+        self.entered.insert(id);
+        let routine = self.symbols.routine(id);
+        let bytes = self.bytes(id.file);
+        let mut names = HashMap::new();
+        let mut own = Vec::new();
+        for (i, param) in routine.params.iter().enumerate() {
+            let value = values.get(i).cloned().unwrap_or(Value::unknown("parameter that nobody gives"));
+            let local = self.symbols.local(value);
+            names.insert(upper(&bytes[param.name.range()]), local);
+            own.push(local);
+        }
+        // A parameter is declared within, too: that says its type.
+        let given = names.clone();
+        for data in routine.data.iter().filter(|data| !given.contains_key(&upper(&bytes[data.name.range()]))) {
+            let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
+            if bytes[data.kind.range()].eq_ignore_ascii_case(b"INT") {
+                self.symbols.whole.insert(local);
+            }
+            names.insert(upper(&bytes[data.name.range()]), local);
+        }
+        self.frames.push(Frame { routine: id, names, returns: Vec::new() });
+        let loops = std::mem::take(&mut self.loops);
+        let jumps = self.jumps(routine);
+        let before = self.volatile.clone();
+        if let Some(changes) = &jumps {
+            self.volatile.extend(changes.ids.iter().copied());
+            if changes.anything {
+                self.volatile.extend(self.symbols.visible());
+            }
+        }
+        let flow = self.block(&routine.body);
+        self.volatile = before;
+        self.loops = loops;
+        let Some(frame) = self.frames.pop() else { return Vec::new() };
+        let mut left = frame.returns;
+        if flow == Flow::Next {
+            left.push(std::mem::take(&mut self.state));
+        }
+        self.state = self.joined(left).unwrap_or_default();
+        if let Some(changes) = jumps {
+            self.forget(&changes, "changed in a routine with GOTO");
+        }
+        let out = own.iter().map(|id| self.value(*id)).collect();
+        let locals: HashSet<Id> = frame.names.values().copied().collect();
+        self.state.values.retain(|id, _| !locals.contains(id));
+        out
+    }
+
+    /// What a routine with GOTO changes: its statements may run in any order.
+    fn jumps(&mut self, routine: &'a Routine) -> Option<Changes> {
+        let mut found = false;
+        super::tree::walk(&routine.body, &mut |s| found |= matches!(s, Statement::Jump));
+        found.then(|| self.changes_in(&routine.body))
+    }
+
+    /// What holds where any of these may.
+    fn joined(&mut self, states: Vec<State>) -> Option<State> {
+        let mut states = states.into_iter();
+        let first = states.next()?;
+        let (start, pinned) = (&self.symbols.start, &mut self.pinned);
+        Some(states.fold(first, |all, state| {
+            all.join(&state, start, &mut |place| {
+                pinned.insert(place);
+            })
+        }))
+    }
+
+    fn block(&mut self, block: &'a [Statement]) -> Flow {
+        self.nested += 1;
+        let mut flow = Flow::Next;
+        for statement in block {
+            self.steps += 1;
+            let most = self.steps > self.most_steps || self.targets.len() > self.most_targets;
+            flow = if most || self.nested > MAX_NESTING {
+                self.give_up(place(statement))
+            } else {
+                self.statement(statement)
+            };
+            if flow == Flow::Gone {
+                break;
+            }
+        }
+        self.nested -= 1;
+        flow
+    }
+
+    /// The program has no end that is found.
+    fn give_up(&mut self, span: Span) -> Flow {
+        if self.diagnostics.iter().all(|d| d.code != "krl.endless") {
+            let source = &self.symbols.sources[self.here()];
+            let message = "the program runs on without an end that is found";
+            let error = Diagnostic::error("krl.endless", &source.name, message).at(source, span);
+            self.diagnostics.push(error.help("split it, or give loops bounds that end them"));
+        }
+        Flow::Gone
+    }
+
+    fn statement(&mut self, statement: &'a Statement) -> Flow {
+        match statement {
+            Statement::Simple(span) => self.simple(*span),
+            Statement::If { condition, then, otherwise, .. } => match self.evaluate(*condition).bool() {
+                Some(true) => self.block(then),
+                Some(false) => self.block(otherwise),
+                None => self.branches(&[then, otherwise]),
+            },
+            Statement::For { variable, from, to, step, body, at } => {
+                self.counted(*variable, [*from, *to], *step, body, *at)
+            }
+            Statement::Loop { condition, body, .. } => self.repeat(*condition, body),
+            Statement::Switch { subject, cases, otherwise, .. } => self.choice(*subject, cases, otherwise),
+            Statement::Spline { with, body } => {
+                let before = self.with(*with);
+                let flow = self.block(body);
+                self.restore(before);
+                flow
+            }
+            // Everything that the routine changes is unknown in it.
+            Statement::Jump => Flow::Next,
+            Statement::Return(span) => {
+                self.evaluate(*span);
+                let left = std::mem::take(&mut self.state);
+                if let Some(frame) = self.frames.last_mut() {
+                    frame.returns.push(left);
+                }
+                Flow::Gone
+            }
+            Statement::Exit => {
+                let left = std::mem::take(&mut self.state);
+                match self.loops.last_mut() {
+                    Some(exits) => {
+                        exits.push(left);
+                        Flow::Gone
+                    }
+                    None => {
+                        self.state = left;
+                        Flow::Next
+                    }
+                }
+            }
+            Statement::Mark(mark) => {
+                self.set_mark(*mark);
+                Flow::Next
+            }
+        }
+    }
+
+    /// Every branch from what holds before all of them, since any may be the one that runs.
+    fn branches(&mut self, branches: &[&'a [Statement]]) -> Flow {
+        let before = std::mem::take(&mut self.state);
+        let mut left = Vec::new();
+        for branch in branches {
+            self.state = before.clone();
+            if self.block(branch) == Flow::Next {
+                left.push(std::mem::take(&mut self.state));
+            }
+        }
+        self.go_on(left)
+    }
+
+    /// Goes on with what holds where any of these may.
+    fn go_on(&mut self, left: Vec<State>) -> Flow {
+        match self.joined(left) {
+            Some(state) => {
+                self.state = state;
+                Flow::Next
+            }
+            None => Flow::Gone,
+        }
+    }
+
+    fn choice(&mut self, subject: Span, cases: &'a [(Span, Vec<Statement>)], otherwise: &'a [Statement]) -> Flow {
+        let subject = self.evaluate(subject);
+        for (i, (values, body)) in cases.iter().enumerate() {
+            match self.is_among(&subject, *values) {
+                Some(true) => return self.block(body),
+                Some(false) => {}
+                None => {
+                    let rest: Vec<&'a [Statement]> =
+                        cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]).collect();
+                    return self.branches(&rest);
+                }
+            }
+        }
+        self.block(otherwise)
+    }
+
+    fn counted(
+        &mut self,
+        variable: Span,
+        bounds: [Span; 2],
+        step: Option<Span>,
+        body: &'a [Statement],
+        place: Span,
+    ) -> Flow {
+        let [from, to] = bounds.map(|span| self.evaluate(span).index());
+        let step = step.map_or(Some(1), |span| self.evaluate(span).index()).filter(|step| *step != 0);
+        let counter = self.resolve(&upper(&self.bytes(self.here())[variable.range()]));
+        let (Some(from), Some(to), Some(step)) = (from, to, step) else {
+            return self.rounds(body, Some(counter));
+        };
+        let most = i64::try_from(self.most_steps).unwrap_or(i64::MAX);
+        if (to - from) / step > most || self.volatile.contains(&counter) {
+            return self.rounds(body, Some(counter));
+        }
+        self.loops.push(Vec::new());
+        let mut at = from;
+        let mut flow = Flow::Next;
+        while flow == Flow::Next && if step > 0 { at <= to } else { at >= to } {
+            #[allow(clippy::cast_precision_loss)]
+            self.state.values.insert(counter, Value::Number(at as f64, None));
+            self.steps += 1;
+            flow = self.block(body);
+            // The body may set its own counter.
+            let counted = self.value(counter).index();
+            match counted {
+                Some(counted) => at = counted + step,
+                None if flow == Flow::Next => {
+                    flow = self.rounds(body, Some(counter));
+                    break;
+                }
+                None => {}
+            }
+            if self.steps > self.most_steps {
+                flow = self.give_up(place);
+            }
+        }
+        let mut left = self.loops.pop().unwrap_or_default();
+        if flow == Flow::Next {
+            #[allow(clippy::cast_precision_loss)]
+            self.state.values.insert(counter, Value::Number(at as f64, None));
+            left.push(std::mem::take(&mut self.state));
+        }
+        self.go_on(left)
+    }
+
+    fn repeat(&mut self, condition: Option<Condition>, body: &'a [Statement]) -> Flow {
+        let Some(condition) = condition else { return self.rounds(body, None) };
+        let changes = self.changes_in(body);
+        // A condition that nothing in the loop changes never ends it.
+        let steady = !self.depends(condition.span, &changes);
+        let (before, targets) = (self.state.clone(), self.marker());
+        self.loops.push(Vec::new());
+        let mut rounds = 0;
+        let flow = loop {
+            let looked = if condition.is_behind && rounds == 0 {
+                Some(true)
+            } else {
+                let holds = self.evaluate(condition.span).bool();
+                if condition.is_behind { holds.map(|end| !end) } else { holds }
+            };
+            match looked {
+                Some(false) => break Some(Flow::Next),
+                Some(true) if rounds < MAX_ROUNDS && !(steady && rounds > 0) => {}
+                _ => break None,
+            }
+            rounds += 1;
+            if self.block(body) == Flow::Gone {
+                break Some(Flow::Gone);
+            }
+        };
+        let mut left = self.loops.pop().unwrap_or_default();
+        match flow {
+            Some(flow) => {
+                if flow == Flow::Next {
+                    left.push(std::mem::take(&mut self.state));
+                }
+                self.go_on(left)
+            }
+            None => {
+                // Known for some rounds, and then no more: taken as one whose rounds are not known at all.
+                self.state = before;
+                self.back_to(targets);
+                self.rounds(body, None)
+            }
+        }
+    }
+
+    /// Rounds of a number that is not known: one, from what holds whenever one begins.
+    fn rounds(&mut self, body: &'a [Statement], counter: Option<Id>) -> Flow {
+        let mut changes = self.changes_in(body);
+        changes.ids.extend(counter);
+        self.forget(&changes, LOOP);
+        let before = self.state.clone();
+        self.loops.push(Vec::new());
+        let flow = self.block(body);
+        let mut left = self.loops.pop().unwrap_or_default();
+        if flow == Flow::Next {
+            left.push(std::mem::take(&mut self.state));
+        }
+        left.push(before);
+        let flow = self.go_on(left);
+        self.forget(&changes, LOOP);
+        flow
+    }
+
+    /// How much was found so far.
+    fn marker(&self) -> (usize, u32, usize, Vec<(&'static str, usize)>) {
+        (self.targets.len(), self.motions, self.arcs, self.unknown.clone())
+    }
+
+    fn back_to(&mut self, (targets, motions, arcs, unknown): (usize, u32, usize, Vec<(&'static str, usize)>)) {
+        self.targets.truncate(targets);
+        self.sites.truncate(targets);
+        self.external.truncate(targets);
+        (self.motions, self.arcs, self.unknown) = (motions, arcs, unknown);
+    }
+
+    pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
+        if source < self.written && self.seen.insert((source, span, reason)) {
+            let line = self.lines[source].line(span.start) as usize;
+            self.kept.push(Kept { source, span, line, reason, fault: false, help: "" });
+        }
+    }
+
+    /// A motion whose target is not known.
+    pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+        match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => self.unknown.push((reason, 1)),
+        }
+        self.keep(self.here(), span, reason);
+    }
+
+    /// Says once that a routine is not in the files.
+    pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
+        if !self.told.insert(name.clone()) {
+            return;
+        }
+        let source = &self.symbols.sources[self.here()];
+        let message = format!("`{}` is not in the files: what it could change is unknown behind it", decode(name));
+        let warning = Diagnostic::error("krl.unknown-routine", &source.name, message).at(source, span);
+        self.diagnostics.push(warning.severity(Severity::Warning).help("give the file that has it with --context"));
+    }
+
+    fn simple(&mut self, span: Span) -> Flow {
+        let mut cursor = self.cursor(span);
+        let first = cursor.peek();
+        let word = upper(cursor.text(first));
+        if let Some(motion) = names::motion(&word) {
+            cursor.next();
+            self.motion(motion, cursor, span);
+        } else if let Some(reason) = names::relative(&word) {
+            self.relative(cursor, span, reason);
+        } else if &word[..] == b"TRIGGER" {
+            self.trigger(cursor);
+        } else if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
+            self.look_through(cursor);
+        } else if !self.assignment_or_call(cursor, span) {
+            self.keep(self.here(), span, "statement is not understood");
+            let anything = Changes { anything: true, ..Changes::default() };
+            self.forget(&anything, "may be changed by a statement that is not understood");
+        }
+        Flow::Next
+    }
+}
+
+/// Where a statement stands.
+fn place(statement: &Statement) -> Span {
+    match statement {
+        Statement::Simple(span) | Statement::Return(span) => *span,
+        Statement::If { at, .. } | Statement::For { at, .. } | Statement::Loop { at, .. } => *at,
+        Statement::Switch { at, .. } => *at,
+        _ => Span::default(),
+    }
+}

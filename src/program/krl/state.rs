@@ -1,0 +1,32 @@
+//! What may hold at a place of the program: values of data by number, those that differ from what the text says.
+
+use super::value::{Place, Value};
+use std::collections::BTreeMap;
+
+/// Number of a variable.
+pub(super) type Id = usize;
+
+/// What holds; data that are not in it hold what they hold at the start.
+#[derive(Clone, Debug, Default)]
+pub(super) struct State {
+    pub(super) values: BTreeMap<Id, Value>,
+}
+
+impl State {
+    /// What holds where either may; tokens of what differs go to `lost`.
+    pub(super) fn join(mut self, other: &Self, start: &[Value], lost: &mut impl FnMut(Place)) -> Self {
+        let missing = Value::unknown(super::value::NO_VALUE);
+        let at_start = |id: Id| start.get(id).unwrap_or(&missing);
+        for (id, value) in &other.values {
+            let own = self.values.get(id).unwrap_or_else(|| at_start(*id));
+            let joined = own.join(value, lost);
+            self.values.insert(*id, joined);
+        }
+        for (id, value) in &mut self.values {
+            if !other.values.contains_key(id) {
+                *value = value.join(at_start(*id), lost);
+            }
+        }
+        self
+    }
+}

@@ -1,0 +1,225 @@
+//! Names of data and routines, and what data hold at the start.
+
+use super::lex::{Cursor, Kind};
+use super::state::Id;
+use super::tree::{File, Routine, Statement, walk};
+use super::value::{NO_VALUE, Name, Value, pose_record, upper};
+use crate::text::{Source, Span};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
+
+/// A routine by its file and its place there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct RoutineId {
+    pub(super) file: usize,
+    pub(super) at: usize,
+}
+
+pub(super) struct Symbols<'a> {
+    pub(super) sources: &'a [Source],
+    pub(super) files: &'a [File],
+    /// What each variable holds at the start.
+    pub(super) start: Vec<Value>,
+    /// Variables of type INT.
+    pub(super) whole: HashSet<Id>,
+    constant: HashSet<Id>,
+    /// Names that all files see.
+    globals: HashMap<Name, Id>,
+    /// Names of a `.src` and its `.dat`, by the module's name.
+    modules: HashMap<Name, HashMap<Name, Id>>,
+    /// The module of each file.
+    module_of: Vec<Name>,
+    routines: HashMap<Name, RoutineId>,
+    pub(super) base: Id,
+    pub(super) tool: Id,
+    pub(super) load: Id,
+    pub(super) speed: Id,
+    pub(super) mode: Id,
+    /// Names of base and tool, as they were assigned.
+    pub(super) base_name: Id,
+    pub(super) tool_name: Id,
+    /// The last position commanded.
+    pub(super) position: Id,
+    /// The mark in force: nothing, 0 for air, 1 for cut.
+    pub(super) mark: Id,
+}
+
+/// Tables of frames and loads that the controller has under these names.
+const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
+
+impl<'a> Symbols<'a> {
+    pub(super) fn new(sources: &'a [Source], files: &'a [File]) -> Self {
+        let mut symbols = Self {
+            sources,
+            files,
+            start: Vec::new(),
+            whole: HashSet::new(),
+            constant: HashSet::new(),
+            globals: HashMap::new(),
+            modules: HashMap::new(),
+            module_of: Vec::new(),
+            routines: HashMap::new(),
+            base: 0,
+            tool: 0,
+            load: 0,
+            speed: 0,
+            mode: 0,
+            base_name: 0,
+            tool_name: 0,
+            position: 0,
+            mark: 0,
+        };
+        for (source, file) in sources.iter().zip(files) {
+            symbols.module_of.push(upper(source.slice(file.module)));
+        }
+        for (at, file) in files.iter().enumerate() {
+            for (routine, found) in file.routines.iter().enumerate() {
+                let name = upper(sources[at].slice(found.name));
+                let id = RoutineId { file: at, at: routine };
+                if routine == 0 || found.is_global {
+                    symbols.routines.entry(name).or_insert(id);
+                }
+            }
+        }
+        let own = |name: &str| Value::Own(name.into());
+        symbols.base = symbols.global(b"$BASE", own("$BASE"));
+        symbols.tool = symbols.global(b"$TOOL", own("$TOOL"));
+        symbols.load = symbols.global(b"$LOAD", Value::unknown(NO_VALUE));
+        symbols.speed = symbols.global(b"$VEL", Value::unknown(NO_VALUE));
+        symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
+        for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
+            symbols.global(world, pose_record([0.0; 6]));
+        }
+        // Names that no program can have.
+        symbols.base_name = symbols.global(b" BASE", own("$BASE"));
+        symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
+        symbols.position = symbols.global(b" POSITION", Value::unknown("the position before is not known"));
+        symbols.mark = symbols.global(b" MARK", Value::Bool(false));
+        symbols
+    }
+
+    fn global(&mut self, name: &[u8], value: Value) -> Id {
+        let id = self.local(value);
+        self.globals.insert(upper(name), id);
+        id
+    }
+
+    /// A variable of its own.
+    pub(super) fn local(&mut self, value: Value) -> Id {
+        self.start.push(value);
+        self.start.len() - 1
+    }
+
+    /// Declares data of a file; their start values come later.
+    pub(super) fn declare(&mut self, file: usize) {
+        let (source, found) = (&self.sources[file], &self.files[file]);
+        let module = self.module_of[file].clone();
+        // KUKA's own lists ($CONFIG, $MACHINE) are seen by all.
+        let all = module.first() == Some(&b'$');
+        for data in &found.data {
+            let name = upper(source.slice(data.name));
+            let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(NO_VALUE) };
+            let id = self.local(value);
+            if source.slice(data.kind).eq_ignore_ascii_case(b"INT") {
+                self.whole.insert(id);
+            }
+            if data.is_constant {
+                self.constant.insert(id);
+            }
+            if all || data.is_global {
+                self.globals.insert(name.clone(), id);
+            }
+            self.modules.entry(module.clone()).or_default().insert(name, id);
+        }
+    }
+
+    /// The variable of this name; one that no file declares is the controller's.
+    pub(super) fn find(&mut self, file: usize, name: &Name) -> Id {
+        let module = self.modules.get(&self.module_of[file]).and_then(|names| names.get(name));
+        if let Some(id) = module.or_else(|| self.globals.get(name)) {
+            return *id;
+        }
+        let value = if TABLES.contains(&&name[..]) {
+            Value::Array(Rc::default())
+        } else {
+            Value::unknown("declared in none of the files")
+        };
+        self.global(name, value)
+    }
+
+    /// Variables that are the run's own.
+    pub(super) fn own_state(&self) -> [Id; 9] {
+        let [base, tool] = [self.base_name, self.tool_name];
+        [self.base, self.tool, self.load, self.speed, self.mode, base, tool, self.position, self.mark]
+    }
+
+    /// Whether an element that nothing sets is the controller's own.
+    pub(super) fn is_table(&self, name: &[u8]) -> bool {
+        TABLES.contains(&name)
+    }
+
+    /// What a routine of another file could change.
+    pub(super) fn visible(&self) -> Vec<Id> {
+        let tables = |name: &Name| TABLES.contains(&&name[..]) || matches!(&name[..], b"$NULLFRAME" | b"$WORLD");
+        let open = self.globals.iter().filter(|(name, id)| !tables(name) && !self.constant.contains(id));
+        open.map(|(_, id)| *id).filter(|id| *id != self.mark).collect()
+    }
+
+    pub(super) fn routine(&self, id: RoutineId) -> &'a Routine {
+        &self.files[id.file].routines[id.at]
+    }
+
+    /// The routine that a name means in a file.
+    pub(super) fn find_routine(&self, file: usize, name: &[u8]) -> Option<RoutineId> {
+        let own =
+            self.files[file].routines.iter().position(|r| self.sources[file].slice(r.name).eq_ignore_ascii_case(name));
+        own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(&upper(name)).copied())
+    }
+
+    pub(super) fn all(&self) -> impl Iterator<Item = RoutineId> {
+        let files: &'a [File] = self.files;
+        files.iter().enumerate().flat_map(|(file, f)| (0..f.routines.len()).map(move |at| RoutineId { file, at }))
+    }
+
+    /// First routines of the written files that no other routine calls; all of them where each is called.
+    pub(super) fn roots(&self, written: usize) -> Vec<RoutineId> {
+        let mut called = BTreeSet::new();
+        for id in self.all() {
+            let bytes = &self.sources[id.file].bytes;
+            for span in spans(&self.routine(id).body) {
+                let mut cursor = Cursor::new(bytes, 0, span);
+                while !cursor.is_done() {
+                    let lexeme = cursor.next();
+                    if lexeme.kind == Kind::Word && cursor.peek().kind == Kind::Mark(b'(') {
+                        called.extend(self.find_routine(id.file, cursor.text(lexeme)).filter(|other| *other != id));
+                    }
+                }
+            }
+        }
+        let firsts =
+            || (0..written).filter(|f| !self.files[*f].routines.is_empty()).map(|file| RoutineId { file, at: 0 });
+        let free: Vec<RoutineId> = firsts().filter(|id| !called.contains(id)).collect();
+        if free.is_empty() { firsts().collect() } else { free }
+    }
+}
+
+/// Everything that a block's statements consist of, blocks in it included.
+pub(super) fn spans(block: &[Statement]) -> Vec<Span> {
+    let mut out = Vec::new();
+    walk(block, &mut |statement| match statement {
+        Statement::Simple(span) | Statement::Return(span) => out.push(*span),
+        Statement::If { condition, .. } => out.push(*condition),
+        Statement::For { variable, from, to, step, .. } => {
+            out.extend([*variable, *from, *to]);
+            out.extend(*step);
+        }
+        Statement::Loop { condition, .. } => out.extend(condition.map(|c| c.span)),
+        Statement::Switch { subject, cases, .. } => {
+            out.push(*subject);
+            out.extend(cases.iter().map(|(values, _)| *values));
+        }
+        Statement::Spline { with, .. } => out.push(*with),
+        Statement::Jump | Statement::Exit | Statement::Mark(_) => {}
+    });
+    out
+}

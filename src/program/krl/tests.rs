@@ -1,0 +1,261 @@
+use super::*;
+use crate::program::{Change, Editable, Goal, Mark, Motion, RewriteOptions, Role};
+use crate::text::apply;
+
+fn program_of(texts: &[(&str, &str)], context: &[(&str, &str)]) -> Program {
+    let sources = |texts: &[(&str, &str)]| texts.iter().map(|(name, text)| Source::new(*name, *text)).collect();
+    read(sources(texts), sources(context)).unwrap()
+}
+
+fn program(body: &str) -> Program {
+    program_of(&[("a.src", &format!("DEF a( )\n{body}\nEND\n"))], &[])
+}
+
+fn positions(program: &Program) -> Vec<[f64; 3]> {
+    let position = |target: &crate::program::Target| match target.goal {
+        Goal::Pose { position_mm, .. } => position_mm,
+        _ => [f64::NAN; 3],
+    };
+    program.targets.iter().map(position).collect()
+}
+
+fn moved(program: &Program, by: f64) -> Vec<String> {
+    let change = |target: &crate::program::Target| match target.goal {
+        Goal::Pose { position_mm, .. } => {
+            Some(Change { position_mm: position_mm.map(|v| v + by), quat: None, conf: None })
+        }
+        _ => None,
+    };
+    let changes: Vec<_> = program.targets.iter().map(change).collect();
+    let rewritten = program.rewrite(&changes, &[], &RewriteOptions::default());
+    let write = |(source, edits): (&Source, &Vec<crate::text::Edit>)| {
+        let mut out = Vec::new();
+        apply(&source.bytes, edits, &mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    program.sources.iter().zip(&rewritten.edits).map(write).collect()
+}
+
+fn reasons(program: &Program) -> Vec<&'static str> {
+    program.kept.iter().map(|kept| kept.reason).collect()
+}
+
+#[test]
+fn inline_positions_are_edited_where_they_stand() {
+    let p = program(
+        "$BASE = BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\n$VEL.CP = 0.02\nLIN {X 10.0,Y -20.125, Z 0,A 90,B 0.0,C 180.0} C_DIS ; LIN {X 1}",
+    );
+    assert_eq!(positions(&p), [[10.0, -20.125, 0.0]]);
+    assert_eq!(p.targets[0].feed_mm_s, Some(20.0));
+    assert_eq!((&*p.tools[0].name, &*p.wobjs[0].name), ("TOOL_DATA[1]", "BASE_DATA[2]"));
+    assert_eq!((p.targets[0].editable, p.literal_targets, p.motion_targets()), (Editable::Pose, 1, 1));
+    let Goal::Pose { quat, .. } = p.targets[0].goal else { panic!() };
+    // Rz(90) Rx(180): x to y, y to x, z down.
+    let r = crate::program::orientation::rotation(quat);
+    assert!((r * nalgebra::Vector3::x() - nalgebra::Vector3::y()).amax() < 1e-12);
+    assert!((r * nalgebra::Vector3::z() + nalgebra::Vector3::z()).amax() < 1e-12);
+    let text = &moved(&p, 0.25)[0];
+    assert!(text.contains("{X 10.250,Y -19.875, Z 0.250,A 90,B 0.0,C 180.0} C_DIS ; LIN {X 1}"), "{text}");
+}
+
+#[test]
+fn points_of_the_data_list_are_edited_there() {
+    let src = "&ACCESS RVP\r\nDEF a( )\r\n;FOLD LIN P1;%{PE}\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)\r\nLIN XP1 C_DIS\r\n;ENDFOLD\r\nEND\r\n";
+    let dat = "DEFDAT A\r\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 2,T 'B1010',E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}\r\nDECL FDAT FP1={TOOL_NO 3,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\r\nENDDAT\r\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert_eq!(positions(&p), [[1.0, 2.0, 3.0]]);
+    assert_eq!(p.targets[0].name.as_deref(), Some("XP1"));
+    assert_eq!((&*p.tools[0].name, &*p.wobjs[0].name), ("TOOL_DATA[3]", "$NULLFRAME"));
+    assert_eq!(p.targets[0].feed_mm_s, Some(2000.0));
+    let texts = moved(&p, 0.5);
+    assert_eq!(texts[0], src);
+    assert_eq!(texts[1], dat.replace("X 1.0,Y 2.0,Z 3.0", "X 1.500,Y 2.500,Z 3.500"));
+}
+
+#[test]
+fn a_loop_over_an_array_is_one_visit_an_element() {
+    let dat = "DEFDAT points PUBLIC\nDECL GLOBAL FRAME gP[3]\ngP[1]={X 1.0,Y 0.0,Z 0.0,A 1.0,B 0.0,C 0.0}\ngP[2]={X 2.0,Y 0.0,Z 0.0,A 1.0,B 0.0,C 0.0}\ngP[3]={X 3.0,Y 0.0,Z 0.0,A 1.0,B 0.0,C 0.0}\nENDDAT\n";
+    let src = "DEF a()\nINT i\nFOR i = 1 TO 3\ngP[i].A=-30\nLIN gP[i] C_VEL\nENDFOR\nEND\n";
+    let p = program_of(&[("a.src", src), ("points.dat", dat)], &[]);
+    assert_eq!(positions(&p).iter().map(|at| at[0]).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+    assert!(p.targets.iter().all(|t| t.editable == Editable::Position));
+    assert_eq!(p.targets[1].name.as_deref(), Some("gP[2]"));
+    assert_eq!(moved(&p, 0.5)[1].matches(".500,").count(), 9);
+    let alone = program_of(&[("a.src", src)], &[("points.dat", dat)]);
+    assert_eq!(alone.targets[0].editable, Editable::No("declared in a context file"));
+}
+
+#[test]
+fn missing_components_are_those_of_the_motion_before() {
+    let p = program("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nLIN {X 4.0,Y 5.0,Z 6.0}\nLIN {Z 50.0}");
+    assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [4.0, 5.0, 50.0]]);
+    let editable: Vec<_> = p.targets.iter().map(|t| t.editable).collect();
+    assert_eq!(editable[0], Editable::Position);
+    assert!(matches!(editable[1], Editable::No(_)) && matches!(editable[2], Editable::No(_)));
+}
+
+#[test]
+fn arcs_have_a_via_and_splines_their_points() {
+    let p = program(
+        "LIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nCIRC {X 1.0,Y 1.0,Z 0.0},{X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0} C_DIS\nSPLINE WITH $VEL.CP=0.5\nSPL {X 3.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDSPLINE\nCIRC {X 1.0,Y 1.0,Z 0.0},{X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}, CA 360",
+    );
+    assert_eq!(p.targets[1].role, Role::Via);
+    assert_eq!((p.targets[2].motion, p.arcs, p.targets.len()), (Motion::Circular, 2, 4));
+    assert_eq!(p.targets[3].feed_mm_s, Some(500.0));
+    assert_eq!(reasons(&p), ["circle with an angle"]);
+    assert_eq!(moved(&p, 0.5)[0].matches(".500").count(), 12);
+}
+
+#[test]
+fn what_is_known_only_at_run_time_stays() {
+    let line = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for (body, reason) in [
+        ("LIN_REL {X 1.0}", "relative motion, counted from the position before"),
+        ("LIN $POS_ACT", "a system value that is known only at run time"),
+        ("P.X = $TIMER[1]\nLIN P", "a system value that is known only at run time"),
+        ("LIN XHOME", "declared in none of the files"),
+        (&*format!("$IPO_MODE=#TCP\nLIN {line}"), "the robot holds the part ($IPO_MODE is #TCP)"),
+        (&*format!("spindle()\nLIN {line}"), "tool known only at run time"),
+        (
+            &*format!("PTP {}", line.replace("}", ",S 2}")),
+            "joint motion whose status and turn a correction could make untrue",
+        ),
+        ("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,E1 $TIMER[1]}", "external axis known only at run time"),
+        (&*format!("BAS(#BASE,$IN_NUM)\nLIN {line}"), "base known only at run time"),
+    ] {
+        let p = program(body);
+        assert!(reasons(&p).contains(&reason), "{body}: {:?}", reasons(&p));
+        assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))), "{body}");
+        assert_eq!(moved(&p, 0.5)[0], String::from_utf8(p.sources[0].bytes.clone()).unwrap());
+    }
+}
+
+#[test]
+fn frames_by_a_condition_are_unknown_behind_it() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p = program(&format!(
+        "$BASE=BASE_DATA[1]\nIF $IN[1] THEN\n$BASE=BASE_DATA[2]\n{line}\nENDIF\n{line}\n$BASE=BASE_DATA[1]\n{line}"
+    ));
+    assert_eq!(p.targets.len(), 2);
+    assert_eq!(p.motion_targets(), 3);
+    assert_eq!(p.wobjs.iter().map(|w| &*w.name).collect::<Vec<_>>(), ["BASE_DATA[2]", "BASE_DATA[1]"]);
+    let p = program(&format!("$BASE=BASE_DATA[1]\nLOOP\n{line}\n$BASE=BASE_DATA[2]\n{line}\nENDLOOP"));
+    assert_eq!((p.targets.len(), p.motion_targets()), (1, 2));
+}
+
+#[test]
+fn a_point_under_two_bases_stays_where_they_disagree() {
+    let src =
+        "DEF a()\n$BASE=BASE_DATA[1]\nLIN XP1\n$BASE=BASE_DATA[2]\nLIN XP1\nLIN XP2\nIF XP2.X > 0 THEN\nENDIF\nEND\n";
+    let dat = "DEFDAT a\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nDECL E6POS XP2={X 9.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert_eq!(p.targets[2].editable, Editable::No("its numbers are read by more than motions that are known"));
+    let change = |by: f64| Some(Change { position_mm: [1.0 + by, 2.0, 3.0], quat: None, conf: None });
+    let rewritten = p.rewrite(&[change(0.1), change(0.2), None], &[], &RewriteOptions::default());
+    assert!(rewritten.edits.iter().all(Vec::is_empty));
+    assert_eq!(rewritten.kept.len(), 2);
+    let agreed = p.rewrite(&[change(0.1), change(0.1), None], &[], &RewriteOptions::default());
+    assert_eq!((agreed.edits[1].len(), agreed.kept.len()), (1, 0));
+}
+
+#[test]
+fn routines_take_copies_and_give_back() {
+    let body = "FRAME f\nf={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\ngo(f, 5.0)\nLIN f\nEND\nDEF go(p:OUT, d:IN)\nLIN p\np.Z = p.Z + d\n";
+    let p = program(body);
+    assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [1.0, 2.0, 8.0]]);
+    assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))));
+}
+
+#[test]
+fn frames_chain_where_they_are_known() {
+    let p = program("LIN {X 100.0,Y 0.0,Z 0.0,A 90.0,B 0.0,C 0.0}:{X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}");
+    assert!((positions(&p)[0][1] - 10.0).abs() < 1e-9 && (positions(&p)[0][0] - 100.0).abs() < 1e-9);
+    assert!(matches!(p.targets[0].editable, Editable::No(_)));
+}
+
+#[test]
+fn spline_forms_name_their_frames() {
+    let src = "DEF a()\nSLIN XP1 WITH $VEL = SVEL_CP(0.5, , LCPDAT1), $TOOL = STOOL2(FP1), $BASE = SBASE(FP1.BASE_NO), $IPO_MODE = SIPO_MODE(FP1.IPO_FRAME), $LOAD = SLOAD(FP1.TOOL_NO), $ACC = SACC_CP(LCPDAT1) C_SPL\nEND\n";
+    let dat = "DEFDAT a\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 6,T 50,E1 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 4,IPO_FRAME #BASE,POINT2[] \" \"}\nENDDAT\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert_eq!((&*p.tools[0].name, &*p.wobjs[0].name), ("TOOL_DATA[1]", "BASE_DATA[4]"));
+    assert_eq!((p.targets[0].feed_mm_s, p.targets[0].editable), (Some(500.0), Editable::Pose));
+}
+
+#[test]
+fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p = program(&format!(
+        "INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n$BASE=BASE_DATA[1]\n{line}\nEND\nDEF isr()\n$BASE=BASE_DATA[2]"
+    ));
+    assert_eq!(reasons(&p), ["base may be changed at any moment"]);
+    let p = program(&format!("GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{line}"));
+    assert_eq!(p.targets[0].editable, Editable::Pose);
+    let p = program(&format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO other() PRIO=-1\n{line}"));
+    assert!(p.targets.is_empty());
+}
+
+#[test]
+fn jumps_leave_what_the_routine_changes_unknown() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p =
+        program(&format!("again:\n$BASE=BASE_DATA[1]\n{line}\n$BASE=BASE_DATA[2]\nIF $IN[1] THEN\nGOTO again\nENDIF"));
+    assert_eq!(reasons(&p), ["base may be changed at any moment"]);
+}
+
+#[test]
+fn marks_follow_the_run() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p = program(&format!("; deflex air\n{line}\n;deflex cut\n{line}"));
+    assert_eq!(p.targets.iter().map(|t| t.mark).collect::<Vec<_>>(), [Some(Mark::Air), Some(Mark::Cut)]);
+}
+
+#[test]
+fn endless_loops_are_taken_once() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for body in
+        ["LOOP\nL\nENDLOOP", "WHILE TRUE\nL\nENDWHILE", "REPEAT\nL\nUNTIL $IN[3]", "WHILE i<3\ni=i+0\nL\nENDWHILE"]
+    {
+        let p = program(&format!(
+            "INT i\ni=1\n{}",
+            body.replace('L', "#").replace("\n#\n", &format!("\n{line}\n")).replace('#', "L")
+        ));
+        assert_eq!(p.targets.len(), 1, "{body}");
+    }
+    let p = program(&format!("INT i\ni=1\nWHILE i<=3\n{line}\ni=i+1\nENDWHILE"));
+    assert_eq!(p.targets.len(), 3);
+}
+
+#[test]
+fn files_that_are_none_are_refused() {
+    let code = |text: &str| read(vec![Source::new("a.src", text)], Vec::new()).unwrap_err()[0].code;
+    assert_eq!(code("LIN {X 1}\n"), "krl.no-routine");
+    assert_eq!(code("DEF a()\nIF $IN[1] THEN\n"), "krl.truncated");
+    assert_eq!(code("DEF a()\nINT i,j\nFOR i=1 TO 2000\nFOR j=1 TO 2000\nENDFOR\nENDFOR\nEND\n"), "krl.endless");
+}
+
+#[test]
+fn what_stays_holds_its_numbers_for_others() {
+    let src = "DEF a()\nLIN XP1\n$IPO_MODE=#TCP\nLIN XP1\nEND\n";
+    let dat = "DEFDAT a\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))));
+    assert_eq!(moved(&p, 0.5)[1], dat);
+}
+
+#[test]
+fn numbers_that_last_are_unknown_at_the_start() {
+    let src = "DEF a()\nIF first THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[2]\nENDIF\nfirst=FALSE\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nEND\n";
+    let dat = "DEFDAT a\nDECL BOOL first=TRUE\nENDDAT\n";
+    let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
+    assert_eq!(reasons(&p), ["base known only at run time"]);
+}
+
+#[test]
+fn external_axes_are_in_use_where_one_is_not_at_zero() {
+    let line = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0";
+    let p = program(&format!("LIN {line},E1 0.0,E2 850.0}}\nLIN {line}}}"));
+    let written = |i: usize| p.targets[i].external.as_ref().unwrap().written;
+    assert_eq!((written(0), written(1)), ([None, Some(850.0), None, None, None, None], written(0)));
+    assert_eq!(program(&format!("LIN {line},E1 0.0,E2 0.0}}")).targets[0].external, None);
+}

@@ -1,0 +1,266 @@
+//! What an expression is worth, as far as it is known when reading, and where its numbers stand.
+
+use crate::program::orientation::{from_zyx_deg, quaternion, zyx_deg};
+use crate::text::Span;
+use nalgebra::Vector3;
+use smallvec::SmallVec;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+/// A name, upper case: KRL does not tell case apart.
+pub(super) type Name = SmallVec<[u8; 16]>;
+
+pub(super) fn upper(text: &[u8]) -> Name {
+    text.iter().map(u8::to_ascii_uppercase).collect()
+}
+
+/// A number token, its sign included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) struct Place {
+    pub(crate) source: u16,
+    start: u32,
+    len: u8,
+}
+
+impl Place {
+    /// `None` for a token that is longer than any number.
+    pub(super) fn new(source: u16, span: Span) -> Option<Self> {
+        Some(Self { source, start: span.start, len: u8::try_from(span.len()).ok()? })
+    }
+
+    pub(crate) fn span(self) -> Span {
+        Span { start: self.start, end: self.start + u32::from(self.len) }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Value {
+    /// Known only when the program runs, and why; it may be this one.
+    Unknown(&'static str, Option<Rc<Value>>),
+    /// A number; its token where it is a literal, or a copy of one.
+    Number(f64, Option<Place>),
+    Bool(bool),
+    Text(Rc<[u8]>),
+    /// `#NAME`
+    Constant(Name),
+    /// Components by name.
+    Record(Rc<Vec<(Name, Value)>>),
+    /// Elements by index; several indices are put into one.
+    Array(Rc<BTreeMap<i64, Value>>),
+    /// Data that no file declares and the controller has under this name.
+    Own(Rc<str>),
+}
+
+/// Why data have no value.
+pub(super) const NO_VALUE: &str = "has no value in the files";
+/// Why a frame's components are not known.
+pub(super) const CELL_KNOWS: &str = "a frame whose numbers only the cell has";
+
+/// One step into a record or array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    Component(Name),
+    Element(i64),
+}
+
+impl Value {
+    pub(super) fn unknown(why: &'static str) -> Self {
+        Self::Unknown(why, None)
+    }
+
+    pub(super) fn number(&self) -> Option<f64> {
+        if let Self::Number(value, _) = self { Some(*value) } else { None }
+    }
+
+    pub(super) fn bool(&self) -> Option<bool> {
+        if let Self::Bool(value) = self { Some(*value) } else { None }
+    }
+
+    /// A whole number.
+    pub(super) fn index(&self) -> Option<i64> {
+        #[allow(clippy::cast_possible_truncation)]
+        self.number().filter(|v| v.fract() == 0.0 && v.abs() < 1e9).map(|v| v as i64)
+    }
+
+    pub(super) fn component(&self, name: &[u8]) -> Option<&Self> {
+        let Self::Record(fields) = self else { return None };
+        fields.iter().find(|(known, _)| known[..] == *name).map(|(_, value)| value)
+    }
+
+    /// What stands at a path.
+    pub(super) fn get(&self, path: &[Step]) -> Self {
+        let Some((first, rest)) = path.split_first() else { return self.clone() };
+        match (self, first) {
+            (Self::Record(_), Step::Component(name)) => {
+                self.component(name).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
+            }
+            (Self::Array(items), Step::Element(at)) => {
+                items.get(at).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
+            }
+            (Self::Own(_), Step::Component(_)) => Self::unknown(CELL_KNOWS),
+            (Self::Unknown(why, None), _) => Self::unknown(why),
+            (Self::Unknown(why, Some(was)), _) => was.get(path).forgotten(why),
+            _ => Self::unknown("not a record or an array"),
+        }
+    }
+
+    /// Puts a value at a path; where the way there is not known, the whole stays unknown.
+    pub(super) fn set(&mut self, path: &[Step], value: Self) {
+        let Some((first, rest)) = path.split_first() else {
+            // What becomes of components that an aggregate does not name is left open.
+            if let (Self::Record(old), Self::Record(new)) = (&*self, &value) {
+                let named = |name: &Name| new.iter().any(|(known, _)| known == name);
+                let rest = old.iter().filter(|(name, _)| !named(name));
+                let rest = rest.map(|(name, value)| (name.clone(), value.clone().forgotten(NO_VALUE)));
+                *self = Self::Record(Rc::new(new.iter().cloned().chain(rest).collect()));
+            } else {
+                *self = value;
+            }
+            return;
+        };
+        match first {
+            Step::Component(name) => {
+                if matches!(self, Self::Unknown(_, None)) {
+                    *self = Self::Record(Rc::default());
+                }
+                let Self::Record(fields) = self else {
+                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(NO_VALUE);
+                    return;
+                };
+                let fields = Rc::make_mut(fields);
+                if !fields.iter().any(|(known, _)| known == name) {
+                    fields.push((name.clone(), Self::unknown(NO_VALUE)));
+                }
+                if let Some((_, old)) = fields.iter_mut().find(|(known, _)| known == name) {
+                    old.set(rest, value);
+                }
+            }
+            Step::Element(at) => {
+                if matches!(self, Self::Unknown(_, None)) {
+                    *self = Self::Array(Rc::default());
+                }
+                let Self::Array(items) = self else {
+                    *self = std::mem::replace(self, Self::Bool(false)).forgotten(NO_VALUE);
+                    return;
+                };
+                Rc::make_mut(items).entry(*at).or_insert(Self::unknown(NO_VALUE)).set(rest, value);
+            }
+        }
+    }
+
+    /// Calls `each` with every token in it, those that it may have had too.
+    pub(super) fn places(&self, each: &mut impl FnMut(Place)) {
+        match self {
+            Self::Number(_, Some(place)) => each(*place),
+            Self::Record(fields) => fields.iter().for_each(|(_, value)| value.places(each)),
+            Self::Array(items) => items.values().for_each(|value| value.places(each)),
+            Self::Unknown(_, Some(was)) => was.places(each),
+            _ => {}
+        }
+    }
+
+    /// The same value from the same tokens.
+    fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Unknown(a, was), Self::Unknown(b, other)) => {
+                std::ptr::eq(*a, *b) && was.as_ref().map(Rc::as_ptr) == other.as_ref().map(Rc::as_ptr)
+            }
+            #[allow(clippy::float_cmp)] // the very number
+            (Self::Number(a, at), Self::Number(b, other)) => a == b && at == other,
+            (Self::Bool(a), Self::Bool(b)) => a == b,
+            (Self::Text(a), Self::Text(b)) => a == b,
+            (Self::Constant(a), Self::Constant(b)) => a == b,
+            (Self::Own(a), Self::Own(b)) => a == b,
+            (Self::Record(a), Self::Record(b)) => {
+                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.is(&b.1))
+            }
+            (Self::Array(a), Self::Array(b)) => {
+                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.is(b.1))
+            }
+            _ => false,
+        }
+    }
+
+    /// What holds where either may; tokens of what differs go to `lost`.
+    pub(super) fn join(&self, other: &Self, lost: &mut impl FnMut(Place)) -> Self {
+        const DIFFERS: &str = "differs by what is known only at run time";
+        if self.is(other) {
+            return self.clone();
+        }
+        match (self, other) {
+            (Self::Record(a), Self::Record(b)) if a.iter().map(|f| &f.0).eq(b.iter().map(|f| &f.0)) => {
+                let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.join(&b.1, lost)));
+                Self::Record(Rc::new(fields.collect()))
+            }
+            (Self::Array(a), Self::Array(b)) if a.keys().eq(b.keys()) => {
+                let items = a.iter().zip(&**b).map(|(a, b)| (*a.0, a.1.join(b.1, lost)));
+                Self::Array(Rc::new(items.collect()))
+            }
+            (a, b) => {
+                a.places(lost);
+                b.places(lost);
+                let why =
+                    [a, b].into_iter().find_map(|v| if let Self::Unknown(why, _) = v { Some(*why) } else { None });
+                Self::unknown(why.unwrap_or(DIFFERS))
+            }
+        }
+    }
+
+    /// As something may have changed it.
+    pub(super) fn forgotten(self, why: &'static str) -> Self {
+        match self {
+            Self::Unknown(_, was) => Self::Unknown(why, was),
+            known => Self::Unknown(why, Some(Rc::new(known))),
+        }
+    }
+
+    /// Numbers of components; `None` where one is missing or unknown.
+    pub(super) fn numbers<const N: usize>(&self, names: [&[u8]; N]) -> Option<[f64; N]> {
+        let mut out = [0.0; N];
+        for (to, name) in out.iter_mut().zip(names) {
+            *to = self.component(name)?.number()?;
+        }
+        Some(out)
+    }
+
+    /// The frame of a record with all six components, mm and a quaternion.
+    pub(super) fn frame(&self) -> Option<([f64; 3], [f64; 4])> {
+        let [x, y, z, a, b, c] = self.numbers(POSE)?;
+        Some(([x, y, z], quaternion(&from_zyx_deg([a, b, c]))))
+    }
+}
+
+/// Components of a pose: mm, and degrees about z, the turned y, the turned x.
+pub(super) const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
+/// Axis angles, degrees.
+pub(super) const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
+/// External axes, mm or degrees.
+pub(super) const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
+
+/// A record of six numbers that stand nowhere.
+pub(super) fn pose_record(numbers: [f64; 6]) -> Value {
+    Value::Record(Rc::new(
+        POSE.iter().zip(numbers).map(|(name, v)| (Name::from_slice(name), Value::Number(v, None))).collect(),
+    ))
+}
+
+/// `a : b`, the pose `b` in the frame `a`; what `b` has besides stays.
+pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
+    let ([x, y, z, aa, ab, ac], [bx, by, bz, ba, bb, bc]) = (a.numbers(POSE)?, b.numbers(POSE)?);
+    let (first, second) = (from_zyx_deg([aa, ab, ac]), from_zyx_deg([ba, bb, bc]));
+    let at = Vector3::new(x, y, z) + first * Vector3::new(bx, by, bz);
+    let [ra, rb, rc] = zyx_deg(&(first * second));
+    let mut out = pose_record([at.x, at.y, at.z, ra, rb, rc]);
+    if let (Value::Record(fields), Value::Record(more)) = (&mut out, b) {
+        let rest = more.iter().filter(|(name, _)| !POSE.contains(&&name[..]));
+        Rc::make_mut(fields).extend(rest.cloned());
+    }
+    Some(out)
+}
+
+/// Several indices as one.
+pub(super) fn flat(indices: &[i64]) -> i64 {
+    /// More elements than any dimension has.
+    const EACH: i64 = 1 << 20;
+    indices.iter().fold(0, |all, index| all * EACH + index)
+}
