@@ -1,5 +1,7 @@
 """Measurement programs: where to go, how turned, how loaded, when. Written as RAPID and cell files as a user would have them."""
 
+import csv
+import subprocess
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -138,6 +140,42 @@ def designed(robot, rng, passes=38, per_pass=8):
             speeds.append(line["speed"])
             force.append(feed_axes @ push * rng.uniform(0.97, 1.03) if k else np.zeros(3))
     return Plan(list(centre), rot_to_quat(turn), np.array(points), rots, np.array(speeds), np.array(force), dwell_s=5.0)
+
+
+def plan_toml(robot, rng):
+    """What `deflex plan` has to know: tool, work object, and a box of 0.6 x 0.8 x 0.25 m about the middle of the work area."""
+    centre, turn = place(robot, rng)
+    corner = centre - turn @ np.array([300.0, 400.0, 125.0])
+    force = float(robot.force_n)
+    row = lambda v: "[" + ", ".join(f"{float(x):.6f}" for x in v) + "]"
+    loads = [[0, 0, 0], [0, 0, force], [0.6 * force, -0.5 * force, 0.4 * force]]
+    return (f"\n[tools.tMill]\ntcp_mm = {row(robot.tool_mm)}\ntcp_quat = [1.0, 0.0, 0.0, 0.0]\nmass_kg = {float(robot.tool_kg)}\ncog_mm = [0.0, 0.0, 120.0]\n"
+            f"\n[wobjs.wPart]\nuframe_mm = {row(corner)}\nuframe_quat = {row(rot_to_quat(turn))}\n"
+            f'\n[plan]\nwobj = "wPart"\ntool = "tMill"\nbox_mm = [[0.0, 0.0, 0.0], [600.0, 800.0, 250.0]]\ntilt_deg = 30.0\n'
+            f"loads_n = [{', '.join(row(load) for load in loads)}]\nload_changes = 3\n"
+            f'instrument = "position"\nnoise_mm = 0.014\neffect_mm = 0.06\n')
+
+
+@dataclass
+class Planned:
+    """Targets that `deflex plan` chose, with their loads and times; the program is its own."""
+
+    force: np.ndarray
+    when: np.ndarray
+
+    def times(self):
+        return self.when
+
+
+def planned(folder, deflex, rows=24):
+    """Runs `deflex plan` on the cell of a folder: the plan and the program's text."""
+    program, table = folder / "part.mod", folder / "plan.csv"
+    subprocess.run([deflex, "plan", "--cell", folder / "cell.toml", "--rows", str(rows), "-o", program, "--measured", table, "--quiet"],
+                   check=True, stdout=subprocess.DEVNULL)
+    with open(table, newline="") as f:
+        read = list(csv.DictReader(f))
+    force = np.array([[float(row[c]) for c in ("fx_n", "fy_n", "fz_n")] for row in read])
+    return Planned(force, np.array([float(row["time_s"]) for row in read])), program.read_text()
 
 
 def transfer(robot, rng):

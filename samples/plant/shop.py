@@ -1,7 +1,7 @@
 """Makes the shop table's cells: `shop.py [-o FOLDER] [--seeds N] [--first N] [--jobs N] [--kinds a,b]`.
 
 The blind table of generate.py is data as a laboratory takes them; this is data as shops have them: several clampings, drift, slips,
-outliers, faulty columns, few rows, single axes. The same robots, plans and effects. Each case is a folder with cell.toml, one or several
+outliers, faulty columns, few rows, single axes, rows that `deflex plan` chose. The same robots, plans and effects. Each case is a folder with cell.toml, one or several
 part*.mod with measured*.csv of the same ending, transfer.mod, transfer_measured.csv, transfer_exact.csv (without noise) and truth.json;
 index.csv lists them. The same call gives the same bytes.
 """
@@ -22,7 +22,7 @@ import plant
 from generate import (UNLISTED, backlash, base_compliance, gear_harmonic, gravity, hysteresis, joint_stiffness, sized,
                       stiffness_curve, thermal_growth, tool_compliance, tool_frame, tool_wear, work_object_frame, workpiece_compliance,
                       zero_offset)
-from plans import ROBOTS, designed, draw, raster, transfer
+from plans import ROBOTS, designed, draw, plan_toml, planned, raster, transfer
 from program import read_cell, read_program, rotvec_to_rot
 
 PLANS = {
@@ -90,6 +90,8 @@ CASES = {
     "coarse": dict(plan="designed", effects=ONE, step=(0.01, 0.02, 0.05)),
     "sigma": dict(plan="designed", effects=[(), *ONE], sigma=True),
     "shuffled": dict(plan="designed", effects=ONE, shuffled=True),
+    "partial": dict(plan="designed", effects=ONE, partial=True),
+    "planned": dict(plan="planned", effects=ONE),
 }
 
 
@@ -98,20 +100,22 @@ def as_tuple(effects):
 
 
 def case(job):
-    root, name, index = job
+    root, name, index, deflex = job
     spec = CASES[name]
     seed = [zlib.crc32(f"shop {name}".encode()), index]
     rng = np.random.default_rng(seed)
     robot = ROBOTS[index % len(ROBOTS)]
     folder = root / name / f"{index:03}"
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "cell.toml").write_text(robot.cell_toml())
+    by_deflex = spec["plan"] == "planned"
+    (folder / "cell.toml").write_text(robot.cell_toml() + (plan_toml(robot, np.random.default_rng([*seed, 3])) if by_deflex else ""))
     cell = read_cell(folder / "cell.toml")
     runs = spec.get("runs", 1)
     # Clampings of one program (a column `run`) or each with its own program.
     column = spec.get("column", False)
     stems = ["part"] if runs == 1 or column else [f"part_{r + 1}" for r in range(runs)]
-    plans = {stem: draw(robot, PLANS[spec["plan"]], [*seed, 1, n]) for n, stem in enumerate(stems)}
+    own = lambda n: planned(folder, deflex) if by_deflex else draw(robot, PLANS[spec["plan"]], [*seed, 1, n])
+    plans = {stem: own(n) for n, stem in enumerate(stems)}
     plans["transfer"] = draw(robot, transfer, [*seed, 2])
     programs = {}
     for stem, (_, text) in plans.items():
@@ -175,6 +179,10 @@ def case(job):
         order = rng.permutation(count) if spec.get("shuffled") else range(count)
         for k in order:
             where = [f"{result.normal[k] @ (position[k] - result.programmed[k]):.4f}"] if spec.get("normal") else [f"{v:.4f}" for v in position[k]]
+            if spec.get("partial"):
+                # One axis, two or all three: a gauge here, a touch there.
+                kept = rng.permutation(3)[: rng.integers(1, 4)]
+                where = [text if axis in kept else "" for axis, text in enumerate(where)]
             row = [k + 1, *where, *(f"{v:.2f}" for v in force[k]), f"{result.time[k]:.1f}"]
             rows[stem].append(row + ([clamping + 1] if column else []) + ([sigma] if spec.get("sigma") else []))
             number += 1
@@ -202,9 +210,10 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="number of the first seed: others than those that rules were tuned on")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--kinds", help="only these cases, by comma")
+    parser.add_argument("--deflex", type=pathlib.Path, default=pathlib.Path("target/release/deflex"), help="makes the planned cells")
     a = parser.parse_args()
     only = a.kinds.split(",") if a.kinds else list(CASES)
-    jobs = [(a.output, name, index) for index in range(a.first, a.first + a.seeds) for name in only]
+    jobs = [(a.output, name, index, a.deflex) for index in range(a.first, a.first + a.seeds) for name in only]
     with multiprocessing.Pool(a.jobs) as pool:
         rows = list(pool.imap(case, jobs, chunksize=1))
     with open(a.output / "index.csv", "w", newline="") as f:

@@ -8,6 +8,7 @@ mod cl;
 mod cut;
 mod extend;
 mod nearest;
+mod plan;
 mod plausible;
 mod raw;
 mod read;
@@ -22,6 +23,7 @@ pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended};
 pub use nearest::nearest;
+pub use plan::{Instrument, PlanSection};
 pub use stock::{PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
 pub(crate) use unit::AXES as EXTERNAL_AXIS_NAMES;
@@ -70,6 +72,8 @@ pub struct Cell {
     pub units: Arc<Units>,
     /// `[part]`, where present.
     pub part: Option<PartSection>,
+    /// `[plan]`, where present.
+    pub plan: Option<PlanSection>,
 }
 
 /// `[limits]`: what would surprise the machine, m.

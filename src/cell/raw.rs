@@ -17,6 +17,7 @@ pub(super) struct Cell {
     pub(super) cut: Option<Cut>,
     pub(super) stock: Option<Stock>,
     pub(super) part: Option<Part>,
+    pub(super) plan: Option<Plan>,
     #[serde(default)]
     pub(super) unit: Vec<Unit>,
     #[serde(default)]
@@ -208,4 +209,21 @@ pub(super) struct Stock {
 #[serde(deny_unknown_fields)]
 pub(super) struct Part {
     pub(super) stl: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Plan {
+    pub(super) wobj: String,
+    pub(super) tool: String,
+    pub(super) box_mm: [[f64; 3]; 2],
+    pub(super) tilt_deg: f64,
+    pub(super) loads_n: Option<Vec<[f64; 3]>>,
+    pub(super) load_changes: Option<u32>,
+    pub(super) instrument: String,
+    pub(super) from_mm: Option<[f64; 3]>,
+    pub(super) noise_mm: f64,
+    pub(super) effect_mm: f64,
+    #[serde(default)]
+    pub(super) effects: Vec<String>,
 }

@@ -66,7 +66,7 @@ impl Cell {
         }
         let wobjs =
             raw.wobjs.iter().map(|(name, wobj)| (name.to_ascii_uppercase(), self::wobj(&mut check, name, wobj)));
-        let wobjs = wobjs.collect();
+        let wobjs: BTreeMap<String, Pose> = wobjs.collect();
         one_name(&mut check, "tools", raw.tools.keys());
         one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
@@ -80,6 +80,7 @@ impl Cell {
         let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own));
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
         let units: Arc<Units> = super::unit::units(&mut check, &raw.unit).into();
+        let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), wobjs.keys()));
         let (effects, covariances) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
@@ -105,6 +106,7 @@ impl Cell {
                 stock,
                 units,
                 part: raw.part.map(|part| PartSection { stl: part.stl, mesh: None }),
+                plan,
             }),
             _ => {
                 check.errors.sort_by_key(|error| (error.line, error.column));

@@ -192,6 +192,19 @@ material = "al7075"             # << a literature value is a start only: calibra
 # base_mm = [1500.0, 0.0, 600.0]
 # base_quat = [1.0, 0.0, 0.0, 0.0]
 
+# How this shop can measure, for `deflex plan`.
+# [plan]
+# wobj = "wPart"
+# tool = "tMill"
+# box_mm = [[0.0, 0.0, 0.0], [600.0, 800.0, 250.0]]   # where the TCP may go
+# tilt_deg = 30.0               # how far the tool may lean from the work object's z axis
+# loads_n = [[0.0, 0.0, 0.0], [0.0, 0.0, 300.0]]      # forces on the tool that can be applied, work object axes
+# load_changes = 3              # how often
+# instrument = "position"       # position | normal | distance (from_mm = [x, y, z]: where the draw-wire is fixed)
+# noise_mm = 0.02               # per axis: instrument and repeatability
+# effect_mm = 0.03              # size of effect that must be told
+# effects = ["backlash", "gravity"]                   # left out: all that the data could show
+
 # Effects that make the real arm differ; `deflex identify` appends them from measured data. Their kinds:
 # {kinds}.
 # [[effect]]

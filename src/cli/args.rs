@@ -22,6 +22,8 @@ Examples:
   deflex predict part.mod --cell cell.toml                 the error that the cell would cut
   deflex compensate part.mod --cell cell.toml -o out.mod   the program that cuts true
   deflex diff part.mod out.mod                             what changed
+  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv
+                                                           what to measure to find that out
   deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
                                                            which effect the cell lacks
 
@@ -49,6 +51,9 @@ pub(super) enum Command {
     /// Find the effect that the cell lacks from measured data, and extend the cell with it
     #[command(after_help = IDENTIFY)]
     Identify(Identify),
+    /// Plan what to measure, so that effects can be told apart: the program and the table to fill in
+    #[command(after_help = PLAN)]
+    Plan(Plan),
     /// Say what is understood of programs; no cell needed
     #[command(after_help = INSPECT)]
     Inspect(Inspect),
@@ -101,6 +106,15 @@ Examples:
   deflex identify --poses tracker.csv --cell cell.toml           rows with their own motor angles
 
 Errors before and after are those of held-out rows, which no fit has seen.";
+
+const PLAN: &str = "\
+Examples:
+  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv      then run, measure, fill in, and
+  deflex identify --run plan.mod plan.csv --cell cell.toml
+  deflex plan --cell cell.toml --rows 12 -o part.mod --pool production.mod    places of a production program only
+  deflex plan --cell cell.toml --rows 12 -o next.mod --after found.json       what an identification left undecided
+
+The cell's [plan] says where the tool may go, which loads can be applied and what is measured with (docs/formats.md).";
 
 const INSPECT: &str = "\
 Examples:
@@ -437,6 +451,12 @@ pub(super) struct Identify {
     /// Measured rows that carry their own motor angles; any number, no program needed
     #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
     pub(super) poses: Vec<PathBuf>,
+    /// How the file calls its columns, where otherwise; others are then not looked at: "target=Punkt Nr,x_mm=X Ist"
+    #[arg(long, value_name = "NAME=COLUMN,…")]
+    pub(super) columns: Option<String>,
+    /// How far from the path a row with nominal_x_mm, nominal_y_mm, nominal_z_mm and no target may lie
+    #[arg(long, value_name = "MM", default_value_t = deflex::measured::MATCH_MM, value_parser = positive)]
+    pub(super) match_mm: f64,
     /// Cell file
     #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
     pub(super) cell: PathBuf,
@@ -455,6 +475,38 @@ pub(super) struct Identify {
     /// Page with residuals before and after, the ranking and what is left, complete in one file; `-` for stdout
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(super) html: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) reading: Reading,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Plan {
+    /// Cell file with [plan]
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(super) cell: PathBuf,
+    /// Rows to measure
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(8..=500))]
+    pub(super) rows: u16,
+    /// The program: each motion ends where a row is measured; `-` for stdout
+    #[arg(long, short, value_name = "PLAN.mod", value_hint = ValueHint::FilePath)]
+    pub(super) output: PathBuf,
+    /// The table to fill in: target, load and time of each row, measured columns empty; `-` for stdout
+    #[arg(long, value_name = "PLAN.csv", value_hint = ValueHint::FilePath)]
+    pub(super) measured: Option<PathBuf>,
+    /// What the rows will tell as JSON: d' of each pair of effects, the chance to be named rightly; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) json: Option<PathBuf>,
+    /// The same as a page, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(super) html: Option<PathBuf>,
+    /// Programs whose targets are the places to choose from, instead of the box of [plan]
+    #[arg(long, value_name = "PROGRAM", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(super) pool: Vec<PathBuf>,
+    /// JSON of an identification: the rows are to settle what it left undecided
+    #[arg(long, value_name = "ID.json", value_hint = ValueHint::FilePath)]
+    pub(super) after: Option<PathBuf>,
     #[command(flatten)]
     pub(super) reading: Reading,
     #[command(flatten)]

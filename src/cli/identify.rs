@@ -7,6 +7,7 @@ use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::examples_left;
+use deflex::measured::ColumnNames;
 use deflex::report::{identify_text, residual_csv};
 use deflex::text::Diagnostic;
 use std::path::Path;
@@ -19,8 +20,10 @@ pub(super) fn run(args: &Identify) -> Outcome {
         .count();
     one_thing(printed)?;
     let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading))?;
-    let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], &pair[1])));
-    let (runs, poses) = both(runs, all(args.poses.iter().map(|path| MeasuredFile::read(path))))?;
+    let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
+    let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
+    let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], table(&pair[1]))));
+    let (runs, poses) = both(runs, all(args.poses.iter().map(|path| table(path))))?;
 
     let bar = progress::bar(1, args.common.quiet);
     bar.set_message("identifying");
@@ -59,8 +62,8 @@ fn run_of(
     args: &Identify,
     context: &Context,
     program: &Path,
-    measured: &Path,
+    measured: Result<MeasuredFile, Vec<Diagnostic>>,
 ) -> Result<(ProgramFiles, MeasuredFile), Vec<Diagnostic>> {
     let job = Job::of(program, args.reading.format);
-    both(job.and_then(|job| ProgramFiles::of(job, context.clone())), MeasuredFile::read(measured))
+    both(job.and_then(|job| ProgramFiles::of(job, context.clone())), measured)
 }

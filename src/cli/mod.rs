@@ -22,6 +22,7 @@ mod lines;
 mod message;
 mod output;
 mod piped;
+mod plan;
 mod pose;
 mod predict;
 mod progress;
@@ -73,6 +74,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Diff(args) => diff::run(args),
         Command::Check(args) => check::run(args),
         Command::Identify(args) => identify::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Init(args) => init::run(args),
         Command::Pose(args) => pose::run(args),
@@ -100,6 +102,7 @@ fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
         Command::Simulate(args) => Some(&args.common),
         Command::Check(args) => Some(&args.common),
         Command::Identify(args) => Some(&args.common),
+        Command::Plan(args) => Some(&args.common),
         Command::Inspect(args) => Some(&args.common),
         Command::Diff(_) | Command::Init(_) | Command::Pose(_) | Command::Generate(_) => None,
     };

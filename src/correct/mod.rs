@@ -145,7 +145,12 @@ impl Prepared {
 
     /// Points that were measured without a program: their work object is the base.
     pub(crate) fn of_points(points: Vec<Point>, robot: &Robot, tool: ToolFrame) -> Self {
-        let base = Setting { base_from_wobj: Pose::identity(), gravity: robot.gravity(), tool, held: false };
+        Self::of_points_in(Pose::identity(), points, robot, tool)
+    }
+
+    /// Points in one work object, without a program.
+    pub(crate) fn of_points_in(base_from_wobj: Pose, points: Vec<Point>, robot: &Robot, tool: ToolFrame) -> Self {
+        let base = Setting { base_from_wobj, gravity: robot.gravity(), tool, held: false };
         Self {
             points,
             before: None,

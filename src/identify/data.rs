@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// What an instrument said about one row.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Seen {
-    /// TCP in the target's work object (or in the device's frame), mm.
+    /// TCP in the target's work object (or in the device's frame), mm; axes that were not measured are NaN.
     Position(Vector3<f64>),
     /// Error along the surface normal, mm.
     Normal(f64),
@@ -27,15 +27,31 @@ pub(super) enum Seen {
 
 impl Seen {
     pub(super) fn of(row: &MeasuredRow) -> Option<Self> {
-        let position = row.position_mm.map(|p| Self::Position(p.into()));
+        let some = row.axes_mm.iter().any(Option::is_some);
+        let axes = || Vector3::from(row.axes_mm.map(|axis| axis.unwrap_or(f64::NAN)));
+        let position = row.position_mm.map(Vector3::from).or_else(|| some.then(axes)).map(Self::Position);
         position.or(row.normal_mm.map(Self::Normal)).or(row.distance_mm.map(Self::Distance))
     }
 
+    /// Scalars that it has in stacked vectors, measured or not.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Position(_) => 3,
             Self::Normal(_) | Self::Distance(_) => 1,
         }
+    }
+
+    /// Whether scalar `k` was measured.
+    pub(super) fn shows(&self, k: usize) -> bool {
+        match self {
+            Self::Position(seen) => !seen[k].is_nan(),
+            Self::Normal(_) | Self::Distance(_) => true,
+        }
+    }
+
+    /// Scalars that were measured.
+    pub(super) fn count(&self) -> usize {
+        (0..self.len()).filter(|&k| self.shows(k)).count()
     }
 }
 
@@ -233,8 +249,10 @@ impl Problem {
     pub(super) fn stacked(&self, parts: Vec<Parts>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
         for (row, [moved, turned]) in self.rows.iter().zip(parts) {
-            let values = moved.into_iter().take(row.seen.len()).chain(turned);
-            for (k, value) in row.scalars().zip(values) {
+            // What was not measured is in no residual and in no column.
+            let shown = |(k, value): (usize, f64)| if row.seen.shows(k) { value } else { 0.0 };
+            let moved = moved.into_iter().take(row.seen.len()).enumerate().map(shown);
+            for (k, value) in row.scalars().zip(moved.chain(turned)) {
                 out[k] = value;
             }
         }
@@ -269,7 +287,8 @@ impl Problem {
                 series.samples.push((scalar, row.order, weight));
                 series.places.push(places);
             };
-            (0..row.seen.len()).for_each(|k| add(k, row.offset + k, row.weight * row.tail));
+            let shown = (0..row.seen.len()).filter(|&k| row.seen.shows(k));
+            shown.for_each(|k| add(k, row.offset + k, row.weight * row.tail));
             row.turns().enumerate().for_each(|(k, scalar)| add(3 + k, scalar, self.turn_weight));
         }
         series.retain(|series| !series.samples.is_empty());

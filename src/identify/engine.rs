@@ -3,7 +3,7 @@
 use super::candidates::{self, Candidate, Home, with};
 use super::data::{Observation, Problem};
 use super::design::{Design, Reuse};
-use super::device;
+use super::device::{self, Device};
 use super::explain::Ranking;
 use super::gear::{self, Comb, Grid, Term};
 use super::map::Map;
@@ -21,6 +21,7 @@ use crate::program::Program;
 use crate::text::Diagnostic;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// What is identified from.
 #[derive(Debug)]
@@ -38,7 +39,7 @@ pub struct Input<'a> {
 }
 
 /// Fewer rows than this cannot be split into fitted and held-out blocks.
-const LEAST_ROWS: usize = 16;
+const LEAST_ROWS: usize = 8;
 /// Rounds of linearising, choosing and refitting.
 const ROUNDS: usize = 6;
 /// One row in so many is few, over the whole robot.
@@ -69,7 +70,12 @@ pub(super) struct Engine {
     pub(super) spread: f64,
     /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
     pub(super) refused_mm: Option<f64>,
+    /// The last residual and what it is of: it is asked many times over.
+    last: Mutex<Option<(Settled, DVector<f64>)>>,
 }
+
+/// Scalars, instruments and effects that a residual is of.
+type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 
 /// Finds the effects that a cell lacks.
 ///
@@ -148,6 +154,7 @@ impl Engine {
             sets: Vec::new(),
             spread: 1.0,
             refused_mm: None,
+            last: Mutex::new(None),
         }
     }
 
@@ -159,8 +166,22 @@ impl Engine {
         arm
     }
 
+    /// Measured minus predicted by the arm with the chosen effects, mm.
     pub(super) fn residual(&self) -> DVector<f64> {
-        self.problem.residual(&self.arm())
+        let arm = self.arm();
+        if self.problem.free_device {
+            return self.problem.residual(&arm);
+        }
+        let effects = arm.effects.iter().map(|effect| effect.to_table()).collect();
+        let key = (self.problem.scalars, self.problem.devices.clone(), effects);
+        // Not held while rows are solved: their threads may come here too.
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = last().as_ref().filter(|(known, _)| *known == key).map(|(_, residual)| residual.clone());
+        known.unwrap_or_else(|| {
+            let residual = self.problem.residual(&arm);
+            *last() = Some((key, residual.clone()));
+            residual
+        })
     }
 
     pub(super) fn linearise(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
@@ -464,7 +485,7 @@ fn sorted(set: &[usize]) -> Vec<usize> {
 }
 
 /// What cannot bend to anything: neither patterns of what is unlisted nor smooth curves.
-fn stiff(candidate: &Candidate) -> bool {
+pub(super) fn stiff(candidate: &Candidate) -> bool {
     !candidate.is_flexible()
 }
 

@@ -20,7 +20,7 @@ use crate::effects::{Shape, kind};
 use nalgebra::DVector;
 
 /// A name needs this posterior; below it, the set that cannot be told apart.
-const NAMED: f64 = 0.9;
+pub(super) const NAMED: f64 = 0.9;
 /// Variances of fitted numbers that stand for one: models are never quite true, and the noise's shape is fitted too.
 /// Calibrated on cells of the shop table so that 95 % intervals hold in 95 % of them.
 const WIDER: f64 = 1.5;
@@ -108,7 +108,7 @@ impl Engine {
     ) -> Identification {
         let Told { posteriors, ranking, unexplained, stages, refit } = told;
         let held_out = |row: &Observation| row.held_out;
-        let left_before = self.left_by_declared(before);
+        let left_before = self.left_by_declared_as_found(before);
         let (errors_before, errors_after) = (self.errors(&left_before, held_out), self.errors(after, held_out));
         let unlisted = self.is_unlisted();
         let mut added = Vec::new();
@@ -191,7 +191,8 @@ impl Engine {
         extended.extend(of_map);
         merge_curves(&mut added, &mut extended);
         ties::add(&mut added, &extended);
-        let axes = self.problem.rows.iter().map(|row| row.seen.len()).max().unwrap_or(3) as f64;
+        let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
+        let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem);
         advice.extend(self.refused_mm.map(|error_mm| {

@@ -117,7 +117,7 @@ impl Engine {
         let mut sums = vec![[[0.0; 2]; 3]];
         for row in &rows {
             let mut next = *sums.last()?;
-            for (k, sum) in next.iter_mut().enumerate().take(row.seen.len()) {
+            for (k, sum) in next.iter_mut().enumerate().take(row.seen.len()).filter(|(k, _)| row.seen.shows(*k)) {
                 let weight = (row.weight * row.tail).powi(-2);
                 sum[0] += weight;
                 sum[1] += weight * left[row.offset + k];
@@ -166,6 +166,9 @@ impl Engine {
     }
 
     /// What the declared cell leaves, with where each run is clamped fitted to it where the chosen set has that.
+    ///
+    /// Where the effect is not in the cell, the clamping takes up what of it the fitted rows have alike: on held-out rows that
+    /// is more than the effect alone. To judge a cell by it is strict; what is reported is [`Engine::left_by_declared_as_found`].
     pub(super) fn left_by_declared(&self, before: &DVector<f64>) -> DVector<f64> {
         let clamping = self.chosen.iter().find(|&&c| self.candidates[c].standing() == Some(Standing::Nuisance));
         let Some(candidate) = clamping.map(|&c| &self.candidates[c]) else { return before.clone() };
@@ -182,6 +185,12 @@ impl Engine {
             shifts.iter().zip(mean.iter()).for_each(|(column, value)| left.axpy(-value * candidate.scale, column, 1.0));
         }
         left
+    }
+
+    /// What the declared cell leaves, with each run clamped where the extended cell finds it: where parts are clamped is in neither
+    /// error.
+    pub(super) fn left_by_declared_as_found(&self, before: &DVector<f64>) -> DVector<f64> {
+        before - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
     }
 
     /// Takes errors for as wide as they are where their tails are heavy: Student's t, fitted by its own weights (Lange,
@@ -204,7 +213,7 @@ impl Engine {
             .problem
             .rows
             .iter()
-            .map(|row| (whitened.rows(row.offset, row.seen.len()).norm_squared(), row.seen.len() as f64))
+            .map(|row| (whitened.rows(row.offset, row.seen.len()).norm_squared(), row.seen.count() as f64))
             .collect();
         let fitted: Vec<(f64, f64)> = self
             .problem
@@ -379,7 +388,7 @@ impl Engine {
         let held_out = |row: &&Observation| row.held_out && !row.outlier;
         let seen = self.problem.rows.iter().filter(held_out);
         let mut sizes: Vec<f64> = seen
-            .flat_map(|row| whitened.rows(row.offset, row.seen.len()).iter().map(|v| v.abs()).collect::<Vec<_>>())
+            .flat_map(|row| (0..row.seen.len()).filter(|&k| row.seen.shows(k)).map(|k| whitened[row.offset + k].abs()))
             .collect();
         sizes.sort_by(f64::total_cmp);
         let unseen = (TO_SIGMA * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)).max(self.sigma);

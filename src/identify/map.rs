@@ -128,7 +128,8 @@ impl Engine {
                 error: base_from_wobj.rotation * error,
             }
         };
-        let positions = rows.iter().all(|row| matches!(row.seen, Seen::Position(_)));
+        let whole = |row: &&Observation| matches!(row.seen, Seen::Position(_)) && row.seen.count() == row.seen.len();
+        let positions = rows.iter().all(whole);
         positions.then(|| rows.iter().step_by(rows.len().div_ceil(MOST).max(1)).map(of).collect())
     }
 

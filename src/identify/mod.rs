@@ -21,6 +21,8 @@ mod moments;
 mod noise;
 mod outcome;
 mod pattern;
+mod places;
+mod plan;
 mod poses;
 mod runs;
 mod score;
@@ -35,3 +37,4 @@ pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
     SetShare, Unexplained,
 };
+pub use plan::{Plan, PlanInput, PlannedKind, PlannedPair, PlannedRow, plan};

@@ -82,11 +82,25 @@ fn products(columns: &Columns, series: &[Series], shape: Shape) -> (DMatrix<f64>
     let of_series = |series: &Series| {
         let steps = steps(series, shape);
         let mut full = DMatrix::zeros(width, width);
-        columns.whitened(series, &steps, |block| full += block * block.transpose());
+        columns.whitened(series, &steps, |block| add_square(&mut full, block));
         (full, steps.iter().map(|step| 0.5 * step.variance.ln()).sum::<f64>())
     };
     let parts: Vec<_> = series.par_iter().map(of_series).collect();
-    parts.into_iter().fold((DMatrix::zeros(width, width), 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
+    let none = (DMatrix::zeros(width, width), 0.0);
+    let (mut full, log_scale) = parts.into_iter().fold(none, |sum, part| (sum.0 + part.0, sum.1 + part.1));
+    full.fill_upper_triangle_with_lower_triangle();
+    (full, log_scale)
+}
+
+/// Adds the lower triangle of a block times its transpose, some columns at a time: the upper one is its mirror.
+fn add_square(full: &mut DMatrix<f64>, block: &DMatrix<f64>) {
+    const COLUMNS: usize = 64;
+    let (width, transposed) = (block.nrows(), block.transpose());
+    for at in (0..width).step_by(COLUMNS) {
+        let (below, wide) = (width - at, COLUMNS.min(width - at));
+        let mut part = full.view_mut((at, at), (below, wide));
+        part.gemm(1.0, &block.rows(at, below), &transposed.columns(at, wide), 1.0);
+    }
 }
 
 /// Writes the values of some samples, each sample's together.

@@ -212,10 +212,36 @@ impl Factors {
     fn of(&mut self, samples: &[Sample], places: &[Places]) -> Option<&DMatrix<f64>> {
         let spacing = samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect();
         if self.last.as_ref().is_none_or(|last| last.0 != spacing) {
-            self.last = Some((spacing, covariance(samples, places, self.shape, self.field).cholesky()?.l()));
+            self.last = Some((spacing, factored(covariance(samples, places, self.shape, self.field))?));
         }
         self.last.as_ref().map(|last| &last.1)
     }
+}
+
+/// Cholesky factor of a matrix of which the lower triangle is given, some columns at a time: products of blocks are much quicker
+/// than column by column. `None` where it is not positive definite.
+fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const COLUMNS: usize = 48;
+    let size = matrix.nrows();
+    for at in (0..size).step_by(COLUMNS) {
+        let wide = COLUMNS.min(size - at);
+        let end = at + wide;
+        let inner = matrix.view((at, at), (wide, wide)).into_owned().cholesky()?.unpack();
+        matrix.view_mut((at, at), (wide, wide)).copy_from(&inner);
+        // The rows below, as columns.
+        let mut below = matrix.view((end, at), (size - end, wide)).transpose();
+        inner.solve_lower_triangular_mut(&mut below);
+        matrix.view_mut((end, at), (size - end, wide)).tr_copy_from(&below);
+        let rows = below.transpose();
+        for column in (end..size).step_by(COLUMNS) {
+            let count = COLUMNS.min(size - column);
+            let mut rest = matrix.view_mut((column, column), (size - column, count));
+            let (left, right) = (rows.rows(column - end, size - column), below.columns(column - end, count));
+            rest.gemm(-1.0, &left, &right, 1.0);
+        }
+    }
+    matrix.fill_upper_triangle(0.0, 1);
+    Some(matrix)
 }
 
 /// Covariance of samples over σ²: white, drift and field; the lower triangle.
@@ -291,6 +317,18 @@ mod tests {
         assert!((product - DMatrix::identity(5, 5)).amax() < 1e-12);
         let half_log_det = 0.5 * covariance.determinant().ln();
         assert!((whitened.log_scale - half_log_det).abs() < 1e-12);
+    }
+
+    #[test]
+    fn factors_by_blocks_are_those_of_the_whole() {
+        // Diagonally dominant: positive definite.
+        let matrix = DMatrix::from_fn(131, 131, |i, j| {
+            let near = (-0.1 * i.abs_diff(j) as f64).exp();
+            if i == j { 2.0 + 0.01 * i as f64 } else { near }
+        });
+        let whole = matrix.clone().cholesky().unwrap().l();
+        assert!((factored(matrix.clone()).unwrap() - whole).amax() < 1e-12);
+        assert!(factored(-matrix).is_none());
     }
 
     #[test]

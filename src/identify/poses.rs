@@ -95,7 +95,7 @@ fn readable<'a>(robot: &Robot, table: &'a Table) -> Result<Vec<Read<'a>>, Vec<Di
     let mut rows = Vec::with_capacity(table.rows.len());
     let mut errors = Vec::new();
     for row in &table.rows {
-        let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)));
+        let seen = Seen::of(row).filter(|seen| !matches!(seen, Seen::Normal(_)) && seen.count() == seen.len());
         let (Some(deg), Some(seen)) = (row.motor_deg, seen) else {
             errors.push(
                 at(table, row, "a row of --poses lacks its motor angles or what was measured".to_owned())

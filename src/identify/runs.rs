@@ -2,8 +2,9 @@
 
 use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
+use super::places::{Path, misplaced};
 use crate::cell::Cell;
-use crate::correct::{Options, Prepared};
+use crate::correct::{Options, Point, Prepared};
 use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::text::Diagnostic;
@@ -28,21 +29,24 @@ impl Problem {
             let mut forces = table.forces();
             forces.forces_given = has_force;
             let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
-            let prepared = Prepared::new(program, cell, &options)?;
+            let mut prepared = Prepared::new(program, cell, &options)?;
+            let path = Path::new(program, &prepared, table);
             let run = problem.runs.len();
             let mut errors = Vec::new();
             let mut taken: Vec<(usize, &MeasuredRow, Seen)> = Vec::new();
             for row in &table.rows {
-                match place(program, row) {
-                    Ok(point) if prepared.unsolved(point).is_some() => {
-                        let why = prepared.unsolved(point).unwrap_or_default();
-                        errors.push(at_line(table, row.line, format!("the target of this row is not solved: {why}")));
-                    }
+                let point = match row.nominal_mm.filter(|_| row.target.is_none()) {
+                    Some(nominal_mm) => path
+                        .place(cell, &mut prepared, row, nominal_mm)
+                        .map_err(|message| misplaced(table, row.line, message)),
+                    None => solved(program, &prepared, row).map_err(|message| at_line(table, row.line, message)),
+                };
+                match point {
                     Ok(point) => {
-                        let seen = Seen::of(row);
+                        let seen = Seen::of(row).map(|seen| beside(seen, row, &prepared.points[point]));
                         taken.extend(seen.map(|seen| (point, row, seen)));
                     }
-                    Err(message) => errors.push(at_line(table, row.line, message)),
+                    Err(error) => errors.push(error),
                 }
             }
             belongs(&prepared, table, &taken, &mut errors);
@@ -99,11 +103,30 @@ pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
     diagnostic
 }
 
+/// A position at its place on the path: what counts is how far it is from its nominal point, which may lie beside the path.
+fn beside(seen: Seen, row: &MeasuredRow, point: &Point) -> Seen {
+    match (seen, row.nominal_mm.filter(|_| row.target.is_none())) {
+        (Seen::Position(seen), Some(nominal_mm)) => {
+            Seen::Position(seen - Vector3::from(nominal_mm) + point.wobj_from_tcp.translation.vector * 1e3)
+        }
+        (seen, _) => seen,
+    }
+}
+
+/// Index of the target that a row belongs to, where the arm is known to go.
+fn solved(program: &Program, prepared: &Prepared, row: &MeasuredRow) -> Result<usize, String> {
+    let point = place(program, row)?;
+    match prepared.unsolved(point) {
+        Some(why) => Err(format!("the target of this row is not solved: {why}")),
+        None => Ok(point),
+    }
+}
+
 /// Index of the target that a row belongs to.
 fn place(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
     let ends = || program.targets.iter().enumerate().filter(|(_, t)| t.role == Role::End);
     match &row.target {
-        None => Err("the row names no target".to_owned()),
+        None => Err("the row names neither a target nor nominal_x_mm, nominal_y_mm, nominal_z_mm".to_owned()),
         Some(TargetRef::Ordinal(ordinal)) => {
             // Programs without arcs have the ordinal's target at its own index.
             let guess = *ordinal as usize - 1;
@@ -131,8 +154,10 @@ fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Se
     let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = taken
         .iter()
         .filter_map(|(point, _, seen)| match seen {
-            Seen::Position(seen) => Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen)),
-            Seen::Normal(_) | Seen::Distance(_) => None,
+            Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => {
+                Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen))
+            }
+            Seen::Position(_) | Seen::Normal(_) | Seen::Distance(_) => None,
         })
         .collect();
     let median = |change: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {

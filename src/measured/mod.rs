@@ -1,5 +1,7 @@
 //! Measured rows: what a tracker, a gauge or a dynamometer said, aligned to targets.
 
+mod layout;
 mod table;
 
-pub use table::{MeasuredRow, Rows, Table, TargetRef};
+pub use layout::ColumnNames;
+pub use table::{MATCH_MM, MeasuredRow, Rows, Table, TargetRef};

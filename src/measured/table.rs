@@ -1,8 +1,8 @@
-use crate::cell::nearest;
+use super::layout::{ColumnNames, Decimal, Wanted, places, separator};
 use crate::correct::{ForceRow, Forces};
 use crate::text::{Diagnostic, Source};
 use nalgebra::Vector3;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
 /// Which target a row belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,8 +21,12 @@ pub struct MeasuredRow {
     pub line: u64,
     /// Target.
     pub target: Option<TargetRef>,
-    /// TCP, mm.
+    /// TCP, mm, where all three axes were measured.
     pub position_mm: Option<[f64; 3]>,
+    /// TCP, mm, each axis that was measured.
+    pub axes_mm: [Option<f64>; 3],
+    /// Where on the path the row was taken, in the work object, mm, for rows that name no target.
+    pub nominal_mm: Option<[f64; 3]>,
     /// Orientation, scalar first.
     pub quat: Option<[f64; 4]>,
     /// Error along the surface normal, mm.
@@ -54,10 +58,15 @@ pub struct Table {
     pub file: String,
     /// Rows in the order of the file.
     pub rows: Vec<MeasuredRow>,
+    /// How far from the path a row without a target may lie, mm; [`MATCH_MM`] where nobody says.
+    pub match_mm: Option<f64>,
 }
 
+/// How far from the path a row without a target may lie, mm.
+pub const MATCH_MM: f64 = 5.0;
+
 /// Columns of `docs/formats.md`.
-const COLUMNS: [&str; 26] = [
+pub(super) const COLUMNS: [&str; 29] = [
     "target",
     "x_mm",
     "y_mm",
@@ -83,11 +92,14 @@ const COLUMNS: [&str; 26] = [
     "sigma_mm",
     "run",
     "holdout",
+    "nominal_x_mm",
+    "nominal_y_mm",
+    "nominal_z_mm",
     "",
 ];
 
 /// What `--forces` takes of a file: target, forces and covariates.
-const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
+pub(super) const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
 
 /// Beyond these sizes a number is a slip or another unit, whatever robot it is of: the largest reach 5 m and stand on tracks of
 /// some 100 m, carry 2.3 t and push with less than 100 kN.
@@ -123,6 +135,9 @@ const MOST: [f64; COLUMNS.len()] = {
         error,
         f64::INFINITY,
         f64::INFINITY,
+        PLACE_MM,
+        PLACE_MM,
+        PLACE_MM,
         f64::INFINITY,
     ]
 };
@@ -136,14 +151,26 @@ impl Table {
     /// # Errors
     /// Unknown columns (with the nearest known one), cells that are not finite numbers, groups given in part.
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
+        Self::of_rows(source, Rows::new(&source.name, &source.bytes[..])?)
+    }
+
+    /// Reads a measured file whose columns have other names; those that are not named are not looked at.
+    ///
+    /// # Errors
+    /// Named columns that the file does not have, cells that are not finite numbers, groups given in part.
+    pub fn read_named(source: &Source, names: &ColumnNames) -> Result<Self, Vec<Diagnostic>> {
+        Self::of_rows(source, Rows::of_columns(&source.name, &source.bytes[..], names)?)
+    }
+
+    fn of_rows(source: &Source, all: Rows<&[u8]>) -> Result<Self, Vec<Diagnostic>> {
         let (mut rows, mut errors) = (Vec::new(), Vec::new());
-        for row in Rows::new(&source.name, &source.bytes[..])? {
+        for row in all {
             match row {
                 Ok(row) => rows.push(row),
                 Err(error) => errors.push(error),
             }
         }
-        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows }) } else { Err(errors) }
+        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows, match_mm: None }) } else { Err(errors) }
     }
 
     /// Forces and covariates by target, for `--forces`.
@@ -169,13 +196,14 @@ impl MeasuredRow {
 /// The rows of a table that is not held, or what is wrong with them; it ends where too many are.
 pub struct Rows<R> {
     file: String,
-    records: csv::ByteRecordsIntoIter<R>,
+    records: csv::ByteRecordsIntoIter<Chain<Cursor<Vec<u8>>, BufReader<R>>>,
     place: Places,
+    decimal: Decimal,
     wrong: usize,
 }
 
 /// Where each of [`COLUMNS`] stands.
-type Places = [Option<usize>; COLUMNS.len()];
+pub(super) type Places = [Option<usize>; COLUMNS.len()];
 
 impl<R: Read> Rows<R> {
     /// Reads the header of the table in `file`.
@@ -183,7 +211,7 @@ impl<R: Read> Rows<R> {
     /// # Errors
     /// Unknown columns (with the nearest known one).
     pub fn new(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
-        Self::read_header(file, input, false)
+        Self::read_header(file, input, Wanted::All)
     }
 
     /// Reads the header of any table with targets and forces (or times, temperatures, payloads): its other columns are not
@@ -192,74 +220,43 @@ impl<R: Read> Rows<R> {
     /// # Errors
     /// None of these columns, or one that is mistyped.
     pub fn of_forces(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
-        Self::read_header(file, input, true)
+        Self::read_header(file, input, Wanted::Forces)
     }
 
-    fn read_header(file: &str, input: R, forces: bool) -> Result<Self, Vec<Diagnostic>> {
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(false).from_reader(input);
-        let header = match reader.byte_headers() {
-            Ok(header) => header,
-            Err(reason) => {
-                let message = format!("not a CSV file: {reason}");
-                return Err(vec![wrong(file, 1, message, "expected a header row".into())]);
-            }
-        };
-        let mut errors = Vec::new();
-        let mut place = [None; COLUMNS.len()];
-        let mut unknown = Vec::new();
+    /// Reads the header of a table whose columns have other names; those that are not named are not looked at.
+    ///
+    /// # Errors
+    /// A named column that the file does not have.
+    pub fn of_columns(file: &str, input: R, names: &ColumnNames) -> Result<Self, Vec<Diagnostic>> {
+        Self::read_header(file, input, Wanted::Named(names))
+    }
+
+    fn read_header(file: &str, input: R, wanted: Wanted) -> Result<Self, Vec<Diagnostic>> {
+        /// A header is shorter than this, bytes.
+        const LONGEST: u64 = 1 << 16;
+        let mut input = BufReader::new(input);
+        let mut first = Vec::new();
+        let read = input.by_ref().take(LONGEST).read_until(b'\n', &mut first);
+        let unread =
+            |reason: String| vec![wrong(file, 1, format!("not a CSV file: {reason}"), "expected a header row".into())];
+        read.map_err(|reason| unread(reason.to_string()))?;
+        let separator = separator(&first);
+        let mut reader = csv::ReaderBuilder::new()
+            .delimiter(separator)
+            .trim(csv::Trim::All)
+            .flexible(false)
+            .from_reader(Cursor::new(first).chain(input));
+        let header = reader.byte_headers().map_err(|reason| unread(reason.to_string()))?;
         let names: Vec<String> = header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
         let names: Vec<&str> = names.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
-        let missing = |column: &&str| !names.contains(column);
-        for (at, &name) in names.iter().enumerate() {
-            match COLUMNS.iter().position(|known| *known == name && !name.is_empty()) {
-                Some(column) if place[column].is_some() => {
-                    errors.push(wrong(file, 1, format!("column `{name}` stands twice"), "remove one of them".into()));
-                }
-                Some(column) if forces && !FORCE_COLUMNS.contains(&column) => {}
-                Some(column) => place[column] = Some(at),
-                None if forces => {
-                    let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
-                    if let Some(near) = nearest(name, wanted).filter(|_| !name.is_empty()) {
-                        let help = format!("did you mean `{near}`?");
-                        errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
-                    }
-                }
-                None if nearest(name, COLUMNS).is_none_or(str::is_empty) && !name.contains([';', '\t']) => {
-                    unknown.push(format!("`{name}`"));
-                }
-                None => {
-                    let help = nearest(name, COLUMNS).filter(|n| !n.is_empty()).map_or_else(
-                        || match name.contains([';', '\t']) {
-                            true => "columns are set apart by commas, decimals take a point".to_owned(),
-                            false => format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", ")),
-                        },
-                        |near| format!("did you mean `{near}`?"),
-                    );
-                    errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
-                }
-            }
-        }
-        if !unknown.is_empty() {
-            let columns = if unknown.len() > 1 { "columns" } else { "column" };
-            let help = format!("known columns: {}", COLUMNS[..COLUMNS.len() - 1].join(", "));
-            errors.push(wrong(file, 1, format!("unknown {columns} {}", unknown.join(", ")), help));
-        }
-        let none = |columns: &[usize]| columns.iter().all(|column| place[*column].is_none());
-        if forces && errors.is_empty() && (none(&FORCE_COLUMNS[..1]) || none(&FORCE_COLUMNS[1..])) {
-            let separated = names.iter().any(|name| name.contains([';', '\t']));
-            let help = if separated {
-                "columns are set apart by commas, decimals take a point"
-            } else {
-                "see docs/formats.md"
-            };
-            let message =
-                "expected a column `target`, and `fx_n`, `fy_n`, `fz_n` or `time_s`, `temperature_c`, `payload_kg`";
-            errors.push(wrong(file, 1, message.to_owned(), help.to_owned()));
-        }
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-        Ok(Self { file: file.to_owned(), records: reader.into_byte_records(), place, wrong: 0 })
+        let place = places(file, &names, wanted)?;
+        Ok(Self {
+            file: file.to_owned(),
+            records: reader.into_byte_records(),
+            place,
+            decimal: Decimal::default(),
+            wrong: 0,
+        })
     }
 }
 
@@ -281,13 +278,13 @@ impl<R: Read> Iterator for Rows<R> {
             }
         };
         let line = record.position().map_or(0, csv::Position::line);
-        let row = Cells { record: &record, place: &self.place }.row(line);
+        let row = Cells { record: &record, place: &self.place, decimal: &self.decimal }.row(line);
         self.wrong += usize::from(row.is_err());
         Some(row.map_err(|(message, help)| wrong(&self.file, line, message, help)))
     }
 }
 
-fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {
+pub(super) fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {
     let mut diagnostic = Diagnostic::error("measured.csv", file, message).help(help);
     (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
     diagnostic
@@ -296,6 +293,7 @@ fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {
 struct Cells<'a> {
     record: &'a csv::ByteRecord,
     place: &'a Places,
+    decimal: &'a Decimal,
 }
 
 type CellError = (String, String);
@@ -308,17 +306,22 @@ impl Cells<'_> {
 
     fn number(&self, column: usize) -> Result<Option<f64>, CellError> {
         let Some(text) = self.text(column) else { return Ok(None) };
-        match text.parse::<f64>().ok().filter(|value| value.is_finite()) {
+        let number = self.decimal.number(&text).map_err(|message| {
+            (format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike".to_owned())
+        })?;
+        match number {
             Some(value) if value.abs() > MOST[column] => Err((
                 format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], MOST[column]),
                 "check the number and its unit".into(),
             )),
             Some(value) => Ok(Some(value)),
-            None => Err((
-                format!("{} is `{text}`", COLUMNS[column]),
-                "expected a number with a decimal point, or an empty cell".into(),
-            )),
+            None => Err((format!("{} is `{text}`", COLUMNS[column]), "expected a number, or an empty cell".into())),
         }
+    }
+
+    /// Three columns, each given or not.
+    fn each(&self, first: usize) -> Result<[Option<f64>; 3], CellError> {
+        Ok([self.number(first)?, self.number(first + 1)?, self.number(first + 2)?])
     }
 
     /// Columns that stand together: all or none.
@@ -386,10 +389,17 @@ impl Cells<'_> {
             Some("1") => Some(true),
             Some(text) => return Err((format!("holdout is `{text}`"), "expected 0 or 1".into())),
         };
+        let axes_mm = self.each(1)?;
+        let position_mm = match axes_mm {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => None,
+        };
         Ok(MeasuredRow {
             line,
             target,
-            position_mm: self.group::<3>(1)?,
+            position_mm,
+            axes_mm,
+            nominal_mm: self.group::<3>(25)?,
             quat: self.quat()?,
             normal_mm: self.number(8)?,
             motor_deg: self.group::<6>(9)?,
@@ -423,12 +433,28 @@ mod tests {
     }
 
     #[test]
+    fn reads_what_instruments_write() {
+        let table = read("target;x_mm;y_mm;z_mm\n1;1,5;;-2,25\n").unwrap();
+        assert_eq!(table.rows[0].axes_mm, [Some(1.5), None, Some(-2.25)]);
+        assert_eq!(table.rows[0].position_mm, None);
+        let mixed = &read("target\tx_mm\n1\t1,5\n2\t1.5\n").unwrap_err()[0];
+        assert!(mixed.line == 3 && mixed.message.contains("decimal point"), "{mixed}");
+        let names = ColumnNames::parse("target=Punkt Nr,x_mm=X Ist").unwrap();
+        let source = Source::new("m.csv", &b"Punkt Nr;Bediener;X Ist\n7;K. M.;0,5\n"[..]);
+        let row = &Table::read_named(&source, &names).unwrap().rows[0];
+        assert_eq!((&row.target, row.axes_mm[0]), (&Some(TargetRef::Ordinal(7)), Some(0.5)));
+        let missing = &Table::read_named(&Source::new("m.csv", &b"Punkt;X Ist\n7;1\n"[..]), &names).unwrap_err()[0];
+        assert!(missing.message.contains("no column `Punkt Nr` for target"), "{missing}");
+        assert!(ColumnNames::parse("x=X Ist").unwrap_err()[0].message.contains("no column `x`"));
+    }
+
+    #[test]
     fn names_what_is_wrong_with_its_line() {
         let unknown = &read("target,x_m\n1,2\n").unwrap_err()[0];
         assert_eq!(unknown.help.as_deref(), Some("did you mean `x_mm`?"));
         let nan = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2,nan,2,3\n").unwrap_err()[0];
         assert_eq!((nan.line, nan.message.as_str()), (3, "x_mm is `nan`"));
-        let part = &read("target,x_mm,y_mm,z_mm\n1,1,2,\n").unwrap_err()[0];
+        let part = &read("target,fx_n,fy_n,fz_n\n1,1,2,\n").unwrap_err()[0];
         assert!(part.message.contains("in part"));
         let zero = &read("target,qw,qx,qy,qz\n1,1,0,0,0\n2,0,0,0,0\n").unwrap_err()[0];
         assert_eq!((zero.line, zero.message.as_str()), (3, "qw, qx, qy, qz have norm 0.0000"));

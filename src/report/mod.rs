@@ -9,6 +9,7 @@ pub mod html;
 mod identification;
 mod inspect;
 mod origin;
+mod plan;
 mod simulation;
 mod summary;
 
@@ -20,5 +21,6 @@ pub use findings::Findings;
 pub use identification::{identify_answer, identify_text, residual_csv};
 pub use inspect::{InspectFile, InspectFiles, KeptLine, inspect_table};
 pub use origin::{Origin, VERSION};
+pub use plan::plan_text;
 pub use simulation::{DeviationMap, MapFigures, OneSide, SurfacePoint, map_cell, map_csv, probe, stl};
 pub use summary::{FileSummary, summary_line};

@@ -65,7 +65,6 @@ fn a_part_that_slips_is_a_jump_at_its_row_and_no_effect() {
 }
 
 #[test]
-#[ignore = "open: `before` of a table with two clampings is 0.239 mm where the run alone has 0.142 mm"]
 fn each_run_has_its_own_clamping_and_a_second_turn_adds_nothing() {
     let mut runs = table(BACKLASH);
     let half = runs.rows.len() / 2;

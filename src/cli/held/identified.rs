@@ -3,7 +3,7 @@ use crate::cli::input::{self, all, both};
 use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::identify::{self, Identification, Input};
-use deflex::measured::Table;
+use deflex::measured::{ColumnNames, Table};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -11,7 +11,11 @@ use std::path::Path;
 
 /// A measured file, read and not yet parsed.
 #[derive(Clone, Debug)]
-pub struct MeasuredFile(Source);
+pub struct MeasuredFile {
+    source: Source,
+    names: Option<ColumnNames>,
+    match_mm: Option<f64>,
+}
 
 impl MeasuredFile {
     /// Reads the file at a path, `-` being stdin.
@@ -19,13 +23,28 @@ impl MeasuredFile {
     /// # Errors
     /// It cannot be read.
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        input::source(path).map(Self)
+        input::source(path).map(Self::of)
     }
 
     /// A table that is held.
     #[must_use]
     pub fn of(table: Source) -> Self {
-        Self(table)
+        Self { source: table, names: None, match_mm: None }
+    }
+
+    /// The same with other names for its columns, and how far from the path a row without a target may lie, mm: `--columns`
+    /// and `--match-mm`.
+    #[must_use]
+    pub fn read_as(self, names: Option<ColumnNames>, match_mm: f64) -> Self {
+        Self { names, match_mm: Some(match_mm), ..self }
+    }
+
+    fn table(&self) -> Result<Table, Vec<Diagnostic>> {
+        let table = match &self.names {
+            Some(names) => Table::read_named(&self.source, names)?,
+            None => Table::read(&self.source)?,
+        };
+        Ok(Table { match_mm: self.match_mm, ..table })
     }
 }
 
@@ -85,10 +104,10 @@ pub fn identify(
     poses: &[MeasuredFile],
     tool: Option<&str>,
 ) -> Result<Identified, Vec<Diagnostic>> {
-    let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), Table::read(&table.0));
-    let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(|table| Table::read(&table.0))))?;
-    let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.0]));
-    let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.0)).collect();
+    let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table());
+    let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(MeasuredFile::table)))?;
+    let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
+    let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
     let input = Input { cell: &cell.cell, runs: &programs, poses: &tables, tool, data_hash: &hash };
     let found = identify::identify(&input).map_err(|errors| cell.own(errors))?;

@@ -12,10 +12,12 @@ mod diff;
 mod identification;
 mod markup;
 mod path;
+mod plan;
 mod simulation;
 mod trace;
 
 pub use diff::diff_page;
 pub use identification::identification_page;
 pub use path::{PathKind, PathPage, PathTrace};
+pub use plan::plan_page;
 pub use simulation::simulation_page;

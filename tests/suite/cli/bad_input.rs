@@ -256,8 +256,8 @@ fn files_in_each_others_place_are_recognised() {
     assert!(program.contains("this is a program, where the cell file is expected"), "{program}");
     assert!(said("predict cell.toml --cell cell.toml").contains("neither RAPID, CL/APT"));
     assert!(said("predict . --cell cell.toml").contains("give the files in it"));
-    bench.write("forces.csv", "target;fx_n;fy_n;fz_n\n1;2;3;4\n");
-    assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("set apart by commas"));
+    bench.write("forces.csv", "target;fx_n;fy_n;fz_n\n1;2,5;3.5;4\n");
+    assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("has a decimal point"));
     bench.write("forces.csv", "target,fx,fy,fz\n1,2,3,4\n");
     assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("did you mean `fx_n`?"));
 }

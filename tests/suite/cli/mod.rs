@@ -18,6 +18,7 @@ mod inputs;
 mod judged;
 mod long;
 mod outputs;
+mod plan;
 mod pose;
 mod shell;
 mod urdf;

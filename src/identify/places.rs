@@ -1,0 +1,145 @@
+//! Rows that name a place and no target: the nearest place on the path, at targets and between them.
+
+use super::runs::at_line;
+use crate::cell::Cell;
+use crate::correct::{Point, Prepared, travel_into};
+use crate::measured::{MATCH_MM, MeasuredRow, Table};
+use crate::program::{Motion, Program};
+use crate::text::Diagnostic;
+use nalgebra::Vector3;
+
+/// A place on the path: share of the way into a target, 1 at the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Place {
+    target: usize,
+    share: f64,
+    off_mm: f64,
+    /// Length of the path up to here, mm.
+    along_mm: f64,
+}
+
+/// The path as straight ways; arcs and joint moves have their ends only.
+pub(super) struct Path<'a> {
+    program: &'a Program,
+    /// Of each target, mm, work object axes.
+    ends: Vec<Vector3<f64>>,
+    /// Length of the path up to each, mm.
+    along_mm: Vec<f64>,
+    match_mm: f64,
+}
+
+impl<'a> Path<'a> {
+    pub(super) fn new(program: &'a Program, prepared: &Prepared, table: &Table) -> Self {
+        // Where the arm does not go for sure nothing was measured: NaN is near nothing.
+        let end = |(i, point): (usize, &Point)| match prepared.unsolved(i) {
+            Some(_) => Vector3::repeat(f64::NAN),
+            None => 1e3 * point.wobj_from_tcp.translation.vector,
+        };
+        let ends: Vec<Vector3<f64>> = prepared.points.iter().enumerate().map(end).collect();
+        let mut along_mm = vec![0.0; ends.len()];
+        for i in 1..ends.len() {
+            let way = (ends[i] - ends[i - 1]).norm();
+            along_mm[i] = along_mm[i - 1] + if way.is_finite() { way } else { 0.0 };
+        }
+        Self { program, ends, along_mm, match_mm: table.match_mm.unwrap_or(MATCH_MM) }
+    }
+
+    /// Adds the place that a row was taken at to the points; which it is.
+    pub(super) fn place(
+        &self,
+        cell: &Cell,
+        prepared: &mut Prepared,
+        row: &MeasuredRow,
+        nominal_mm: [f64; 3],
+    ) -> Result<usize, String> {
+        let place = self.nearest(&nominal_mm.into())?;
+        let mut point = between(cell, prepared, place)?;
+        // A force of the row's own; without one, that of the way where the table has none at all.
+        if let Some(force) = row.force_n {
+            point.set_force(force.into());
+        }
+        point.time = row.time_s.unwrap_or(point.time);
+        point.temperature = row.temperature_c.or(point.temperature);
+        point.payload = row.payload_kg.unwrap_or(point.payload);
+        prepared.points.push(point);
+        Ok(prepared.points.len() - 1)
+    }
+
+    /// The nearest place; refuses what is far from the path, or as near to another stretch of it.
+    fn nearest(&self, nominal_mm: &Vector3<f64>) -> Result<Place, String> {
+        /// As near: by this, mm, or this share of the distance.
+        const ALIKE: (f64, f64) = (0.1, 0.25);
+        let mut near: Vec<Place> = (0..self.ends.len())
+            .map(|i| self.on_way(i, nominal_mm))
+            .filter(|place| place.off_mm <= self.match_mm)
+            .collect();
+        near.sort_by(|a, b| a.off_mm.total_cmp(&b.off_mm));
+        let Some(&best) = near.first() else {
+            let off = (0..self.ends.len()).map(|i| self.on_way(i, nominal_mm).off_mm).fold(f64::INFINITY, f64::min);
+            return Err(format!(
+                "the nominal point lies {off:.2} mm from the path, and rows within {} mm are taken",
+                self.match_mm
+            ));
+        };
+        let limit = best.off_mm + ALIKE.0.max(ALIKE.1 * best.off_mm);
+        let apart = |place: &&Place| (place.along_mm - best.along_mm).abs() > 2.0 * self.match_mm;
+        match near.iter().take_while(|place| place.off_mm <= limit).find(apart) {
+            Some(other) => Err(format!(
+                "the nominal point is as near to the way into target {} ({:.2} mm) as to that into target {} ({:.2} mm): name the target",
+                self.program.targets[best.target].ordinal,
+                best.off_mm,
+                self.program.targets[other.target].ordinal,
+                other.off_mm
+            )),
+            None => Ok(best),
+        }
+    }
+
+    /// The nearest place on the way into a target.
+    fn on_way(&self, target: usize, nominal_mm: &Vector3<f64>) -> Place {
+        let (end, here) = (self.ends[target], &self.program.targets[target]);
+        let straight =
+            |before: &usize| here.motion == Motion::Linear && self.program.targets[*before].wobj == here.wobj;
+        let before = target.checked_sub(1).filter(straight);
+        let share = before.map_or(1.0, |before| {
+            let way = end - self.ends[before];
+            let square = way.norm_squared();
+            if square > 0.0 { ((nominal_mm - self.ends[before]).dot(&way) / square).clamp(0.0, 1.0) } else { 1.0 }
+        });
+        let from = before.map_or(end, |before| self.ends[before]);
+        let place = from + (end - from) * share;
+        let length = (end - from).norm();
+        Place {
+            target,
+            share,
+            off_mm: (place - nominal_mm).norm(),
+            along_mm: self.along_mm[target] - (1.0 - share) * length,
+        }
+    }
+}
+
+/// The point at a share of the way into a target: straight, evenly turned, the joints nearest to those before.
+fn between(cell: &Cell, prepared: &Prepared, Place { target, share, .. }: Place) -> Result<Point, String> {
+    let end = &prepared.points[target];
+    let mut point = end.clone();
+    let Some(before) = target.checked_sub(1).map(|before| &prepared.points[before]).filter(|_| share < 1.0) else {
+        return Ok(point);
+    };
+    let turned = before.wobj_from_tcp.try_lerp_slerp(&end.wobj_from_tcp, share, 1e-9);
+    point.wobj_from_tcp = turned.ok_or("the way there turns by half a turn: its middle is not known")?;
+    point.reference = point.wobj_from_tcp;
+    let flange =
+        prepared.base_from_wobj(target) * point.wobj_from_tcp * prepared.tool(target).flange_from_tcp.inverse();
+    point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
+    point.travel = travel_into(Some((before.motor, before.travel)), &point.motor);
+    let mix = |a: f64, b: f64| a + (b - a) * share;
+    point.normal = before.normal.lerp(&end.normal, share).try_normalize(1e-9).unwrap_or(end.normal);
+    point.time = mix(before.time, end.time);
+    point.cut_length = mix(before.cut_length, end.cut_length);
+    Ok(point)
+}
+
+/// An error of a row's place, with what to do.
+pub(super) fn misplaced(table: &Table, line: u64, message: String) -> Diagnostic {
+    at_line(table, line, message).help("check the work object of the points, name `target`, or give --match-mm")
+}

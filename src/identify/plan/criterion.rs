@@ -1,0 +1,321 @@
+//! How well rows tell effects apart, before anything is measured.
+//!
+//! The trace of an effect of the wanted size, less all that a rival, the frame of the part, the instrument and its drift
+//! could imitate under their priors, over the noise, is d′: what is left of `yᵀ(σ²I + U Λ Uᵀ)⁻¹y` (Atkinson and Fedorov 1975,
+//! T-optimality, with the priors of `identify`). With the price of each rival's numbers it is the evidence that `identify` will
+//! have for the effect over the rival: the mean is known and its standard deviation is d′. Rows are the better the more
+//! effects it will probably name outright.
+
+use super::draws::Draws;
+use crate::identify::candidates::Candidate;
+use crate::identify::search::PRICE;
+use nalgebra::{DMatrix, DVector};
+
+/// What every pair counts beside the share of effects that will be named: pairs that are hopeless so far are not given up.
+const EACH_PAIR: f64 = 0.02;
+/// Evidence over a rival that a name needs, nats: what makes a posterior of 0.9.
+const NEEDED: f64 = 4.4;
+/// Draws of an effect's numbers.
+const DRAWS: usize = 4;
+/// Shares of the typical sizes that a rival's prior may have.
+const SCALES: [f64; 3] = [1.0, 0.3, 0.08];
+/// What held-out rows count for beside fitted ones: they judge, and choose nothing.
+const HELD_OUT: f64 = 0.3;
+
+/// One effect as it might be.
+#[derive(Clone, Debug)]
+pub(super) struct Truth {
+    /// Index into the kinds.
+    pub(super) kind: usize,
+    /// Column of the design and number, in typical sizes.
+    pub(super) numbers: Vec<(usize, f64)>,
+}
+
+impl Truth {
+    /// What it shows, from the columns of the candidates, mm.
+    pub(super) fn shown(&self, columns: &DMatrix<f64>) -> DVector<f64> {
+        let mut sum = DVector::zeros(columns.nrows());
+        self.numbers.iter().for_each(|&(column, number)| sum.axpy(number, &columns.column(column), 1.0));
+        sum
+    }
+}
+
+/// What a rival may move.
+#[derive(Clone, Debug)]
+struct Rival {
+    /// Index into the kinds; behind the last for none.
+    kind: usize,
+    columns: Vec<usize>,
+    /// What its name must gain, nats.
+    price: f64,
+}
+
+/// What rows say of each truth (rows) beside each kind (columns, none last).
+pub(super) struct Told {
+    /// d′; infinite from itself.
+    pub(super) distance: DMatrix<f64>,
+    /// Mean evidence of each kind, less its price, nats.
+    evidence: DMatrix<f64>,
+}
+
+/// Effects with their rivals, and how much each pair counts.
+pub(super) struct Criterion {
+    /// Kinds of the candidates.
+    pub(super) kinds: Vec<String>,
+    pub(super) truths: Vec<Truth>,
+    rivals: Vec<Rival>,
+    frame: Vec<usize>,
+    /// Columns of the instrument's unknowns and of its drift.
+    instrument: Vec<usize>,
+    /// Truth's kind, rival's kind (none last).
+    weights: DMatrix<f64>,
+    noise_mm: f64,
+    axes: usize,
+}
+
+/// Numbers of effects of the wanted size as the priors have them, drawn the same on every run.
+pub(super) fn truths(candidates: &[Candidate], kinds: &[String], seed: u64, draws: usize) -> Vec<Truth> {
+    let mut all = Vec::new();
+    for (kind, name) in kinds.iter().enumerate() {
+        let variants: Vec<&Candidate> = candidates.iter().filter(|candidate| candidate.kind == *name).collect();
+        let mut sequence = Draws::of(seed + kind as u64);
+        for draw in 0..draws {
+            let candidate = variants[draw % variants.len()];
+            let size = candidate.values.len();
+            // A few numbers, or all of them: lost motion is in one gear, a bad calibration everywhere.
+            let few = draw % 2 == 0 && size > 3;
+            let only: Vec<usize> =
+                if few { (0..2).map(|_| sequence.index(size)).collect() } else { (0..size).collect() };
+            let numbers = only.into_iter().map(|k| {
+                let value = sequence.normal();
+                let room = |end: f64| ((end - candidate.start[k]) / candidate.typical[k]).abs() > 1e-9;
+                let (below, above) = candidate.bounds[k];
+                let value = if !room(below) {
+                    value.abs()
+                } else if !room(above) {
+                    -value.abs()
+                } else {
+                    value
+                };
+                (candidate.first + k, value)
+            });
+            all.push(Truth { kind, numbers: numbers.collect() });
+        }
+    }
+    all
+}
+
+/// Makes every truth as large as wanted over rows of so many scalars, mm rms a row.
+pub(super) fn scale(truths: &mut [Truth], columns: &DMatrix<f64>, axes: usize, rms_mm: f64) {
+    let rows = (columns.nrows() / axes.max(1)) as f64;
+    for truth in truths {
+        let shown = (truth.shown(columns).norm_squared() / rows).sqrt();
+        if shown > 0.0 {
+            truth.numbers.iter_mut().for_each(|(_, number)| *number *= rms_mm / shown);
+        }
+    }
+}
+
+impl Criterion {
+    /// Of candidates whose columns are numbered, and the columns of what is unknown of the instrument. `named` are the kinds
+    /// that must be told; noise in mm, and so many scalars a row.
+    pub(super) fn new(
+        candidates: &[Candidate],
+        named: &[String],
+        instrument: Vec<usize>,
+        (noise_mm, axes): (f64, usize),
+    ) -> Self {
+        let mut kinds: Vec<String> = named.to_vec();
+        kinds.extend(candidates.iter().map(|c| c.kind.clone()).filter(|kind| !named.contains(kind)));
+        let mut seen = Vec::new();
+        kinds.retain(|kind| {
+            !seen.contains(kind) && {
+                seen.push(kind.clone());
+                true
+            }
+        });
+        let truths = truths(candidates, &kinds[..named.len()], 1, DRAWS);
+        let of = |candidate: &Candidate| Rival {
+            kind: kinds.iter().position(|kind| *kind == candidate.kind).unwrap_or(kinds.len()),
+            columns: candidate.columns().collect(),
+            price: PRICE + candidate.variants.ln(),
+        };
+        let none = Rival { kind: kinds.len(), columns: Vec::new(), price: 0.0 };
+        let rivals = std::iter::once(none).chain(candidates.iter().map(of)).collect();
+        let is_frame = |c: &&Candidate| c.law().is_some_and(|law| law.like_device_frame);
+        let frame = candidates.iter().find(is_frame).into_iter().flat_map(Candidate::columns).collect();
+        let weights = DMatrix::from_element(kinds.len(), kinds.len() + 1, 1.0);
+        Self { kinds, truths, rivals, frame, instrument, weights, noise_mm, axes }
+    }
+
+    /// Counts pairs as told: of kinds that are not undecided little.
+    pub(super) fn settle(&mut self, undecided: &[(String, String)]) {
+        /// What other pairs count for.
+        const OTHERS: f64 = 0.05;
+        let at = |kind: &String| self.kinds.iter().position(|known| known == kind);
+        self.weights.fill(OTHERS);
+        for (a, b) in undecided {
+            if let (Some(a), Some(b)) = (at(a), at(b)) {
+                (self.weights[(a, b)], self.weights[(b, a)]) = (1.0, 1.0);
+                let none = self.kinds.len();
+                (self.weights[(a, none)], self.weights[(b, none)]) = (1.0, 1.0);
+            }
+        }
+    }
+
+    /// Makes every truth as large as wanted over some rows, mm rms a row.
+    pub(super) fn scale(&mut self, columns: &DMatrix<f64>, rms_mm: f64) {
+        scale(&mut self.truths, columns, self.axes, rms_mm);
+    }
+
+    /// d′ of a kind from none: quadratic mean over the draws.
+    pub(super) fn distance_from_none(&self, distances: &DMatrix<f64>, kind: usize) -> f64 {
+        self.mean(distances, kind, self.kinds.len())
+    }
+
+    fn mean(&self, distances: &DMatrix<f64>, a: usize, b: usize) -> f64 {
+        let of = (0..self.truths.len()).filter(|&t| self.truths[t].kind == a).map(|t| distances[(t, b)]);
+        let of: Vec<f64> = of.filter(|d_prime| d_prime.is_finite()).collect();
+        (of.iter().map(|d| d * d).sum::<f64>() / of.len().max(1) as f64).sqrt()
+    }
+
+    /// What rows say. `columns` are those of all rows, those of the instrument among them; `weight` is what each row counts
+    /// for.
+    pub(super) fn told(&self, columns: &DMatrix<f64>, weight: &[f64]) -> Told {
+        let mut whitened = columns.clone() / self.noise_mm;
+        for (row, weight) in weight.iter().enumerate() {
+            whitened.rows_mut(row * self.axes, self.axes).scale_mut(weight.sqrt());
+        }
+        let gram = whitened.transpose() * &whitened;
+        let crosses: Vec<DVector<f64>> = self
+            .truths
+            .iter()
+            .map(|truth| {
+                let mut cross = DVector::zeros(gram.nrows());
+                truth.numbers.iter().for_each(|&(column, number)| cross.axpy(number, &gram.column(column), 1.0));
+                cross
+            })
+            .collect();
+        let squares: Vec<f64> = self
+            .truths
+            .iter()
+            .zip(&crosses)
+            .map(|(truth, cross)| truth.numbers.iter().map(|&(column, number)| number * cross[column]).sum())
+            .collect();
+        let size = (self.truths.len(), self.kinds.len() + 1);
+        let mut told = Told {
+            distance: DMatrix::from_element(size.0, size.1, f64::INFINITY),
+            evidence: DMatrix::from_element(size.0, size.1, f64::NEG_INFINITY),
+        };
+        for rival in &self.rivals {
+            // A frame that is the effect itself is no nuisance to it.
+            for of_frame in [false, true] {
+                let mut moved = rival.columns.clone();
+                moved.extend(&self.instrument);
+                if !of_frame {
+                    moved.extend(self.frame.iter().filter(|column| !rival.columns.contains(column)));
+                }
+                let is_frame = |truth: &Truth| truth.numbers.iter().any(|(column, _)| self.frame.contains(column));
+                let concerned: Vec<usize> =
+                    (0..self.truths.len()).filter(|&t| is_frame(&self.truths[t]) == of_frame).collect();
+                if concerned.is_empty() {
+                    continue;
+                }
+                let inner = DMatrix::from_fn(moved.len(), moved.len(), |i, j| gram[(moved[i], moved[j])]);
+                let scales = if rival.columns.is_empty() { &SCALES[..1] } else { &SCALES[..] };
+                for scale in scales {
+                    let of = |i: usize| if i < rival.columns.len() { *scale } else { 1.0 };
+                    let mut scaled = DMatrix::from_fn(moved.len(), moved.len(), |i, j| inner[(i, j)] * of(i) * of(j));
+                    (0..moved.len()).for_each(|i| scaled[(i, i)] += 1.0);
+                    let Some(factor) = scaled.cholesky() else { continue };
+                    let diagonal = factor.l_dirty().diagonal();
+                    // ½ ln det, less what the noise in the data is fitted away (its trace, by the pivots).
+                    let occam: f64 = diagonal.iter().map(|d| d.ln() - 0.5 * (1.0 - 1.0 / (d * d))).sum();
+                    for &t in &concerned {
+                        let mut cross = DVector::from_fn(moved.len(), |i, _| crosses[t][moved[i]] * of(i));
+                        factor.l_dirty().solve_lower_triangular_mut(&mut cross);
+                        let square = (squares[t] - cross.norm_squared()).max(0.0);
+                        let at = (t, rival.kind);
+                        told.evidence[at] = told.evidence[at].max(-0.5 * square - occam - rival.price);
+                        if self.truths[t].kind != rival.kind {
+                            told.distance[at] = told.distance[at].min(square.sqrt());
+                        }
+                    }
+                }
+            }
+        }
+        told
+    }
+
+    /// What rows count for: those that `identify` will hold out count less.
+    pub(super) fn row_weights(held_out: impl Iterator<Item = bool>) -> Vec<f64> {
+        held_out.map(|held_out| if held_out { HELD_OUT } else { 1.0 }).collect()
+    }
+
+    /// Share of the truths that will not be named outright, by a normal approximation over their rivals; a little of what each
+    /// pair adds beside it. Less is better.
+    pub(super) fn confusion(&self, told: &Told) -> f64 {
+        let (mut missed, mut each) = (0.0, 0.0);
+        for (t, truth) in self.truths.iter().enumerate() {
+            let mut named = 1.0;
+            for kind in (0..=self.kinds.len()).filter(|&kind| kind != truth.kind) {
+                let gain = told.evidence[(t, truth.kind)] - told.evidence[(t, kind)];
+                let spread = told.distance[(t, kind)].clamp(1.0, 1e3);
+                let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - NEEDED) / spread);
+                named *= 1.0 - taken;
+                each += taken;
+            }
+            missed += 1.0 - named;
+        }
+        (missed + EACH_PAIR * each) / self.truths.len().max(1) as f64
+    }
+
+    /// d′ of each pair of kinds: quadratic mean over the draws, the lesser of both ways.
+    pub(super) fn pairs(&self, distances: &DMatrix<f64>, named: usize) -> Vec<(usize, usize, f64)> {
+        let mut all = Vec::new();
+        for a in 0..named {
+            for b in a + 1..named {
+                let (forth, back) = (self.mean(distances, a, b), self.mean(distances, b, a));
+                all.push(if forth <= back { (a, b, forth) } else { (b, a, back) });
+            }
+        }
+        all.sort_by(|a, b| a.2.total_cmp(&b.2));
+        all
+    }
+}
+
+/// Share of a normal distribution beyond `at` standard deviations, by a logistic curve (within 0.01): its tail keeps a slope
+/// that a search can follow.
+fn normal_tail(at: f64) -> f64 {
+    1.0 / (1.0 + (1.702 * at).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_rival_can_imitate_under_its_prior_is_taken_off() {
+        let truth = Truth { kind: 0, numbers: vec![(0, 2.0)] };
+        let rival = Rival { kind: 1, columns: vec![1], price: 0.0 };
+        let none = Rival { kind: 2, columns: Vec::new(), price: 0.0 };
+        let criterion = Criterion {
+            kinds: vec!["a".into(), "b".into()],
+            truths: vec![truth],
+            rivals: vec![none, rival],
+            frame: Vec::new(),
+            instrument: Vec::new(),
+            weights: DMatrix::from_element(2, 3, 1.0),
+            noise_mm: 0.5,
+            axes: 1,
+        };
+        // Shown (2, 2), over the noise (4, 4); the rival's column (2, 0): 32 − 8² / (1 + 4) is left.
+        let columns = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 1.0, 0.0]);
+        let found = criterion.told(&columns, &[1.0, 1.0]).distance;
+        assert!((found[(0, 2)] - 32_f64.sqrt()).abs() < 1e-12);
+        assert!((found[(0, 1)] - 19.2_f64.sqrt()).abs() < 1e-12);
+        assert!(found[(0, 0)].is_infinite());
+        // Half the weight is half the information.
+        assert!((criterion.told(&columns, &[0.5, 0.5]).distance[(0, 2)] - 4.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,209 @@
+//! A plan as `identify` will see it: d′ of each pair, and how often simulated effects are named rightly.
+//!
+//! Each simulation is one effect of the wanted size, its numbers drawn from the priors, with white noise, in the linear model
+//! of the planned rows; sets are searched and weighed as `identify` does it, held-out rows included. What the simulation
+//! does not have is what no model has: drift, outliers, a second effect, an effect in no list.
+
+use super::criterion::{self, Criterion, Truth, truths};
+use super::draws::Draws;
+use super::{PlannedKind, PlannedPair, PlannedRow, listed};
+use crate::cell::{Cell, Instrument, PlanSection};
+use crate::effects::kind;
+use crate::identify::candidates::{self, Candidate, Home};
+use crate::identify::data::Problem;
+use crate::identify::engine::{Engine, Linearised, stiff};
+use crate::identify::explain::NAMED;
+use crate::identify::moments::Moments;
+use crate::identify::noise;
+use crate::identify::pattern::Pattern;
+use crate::identify::score::posterior;
+use crate::identify::search::Search;
+use crate::measured::{MeasuredRow, Table, TargetRef};
+use crate::program::rapid;
+use crate::text::{Diagnostic, Source};
+use nalgebra::{DVector, Vector3};
+use rayon::prelude::*;
+
+/// Simulated measurements of each kind.
+const SIMULATED: usize = 6;
+/// Other numbers than those that rows were chosen by.
+const SEED: u64 = 1_000;
+/// Pairs below this are said to be hard, and why.
+const HARD: f64 = 5.0;
+
+/// What a plan came to.
+pub(super) struct Judged {
+    pub(super) pairs: Vec<PlannedPair>,
+    pub(super) kinds: Vec<PlannedKind>,
+    pub(super) right: f64,
+    pub(super) wrong: f64,
+    pub(super) simulated: usize,
+}
+
+/// What a simulation ended in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Verdict {
+    /// The effect alone is named outright.
+    Right,
+    /// Another is.
+    Wrong,
+    /// Nothing is sure.
+    Open,
+}
+
+/// Judges a plan by its program and its rows, read back.
+pub(super) fn judge(
+    cell: &Cell,
+    section: &PlanSection,
+    program: &str,
+    rows: &[PlannedRow],
+    named: &[String],
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Judged, Vec<Diagnostic>> {
+    let program = rapid::read(vec![Source::new("plan.mod", program.as_bytes())], Vec::new())?;
+    let rows_of_table = rows.iter().map(|row| as_planned(section, row)).collect();
+    let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None };
+    let problem = Problem::of_runs(cell, &[(program, table)])?;
+    let robot = &cell.arm.robot;
+    // Degrees: the digits of a program.
+    const SAME: f64 = 1e-2;
+    let elsewhere = problem.rows.iter().zip(rows).find(|(read, row)| {
+        let deg = robot.axes_deg_from_motor(&read.motor);
+        (0..6).any(|j| (deg[j] - row.axes_deg[j]).abs() > SAME)
+    });
+    if let Some((_, row)) = elsewhere {
+        let message = format!("the arm would stand otherwise at target {} than planned", row.target);
+        let help = "give `[robot] start_deg` near the middle of [plan] box_mm, with the tool upright";
+        return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
+    }
+    let mut engine = Engine::new(candidates::with(&cell.arm, &[]), problem, &cell.covariances);
+    let wanted: Vec<usize> = (0..engine.candidates.len()).collect();
+    let linear = engine.linearise(&wanted, &noise::few());
+    let laws = listed(engine.candidates.clone());
+    let drift = |c: &&Candidate| matches!(c.home, Home::Pattern(Pattern::Drift));
+    let drift = engine.candidates.iter().find(drift).into_iter().flat_map(Candidate::columns);
+    let nuisance = linear.always.iter().copied().chain(drift).collect();
+    let axes = engine.problem.scalars / rows.len().max(1);
+    let mut criterion = Criterion::new(&laws, named, nuisance, (section.noise_mm, axes));
+    let columns = linear.design.kept();
+    criterion.scale(columns, section.effect_mm);
+    let weights: Vec<f64> = engine.problem.rows.iter().map(|row| f64::from(u8::from(!row.held_out))).collect();
+    let distances = criterion.told(columns, &weights).distance;
+    let pair = |(a, b, d_prime): (usize, usize, f64)| PlannedPair {
+        a: criterion.kinds[a].clone(),
+        b: criterion.kinds[b].clone(),
+        d_prime,
+        why: (d_prime < HARD).then(|| why(&criterion.kinds[a], &criterion.kinds[b])),
+    };
+    let pairs = criterion.pairs(&distances, named.len()).into_iter().map(pair).collect();
+    let mut tried = truths(&laws, named, SEED, SIMULATED);
+    criterion::scale(&mut tried, columns, axes, section.effect_mm);
+    let simulation = Simulation { engine: &engine, linear: &linear, noise_mm: section.noise_mm };
+    let verdicts: Vec<Verdict> = tried
+        .par_iter()
+        .enumerate()
+        .map(|(number, truth)| simulation.run(truth, &named[truth.kind], number as u64))
+        .collect();
+    progress(1.0);
+    let share = |verdict: Verdict, of: Option<usize>| {
+        let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| of.is_none_or(|kind| truth.kind == kind));
+        all().filter(|(_, found)| **found == verdict).count() as f64 / all().count().max(1) as f64
+    };
+    let of_kind = |kind: usize| PlannedKind {
+        kind: named[kind].clone(),
+        d_prime: criterion.distance_from_none(&distances, kind),
+        chance_right: share(Verdict::Right, Some(kind)),
+        chance_wrong: share(Verdict::Wrong, Some(kind)),
+    };
+    let mut kinds: Vec<PlannedKind> = (0..named.len()).map(of_kind).collect();
+    kinds.sort_by(|a, b| a.chance_right.total_cmp(&b.chance_right));
+    Ok(Judged {
+        pairs,
+        kinds,
+        right: share(Verdict::Right, None),
+        wrong: share(Verdict::Wrong, None),
+        simulated: tried.len(),
+    })
+}
+
+/// A row measured where it is programmed.
+fn as_planned(section: &PlanSection, row: &PlannedRow) -> MeasuredRow {
+    let there = Vector3::from(row.position_mm);
+    let mut measured = MeasuredRow {
+        line: u64::from(row.target) + 1,
+        target: Some(TargetRef::Ordinal(row.target)),
+        force_n: Some(row.load_n),
+        time_s: Some(row.time_s),
+        ..MeasuredRow::default()
+    };
+    match (section.instrument, section.from) {
+        (Instrument::Normal, _) => measured.normal_mm = Some(0.0),
+        (Instrument::Distance, Some(from)) => measured.distance_mm = Some((there - from * 1e3).norm()),
+        _ => measured.position_mm = Some(row.position_mm),
+    }
+    measured
+}
+
+/// Measurements of single effects on the planned rows.
+struct Simulation<'a> {
+    engine: &'a Engine,
+    linear: &'a Linearised,
+    noise_mm: f64,
+}
+
+impl Simulation<'_> {
+    fn run(&self, truth: &Truth, name: &str, number: u64) -> Verdict {
+        let mut draws = Draws::of(SEED + number);
+        let mut data = truth.shown(self.linear.design.kept());
+        data.iter_mut().for_each(|value| *value += self.noise_mm * draws.normal());
+        let series = self.engine.problem.series(|row| !row.held_out);
+        let moments: Vec<Moments> =
+            self.linear.moments.iter().map(|m| m.clone().with_data(&self.linear.design, &data, &series)).collect();
+        let search = Search::new(&self.engine.candidates, &moments, &self.linear.always);
+        let set = search.best(&[], &stiff);
+        let score = search.full(&set);
+        let columns = search.columns(&set);
+        let mut left = data.clone();
+        if let Some((mean, _)) = posterior(&moments[score.shape], &columns, score.sigma) {
+            let numbers = columns.list.iter().zip(mean.iter()).map(|(&(column, size), value)| (column, -value * size));
+            self.linear.design.add(numbers, &mut left);
+        }
+        let held_out = |left: &DVector<f64>| self.engine.errors(left, |row| row.held_out).rms_mm;
+        if set.is_empty() || held_out(&left) > held_out(&data) {
+            return Verdict::Open;
+        }
+        let sure = |c: usize| search.rivals(&set, c, &Candidate::is_named).0 >= NAMED;
+        let (patterns, effects): (Vec<usize>, Vec<usize>) =
+            set.iter().partition(|&&c| self.engine.candidates[c].is_pattern());
+        let other = |&&c: &&usize| self.engine.candidates[c].kind != name;
+        match () {
+            () if effects.iter().filter(other).any(|&c| sure(c)) => Verdict::Wrong,
+            () if patterns.is_empty()
+                && effects.len() == 1
+                && !effects.iter().any(|c| other(&c))
+                && sure(effects[0]) =>
+            {
+                Verdict::Right
+            }
+            () => Verdict::Open,
+        }
+    }
+}
+
+/// Why two kinds are hard to tell apart.
+fn why(a: &str, b: &str) -> &'static str {
+    let (Some(one), Some(other)) = (kind(a), kind(b)) else { return "" };
+    let nested = one.nested_in.contains(&b) || other.nested_in.contains(&a);
+    let local = one.locally_like.contains(&b) || other.locally_like.contains(&a);
+    match () {
+        () if nested => "every effect of the one kind is also one of the other: no rows tell them apart for sure",
+        () if local => "alike where each joint is seen over a little of its turn only: a larger box, more tilt",
+        () if one.bends_under_load && other.bends_under_load => {
+            "both follow the load: more loads, in other directions, and more tilt under load"
+        }
+        () if one.like_device_frame || other.like_device_frame => {
+            "a frame that is off looks alike in a small area: a larger box, more tilt, more turns about the tool axis"
+        }
+        () => "their traces are alike on these rows: more rows, a larger box, more tilt, or less noise",
+    }
+}

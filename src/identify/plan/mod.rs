@@ -1,0 +1,308 @@
+//! What to measure, so that effects can be told apart: which targets, in which order, under which loads.
+//!
+//! ```text
+//! [plan] → spots that the arm reaches → rows by exchange → a RAPID program and an empty table
+//!        → both read back as `identify` will → d′ of each pair, and how often simulated effects are named rightly
+//! ```
+
+mod criterion;
+mod draws;
+mod exchange;
+mod judge;
+mod pool;
+mod sheet;
+mod write;
+
+use super::candidates::{self, Candidate};
+use crate::cell::{Cell, PlanSection};
+use crate::correct::named_tool;
+use crate::effects::{Shape, ToolFrame, kind};
+use crate::program::Program;
+use crate::robot::Pose;
+use crate::text::Diagnostic;
+use criterion::Criterion;
+use draws::Draws;
+use exchange::Exchange;
+use nalgebra::Vector3;
+use pool::Spot;
+use serde::Serialize;
+use sheet::{Bench, Row, Sheet};
+
+/// Fewest rows of a plan: `identify` holds some out and fits the others.
+pub(super) const LEAST_ROWS: usize = 8;
+/// Speeds of the TCP into a row, m/s: what trails at speed shows by two.
+const SPEEDS: [f64; 2] = [0.02, 0.06];
+/// Variants of a kind that are looked at: of dozens of time constants a few show what all would.
+const VARIANTS: usize = 3;
+/// Rows that every effect is made as large as wanted over, before there is a plan.
+const REFERENCE: usize = 60;
+
+/// What is planned from.
+pub struct PlanInput<'a> {
+    /// The declared cell, with `[plan]`.
+    pub cell: &'a Cell,
+    /// Rows to measure.
+    pub rows: usize,
+    /// Programs whose targets are the places to choose from; empty: anywhere in the box of `[plan]`.
+    pub pool: &'a [Program],
+    /// Pairs of kinds that an identification left undecided: these count, the others hardly. Empty: all pairs count.
+    pub undecided: &'a [(String, String)],
+    /// Name of the program; made an identifier.
+    pub name: &'a str,
+    /// Is told what share of the work is done.
+    pub progress: &'a (dyn Fn(f64) + Sync),
+}
+
+/// What to measure.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct Plan {
+    /// Rows in running order.
+    pub rows: Vec<PlannedRow>,
+    /// Every pair of kinds, least told apart first.
+    pub pairs: Vec<PlannedPair>,
+    /// The first of them.
+    pub weakest: Option<PlannedPair>,
+    /// How often, of simulated measurements of one effect of `effect_mm` each, that effect alone is named outright.
+    pub chance_right: f64,
+    /// How often something else is.
+    pub chance_wrong: f64,
+    /// The same by kind, least first.
+    pub kinds: Vec<PlannedKind>,
+    /// Simulated measurements.
+    pub simulated: usize,
+    /// Changes of the load on the way.
+    pub load_changes: usize,
+    /// Time that it takes, s: travel, ten seconds a row, two minutes for each change of the load.
+    pub duration_s: f64,
+    /// What should be known of it.
+    pub notes: Vec<String>,
+    /// The program.
+    #[serde(skip)]
+    pub program: String,
+    /// The table, its measured columns empty.
+    #[serde(skip)]
+    pub table: String,
+}
+
+/// One row to measure.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlannedRow {
+    /// Ordinal of the target in the program.
+    pub target: u32,
+    /// TCP in the work object, mm.
+    pub position_mm: [f64; 3],
+    /// Orientation, scalar first.
+    pub quat: [f64; 4],
+    /// Axis angles, degrees.
+    pub axes_deg: [f64; 6],
+    /// Force on the tool, work object axes, N.
+    pub load_n: [f64; 3],
+    /// When, s.
+    pub time_s: f64,
+    /// Whether `identify` will hold it out.
+    pub held_out: bool,
+}
+
+/// How far two kinds are apart on the planned rows.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlannedPair {
+    /// The kind that is there.
+    pub a: String,
+    /// The kind that may be taken for it.
+    pub b: String,
+    /// What is left of the one's trace, over the noise: above 5 told apart, below 3 not.
+    pub d_prime: f64,
+    /// Why, where that is little.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<&'static str>,
+}
+
+/// How one kind fares.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct PlannedKind {
+    /// The kind that is there.
+    pub kind: String,
+    /// d′ from nothing being there.
+    pub d_prime: f64,
+    /// How often it alone is named outright.
+    pub chance_right: f64,
+    /// How often something else is.
+    pub chance_wrong: f64,
+}
+
+/// Where everything stands.
+#[derive(Clone, Copy, Debug)]
+struct Frames {
+    base_from_wobj: Pose,
+    world_from_wobj: Pose,
+    tool: ToolFrame,
+}
+
+impl Frames {
+    fn base_from_flange(&self, wobj_from_tcp: &Pose) -> Pose {
+        self.base_from_wobj * wobj_from_tcp * self.tool.flange_from_tcp.inverse()
+    }
+}
+
+/// Plans what to measure.
+///
+/// # Errors
+/// No `[plan]`, too few rows, no place that the arm reaches, loads on an arm without a stiffness.
+pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
+    let cell = input.cell;
+    let section = section(cell)?;
+    if input.rows < LEAST_ROWS {
+        let message = format!("--rows {}: {LEAST_ROWS} rows are the fewest that can be fitted and judged", input.rows);
+        return Err(vec![Diagnostic::error("plan.rows", "", message).help("24 rows tell most single effects")]);
+    }
+    let world_from_wobj = cell.wobjs.get(&section.wobj.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
+    let frames = Frames {
+        base_from_wobj: cell.arm.robot.world_from_base.inverse() * world_from_wobj,
+        world_from_wobj,
+        tool: named_tool(cell, &section.tool)?,
+    };
+    let mut notes = Vec::new();
+    let spots = if input.pool.is_empty() {
+        pool::spots(cell, section, &frames)
+    } else {
+        pool::of_programs(cell, section, input.pool, &mut notes)?
+    };
+    if spots.len() < LEAST_ROWS {
+        let message =
+            format!("only {} places are reached well within the axis limits and off singular wrists", spots.len());
+        let help = "move or enlarge box_mm of [plan], allow more tilt_deg, or check wobj, tool and [robot]";
+        return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
+    }
+    let arm = candidates::with(&cell.arm, &[]);
+    let bench = Bench { section, arm: &arm, frames, spots, start: cell.start };
+    let mut draws = Draws::of(3);
+    let reference = start(&bench, REFERENCE, &mut draws)?;
+    let sheet = start(&bench, input.rows, &mut draws)?;
+    let all: Vec<usize> = (0..reference.rows.len()).collect();
+    let mut listed = listed(candidates::all(&arm, &bench.problem(&reference, &all), &cell.covariances));
+    let named = named(section, &listed, &mut notes)?;
+    // The frame rides along as a nuisance, whether it is to be told or not.
+    listed.retain(|c| named.contains(&c.kind) || c.law().is_some_and(|law| law.like_device_frame));
+    let columns = bench.columns(&mut listed, &reference, &all);
+    let count = listed.iter().map(|candidate| candidate.columns().end).max().unwrap_or(0);
+    let nuisance = (count..columns.ncols() + bench.drifts(&reference).ncols()).collect();
+    let mut criterion = Criterion::new(&listed, &named, nuisance, (section.noise_mm, bench.axes()));
+    criterion.scale(&columns, section.effect_mm);
+    if !input.undecided.is_empty() {
+        criterion.settle(input.undecided);
+    }
+    let exchange = Exchange { bench: &bench, criterion: &criterion, candidates: &listed, speeds: SPEEDS.to_vec() };
+    let sheet = exchange.run(sheet, &|share| (input.progress)(0.7 * share));
+    let rows = write::rows(&bench, &sheet);
+    let program = write::program(&bench, &sheet, input.name);
+    let table = write::table(section, &rows);
+    let judged = judge::judge(cell, section, &program, &rows, &named, &|share| (input.progress)(0.7 + 0.3 * share))?;
+    let load_changes = sheet.loads.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    let duration_s = rows.last().map_or(0.0, |row| row.time_s);
+    Ok(Plan {
+        rows,
+        weakest: judged.pairs.first().cloned(),
+        pairs: judged.pairs,
+        chance_right: judged.right,
+        chance_wrong: judged.wrong,
+        kinds: judged.kinds,
+        simulated: judged.simulated,
+        load_changes,
+        duration_s,
+        notes,
+        program,
+        table,
+    })
+}
+
+fn section(cell: &Cell) -> Result<&PlanSection, Vec<Diagnostic>> {
+    let Some(section) = &cell.plan else {
+        let help = "add [plan] with wobj, tool, box_mm, tilt_deg, instrument, noise_mm and effect_mm (docs/formats.md)";
+        return Err(vec![Diagnostic::error("cell.plan", "", "the cell has no [plan] section").help(help)]);
+    };
+    let loaded = section.loads.iter().any(|load| *load != Vector3::zeros());
+    if loaded && cell.arm.stiffness.is_none() {
+        let help = "add joint_nm_per_rad = [ … ] to [robot.stiffness], or plan without loads_n";
+        let message = "[plan] loads_n acts on an arm, but the cell declares no [robot.stiffness]";
+        return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
+    }
+    Ok(section)
+}
+
+/// Candidates that a plan can be made for: laws of few numbers, of each kind a few variants.
+fn listed(all: Vec<Candidate>) -> Vec<Candidate> {
+    let is_law = |c: &Candidate| c.is_full_size() && c.law().is_some_and(|law| law.shape == Shape::Law);
+    let all: Vec<Candidate> = all.into_iter().filter(is_law).collect();
+    let mut kept: Vec<Candidate> = Vec::new();
+    for candidate in &all {
+        if kept.iter().any(|known| known.kind == candidate.kind) {
+            continue;
+        }
+        let of: Vec<&Candidate> = all.iter().filter(|other| other.kind == candidate.kind).collect();
+        let count = of.len().min(VARIANTS);
+        kept.extend((0..count).map(|i| of[(2 * i + 1) * of.len() / (2 * count)].clone()));
+    }
+    kept
+}
+
+/// Kinds to tell apart; those that no rows of this plan could show are said.
+fn named(section: &PlanSection, listed: &[Candidate], notes: &mut Vec<String>) -> Result<Vec<String>, Vec<Diagnostic>> {
+    let mut all: Vec<String> = listed.iter().map(|candidate| candidate.kind.clone()).collect();
+    all.dedup();
+    if section.effects.is_empty() {
+        return Ok(all);
+    }
+    let (there, missing): (Vec<&str>, Vec<&str>) =
+        section.effects.iter().partition(|name| all.iter().any(|kind| kind == **name));
+    if !missing.is_empty() {
+        let curve = |name: &&str| kind(name).is_some_and(|kind| kind.shape != Shape::Law);
+        let why = match missing.iter().any(curve) {
+            true => "harmonics, curves and maps need many rows along a joint, not a few that are well chosen",
+            false => "no load, time or temperature of this plan shows them",
+        };
+        notes.push(format!("not planned for: {} ({why})", missing.join(", ")));
+    }
+    if there.is_empty() {
+        let message = format!("no rows of this plan show {}", missing.join(", "));
+        return Err(vec![
+            Diagnostic::error("cell.plan", "", message).help("name others in [plan] effects, or add loads_n"),
+        ]);
+    }
+    Ok(there.into_iter().map(str::to_owned).collect())
+}
+
+/// Rows to start from: anywhere, with as many stretches of each load as may be.
+fn start(bench: &Bench, count: usize, draws: &mut Draws) -> Result<Sheet, Vec<Diagnostic>> {
+    /// Spots that are tried for a row before the one before it is given up.
+    const TRIED: usize = 200;
+    /// Rows that are given up before there is no way on.
+    const GIVEN_UP: usize = 1000;
+    let mut given_up = 0;
+    let mut rows: Vec<Row> = Vec::with_capacity(count);
+    let spot = |row: Option<&Row>| -> Option<&Spot> { row.map(|row| &bench.spots[row.spot]) };
+    while rows.len() < count {
+        let new = (0..TRIED).find_map(|_| {
+            let new = Row { spot: draws.index(bench.spots.len()), speed: SPEEDS[draws.index(SPEEDS.len())] };
+            bench.follows(spot(rows.last()), &bench.spots[new.spot]).then_some(new)
+        });
+        match new {
+            Some(new) => rows.push(new),
+            None if given_up == GIVEN_UP => {
+                let message = "the arm does not come from one place to the next without changing its branch";
+                let help = "give `[robot] start_deg` as the arm stands there, a larger box_mm, or a longer --pool";
+                return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
+            }
+            None => {
+                given_up += 1;
+                rows.pop();
+            }
+        }
+    }
+    let stretches = if bench.section.loads.len() > 1 { (bench.section.load_changes + 1).min(count) } else { 1 };
+    let loads = (0..count).map(|i| (i * stretches / count) % bench.section.loads.len()).collect();
+    Ok(Sheet { rows, loads })
+}

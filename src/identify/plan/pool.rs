@@ -1,0 +1,150 @@
+//! Where the TCP may go: poses that the arm reaches well within its limits, away from singular wrists, on one branch.
+
+use super::Frames;
+use super::draws::halton;
+use crate::cell::{Cell, PlanSection};
+use crate::correct::{Forces, Options, Prepared};
+use crate::program::orientation::quaternion;
+use crate::program::{Confdata, Program, Role, Target};
+use crate::robot::{Joints, Pose, Robot, confdata_of};
+use crate::text::Diagnostic;
+use nalgebra::{Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
+use std::f64::consts::{PI, TAU};
+
+/// Poses that are offered.
+const POSES: usize = 600;
+/// Poses that are tried to find as many.
+const TRIED: usize = 20_000;
+/// Poses that each way to stand is judged by.
+const JUDGED: usize = 150;
+/// Turns about the tool axis that a run may begin with.
+const SPINS: usize = 8;
+/// Least angle of axis 5 from where axes 4 and 6 are one, rad.
+const SINGULAR: f64 = 0.2;
+/// Angle kept to every axis limit, rad.
+const MARGIN: f64 = 0.04;
+/// Angle of every axis from where the run stands in the middle, rad: between two poses no axis turns so far that the
+/// branch, or the turn of an axis, could be taken for another.
+const REACH: f64 = 1.3;
+
+/// A pose that the tool may be sent to.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spot {
+    /// mm, as it is written.
+    pub(super) position_mm: [f64; 3],
+    /// Scalar first.
+    pub(super) quat: [f64; 4],
+    pub(super) wobj_from_tcp: Pose,
+    /// rad
+    pub(super) motor: Joints,
+    pub(super) conf: Confdata,
+}
+
+impl Spot {
+    /// Of motor angles at a pose.
+    pub(super) fn of(robot: &Robot, wobj_from_tcp: Pose, motor: Joints) -> Self {
+        Self {
+            position_mm: (wobj_from_tcp.translation.vector * 1e3).into(),
+            quat: quaternion(&wobj_from_tcp.rotation),
+            wobj_from_tcp,
+            motor,
+            conf: confdata_of(robot, &motor),
+        }
+    }
+}
+
+/// The poses of `[plan]`.
+pub(super) fn spots(cell: &Cell, section: &PlanSection, frames: &Frames) -> Vec<Spot> {
+    let robot = &cell.arm.robot;
+    let reach = |pose: &Pose, about: &Joints| {
+        let motor = robot.inverse_near(&frames.base_from_flange(pose), about).ok()?;
+        is_safe(robot, &motor, about).then(|| Spot::of(robot, *pose, motor))
+    };
+    let among = |about: &Joints, tried: usize, most: usize| {
+        (1..=tried).filter_map(|index| reach(&pose(section, index), about)).take(most).collect::<Vec<_>>()
+    };
+    // The way to stand from which most is reached.
+    let middle = 0.5 * (section.workspace[0] + section.workspace[1]);
+    let stands = (0..SPINS).flat_map(|spin| {
+        let pose = tool_at(middle, 0.0, 0.0, TAU * spin as f64 / SPINS as f64);
+        let flange = frames.base_from_flange(&pose);
+        match &cell.start {
+            Some(start) => robot.inverse_near(&flange, start).into_iter().collect(),
+            None => robot.inverse_all(&flange).unwrap_or_default(),
+        }
+    });
+    let near = cell.start.unwrap_or_else(Joints::zeros);
+    let ranked = stands.map(|about| (among(&about, JUDGED, JUDGED).len(), (about - near).norm(), about));
+    let best = ranked.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    best.map(|(.., about)| among(&about, TRIED, POSES)).unwrap_or_default()
+}
+
+/// Whether an arm may stand so, on a run about some angles.
+fn is_safe(robot: &Robot, motor: &Joints, about: &Joints) -> bool {
+    let wider = [MARGIN, -MARGIN].map(|step| robot.limit_violation(&motor.map(|angle| angle + step)).is_none());
+    wider == [true; 2]
+        && (motor - about).amax() <= REACH
+        && motor[4].abs() >= SINGULAR
+        && (motor[4] < 0.0) == (about[4] < 0.0)
+        && robot.posture(motor) == robot.posture(about)
+}
+
+/// The pose of a number: within the box and the lean, more of them towards their ends, where effects show most.
+fn pose(section: &PlanSection, index: usize) -> Pose {
+    let towards_ends = |share: f64| 0.5 - 0.5 * (PI * share).cos();
+    let [low, high] = section.workspace;
+    let place = Vector3::from_fn(|k, _| low[k] + (high[k] - low[k]) * towards_ends(halton(index, [2, 3, 5][k])));
+    let lean = section.tilt * halton(index, 7).sqrt();
+    tool_at(place, lean, TAU * halton(index, 11), TAU * halton(index, 13))
+}
+
+/// The tool at a place (m), its axis so far from the work object's z, in a direction about it, turned about itself, rad.
+fn tool_at(place: Vector3<f64>, lean: f64, direction: f64, spin: f64) -> Pose {
+    let about = Unit::new_unchecked(Vector3::new(direction.cos(), direction.sin(), 0.0));
+    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
+    let rotation =
+        Rotation3::from_axis_angle(&about, lean) * down * Rotation3::from_axis_angle(&Vector3::z_axis(), spin);
+    // As many digits as are written.
+    let mm = place.map(|v| (v * 1e7).round() * 1e-7);
+    let quat = UnitQuaternion::from_rotation_matrix(&rotation).coords.map(|v| (v * 1e8).round() * 1e-8);
+    let rotation = UnitQuaternion::new_normalize(quat.into()).to_rotation_matrix();
+    Pose::from_parts(Translation3::from(mm), rotation)
+}
+
+/// The targets of programs that are run with the plan's tool and work object, wherever they are.
+pub(super) fn of_programs(
+    cell: &Cell,
+    section: &PlanSection,
+    programs: &[Program],
+    notes: &mut Vec<String>,
+) -> Result<Vec<Spot>, Vec<Diagnostic>> {
+    let robot = &cell.arm.robot;
+    let mut spots: Vec<Spot> = Vec::new();
+    let mut others = 0;
+    for program in programs {
+        // Where the arm stands does not depend on the cut.
+        let options = Options { forces: Some(Forces::default()), ..Options::default() };
+        let prepared = Prepared::new(program, cell, &options)?;
+        // Where units move too, a place is not that of the arm alone.
+        let known = |&(i, target): &(usize, &Target)| {
+            target.role == Role::End && target.external.is_none() && prepared.unsolved(i).is_none()
+        };
+        for (i, target) in program.targets.iter().enumerate().filter(known) {
+            let point = &prepared.points[i];
+            let tool = &program.tools[usize::from(target.tool)].name;
+            let wobj = &program.wobjs[usize::from(target.wobj)].name;
+            if !tool.eq_ignore_ascii_case(&section.tool) || !wobj.eq_ignore_ascii_case(&section.wobj) {
+                others += 1;
+            } else if is_safe(robot, &point.motor, &point.motor) {
+                spots.push(Spot::of(robot, point.wobj_from_tcp, point.motor));
+            }
+        }
+    }
+    if others > 0 {
+        notes.push(format!(
+            "{others} targets of the pool have another tool or work object than `{}` and `{}` of [plan]: left out",
+            section.tool, section.wobj
+        ));
+    }
+    Ok(spots)
+}

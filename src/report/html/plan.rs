@@ -1,0 +1,106 @@
+//! The page of `plan`.
+
+use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
+use crate::identify::Plan;
+use crate::report::Origin;
+use serde_json::json;
+
+/// The page of a plan called `name`, made for a cell.
+#[must_use]
+pub fn plan_page(plan: &Plan, name: &str, cell: &Origin) -> String {
+    let percent = |share: f64| decimals(100.0 * share, 0);
+    let weakest = plan.weakest.as_ref();
+    let mut body = tiles(&[
+        Tile {
+            key: "chance_right",
+            value: percent(plan.chance_right),
+            unit: "%",
+            label: "Named rightly",
+            aside: format!("of {} simulated effects; wrongly {} %", plan.simulated, percent(plan.chance_wrong)),
+        },
+        Tile {
+            key: "weakest",
+            value: decimals(weakest.map_or(0.0, |pair| pair.d_prime), 1),
+            unit: "d′",
+            label: "Weakest pair",
+            aside: weakest.map_or_else(String::new, |pair| format!("{} from {}", pair.a, pair.b)),
+        },
+        Tile {
+            key: "rows",
+            value: plan.rows.len().to_string(),
+            unit: "rows",
+            label: "To measure",
+            aside: format!("{} changes of the load", plan.load_changes),
+        },
+        Tile {
+            key: "minutes",
+            value: decimals((plan.duration_s / 60.0).ceil(), 0),
+            unit: "min",
+            label: "Time",
+            aside: "ten seconds a row, two minutes a change of the load".to_owned(),
+        },
+    ]);
+    body += &format!(
+        "<div class=\"pair\">\n<div>{}</div>\n<div>{}</div>\n</div>\n",
+        section("kinds", "Each effect alone", kinds(plan)),
+        section("pairs", "Pairs, least told apart first", pairs(plan))
+    );
+    body += &section("rows", "The rows", rows(plan));
+    body += &section("words", "What the figures are", WORDS);
+    if !plan.notes.is_empty() {
+        let items: String = plan.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
+        body += &section("notes", "Notes", format!("<ul>\n{items}</ul>\n"));
+    }
+    let data = json!({ "kind": "plan", "paths": [] });
+    let subtitle = format!("what to measure on cell {}", cell.path);
+    Document { kicker: "plan", title: name, subtitle: &subtitle, body: &body, data: &data, origins: &[cell] }
+        .html_with("")
+}
+
+fn kinds(plan: &Plan) -> String {
+    let mut table = Table::new("chances", &[("effect", false), ("d′ from none", true), ("named rightly", true)]);
+    for kind in &plan.kinds {
+        table.row([
+            format!("<code>{}</code>", escape(&kind.kind)),
+            decimals(kind.d_prime, 1),
+            bar(&format!("{} %", decimals(100.0 * kind.chance_right, 0)), kind.chance_right),
+        ]);
+    }
+    table.html()
+}
+
+fn pairs(plan: &Plan) -> String {
+    /// Pairs beyond are apart, or as many more of the same.
+    const SHOWN: usize = 40;
+    let mut table = Table::new("separations", &[("effect", false), ("taken for", false), ("d′", true), ("why", false)]);
+    for pair in plan.pairs.iter().take(SHOWN) {
+        table.row([
+            format!("<code>{}</code>", escape(&pair.a)),
+            format!("<code>{}</code>", escape(&pair.b)),
+            decimals(pair.d_prime, 1),
+            escape(pair.why.unwrap_or_default()),
+        ]);
+    }
+    table.html()
+}
+
+fn rows(plan: &Plan) -> String {
+    let numbers =
+        ["target", "x mm", "y mm", "z mm", "fx N", "fy N", "fz N", "time s", "q1°", "q2°", "q3°", "q4°", "q5°", "q6°"];
+    let head: Vec<(&'static str, bool)> = numbers.into_iter().map(|name| (name, true)).collect();
+    let mut table = Table::new("places", &head);
+    for row in &plan.rows {
+        let place = row.position_mm.iter().map(|v| decimals(*v, 1));
+        let load = row.load_n.iter().map(|v| decimals(*v, 1));
+        let axes = row.axes_deg.iter().map(|v| decimals(*v, 1));
+        let first = std::iter::once(row.target.to_string());
+        table.row(first.chain(place).chain(load).chain([decimals(row.time_s, 0)]).chain(axes));
+    }
+    table.html()
+}
+
+const WORDS: &str = "<dl>
+<dt>d′</dt><dd>What is left of an effect of the wanted size, less all that the other one, the part's frame, the instrument and its drift could imitate, over the noise: above 5 told apart, below 3 not.</dd>
+<dt>Named rightly</dt><dd>How often the effect alone is named outright in simulated measurements of these rows, with white noise and nothing else there; drift, outliers and second effects make it less.</dd>
+</dl>
+";

@@ -1,0 +1,76 @@
+//! A plan from the command line: what it writes is what the other commands read.
+
+use super::bench::Bench;
+
+const CELL: &str = r#"[robot]
+model = "irb6660-205-1.9"
+[robot.stiffness]
+joint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]
+[cut]
+force = "table"
+[tools.tMill]
+tcp_mm = [40.0, 0.0, 310.0]
+tcp_quat = [1.0, 0.0, 0.0, 0.0]
+[wobjs.wPart]
+uframe_mm = [1000.0, -300.0, 700.0]
+uframe_quat = [1.0, 0.0, 0.0, 0.0]
+[plan]
+wobj = "wPart"
+tool = "tMill"
+box_mm = [[0.0, 0.0, 0.0], [400.0, 600.0, 200.0]]
+tilt_deg = 25.0
+loads_n = [[0.0, 0.0, 0.0], [0.0, 0.0, 300.0]]
+load_changes = 1
+instrument = "position"
+noise_mm = 0.015
+effect_mm = 0.05
+effects = ["backlash", "joint_stiffness", "gear_harmonic"]
+"#;
+
+#[test]
+fn a_plan_is_a_program_and_a_table_to_fill_in() {
+    let bench = Bench::new();
+    bench.write("shop.toml", CELL);
+    let ran = bench
+        .run("plan --cell shop.toml --rows 8 -o measure.mod --measured measure.csv --json plan.json --html plan.html")
+        .exits(0);
+    assert!(ran.stdout.contains("8 rows, 1 changes of the load"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("note: not planned for: gear_harmonic"), "{}", ran.stdout);
+    let told: serde_json::Value = serde_json::from_str(&bench.read("plan.json")).unwrap();
+    assert_eq!(told["pairs"].as_array().unwrap().len(), 1);
+    assert_eq!(told["weakest"], told["pairs"][0]);
+    let chance = told["chance_right"].as_f64().unwrap();
+    assert!((0.0..=1.0).contains(&chance) && told["simulated"].as_u64().unwrap() > 0);
+    assert!(bench.read("plan.html").contains("Named rightly"));
+    // Every target is reached, and the table is its program's.
+    bench.run("predict measure.mod --cell shop.toml --forces measure.csv --report rows.csv").exits(0);
+    assert_eq!(bench.read("rows.csv").lines().count(), 9);
+    let ran = bench.run("identify --run measure.mod measure.csv --cell shop.toml").exits(2);
+    assert!(ran.stderr.contains("no row has a measured position"), "{}", ran.stderr);
+    // Places of that program, for what was left undecided.
+    bench.write(
+        "found.json",
+        r#"{ "added": [{ "kind": "backlash", "not_told_apart_from": ["joint_stiffness", "unlisted"] }] }"#,
+    );
+    bench.run("plan --cell shop.toml --rows 8 -o next.mod --pool measure.mod --after found.json").exits(0);
+    let line = |program: &str| -> Vec<String> {
+        let moves = program.lines().filter(|line| line.contains("Move"));
+        moves.map(|line| line.split("],").next().unwrap().trim()[5..].to_owned()).collect()
+    };
+    let (known, next) = (line(&bench.read("measure.mod")), line(&bench.read("next.mod")));
+    assert!(next.iter().all(|place| known.contains(place)), "{known:?} {next:?}");
+}
+
+#[test]
+fn what_is_no_plan_is_refused() {
+    let bench = Bench::new();
+    bench.write("shop.toml", CELL.split("[plan]").next().unwrap());
+    let ran = bench.run("plan --cell shop.toml --rows 8 -o measure.mod").exits(2);
+    assert!(ran.stderr.contains("shop.toml") && ran.stderr.contains("no [plan] section"), "{}", ran.stderr);
+    bench.write("shop.toml", CELL);
+    bench.write("found.json", "{}");
+    let ran = bench.run("plan --cell shop.toml --rows 8 -o measure.mod --after found.json").exits(2);
+    assert!(ran.stderr.contains("not the JSON of an identification"), "{}", ran.stderr);
+    bench.run("plan --cell shop.toml --rows 3 -o measure.mod").exits(2);
+    assert!(!bench.path("measure.mod").exists());
+}
