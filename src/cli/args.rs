@@ -262,7 +262,7 @@ impl From<PostIn> for Language {
 
 #[derive(Debug, Args)]
 pub(super) struct Compensate {
-    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(super) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -307,7 +307,7 @@ pub(super) struct Compensate {
 
 #[derive(Debug, Args)]
 pub(super) struct Predict {
-    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(super) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -328,7 +328,7 @@ pub(super) struct Predict {
 
 #[derive(Debug, Args)]
 pub(super) struct Simulate {
-    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(super) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -387,7 +387,7 @@ pub(super) enum CheckFormat {
 
 #[derive(Debug, Args)]
 pub(super) struct Check {
-    /// Programs: RAPID modules, .pgf lists, CL/APT files; `-` for stdin
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(super) inputs: Vec<PathBuf>,
     #[command(flatten)]
