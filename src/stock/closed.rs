@@ -199,7 +199,7 @@ impl ClosedMesh {
         Some((sides[1] * a.z + sides[2] * b.z + sides[0] * c.z) / whole)
     }
 
-    /// Signed depth of a point, m: above zero inside; a distance from the surface up to [`FAR`], from where on it is that.
+    /// Signed depth of a point, m: above zero inside; a distance from the surface up to a bound, from where on it is that.
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         let mut inside = false;
