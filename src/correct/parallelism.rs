@@ -1,4 +1,4 @@
-//! How the points of a pass are parallelism over threads and lanes; what comes out does not depend on it.
+//! How the points of a pass are spread over threads and lanes; what comes out does not depend on it.
 
 use crate::equilibrium::EquilibriumError;
 use crate::lanes::WIDTH;
@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// How the points of a pass are parallelism.
+/// How the points of a pass are spread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parallelism {
     /// Over all threads: a program as a whole.

@@ -61,10 +61,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     // A clone's name would have to be new to the whole program.
-    if options.allow_clones && chunks.shares() {
-        return Err(StreamError::NotStreamable);
-    }
-    if super::is_held_whole(cell, options) {
+    if (options.allow_clones && chunks.shares()) || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let carried = Carried::new(cell);

@@ -231,8 +231,8 @@ impl Wrist {
     }
 }
 
-/// An angle within ±π.
-fn wrap(angle: f64) -> f64 {
+/// An angle within ±π, rad.
+pub(crate) fn wrap(angle: f64) -> f64 {
     // Rounding is a call where the processor's own is not assumed.
     if angle.abs() < 3.0 { angle } else { angle - (angle / TAU).round() * TAU }
 }

@@ -26,6 +26,7 @@ pub(crate) use configuration::turn_numbers;
 pub use configuration::{conf_is, conf_like, confdata_of};
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};
+pub(crate) use inverse::wrap;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};
 pub(crate) use model::gravity_at;

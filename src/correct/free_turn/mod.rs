@@ -16,10 +16,10 @@ use super::{Cuts, Options, Prepared, removal, spin};
 use crate::cell::{Cell, SpinRule};
 use crate::equilibrium::{PredictedPose, WarmStart};
 use crate::program::{Editable, Goal, Language, Motion, Program, Target};
-use crate::robot::{Joints, Robot};
+use crate::robot::{Joints, Robot, wrap};
 use crate::text::{Diagnostic, Severity};
 use rayon::prelude::*;
-use search::{Move, RATE, Search, wrapped};
+use search::{Move, RATE, Search};
 use states::{FreeTarget, STEP, State, singular};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
@@ -141,7 +141,7 @@ impl<'a> Path<'a> {
                 }
             })
             .collect();
-        // Where a target is not solved nothing is known of how the arm targets.
+        // Where a target is not solved nothing is known of how the arm stands.
         let unsolved = |i: usize| prepared.points[i].unsolved.is_some();
         let passed_over = |i: usize| unsolved(i) || i.checked_sub(1).is_some_and(unsolved);
         let moves = (0..targets.len())
@@ -252,8 +252,8 @@ impl<'a> Path<'a> {
 
     /// Point `i` with another turn (rad) and the motor angles (rad) that reach it.
     fn turned(&self, i: usize, turn: f64, motor: Joints) -> Point {
-        let (point, stand) = (&self.prepared.points[i], &self.targets[i]);
-        let pose = spin::turned(stand.position, &stand.axis, turn);
+        let (point, target) = (&self.prepared.points[i], &self.targets[i]);
+        let pose = spin::turned(target.position, &target.axis, turn);
         let load = match point.load {
             PointLoad::Constant { force, follows: Follows::Tool } => {
                 let with = pose.rotation * point.wobj_from_tcp.rotation.inverse();
@@ -295,14 +295,14 @@ impl<'a> Path<'a> {
                 if into + out <= CHORD {
                     continue;
                 }
-                let (left, right) = (wrapped(before[at - 1] - before[at]), wrapped(before[at + 1] - before[at]));
+                let (left, right) = (wrap(before[at - 1] - before[at]), wrap(before[at + 1] - before[at]));
                 let line = (left * out + right * into) / (into + out);
-                let from_grid = wrapped(before[at] + 0.5 * line - found[at].turn);
+                let from_grid = wrap(before[at] + 0.5 * line - found[at].turn);
                 turns[at] = found[at].turn + from_grid.clamp(-0.5 * STEP, 0.5 * STEP);
             }
             // Both neighbours of a step may have moved away from it.
             for at in 1..knots.len() {
-                let turn = wrapped(turns[at] - turns[at - 1]).abs();
+                let turn = wrap(turns[at] - turns[at - 1]).abs();
                 if !ways[at].free && !ways[at].fixed && turn > ways[at].length * RATE {
                     (turns[at - 1], turns[at]) = (before[at - 1], before[at]);
                 }
@@ -320,11 +320,11 @@ impl<'a> Path<'a> {
             let first = at.checked_sub(1).map_or(0, |before| knots[before] + 1);
             let way = self.way(knots, at);
             let from = at.checked_sub(1).map_or(turns[at], |before| turns[before]);
-            let (whole, mut done) = (wrapped(turns[at] - from), 0.0);
+            let (whole, mut done) = (wrap(turns[at] - from), 0.0);
             for i in first..=knot {
                 done += self.moves[i].length;
-                let stand = &self.targets[i];
-                if let Some((_, motor)) = stand.fixed {
+                let target = &self.targets[i];
+                if let Some((_, motor)) = target.fixed {
                     chosen.push(Chosen { turn: None, near: motor });
                     continue;
                 }
@@ -334,14 +334,14 @@ impl<'a> Path<'a> {
                     Some(before) if i != knot => before.near,
                     _ => found[at].motor,
                 };
-                let motor = robot.inverse_near(&stand.base_from_flange(turn), &near).map_err(|_| i)?;
-                let rate = chosen.last().and_then(|before| before.turn).map(|before| wrapped(turn - before).abs());
+                let motor = robot.inverse_near(&target.base_from_flange(turn), &near).map_err(|_| i)?;
+                let rate = chosen.last().and_then(|before| before.turn).map(|before| wrap(turn - before).abs());
                 let quick = rate.is_some_and(|turned| turned > self.moves[i].length * RATE + STEP * ROUNDING);
                 let other = states::branch_of(robot, &motor) != found[at].branch;
                 if other || singular(robot, &motor, self.margin) || (quick && !self.moves[i].free) {
                     return Err(i);
                 }
-                chosen.push(Chosen { turn: Some(wrapped(turn)), near: motor });
+                chosen.push(Chosen { turn: Some(wrap(turn)), near: motor });
             }
         }
         Ok(chosen)

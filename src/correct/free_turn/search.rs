@@ -2,7 +2,7 @@
 //! arm can follow.
 
 use super::states::{STEP, State, TURNS};
-use crate::robot::Joints;
+use crate::robot::{Joints, wrap};
 use std::f64::consts::{PI, TAU};
 
 /// How fast the turn may change along the path, rad a metre: 5° a millimetre (`docs/reference.md`).
@@ -114,7 +114,7 @@ impl Move {
         if self.free {
             return true;
         }
-        let turn = wrapped(to.turn - from.turn).abs();
+        let turn = wrap(to.turn - from.turn).abs();
         let moved = (to.motor - from.motor).abs();
         let quick = |speed: &Joints| self.time.is_some_and(|time| (0..6).any(|i| moved[i] > speed[i] * time + SLACK));
         (self.fixed || turn <= self.length * RATE + SLACK)
@@ -125,13 +125,8 @@ impl Move {
 
     /// Squared turn, or way of the joints where that is free, rad².
     fn effort(&self, from: &State, to: &State) -> f64 {
-        if self.free { (to.motor - from.motor).norm_squared() } else { wrapped(to.turn - from.turn).powi(2) }
+        if self.free { (to.motor - from.motor).norm_squared() } else { wrap(to.turn - from.turn).powi(2) }
     }
-}
-
-/// An angle within ±π, rad.
-pub(super) fn wrapped(angle: f64) -> f64 {
-    angle - (angle / TAU).round() * TAU
 }
 
 /// States by the cell of the grid that their turn lies in.
