@@ -156,16 +156,16 @@ impl Milling {
         let mut sum = ForceParts::default();
         if patch.corner > 0.0 {
             let cuts = |kappa| patch.moments(&patch.corner_ring(kappa)).is_some();
-            for chunk in patch.corner_breaks().chunks_where(cuts) {
-                integrate(chunk, |kappa, weight| {
+            for interval in patch.corner_breaks().intervals_where(cuts) {
+                integrate(interval, |kappa, weight| {
                     self.add(&mut sum, patch, &patch.corner_ring(kappa), weight * patch.corner);
                 });
             }
         }
         if let Some(breaks) = patch.cylinder_breaks() {
             let cuts = |height| patch.moments(&patch.cylinder_ring(height)).is_some();
-            for chunk in breaks.chunks_where(cuts) {
-                integrate(chunk, |height, weight| {
+            for interval in breaks.intervals_where(cuts) {
+                integrate(interval, |height, weight| {
                     self.add(&mut sum, patch, &patch.cylinder_ring(height), weight);
                 });
             }

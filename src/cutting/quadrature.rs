@@ -17,7 +17,7 @@ const HALF_RULE: [(f64, f64); 12] = [
     (0.10045063033696164, 0.1999483759467657),
 ];
 
-/// The same with half the points, for chunks too short to hold much force.
+/// The same with half the points, for intervals too short to hold much force.
 const SHORT_HALF_RULE: [(f64, f64); 6] = [
     (0.9995805585427681, 0.002146050869604284),
     (0.9886793973997658, 0.025204290664194665),
@@ -29,17 +29,17 @@ const SHORT_HALF_RULE: [(f64, f64); 6] = [
 
 /// A stretch of the profile.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Chunk {
+pub(super) struct Interval {
     pub(super) lo: f64,
     pub(super) hi: f64,
     /// Whether it is short beside the others.
     pub(super) short: bool,
 }
 
-/// Calls `f(x, weight)` at a rule's points on a chunk.
+/// Calls `f(x, weight)` at a rule's points on an interval.
 #[inline]
-pub(super) fn integrate(chunk: Chunk, mut f: impl FnMut(f64, f64)) {
-    let Chunk { lo, hi, short } = chunk;
+pub(super) fn integrate(interval: Interval, mut f: impl FnMut(f64, f64)) {
+    let Interval { lo, hi, short } = interval;
     let rule: &[(f64, f64)] = if short { &SHORT_HALF_RULE } else { &HALF_RULE };
     let (mid, half) = (0.5 * (lo + hi), 0.5 * (hi - lo));
     for &(x, weight) in rule {
@@ -50,14 +50,14 @@ pub(super) fn integrate(chunk: Chunk, mut f: impl FnMut(f64, f64)) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Chunk, integrate};
+    use super::{Interval, integrate};
     use std::f64::consts::PI;
 
     #[test]
     fn square_root_ends_and_polynomials_come_out_exactly() {
         let sum = |f: &dyn Fn(f64) -> f64| {
             let mut sum = 0.0;
-            integrate(Chunk { lo: -1.0, hi: 1.0, short: false }, |x, w| sum += w * f(x));
+            integrate(Interval { lo: -1.0, hi: 1.0, short: false }, |x, w| sum += w * f(x));
             sum
         };
         assert!((sum(&|x| (1.0 - x * x).sqrt()) - PI / 2.0).abs() < 1e-14);

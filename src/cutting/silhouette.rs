@@ -6,7 +6,7 @@
 //! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
 
 use super::patch::{HalfSpace, Patch, Ring};
-use super::quadrature::Chunk;
+use super::quadrature::Interval;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -23,10 +23,10 @@ const BREAK_WIDTH: f64 = 1e-10;
 /// Chunks shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
 const NO_CHUNK: f64 = 1e-12;
 
-/// A facing arc that opens at less than this κ (rad) needs a second chunk to unfold.
+/// A facing arc that opens at less than this κ (rad) needs a second interval to unfold.
 const SMALL: f64 = 0.05;
 
-/// A chunk shorter than this share of the longest gets the short rule.
+/// An interval shorter than this share of the longest gets the short rule.
 const SHORT: f64 = 0.1;
 
 /// Sorted break positions.
@@ -55,19 +55,19 @@ impl Breaks {
         }
     }
 
-    /// The chunks between the breaks that cut in their middle, and so all through.
-    pub(super) fn chunks_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Chunk> {
+    /// The intervals between the breaks that cut in their middle, and so all through.
+    pub(super) fn intervals_where(mut self, cuts: impl Fn(f64) -> bool) -> impl Iterator<Item = Interval> {
         self.at[..self.len].sort_unstable_by(f64::total_cmp);
-        let (mut chunks, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
+        let (mut intervals, mut len, mut longest) = ([(0.0, 0.0); MOST], 0, 0.0f64);
         for pair in self.at[..self.len].windows(2) {
             let (lo, hi) = (pair[0], pair[1]);
             if hi - lo > NO_CHUNK * self.range.1 && cuts(0.5 * (lo + hi)) {
-                chunks[len] = (lo, hi);
+                intervals[len] = (lo, hi);
                 len += 1;
                 longest = longest.max(hi - lo);
             }
         }
-        chunks.into_iter().take(len).map(move |(lo, hi)| Chunk { lo, hi, short: hi - lo < SHORT * longest })
+        intervals.into_iter().take(len).map(move |(lo, hi)| Interval { lo, hi, short: hi - lo < SHORT * longest })
     }
 }
 
