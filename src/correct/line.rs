@@ -155,6 +155,8 @@ pub(super) struct Carried<'a> {
     end: OrderedStage<Option<Start>>,
     /// The same as written.
     written: OrderedStage<Option<Start>>,
+    /// Zone of the last target that ends a motion.
+    zone_mm: OrderedStage<Option<f64>>,
 }
 
 impl<'a> Carried<'a> {
@@ -168,6 +170,7 @@ impl<'a> Carried<'a> {
             posted: OrderedStage::new(Place::default()),
             end: OrderedStage::new(None),
             written: OrderedStage::new(None),
+            zone_mm: OrderedStage::new(None),
         }
     }
 
@@ -180,6 +183,7 @@ impl<'a> Carried<'a> {
         self.posted.break_off();
         self.end.break_off();
         self.written.break_off();
+        self.zone_mm.break_off();
     }
 
     /// Passes on what a chunk that is refused does not change.
@@ -187,6 +191,7 @@ impl<'a> Carried<'a> {
         self.commanded.take(n, |_| ());
         if options.subdivide.is_some() {
             self.end.take(n, |_| ());
+            self.zone_mm.take(n, |_| ());
         }
         self.reached.take(n, |_| ());
         self.written.take(n, |_| ());
@@ -366,14 +371,30 @@ pub(super) fn chunk(
         posted(cell, &prepared, written, &travels, (&inserts, options.post))
     };
     let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
-    let repeated = rewritten.as_ref().map_or_else(Repeated::default, |rewritten| insertions(program, rewritten));
+    let mut repeated = Repeated::default();
+    if options.subdivide.is_some() {
+        let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
+        if let Some(rewritten) = &rewritten {
+            insertions(program, rewritten, &inserts, before, &mut repeated);
+        }
+    }
     Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))
 }
 
-/// Warnings about what was to be inserted.
-fn insertions(program: &Program, rewritten: &Rewritten) -> Repeated {
-    let mut repeated = Repeated::default();
-    let mut say = |i: usize, code, message: String, help: &str| {
+/// Zone of the last target that ends a motion, mm; `None` of a program without one.
+fn last_zone(program: &Program) -> Option<Option<f64>> {
+    program.targets.iter().rposition(path::is_end).map(|last| program.zone_mm(last))
+}
+
+/// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.
+fn insertions(
+    program: &Program,
+    rewritten: &Rewritten,
+    inserts: &[Insert],
+    before: Option<f64>,
+    repeated: &mut Repeated,
+) {
+    let mut say = |i: usize, code, message: &str, help: &str| {
         let target = &program.targets[i];
         let source = &program.sources[usize::from(target.source)];
         let said = Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help);
@@ -381,15 +402,22 @@ fn insertions(program: &Program, rewritten: &Rewritten) -> Repeated {
     };
     for &(i, reason) in &rewritten.not_inserted {
         let message = format!("no target can be inserted here: {reason}");
-        say(i, "subdivide.not-inserted", message, "what is left on the way stays: see remaining_path_mm");
+        say(i, "subdivide.not-inserted", &message, "what is left on the way stays: see remaining_path_mm");
     }
-    for &i in &rewritten.wide_zones {
-        let message =
-            "the zone here, or at the target before, is wider than the distance to the target inserted beside it";
-        let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
-        say(i, "subdivide.zone", message.to_owned(), help);
+    let zones = |i: usize| {
+        let start = program.targets[..i].iter().rposition(path::is_end);
+        [program.zone_mm(i), start.map_or(before, |start| program.zone_mm(start))]
+    };
+    let inserted = inserts.iter().zip(&rewritten.inserted).filter(|(_, inserted)| inserted.is_some());
+    for beside in inserted.map(|(insert, _)| insert).collect::<Vec<_>>().chunk_by(|a, b| a.before == b.before) {
+        let (i, wide) = (beside[0].before, zones(beside[0].before).into_iter().flatten().fold(0.0, f64::max));
+        if beside.iter().any(|insert| wide > insert.room_mm) {
+            let message =
+                "the zone here, or at the target before, is wider than the distance to the target inserted beside it";
+            let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
+            say(i, "subdivide.zone", message, help);
+        }
     }
-    repeated
 }
 
 /// Targets and the points inserted before them, in the order that they are posted in.

@@ -168,6 +168,11 @@ pub(super) trait FrontEnd {
         program.targets.iter().filter(|target| target.role == Role::End).count()
     }
 
+    /// See [`Program::zone_mm`].
+    fn zone_mm(&self, _program: &Program, _target: usize) -> Option<f64> {
+        None
+    }
+
     /// See [`Program::unknown_targets`].
     fn unknown_targets(&self) -> &[(&'static str, usize)] {
         &[]

@@ -235,8 +235,6 @@ pub struct Rewritten {
     pub inserted: Vec<Option<([f64; 3], [f64; 4])>>,
     /// Targets before which nothing could be inserted, with the reason.
     pub not_inserted: Vec<(usize, &'static str)>,
-    /// Targets whose zone, or that of the target before, is wider than the room of the points inserted beside it.
-    pub wide_zones: Vec<usize>,
     /// Targets whose change could not be written, with the reason.
     pub kept: Vec<(usize, &'static str)>,
 }
@@ -253,6 +251,13 @@ impl Program {
     #[must_use]
     pub fn unknown_targets(&self) -> &[(&'static str, usize)] {
         self.layout.front_end().unknown_targets()
+    }
+
+    /// How far from a target the controller leaves the path as written, mm (`pzone_tcp` of RAPID's zonedata); `None` of a stop,
+    /// of a name that the program gives, and of languages in which nothing is inserted.
+    #[must_use]
+    pub fn zone_mm(&self, target: usize) -> Option<f64> {
+        self.layout.front_end().zone_mm(self, target)
     }
 
     /// The text of the line that the motion with this ordinal stands on.

@@ -5,7 +5,7 @@ use super::motion::{self, Simple, ToolAt, Zone};
 use super::rewrite::{Writer, quarters, single};
 use super::value::{Place, unit};
 use super::{Layout, Site};
-use crate::program::{Conf, Goal, Insert, Motion, Role, Target};
+use crate::program::{Conf, Goal, Insert, Motion, Program, Role, Target};
 use crate::text::{Edit, Span, number};
 
 /// Zones of a point that the controller flies by, by the room that they take: radius of the TCP path, mm.
@@ -36,7 +36,6 @@ pub(super) fn write(writer: &mut Writer<'_>, inserts: &[Insert]) -> Vec<Option<(
         }
     }
     writer.not_inserted.dedup();
-    writer.wide_zones.dedup();
     poses
 }
 
@@ -118,11 +117,6 @@ fn instruction(
     content.push(b',');
     let own = if shape.zone == Zone::BeforeTool && tool_at > 0 { argument(tool_at - 1)? } else { b"fine" };
     content.extend_from_slice(fly_by(own, insert.room_mm));
-    let before = writer.program.targets[..insert.before].iter().rev().find(|before| before.role == Role::End);
-    let wide = |zone: &[u8]| radius_mm(zone).is_some_and(|radius| radius > insert.room_mm);
-    if wide(own) || before.is_some_and(|before| zone_of(writer, before).is_some_and(wide)) {
-        writer.wide_zones.push(insert.before);
-    }
     content.push(b',');
     content.extend_from_slice(argument(tool_at)?);
     if let Some(wobj) = call.option(bytes, b"WObj") {
@@ -178,9 +172,9 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
     number::read(fields.next()?.trim_ascii()).filter(|_| flies)
 }
 
-/// The zone of a motion, as it is written.
-fn zone_of<'p>(writer: &Writer<'p>, target: &Target) -> Option<&'p [u8]> {
-    let bytes: &'p [u8] = &writer.program.sources[target.source as usize].bytes;
+/// See [`Program::zone_mm`](crate::program::Program::zone_mm).
+pub(super) fn zone_mm(program: &Program, target: &Target) -> Option<f64> {
+    let bytes = &program.sources[target.source as usize].bytes;
     let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
     let shape = motion::shape(&bytes[call.name.range()]).filter(|shape| shape.zone == Zone::BeforeTool)?;
     let arguments = call.positional();
@@ -188,7 +182,7 @@ fn zone_of<'p>(writer: &Writer<'p>, target: &Target) -> Option<&'p [u8]> {
         ToolAt::Index(at) => at,
         ToolAt::Last => arguments.len().checked_sub(1)?,
     };
-    Some(&bytes[arguments.get(tool_at.checked_sub(1)?)?.range()])
+    radius_mm(&bytes[arguments.get(tool_at.checked_sub(1)?)?.range()])
 }
 
 /// Configuration and external axes of the target, as text.

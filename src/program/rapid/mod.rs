@@ -95,6 +95,10 @@ impl FrontEnd for Layout {
         self.motions
     }
 
+    fn zone_mm(&self, program: &Program, target: usize) -> Option<f64> {
+        insert::zone_mm(program, &program.targets[target])
+    }
+
     fn unknown_targets(&self) -> &[(&'static str, usize)] {
         &self.unknown
     }

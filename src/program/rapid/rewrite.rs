@@ -81,7 +81,6 @@ pub(super) struct Writer<'a> {
     frozen: BTreeSet<u32>,
     frozen_offsets: HashSet<Place>,
     pub(super) not_inserted: Vec<(usize, &'static str)>,
-    pub(super) wide_zones: Vec<usize>,
 }
 
 impl<'a> Writer<'a> {
@@ -95,7 +94,6 @@ impl<'a> Writer<'a> {
             frozen: BTreeSet::new(),
             frozen_offsets: HashSet::new(),
             not_inserted: Vec::new(),
-            wide_zones: Vec::new(),
         }
     }
 
@@ -140,8 +138,8 @@ impl<'a> Writer<'a> {
             edits.sort_by_key(|e| (e.span.start, e.span.end));
         }
         self.kept.sort_unstable();
-        let Self { edits, kept, not_inserted, wide_zones, .. } = self;
-        Rewritten { edits, written, inserted, kept, not_inserted, wide_zones }
+        let Self { edits, kept, not_inserted, .. } = self;
+        Rewritten { edits, written, inserted, kept, not_inserted }
     }
 
     pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
