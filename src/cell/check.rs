@@ -1,7 +1,9 @@
 //! Checks of values with messages at the key's place in the file.
 
 use super::nearest;
+use crate::robot::Pose;
 use crate::text::{Diagnostic, Severity, Source, Span};
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use toml_edit::{Document, Item, TableLike};
 
 /// How far a declared quaternion's norm may be off before it is refused: 4 printed decimals.
@@ -85,6 +87,15 @@ impl<'a> Check<'a> {
                 "a quaternion is [q1, q2, q3, q4], scalar first",
             );
         }
+    }
+
+    /// The frame (m) that two keys of `key` give.
+    pub(super) fn frame(&mut self, key: &str, names: [&str; 2], position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
+        self.finite(&format!("{key}.{}", names[0]), &position_mm);
+        self.quat(&format!("{key}.{}", names[1]), quat);
+        let rotation = UnitQuaternion::new_normalize(Quaternion::new(quat[0], quat[1], quat[2], quat[3]));
+        let [x, y, z] = position_mm.map(|v| 1e-3 * v);
+        Pose::from_parts(Translation3::new(x, y, z), rotation.to_rotation_matrix())
     }
 
     /// One of some words.

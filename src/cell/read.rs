@@ -9,7 +9,7 @@ use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot, Units};
 use crate::text::{Diagnostic, Source, Span};
-use nalgebra::{DMatrix, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -116,28 +116,10 @@ impl Cell {
     }
 }
 
-fn frame(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(quat[0], quat[1], quat[2], quat[3]));
-    let [x, y, z] = position_mm.map(|v| 1e-3 * v);
-    Pose::from_parts(Translation3::new(x, y, z), rotation.to_rotation_matrix())
-}
-
-pub(super) fn checked_frame(
-    check: &mut Check,
-    key: &str,
-    names: [&str; 2],
-    position_mm: [f64; 3],
-    quat: [f64; 4],
-) -> Pose {
-    check.finite(&format!("{key}.{}", names[0]), &position_mm);
-    check.quat(&format!("{key}.{}", names[1]), quat);
-    frame(position_mm, quat)
-}
-
 fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
     let identity = [1.0, 0.0, 0.0, 0.0];
     let (base_mm, base_quat) = (raw.base_mm.unwrap_or_default(), raw.base_quat.unwrap_or(identity));
-    let world_from_base = checked_frame(check, "robot", ["base_mm", "base_quat"], base_mm, base_quat);
+    let world_from_base = check.frame("robot", ["base_mm", "base_quat"], base_mm, base_quat);
     let Some(own) = &raw.kinematics else {
         let known: Vec<(&str, usize)> = BUILTIN.iter().enumerate().map(|(i, robot)| (&robot.model[..], i)).collect();
         let index = check.word("robot.model", &raw.model, &known)?;
@@ -259,7 +241,7 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
         }
     };
     Some(ToolFrame {
-        flange_from_tcp: checked_frame(check, key, ["tcp_mm", "tcp_quat"], tcp_mm, tcp_quat),
+        flange_from_tcp: check.frame(key, ["tcp_mm", "tcp_quat"], tcp_mm, tcp_quat),
         mass: raw.mass_kg,
         cog: Vector3::from(raw.cog_mm) * 1e-3,
     })
@@ -267,9 +249,9 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
 
 fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj) -> Pose {
     let key = format!("wobjs.{name}");
-    let user = checked_frame(check, &key, ["uframe_mm", "uframe_quat"], raw.uframe_mm, raw.uframe_quat);
+    let user = check.frame(&key, ["uframe_mm", "uframe_quat"], raw.uframe_mm, raw.uframe_quat);
     let quat = raw.oframe_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-    user * checked_frame(check, &key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat)
+    user * check.frame(&key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat)
 }
 
 /// RAPID names are case-insensitive: two that differ in case only are one.

@@ -1,7 +1,6 @@
 //! `[[unit]]`: mechanical units besides the robot.
 
 use super::check::Check;
-use super::read::checked_frame;
 use super::{nearest, raw};
 use crate::robot::{Carries, EXTERNAL_AXES, Unit, UnitKind, Units};
 use nalgebra::Vector3;
@@ -92,6 +91,6 @@ fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Op
         }
     };
     let (base_mm, base_quat) = (keys.base_mm.unwrap_or_default(), keys.base_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]));
-    let frame = checked_frame(check, key, ["base_mm", "base_quat"], base_mm, base_quat);
+    let frame = check.frame(key, ["base_mm", "base_quat"], base_mm, base_quat);
     Some(Unit { name: keys.name.clone(), axis: axis?, kind, carries: carries?, frame, on, min, max })
 }

@@ -2,7 +2,7 @@
 
 use super::args::Format;
 use super::job::{Job, jobs};
-use super::run::Setup;
+use super::setup::Setup;
 use deflex::program::Program;
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};

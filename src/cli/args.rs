@@ -1,10 +1,7 @@
 //! What was typed.
 
-use super::job::Job;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use deflex::program::Language;
-use deflex::report::Origin;
-use deflex::text::Diagnostic;
 use std::path::PathBuf;
 
 /// Makes a robot mill where the program says, and finds out why it does not.
@@ -224,11 +221,6 @@ pub(super) struct Reports {
 }
 
 impl Reports {
-    /// Files of a program with their hashes, where something names them.
-    pub(super) fn origins(&self, job: &Job) -> Result<Vec<Origin>, Vec<Diagnostic>> {
-        if self.json.is_some() || self.html.is_some() { job.origins() } else { Ok(Vec::new()) }
-    }
-
     /// How many of them go to stdout.
     pub(super) fn to_stdout(&self) -> usize {
         [&self.report, &self.json, &self.html].into_iter().flatten().filter(|path| path.as_os_str() == "-").count()

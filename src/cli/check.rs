@@ -2,13 +2,15 @@
 
 use super::against::Originals;
 use super::args::{Check, CheckFormat, Format};
+use super::files::both;
 use super::foresee::{self, Batch, Foreseen, Question};
-use super::input::{Context, both};
+use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::{self, Noticed, Rows};
-use super::run::{Setup, each};
+use super::run::each;
+use super::setup::Setup;
 use super::{Answer, Outcome, message};
 use deflex::correct::{Judged, Messages, Row, Summary, compensate, contradictions, predict};
 use deflex::program::{Program, Role, Target};

@@ -1,21 +1,22 @@
 //! `compensate`: programs with the correction in them.
 
 use super::Outcome;
-use super::again::Again;
-use super::args::{Compensate, RAPID_MM_S};
-use super::input::{Context, both};
+use super::args::Compensate;
+use super::batch::{self, Batch, in_one_file, post_options, report_beside};
+use super::files::both;
+use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
-use super::report::Noticed;
-use super::run::{Done, Setup, each, finish};
+use super::run::{Done, each, finish};
+use super::setup::Setup;
 use super::stream;
-use deflex::correct::{self, Corrected, PostOptions};
+use deflex::correct::{self, Corrected};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Source, apply};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
@@ -37,7 +38,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     };
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
-        let origins = args.reports.origins(&job)?;
+        let origins = job.origins_for(&args.reports)?;
         let done = match stream::compensate(&batch, &job, bar)? {
             Some(done) => done,
             None => batch.whole(job)?,
@@ -48,26 +49,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     finish(outputs, &setup, PathKind::Compensate, done, &args.reports, args.common.quiet)
 }
 
-/// What all programs of a `compensate` have in common.
-pub(super) struct Batch<'a> {
-    pub(super) args: &'a Compensate,
-    pub(super) setup: &'a Setup,
-    /// What none may write over.
-    pub(super) outputs: &'a Outputs,
-    /// An empty path, for `--html`.
-    pub(super) path: Option<PathTrace>,
-    /// How many they are.
-    pub(super) programs: usize,
-}
-
 impl Batch<'_> {
-    /// What is watched for in the rows of a program.
-    pub(super) fn noticed(&self, job: &Job) -> Noticed<'_> {
-        let files = job.texts.iter().filter(|_| !self.args.again);
-        let again = (!self.args.again).then(|| Again::beside(files.map(|text| Path::new(text.name()))));
-        Noticed::new(self.setup.options.forces.as_ref(), again)
-    }
-
     /// Corrects a program that is held whole.
     fn whole(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
         let (args, setup) = (self.args, self.setup);
@@ -162,56 +144,5 @@ fn place(
 ) -> Result<(), Vec<Diagnostic>> {
     let written: Vec<_> = written.collect();
     in_one_file(args, written.len())?;
-    for (file, bytes) in &written {
-        match &args.out_dir {
-            Some(dir) => outputs.add(&dir.join(file), bytes)?,
-            None => outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), bytes)?,
-        }
-    }
-    Ok(())
-}
-
-/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout.
-pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
-    match (&args.out_dir, &args.output) {
-        (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),
-        (None, Some(output)) if args.reports.report.is_none() && !is_stdout(output) => {
-            Some(output.with_extension("report.csv"))
-        }
-        _ => None,
-    }
-}
-
-/// What the RAPID program made of CL input has that CL data do not say.
-pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
-    let named = args.output.as_deref().filter(|path| !is_stdout(path)).unwrap_or(file);
-    PostOptions {
-        max_targets: args.max_targets.map(|most| most as usize),
-        rapid_mm_s: args.rapid_speed,
-        feed_mm_s: args.feed,
-        language: args.post.into(),
-        ..posted_from(file, named)
-    }
-}
-
-/// The same for a program that is called as its file is named.
-pub(super) fn posted_from(file: &Path, named: &Path) -> PostOptions {
-    let stem = named.file_stem().unwrap_or(named.as_os_str()).to_string_lossy().into_owned();
-    PostOptions {
-        name: if stem == "-" { "program".to_owned() } else { stem },
-        title: vec![format!("posted by deflex {} from {}", env!("CARGO_PKG_VERSION"), file.display())],
-        max_targets: None,
-        rapid_mm_s: RAPID_MM_S,
-        feed_mm_s: None,
-        language: Language::Rapid,
-    }
-}
-
-/// A program of several files needs a folder.
-pub(super) fn in_one_file(args: &Compensate, files: usize) -> Result<(), Vec<Diagnostic>> {
-    if args.out_dir.is_none() && files > 1 {
-        let message = format!("the program is written as {files} files, which need a folder");
-        return Err(vec![Diagnostic::error("usage.out-dir", "", message).help("give --out-dir DIR")]);
-    }
-    Ok(())
+    written.iter().try_for_each(|(file, bytes)| outputs.add(&batch::place(args, file), bytes))
 }

@@ -1,7 +1,8 @@
 //! `diff`: what changed between two programs.
 
 use super::args::Diff;
-use super::input::{self, Context, both};
+use super::files::both;
+use super::input::{self, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;

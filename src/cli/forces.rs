@@ -1,6 +1,6 @@
 //! The table of forces, and whether it is that of a program.
 
-use super::input::cannot_read;
+use super::files::cannot_read;
 use super::watch::watch;
 use deflex::correct::{Forces, Row, Status};
 use deflex::measured::{Rows, TargetRef};

@@ -1,11 +1,11 @@
 //! `predict` and `check` on long programs, in constant memory.
 
 use super::against::Originals;
-use super::input::cannot_read;
+use super::files::{self, cannot_read};
 use super::job::{Job, Text};
 use super::output::{Outputs, cannot_write};
 use super::report::{Noticed, ProgramReports, Rows};
-use super::run::Setup;
+use super::setup::Setup;
 use super::{progress, stream};
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_chunks};
 use deflex::program::{AnyChunks, Language};
@@ -112,7 +112,7 @@ pub(super) fn streamed(
             Err(StreamError::NotStreamable) => continue,
             Err(StreamError::Refused(errors)) => return Err(batch.setup.cell.own(errors)),
             Err(StreamError::Read(error)) => return Err(cannot_read(name, &error)),
-            Err(StreamError::Write(error)) => return Err(stream::cannot_write(&error)),
+            Err(StreamError::Write(error)) => return Err(files::cannot_write(&error)),
         };
         if let Some(forces) = &batch.setup.forces {
             let named = |name: &str| names.iter().flatten().any(|names| names.uses(name));

@@ -1,8 +1,9 @@
 //! `identify`: which effect the cell lacks, and the cell with it.
 
 use super::args::Identify;
+use super::files::{all, both};
 use super::held::{self, MeasuredFile, ProgramFiles};
-use super::input::{CellFile, Context, all, both};
+use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::{Answer, Outcome, message, progress};

@@ -16,12 +16,12 @@ pub(super) fn run(args: &Init) -> Outcome {
         return Ok(Answer::Yes);
     }
     if let Some(path) = &args.urdf {
-        let source = super::input::source(path)?;
+        let source = super::files::source(path)?;
         let described = described(&source, args.tip.as_deref())?;
         return write(args, &described_template(&described, &source.name));
     }
     if let Some(folder) = &args.backup {
-        let moc = super::input::source(&folder.join("SYSPAR/MOC.cfg"))?;
+        let moc = super::files::source(&folder.join("SYSPAR/MOC.cfg"))?;
         let modules = modules(folder)?;
         return write(args, &backup_template(&moc, &modules, args.robot.as_deref())?);
     }
@@ -60,7 +60,7 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
     for task in entries(&folder.join("RAPID")) {
         for kind in ["PROGMOD", "SYSMOD"] {
             for path in entries(&task.join(kind)).iter().filter(|path| is_module(path)) {
-                sources.push(super::input::source(path)?);
+                sources.push(super::files::source(path)?);
             }
         }
     }

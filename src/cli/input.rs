@@ -1,68 +1,14 @@
 //! Files to ready objects: programs, cells, tables.
 
 use super::args::Reading;
+use super::files::{self, all, source, sources};
 use super::job::{Job, Text};
-use super::watch::watch;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
 use deflex::program::{Language, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-pub(super) fn cannot_read(name: &str, error: &std::io::Error) -> Vec<Diagnostic> {
-    let folder = Path::new(name).is_dir();
-    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
-    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
-}
-
-/// Reads one file, `-` being stdin.
-pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
-    let name = path.display().to_string();
-    let read = if name == "-" {
-        let mut bytes = Vec::new();
-        std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
-    } else {
-        watch(path);
-        std::fs::read(path)
-    };
-    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| cannot_read(&name, &error))
-}
-
-/// Reads every file; all that cannot be read are named.
-pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
-    all(paths.iter().map(|path| source(path)))
-}
-
-/// Every value, or every error.
-pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
-    let (values, errors) = parted(results);
-    if errors.is_empty() { Ok(values) } else { Err(errors) }
-}
-
-/// Every value, and every error.
-pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
-    let (mut values, mut errors) = (Vec::new(), Vec::new());
-    for result in results {
-        match result {
-            Ok(value) => values.push(value),
-            Err(more) => errors.extend(more),
-        }
-    }
-    (values, errors)
-}
-
-/// Both values, or the errors of both.
-pub(super) fn both<A, B>(
-    a: Result<A, Vec<Diagnostic>>,
-    b: Result<B, Vec<Diagnostic>>,
-) -> Result<(A, B), Vec<Diagnostic>> {
-    match (a, b) {
-        (Ok(a), Ok(b)) => Ok((a, b)),
-        (a, b) => Err([a.err(), b.err()].into_iter().flatten().flatten().collect()),
-    }
-}
 
 /// How CL is read where no cell says it: only what is independent of it is asked for then.
 fn without_cell() -> ClOptions {
@@ -166,7 +112,7 @@ impl CellFile {
         })?;
         // Meshes stand beside the cell file.
         let folder = Path::new(&source.name).parent().unwrap_or(Path::new(""));
-        cell.take_meshes(|name| self::source(&folder.join(name)))?;
+        cell.take_meshes(|name| files::source(&folder.join(name)))?;
         Ok(Self { name: source.name.clone(), cell, source })
     }
 

@@ -1,7 +1,8 @@
 //! `inspect`: what is understood of programs.
 
 use super::args::{Format, Inspect};
-use super::input::{self, Context, all};
+use super::files::all;
+use super::input::{self, Context};
 use super::job::{Job, belongs_to_another};
 use super::output::{Outputs, is_stdout};
 use super::report::pretty;

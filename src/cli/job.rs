@@ -1,7 +1,7 @@
 //! Which files are one program, and in which language; not yet parsed.
 
-use super::args::Format;
-use super::input::{all, cannot_read, parted, source};
+use super::args::{Format, Reports};
+use super::files::{all, cannot_read, parted, source};
 use super::watch::watch;
 use deflex::program::{Language, ModuleNames, detect, group_modules, unknown_marks};
 use deflex::report::Origin;
@@ -81,6 +81,11 @@ impl Job {
             }
         };
         all(self.texts.iter().map(marks)).map(drop)
+    }
+
+    /// Its files with their hashes, where a report names them.
+    pub(super) fn origins_for(&self, reports: &Reports) -> Result<Vec<Origin>, Vec<Diagnostic>> {
+        if reports.json.is_some() || reports.html.is_some() { self.origins() } else { Ok(Vec::new()) }
     }
 
     /// Its files with their hashes.

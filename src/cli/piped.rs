@@ -1,7 +1,7 @@
 //! A program that comes through a pipe, and can be read once only.
 
 use super::args::Format;
-use super::input::cannot_read;
+use super::files::cannot_read;
 use super::job::{self, Job, Looked, Text};
 use super::output::{Temporary, is_stdout};
 use deflex::text::Diagnostic;

@@ -1,7 +1,8 @@
 //! `plan`: what to measure, so that effects can be told apart.
 
 use super::args::Plan as Arguments;
-use super::input::{self, CellFile, Context, all, both};
+use super::files::{all, both, source};
+use super::input::{self, CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
@@ -83,7 +84,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
 
 /// Pairs of kinds that an identification (its JSON) left undecided.
 fn undecided(path: &Path) -> Result<Vec<(String, String)>, Vec<Diagnostic>> {
-    let source = input::source(path)?;
+    let source = source(path)?;
     let bad = |reason: String| {
         let message = format!("not the JSON of an identification: {reason}");
         vec![

@@ -3,13 +3,15 @@
 use super::Outcome;
 use super::against::Originals;
 use super::args::Predict;
+use super::files::both;
 use super::foresee::{self, Batch};
-use super::input::{Context, both};
+use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::Noticed;
-use super::run::{Done, Setup, each, finish};
+use super::run::{Done, each, finish};
+use super::setup::Setup;
 use deflex::correct;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::Diagnostic;
@@ -38,7 +40,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     };
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
-        let origins = args.reports.origins(&job)?;
+        let origins = job.origins_for(&args.reports)?;
         let done = match foresee::streamed(&batch, &job, bar, None)? {
             Some(foreseen) => Done::streamed(&job.name, foreseen)?,
             None => whole(&batch, job)?,

@@ -4,7 +4,7 @@ use super::again::Again;
 use super::blocks::Blocks;
 use super::forces::LeftOut;
 use super::output::{Outputs, Temporary, cannot_write};
-use super::{progress, stream};
+use super::{files, progress};
 use deflex::correct::{Forces, Row, Sinks};
 use deflex::program::{Program, Role};
 use deflex::report::html::PathTrace;
@@ -149,12 +149,12 @@ impl<'a> ProgramReports<'a> {
         let mut rows = own.map(|path| outputs.open_report(path)).collect::<Result<Vec<_>, _>>()?;
         let mut spooled = None;
         if joined.is_some() && programs > 1 {
-            let (temporary, file) = Temporary::spool().map_err(|error| stream::cannot_write(&error))?;
+            let (temporary, file) = Temporary::spool().map_err(|error| files::cannot_write(&error))?;
             rows.push(Blocks::new(file));
             spooled = Some(temporary);
         }
         let mut rows = Copies(rows);
-        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| stream::cannot_write(&error))?;
+        rows.write_all(CSV_HEADER.as_bytes()).map_err(|error| files::cannot_write(&error))?;
         Ok(Self { rows, spooled, path, noticed })
     }
 
@@ -181,7 +181,7 @@ impl<'a> ProgramReports<'a> {
             rows.write_all(CSV_HEADER.as_bytes())?;
             rows.flush()
         };
-        self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| stream::cannot_write(&error))?;
+        self.rows.0.iter_mut().try_for_each(&mut empty).map_err(|error| files::cannot_write(&error))?;
         Ok(Self { path, ..self })
     }
 

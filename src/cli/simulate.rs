@@ -2,11 +2,12 @@
 
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
-use super::input::{Context, both, source};
+use super::files::{both, source};
+use super::input::Context;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::pretty;
-use super::run::Setup;
+use super::setup::Setup;
 use super::{Answer, Outcome, message, progress};
 use deflex::correct::{Cuts, Removal, cut_stock};
 use deflex::program::Program;

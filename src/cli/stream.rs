@@ -1,8 +1,8 @@
 //! `compensate` on long programs: from file to file in constant memory.
 
-use super::args::{Compensate, PostIn};
-use super::compensate::{Batch, in_one_file, post_options, report_beside};
-use super::input::cannot_read;
+use super::args::PostIn;
+use super::batch::{Batch, in_one_file, place, post_options, report_beside};
+use super::files::{cannot_read, cannot_write};
 use super::job::{Job, Text};
 use super::output::{Outputs, Temporary};
 use super::report::ProgramReports;
@@ -18,7 +18,7 @@ use indicatif::ProgressBar;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
 pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Result<Option<Done>, Vec<Diagnostic>> {
@@ -220,18 +220,4 @@ pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
     });
     let lines = lines::read(BufReader::new(file), &wanted);
     path.quote(|_, line| lines.get(&line).cloned());
-}
-
-/// Where a file of the program goes.
-fn place(args: &Compensate, file: &Path) -> PathBuf {
-    match &args.out_dir {
-        Some(dir) => dir.join(file),
-        None => args.output.clone().unwrap_or_else(|| PathBuf::from("-")),
-    }
-}
-
-pub(super) fn cannot_write(error: &io::Error) -> Vec<Diagnostic> {
-    Diagnostic::error("io.write", "", format!("the outputs cannot be written: {error}"))
-        .help("check that there is room on the disk")
-        .into()
 }

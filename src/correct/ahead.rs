@@ -1,9 +1,10 @@
 //! Looking ahead of the ordered pass, eight targets at once: all that does not depend on what the pass decides.
 
+use super::carried::{Carried, RunWith};
 use super::mount::Stand;
-use super::path::{CHORD, Carried, RunWith};
 use super::point::Point;
 use super::spin;
+use super::travel::CHORD;
 use crate::cell::{Cell, Spin};
 use crate::cutting::Lean;
 use crate::equilibrium::Setting;

@@ -1,7 +1,6 @@
 //! Rows and failures of a run as they come, and the limits that make a failure of a correction.
 
-use super::line::{Corrected, Posted};
-use super::path;
+use super::corrected::{Corrected, Posted};
 use super::row::Row;
 use super::{PathDeviation, Prepared, spin};
 use crate::cell::Cell;
@@ -35,14 +34,14 @@ impl<'a> Collected<'a> {
     /// The row of a target that is not solved.
     pub(super) fn unsolved_row(&mut self, i: usize) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
-        if let Some(why) = point.unsolved.filter(|_| path::is_end(target)) {
+        if let Some(why) = point.unsolved.filter(|_| target.is_end()) {
             self.rows.push(Row::unsolved(target, why));
         }
     }
 
     pub(super) fn row(&mut self, i: usize, there: &PredictedPose) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
-        if !path::is_end(target) {
+        if !target.is_end() {
             return;
         }
         let normal = point.normal_error(&self.prepared.laws, &there.shift, &there.axis);
@@ -65,7 +64,7 @@ impl<'a> Collected<'a> {
                     Some(before) => before.zip(*path).map(|(before, path)| before.and(path)),
                 });
             }
-            if path::is_end(target) {
+            if target.is_end() {
                 let whole = way.take().flatten();
                 if let Some(row) = rows.next_if(|row| row.target == target.ordinal) {
                     row.path = whole;
@@ -115,7 +114,7 @@ impl<'a> Collected<'a> {
 
 /// The point of each row: targets that failed have no row, and points on the way to an end have none either.
 pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
-    let mut ends = program.targets.iter().enumerate().filter(|(_, target)| path::is_end(target));
+    let mut ends = program.targets.iter().enumerate().filter(|(_, target)| target.is_end());
     rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()
 }
 

@@ -6,11 +6,11 @@
 
 use super::Prepared;
 use super::mount::Moved;
-use super::path::{self, travel};
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solver, controller_motor};
 use super::track::Track;
+use super::travel::{self, travel};
 use crate::equilibrium::{EquilibriumError, PredictedPose, WarmStart};
 use crate::program::Program;
 use crate::robot::{Joints, Pose};
@@ -225,7 +225,7 @@ impl WalkedPath<'_> {
             return None;
         }
         let chord = point.reference.translation.vector - start.reference.translation.vector;
-        let along = chord.try_normalize(path::CHORD);
+        let along = chord.try_normalize(travel::CHORD);
         let rotation = &self.prepared.setting(i).base_from_wobj.rotation;
         *before = along.map(|along| rotation * along).or(turned);
         let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();

@@ -1,13 +1,15 @@
 //! Tools and work objects of a program, from the program itself or from the cell, in SI.
 
 use super::Options;
-use super::mount::NO_WOBJ_UNIT;
 use crate::cell::{Cell, nearest};
 use crate::effects::ToolFrame;
 use crate::program::{Program, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+
+/// Why targets are kept, unsolved.
+pub(super) const NO_WOBJ_UNIT: &str = "work object on a mechanical unit without a [[unit]] in the cell";
 
 /// Pose from millimetres and a quaternion, scalar first.
 pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Pose {

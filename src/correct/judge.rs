@@ -1,5 +1,6 @@
 //! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
 
+use super::carried;
 use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, WalkedPath};
 use super::line::{self, Carried};
 use super::messages::Messages;
@@ -58,9 +59,9 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let path = OrderedStage::new(path::Carried::new(cell));
+    let path = OrderedStage::new(carried::Carried::new(cell));
     let ends = OrderedStage::new(None);
-    let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, path::Carried::new(cell))));
+    let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, carried::Carried::new(cell))));
     let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
     let carried = corrects.then(|| Carried::new(cell));
     let (refusals, findings, found) = match judge {
@@ -137,7 +138,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
 /// The original of a corrected program, read along with it.
 struct Original<'a, R> {
     chunks: AnyChunks<R>,
-    path: path::Carried<'a>,
+    path: carried::Carried<'a>,
     /// Read, and not yet asked for.
     targets: VecDeque<(Target, Point)>,
     /// The points' laws and the like.
@@ -153,7 +154,7 @@ struct Original<'a, R> {
 }
 
 impl<'a, R: Read + Seek> Original<'a, R> {
-    fn new(chunks: AnyChunks<R>, path: path::Carried<'a>) -> Self {
+    fn new(chunks: AnyChunks<R>, path: carried::Carried<'a>) -> Self {
         Self {
             chunks,
             path,

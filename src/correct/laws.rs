@@ -1,6 +1,6 @@
 //! The cutting forces of a cell along a path: which moves cut, and by what law.
 
-use super::point::{Follows, PointLoad, Through};
+use super::load::{Follows, PointLoad, Through};
 use crate::cell::{Cell, CutForce, Engaged, ForceFrame, MillingCut};
 use crate::cutting::{FeedTable, ForceTable, Lean, Milling};
 use crate::effects::ForceLaw;

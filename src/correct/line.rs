@@ -1,62 +1,27 @@
 //! The line from targets to rows: compensate and predict.
 
 use super::collected::{Collected, check_limits};
+use super::corrected::{Corrected, Posted};
 use super::deviation::Commanded;
 use super::messages::Repeated;
 use super::ordered::OrderedStage;
 use super::parallelism::Parallelism;
 use super::path;
 use super::point::Point;
-use super::row::{Row, Status};
+use super::row::Status;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
-use super::{Cuts, Options, Prepared, deviation, frames, mount, removal, segment, sigma, stiffness, subdivide};
+use super::{
+    Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma, stiffness,
+    subdivide,
+};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{
-    Change, Conf, Confdata, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target,
-};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{Joints, Pose, conf_is, conf_like, confdata_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
-
-/// A corrected program.
-#[derive(Debug, Default)]
-#[non_exhaustive]
-pub struct Corrected {
-    /// One row an executed motion, in running order. Targets that failed have none.
-    pub rows: Vec<Row>,
-    /// Targets that have no answer or pass a limit: a program with any of these is not written.
-    pub failures: Vec<Diagnostic>,
-    /// Notes and warnings of the run.
-    pub notes: Vec<Diagnostic>,
-    /// RAPID input: the edits, and what was written.
-    pub rewritten: Option<Rewritten>,
-    /// CL input: what to post, one a point of the program.
-    pub posted: Vec<Posted>,
-    /// Warnings that many targets share; in `notes` when all of the program is through.
-    pub(super) repeated: Repeated,
-}
-
-/// A corrected point for a program that is written anew (CL to RAPID).
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Posted {
-    /// Index into [`Program::targets`] of the target that it is, or that it is inserted before.
-    pub target: usize,
-    /// Corrected position, work object axes, mm.
-    pub position_mm: [f64; 3],
-    /// Corrected orientation, scalar first.
-    pub quat: [f64; 4],
-    /// Configuration of the commanded joints.
-    pub conf: Confdata,
-    /// Commanded angles as the controller counts them, degrees.
-    pub motor_deg: [f64; 6],
-}
-
-/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
-pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
 
 /// Corrections up to this size do not count as a change: rounding of f64.
 const NO_CHANGE_M: f64 = 1e-12;
@@ -133,7 +98,7 @@ pub(super) fn warm_start(
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
     let carried =
-        Carried { path: OrderedStage::new(path::Carried::for_whole(program, cell, options)?), ..Carried::new(cell) };
+        Carried { path: OrderedStage::new(free_turn::carried(program, cell, options)?), ..Carried::new(cell) };
     // Nobody else has a chunk that could break off.
     let mut corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
     corrected.notes.extend(std::mem::take(&mut corrected.repeated).once());
@@ -142,7 +107,7 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
 
 /// What goes from chunk to chunk of a program, each through its own ordered pass.
 pub(super) struct Carried<'a> {
-    path: OrderedStage<path::Carried<'a>>,
+    path: OrderedStage<carried::Carried<'a>>,
     /// Of the corrected motion before rounding, which decides the directions of travel.
     commanded: OrderedStage<Last>,
     /// Of the motion as written.
@@ -163,7 +128,7 @@ impl<'a> Carried<'a> {
     /// Before the first chunk.
     pub(super) fn new(cell: &'a Cell) -> Self {
         Self {
-            path: OrderedStage::new(path::Carried::new(cell)),
+            path: OrderedStage::new(carried::Carried::new(cell)),
             commanded: OrderedStage::new(None),
             reached: OrderedStage::new(None),
             shift: OrderedStage::new(None),
@@ -330,7 +295,7 @@ pub(super) fn chunk(
         };
         out.row(i, uncorrected);
         let point = &prepared.points[i];
-        if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| path::is_end(&program.targets[i])), &after[i]) {
+        if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| program.targets[i].is_end()), &after[i]) {
             if let (true, Ok(reached)) = (changed(i), &reached[i]) {
                 let shift = Vector3::from(written[i].0) * 1e-3 - point.wobj_from_tcp.translation.vector;
                 row.correction_mm = (shift * 1e3).into();
@@ -383,7 +348,7 @@ pub(super) fn chunk(
 
 /// Zone of the last target that ends a motion, mm; `None` of a program without one.
 fn last_zone(program: &Program) -> Option<Option<f64>> {
-    program.targets.iter().rposition(path::is_end).map(|last| program.zone_mm(last))
+    program.targets.iter().rposition(Target::is_end).map(|last| program.zone_mm(last))
 }
 
 /// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.
@@ -405,7 +370,7 @@ fn insertions(
         say(i, "subdivide.not-inserted", &message, "what is left on the way stays: see remaining_path_mm");
     }
     let zones = |i: usize| {
-        let start = program.targets[..i].iter().rposition(path::is_end);
+        let start = program.targets[..i].iter().rposition(Target::is_end);
         [program.zone_mm(i), start.map_or(before, |start| program.zone_mm(start))]
     };
     let inserted = inserts.iter().zip(&rewritten.inserted).filter(|(_, inserted)| inserted.is_some());
@@ -476,7 +441,7 @@ fn change(
     let robot = &cell.arm.robot;
     // The configuration follows only where it was true: posts write dummies.
     let holds = |written: &Conf| prepared.turns_are_chosen || conf_is(robot, &point.motor, *written);
-    let was = path::written_conf(target).filter(holds);
+    let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
 }

@@ -10,8 +10,10 @@
 
 mod ahead;
 mod asked;
+mod carried;
 mod collected;
 mod contradictions;
+mod corrected;
 mod deviation;
 mod flow;
 mod forces;
@@ -20,6 +22,7 @@ mod free_turn;
 mod judge;
 mod laws;
 mod line;
+mod load;
 mod messages;
 mod mount;
 mod ordered;
@@ -38,15 +41,17 @@ mod stiffness;
 mod stream;
 mod subdivide;
 mod track;
+mod travel;
 
 pub use contradictions::contradictions;
+pub use corrected::{Corrected, Posted};
 pub use deviation::PathDeviation;
 pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
 pub(crate) use free_turn::SINGULAR_MARGIN;
 pub use judge::{Judge, Judged, predict_chunks};
-pub use line::{Corrected, Posted, compensate, predict};
+pub use line::{compensate, predict};
 pub use messages::Messages;
 pub use point::Point;
 pub use poses::{predict_poses, tool_of};
@@ -68,7 +73,7 @@ use std::sync::Arc;
 
 /// Direction of travel into motor angles from the ones before and the direction there.
 pub(crate) fn travel_into(previous: Option<(Joints, Joints)>, motor: &Joints) -> Joints {
-    previous.map_or_else(Joints::zeros, |(before, held)| path::travel(&before, motor, &held))
+    previous.map_or_else(Joints::zeros, |(before, held)| travel::travel(&before, motor, &held))
 }
 
 /// What of a target is corrected.
@@ -137,7 +142,7 @@ impl Prepared {
     /// # Errors
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        let mut carried = path::Carried::for_whole(program, cell, options)?;
+        let mut carried = free_turn::carried(program, cell, options)?;
         let mut prepared = path::prepare(program, cell, options, &mut carried)?;
         removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
         Ok(prepared)

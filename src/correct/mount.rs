@@ -1,6 +1,6 @@
 //! What a target is run with, as the mechanical units that carry robot and part stand there.
 
-use super::frames::WobjFrame;
+use super::frames::{NO_WOBJ_UNIT, WobjFrame};
 use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
@@ -143,7 +143,6 @@ pub(super) struct Stand {
 
 /// Why targets are kept, unsolved.
 pub(super) const NO_UNIT: &str = "external axis in use without a [[unit]] in the cell";
-pub(super) const NO_WOBJ_UNIT: &str = "work object on a mechanical unit without a [[unit]] in the cell";
 pub(super) const NO_POSITION: &str = "position of a mechanical unit is not programmed here";
 pub(super) const STANDS_SOMEWHERE: &str = "where a deactivated mechanical unit stands is not known";
 

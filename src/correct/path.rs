@@ -1,110 +1,24 @@
 //! Ordered pass over the targets: wanted poses, nominal joints, feed, what cuts.
 
 use super::ahead::{Ahead, Approach};
+use super::carried::{Carried, Chosen, Free, RunWith};
 use super::frames::{self, WobjFrame, pose};
-use super::free_turn::{self, Chosen};
-use super::laws::Laws;
+use super::load::PointLoad;
 use super::mount::{MISFIT, Mount, Moved, Stand};
-use super::point::{Point, PointLoad, tool_axis};
+use super::point::{Point, tool_axis};
 use super::spin;
+use super::travel::{CHORD, travel};
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
-use crate::program::{Conf, Editable, Goal, Language, Motion, Program, Role, Target};
+use crate::program::{Editable, Goal, Language, Motion, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
 use std::sync::Arc;
-
-/// Directions of commanded motion smaller than this are stops, rad (`docs/effects.md`).
-pub(super) const TRAVEL_THRESHOLD: f64 = 1e-7;
-
-/// Direction of travel from one commanded position to the next, held through stops.
-pub(super) fn travel(previous: &Joints, now: &Joints, held: &Joints) -> Joints {
-    Joints::from_fn(|i, _| {
-        let step = now[i] - previous[i];
-        if step.abs() > TRAVEL_THRESHOLD { step.signum() } else { held[i] }
-    })
-}
-
-/// Chords shorter than this give no direction, m: printed digits.
-pub(super) const CHORD: f64 = 1e-6;
-
-/// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
-pub(super) struct Carried<'a> {
-    pub(super) laws: Laws<'a>,
-    pub(super) settings: Vec<Mount>,
-    started: StartedFrom,
-    /// Nominal joints of the target before, which choose the branch.
-    pub(super) near: Option<Joints>,
-    /// The last point of the chunks before.
-    before: Option<Point>,
-    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
-    pub(super) spun: Option<Vector3<f64>>,
-    /// It was said that a cutting force acts on an arm without a stiffness.
-    unsprung: bool,
-    /// The turn about the tool axis, where the program leaves it free.
-    pub(super) free: Free,
-    /// Targets that are not reached while it is sought, rising.
-    pub(super) unreached: Vec<usize>,
-    /// What is to be said of the choice, once.
-    notes: Vec<Diagnostic>,
-}
-
-/// The turn about the tool axis.
-#[derive(Clone, Debug, Default)]
-pub(super) enum Free {
-    /// As the program or the cell's rule has it.
-    #[default]
-    No,
-    /// To be chosen: poses and cuts are asked for, whether they are reached or not.
-    Sought,
-    /// Chosen, for each target of the program.
-    Chosen(Arc<[Chosen]>),
-}
-
-impl<'a> Carried<'a> {
-    /// Before the first target.
-    pub(super) fn new(cell: &'a Cell) -> Self {
-        Self {
-            laws: Laws::new(cell),
-            settings: Vec::new(),
-            started: StartedFrom::NearestHome,
-            near: None,
-            before: None,
-            spun: None,
-            unsprung: false,
-            free: Free::No,
-            unreached: Vec::new(),
-            notes: Vec::new(),
-        }
-    }
-
-    /// Before the first target of a program that is held whole: its turns about the tool axis are chosen, where they are free.
-    pub(super) fn for_whole(program: &Program, cell: &'a Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        let mut carried = Self::new(cell);
-        if free_turn::is_asked(program.language, cell, options) {
-            let found = free_turn::choose(program, cell, options)?;
-            carried.free = Free::Chosen(found.chosen);
-            carried.notes.push(found.note);
-        }
-        Ok(carried)
-    }
-
-    /// Index of a mount. Programs have few: a linear search.
-    fn setting(&mut self, wanted: Mount) -> u32 {
-        let known = self.settings.iter().position(|known| *known == wanted);
-        let index = known.unwrap_or_else(|| {
-            self.settings.push(wanted);
-            self.settings.len() - 1
-        });
-        // Targets number their tools and work objects by u16.
-        index as u32
-    }
-}
 
 /// The ordered pass over a program, or over a chunk of one.
 pub(super) fn prepare(
@@ -243,15 +157,6 @@ fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     };
     let name = program.sources.first().map_or("", |source| &source.name);
     Err(vec![Diagnostic::error("cell.stationary", name, message).help("leave it out of the cell for this program")])
-}
-
-/// What a target is run with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct RunWith {
-    /// Index of its setting.
-    pub(super) setting: u32,
-    /// Index of its tool among the [`Laws`].
-    pub(super) tool: usize,
 }
 
 /// For kept targets whose tool nobody declares: they are not solved.
@@ -590,17 +495,4 @@ fn frame_on(normal: Vector3<f64>, feed: Vector3<f64>) -> Option<Rotation3<f64>> 
     const PARALLEL: f64 = 1e-6;
     let x = (feed - normal * feed.dot(&normal)).try_normalize(PARALLEL)?;
     Some(Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, normal.cross(&x), normal])))
-}
-
-/// Whether a target is an executed motion's end: one report row.
-pub(super) fn is_end(target: &Target) -> bool {
-    target.role == Role::End
-}
-
-/// confdata as written.
-pub(super) fn written_conf(target: &Target) -> Option<Conf> {
-    match target.goal {
-        Goal::Pose { conf, .. } => conf,
-        _ => None,
-    }
 }

@@ -1,6 +1,7 @@
 //! What is known of one target before its equilibrium, and as whose circumstances the arm and its effects see it.
 
 use super::laws::Law;
+use super::load::{Follows, PointLoad, Through};
 use super::mount::Moved;
 use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{PredictedPose, Setting, Site};
@@ -45,17 +46,6 @@ pub struct Point {
     pub(super) milled: Option<Milled>,
 }
 
-/// A cutter on its way through the stock.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Through {
-    /// Index into the fronts.
-    pub(super) front: u32,
-    /// Whether the move may cut: a rapid move may not.
-    pub(super) cuts: bool,
-    /// m, where the force follows from the stock.
-    pub(super) feed_per_tooth: Option<f64>,
-}
-
 /// What the move into a target removes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Milled {
@@ -78,36 +68,6 @@ impl Milled {
         let span = next.0 - before.0;
         Some(if span > 0.0 { before.1.lerp(&next.1, (share - before.0) / span) } else { next.1 })
     }
-}
-
-/// The cut of a [`Point`], without borrowing.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum PointLoad {
-    Air,
-    /// The same force, whatever the deflection.
-    Constant {
-        /// N, work object axes.
-        force: Vector3<f64>,
-        /// What it turns with on the way into the point.
-        follows: Follows,
-    },
-    Law {
-        /// Index into the laws.
-        law: usize,
-        /// The feed frame.
-        wobj_from_feed: Rotation3<f64>,
-        /// Whether that was found for this point's own tool axis, so that the tool leans against it as the law has it.
-        leaned: bool,
-    },
-}
-
-/// Axes that a constant force keeps to along a segment.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Follows {
-    WorkObject,
-    Tool,
-    /// The force in the feed frame, N.
-    Feed(Vector3<f64>),
 }
 
 impl Point {

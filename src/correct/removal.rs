@@ -1,11 +1,12 @@
 //! A program's moves through the stock, in order: what each leaves, and the force at each target where it follows from that.
 
 use super::frames;
+use super::load::{Follows, PointLoad};
 use super::mount::Mount;
-use super::path::CHORD;
-use super::point::{Follows, Milled, Point, PointLoad, tool_axis};
+use super::point::{Milled, Point, tool_axis};
 use super::segment::Kind;
 use super::track::Track;
+use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Cutting, Situation};

@@ -7,8 +7,9 @@
 
 use super::Prepared;
 use super::laws::Law;
+use super::load::{Follows, PointLoad};
 use super::mount::{Mount, Moved};
-use super::point::{Follows, Point, PointLoad, tool_axis};
+use super::point::{Point, tool_axis};
 use super::track::Track;
 use crate::cutting::Lean;
 use crate::equilibrium::Setting;

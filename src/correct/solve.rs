@@ -1,8 +1,8 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
-use super::line::POSTED_DECIMALS;
+use super::corrected::POSTED_DECIMALS;
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
-use super::path::{TRAVEL_THRESHOLD, travel};
+use super::travel::{TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
     Arm, Batch, Command, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start, WarmStart,

@@ -1,6 +1,6 @@
 //! The turn about the tool axis, which CL data leave open: the cell's `spin` rule.
 
-use super::path::CHORD;
+use super::travel::CHORD;
 use crate::cell::{Spin, SpinRule};
 use crate::robot::Pose;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};

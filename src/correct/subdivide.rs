@@ -7,12 +7,12 @@
 //! over before it is seen. [`deviation`](super::deviation) judges what comes out, by the forward model.
 
 use super::deviation::{Commanded, Node, WalkedPath};
-use super::path::travel;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
 use super::track::Track;
-use super::{Prepared, frames, path};
+use super::travel::travel;
+use super::{Prepared, frames};
 use crate::cell::Cell;
 use crate::program::{Insert, Program};
 use crate::robot::{conf_is, conf_like};
@@ -285,7 +285,7 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         let room = (node.share - from).min(to - node.share) * node.length;
         // The configuration follows only where it was true: posts write dummies.
         let robot = &cell.arm.robot;
-        let honest = path::written_conf(target).filter(|written| conf_is(robot, &point.motor, *written));
+        let honest = target.conf().filter(|written| conf_is(robot, &point.motor, *written));
         let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
         let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
         // As they are written, that is without what the controller adds.

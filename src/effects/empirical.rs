@@ -4,6 +4,7 @@
 //! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
 
 pub(super) use super::empirical_field::EmpiricalField;
+use super::empirical_field::NAME;
 use super::{
     ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, Situation, Survey, checked, indexed, table_of,
 };
@@ -13,7 +14,7 @@ use serde::de::Error;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
-    name: "empirical",
+    name: NAME,
     summary: "no named effect explains it: a smooth map, only where it holds",
     forms: &[
         "domain_mm = [[-2000, 2000], [-2000, 2000], [-2000, 2000]]\ndegree = 1\nx_mm = [0, 0, 0, 0]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]",
@@ -223,7 +224,7 @@ impl Physics for Empirical {
 
 impl Effect for Empirical {
     fn kind(&self) -> &'static str {
-        KIND.name
+        NAME
     }
 
     fn law(&self) -> Law<'_> {
@@ -260,7 +261,7 @@ impl Effect for Empirical {
             Over::Position => (self.domain.clone().try_into().ok(), None),
             Over::Motor => (None, self.domain.clone().try_into().ok()),
         };
-        table_of(KIND.name, &Keys { domain_mm, domain_deg, degree: self.degree, x_mm, y_mm, z_mm })
+        table_of(NAME, &Keys { domain_mm, domain_deg, degree: self.degree, x_mm, y_mm, z_mm })
     }
 }
 

@@ -9,6 +9,9 @@ use crate::robot::Joints;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+/// The kind that it is a form of.
+pub(super) const NAME: &str = "empirical";
+
 /// A shift of the TCP in base axes: a sum of bells about places.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,7 +100,7 @@ impl Physics for EmpiricalField {
 
 impl Effect for EmpiricalField {
     fn kind(&self) -> &'static str {
-        super::empirical::KIND.name
+        NAME
     }
 
     fn law(&self) -> Law<'_> {

@@ -42,6 +42,23 @@ pub struct Target {
     pub line: u32,
 }
 
+impl Target {
+    /// Whether it ends an executed motion: one report row.
+    #[must_use]
+    pub fn is_end(&self) -> bool {
+        self.role == Role::End
+    }
+
+    /// Its configuration as written.
+    #[must_use]
+    pub fn conf(&self) -> Option<Conf> {
+        match self.goal {
+            Goal::Pose { conf, .. } => conf,
+            Goal::Axis { .. } | Goal::Joints { .. } => None,
+        }
+    }
+}
+
 /// External axes at a target, as far as the program says: mm or degrees.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]

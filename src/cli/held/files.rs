@@ -1,6 +1,7 @@
 use super::CellFile;
 use crate::cli::args::Format;
-use crate::cli::input::{self, Context, all};
+use crate::cli::files::all;
+use crate::cli::input::{self, Context};
 use crate::cli::job::{Job, Text};
 use clap::ValueEnum;
 use deflex::program::{Language, Program};
@@ -24,7 +25,7 @@ impl ProgramFiles {
     pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let format = format.map(known).transpose()?;
         let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
-        let (job, context) = input::both(Job::one(jobs), Context::of(context))?;
+        let (job, context) = crate::cli::files::both(Job::one(jobs), Context::of(context))?;
         Self::of(job, context)
     }
 

@@ -1,5 +1,6 @@
 use super::{CellFile, ProgramFiles};
-use crate::cli::input::{self, all, both};
+use crate::cli::files::{all, both};
+use crate::cli::input;
 use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::identify::{self, Identification, Input};
@@ -23,7 +24,7 @@ impl MeasuredFile {
     /// # Errors
     /// It cannot be read.
     pub fn read(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        input::source(path).map(Self::of)
+        crate::cli::files::source(path).map(Self::of)
     }
 
     /// A table that is held.

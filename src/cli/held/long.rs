@@ -1,7 +1,7 @@
 //! Long programs, a chunk at a time: faster than as a whole, and they can be followed and called off.
 
 use super::{Done, ProgramFiles, Run, noticed};
-use crate::cli::input::cannot_read;
+use crate::cli::files::cannot_read;
 use crate::cli::job::HEAD;
 use crate::cli::report::Noticed;
 use crate::cli::stream::quote;
@@ -241,7 +241,7 @@ impl<'a> Long<'a> {
             StreamError::NotStreamable => Ok(None),
             StreamError::Refused(errors) => Err(errors),
             StreamError::Read(error) => Err(cannot_read(&self.source.name, &error)),
-            StreamError::Write(error) => Err(crate::cli::stream::cannot_write(&error)),
+            StreamError::Write(error) => Err(crate::cli::files::cannot_write(&error)),
         }
     }
 }

@@ -24,10 +24,11 @@ pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, identify};
 
 use super::again::Again;
-use super::compensate::{edited, posted_from};
+use super::batch::posted_from;
+use super::compensate::edited;
 use super::forces::ForceFile;
 use super::report::{Noticed, Rows, write_joined};
-use super::run::Setup;
+use super::setup::Setup;
 use deflex::correct::{self, Corrected, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};

@@ -8,10 +8,13 @@
 mod search;
 mod states;
 
+use super::carried::{Carried, Chosen, Free};
+use super::load::{Follows, PointLoad};
 use super::parallelism::Parallelism;
-use super::path::{self, CHORD};
-use super::point::{Follows, Point, PointLoad, tool_axis};
+use super::path;
+use super::point::{Point, tool_axis};
 use super::solve::Solver;
+use super::travel::CHORD;
 use super::{Cuts, Options, Prepared, removal, spin};
 use crate::cell::{Cell, SpinRule};
 use crate::equilibrium::{PredictedPose, WarmStart};
@@ -42,13 +45,23 @@ const SMOOTHING: usize = 30;
 /// Rounds in which targets between knots that cannot be reached become knots.
 const ROUNDS: usize = 4;
 
-/// What was chosen at a target.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Chosen {
-    /// About the tool axis, rad, see [`spin::turned`]; `None` where it stays as the program has it.
-    pub(super) turn: Option<f64>,
-    /// Motor angles close by, which choose branch and whole turns, rad.
-    pub(super) near: Joints,
+/// What the ordered pass takes to the first target of a program that is held whole: its turns about the tool axis are chosen,
+/// where they are free.
+///
+/// # Errors
+/// See [`choose`].
+pub(super) fn carried<'a>(
+    program: &Program,
+    cell: &'a Cell,
+    options: &Options,
+) -> Result<Carried<'a>, Vec<Diagnostic>> {
+    let mut carried = Carried::new(cell);
+    if is_asked(program.language, cell, options) {
+        let found = choose(program, cell, options)?;
+        carried.free = Free::Chosen(found.chosen);
+        carried.notes.push(found.note);
+    }
+    Ok(carried)
 }
 
 /// What was chosen along a path.
@@ -72,8 +85,8 @@ pub(super) fn is_asked(language: Language, cell: &Cell, options: &Options) -> bo
 /// # Errors
 /// What [`Prepared::new`] refuses, but for targets out of reach; a target or a move at which no turn can be taken.
 pub(super) fn choose(program: &Program, cell: &Cell, options: &Options) -> Result<FreeTurn, Vec<Diagnostic>> {
-    let mut carried = path::Carried::new(cell);
-    carried.free = path::Free::Sought;
+    let mut carried = Carried::new(cell);
+    carried.free = Free::Sought;
     let mut prepared = path::prepare(program, cell, options, &mut carried)?;
     removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
     let path = Path::new(program, cell, &prepared, &carried.unreached);
@@ -349,7 +362,7 @@ impl<'a> Path<'a> {
 
     /// What the chosen turns gain, over the targets that cut.
     fn gain(&self, chosen: &[Chosen]) -> Diagnostic {
-        let cuts = |i: &usize| self.prepared.points[*i].cuts() && path::is_end(&self.program.targets[*i]);
+        let cuts = |i: &usize| self.prepared.points[*i].cuts() && self.program.targets[*i].is_end();
         let reached = |i: &usize| self.unreached.binary_search(i).is_err();
         let all: Vec<usize> = (0..chosen.len()).filter(cuts).collect();
         let both: Vec<usize> = all.iter().copied().filter(reached).collect();

@@ -1,0 +1,65 @@
+//! Files as they are read and written, what is said where they cannot be, and the errors of many.
+
+use super::watch::watch;
+use deflex::text::{Diagnostic, Source};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+pub(super) fn cannot_read(name: &str, error: &std::io::Error) -> Vec<Diagnostic> {
+    let folder = Path::new(name).is_dir();
+    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
+    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
+}
+
+/// Reads one file, `-` being stdin.
+pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
+    let name = path.display().to_string();
+    let read = if name == "-" {
+        let mut bytes = Vec::new();
+        std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
+    } else {
+        watch(path);
+        std::fs::read(path)
+    };
+    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| cannot_read(&name, &error))
+}
+
+/// Reads every file; all that cannot be read are named.
+pub(super) fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, Vec<Diagnostic>> {
+    all(paths.iter().map(|path| source(path)))
+}
+
+/// Every value, or every error.
+pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> Result<Vec<T>, Vec<Diagnostic>> {
+    let (values, errors) = parted(results);
+    if errors.is_empty() { Ok(values) } else { Err(errors) }
+}
+
+/// Every value, and every error.
+pub(super) fn parted<T>(results: impl IntoIterator<Item = Result<T, Vec<Diagnostic>>>) -> (Vec<T>, Vec<Diagnostic>) {
+    let (mut values, mut errors) = (Vec::new(), Vec::new());
+    for result in results {
+        match result {
+            Ok(value) => values.push(value),
+            Err(more) => errors.extend(more),
+        }
+    }
+    (values, errors)
+}
+
+/// Both values, or the errors of both.
+pub(super) fn both<A, B>(
+    a: Result<A, Vec<Diagnostic>>,
+    b: Result<B, Vec<Diagnostic>>,
+) -> Result<(A, B), Vec<Diagnostic>> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok((a, b)),
+        (a, b) => Err([a.err(), b.err()].into_iter().flatten().flatten().collect()),
+    }
+}
+
+pub(super) fn cannot_write(error: &std::io::Error) -> Vec<Diagnostic> {
+    Diagnostic::error("io.write", "", format!("the outputs cannot be written: {error}"))
+        .help("check that there is room on the disk")
+        .into()
+}

@@ -1,0 +1,76 @@
+//! What all programs of a run have in common: the cell, forces, context and options.
+
+use super::args::{Corrected as What, Model, Reports};
+use super::files::both;
+use super::forces::ForceFile;
+use super::input::{self, CellFile, Context};
+use super::job::Job;
+use deflex::cell::examples_left;
+use deflex::correct::{Correct, Options};
+use deflex::program::Program;
+use deflex::text::Diagnostic;
+use std::sync::Arc;
+
+/// Cell, forces and options of a run.
+pub(super) struct Setup {
+    pub(super) cell: Arc<CellFile>,
+    pub(super) forces: Option<ForceFile>,
+    pub(super) context: Context,
+    pub(super) options: Options,
+}
+
+impl Setup {
+    pub(super) fn read(
+        model: &Model,
+        context: Context,
+        what: What,
+        reports: &Reports,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let forces = model.forces.as_deref().map(ForceFile::read).transpose();
+        let (cell, forces) = both(CellFile::read(&model.cell), forces)?;
+        let (rows, forces) = forces.unzip();
+        let options = Options {
+            correct: match what {
+                What::Pose => Correct::Pose,
+                What::Position => Correct::Position,
+            },
+            forces,
+            tool: model.tool.clone(),
+            free_spin: model.free_spin,
+            stiffness: reports.html.is_some(),
+            ..Options::default()
+        };
+        Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
+    }
+
+    /// Parses a program and checks that the table of forces is its own.
+    pub(super) fn program(&self, job: Job) -> Result<Program, Vec<Diagnostic>> {
+        let program = input::program(job, &self.context, &self.cell, self.options.tool.as_deref())?;
+        self.forces.as_ref().map_or(Ok(()), |forces| forces.check(&program))?;
+        Ok(program)
+    }
+
+    /// Why a run failed, after what is doubtful about its numbers: often that is why.
+    pub(super) fn failed(&self, errors: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        self.cell.cell.notes.iter().cloned().chain(doubt).chain(errors).collect()
+    }
+
+    /// What a run says about the cell, once.
+    pub(super) fn notes(&self) -> Vec<Diagnostic> {
+        let cell = &self.cell.cell;
+        let covered = cell.arm.effects.iter().find(|effect| effect.covered_by().is_some());
+        let silent = covered.filter(|_| !cell.controller.declared).map(|effect| {
+            let message = format!(
+                "the cell corrects `{}` and does not say what the controller corrects by itself: nothing is assumed",
+                effect.kind()
+            );
+            Diagnostic::error("cell.controller", &self.cell.name, message)
+                .severity(deflex::text::Severity::Note)
+                .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
+        });
+        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        let notes = examples_left(&self.cell.source).into_iter().chain(silent).chain(doubt);
+        notes.chain(cell.notes.iter().cloned()).collect()
+    }
+}

@@ -1,0 +1,90 @@
+//! What the ordered pass over the targets takes along.
+
+use super::laws::Laws;
+use super::mount::Mount;
+use super::point::Point;
+use crate::cell::Cell;
+use crate::robot::{Joints, StartedFrom};
+use crate::text::Diagnostic;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
+pub(super) struct Carried<'a> {
+    pub(super) laws: Laws<'a>,
+    pub(super) settings: Vec<Mount>,
+    pub(super) started: StartedFrom,
+    /// Nominal joints of the target before, which choose the branch.
+    pub(super) near: Option<Joints>,
+    /// The last point of the chunks before.
+    pub(super) before: Option<Point>,
+    /// Last direction of the TCP's x axis (CL), held where the spin rule gives none.
+    pub(super) spun: Option<Vector3<f64>>,
+    /// It was said that a cutting force acts on an arm without a stiffness.
+    pub(super) unsprung: bool,
+    /// The turn about the tool axis, where the program leaves it free.
+    pub(super) free: Free,
+    /// Targets that are not reached while it is sought, rising.
+    pub(super) unreached: Vec<usize>,
+    /// What is to be said of the choice, once.
+    pub(super) notes: Vec<Diagnostic>,
+}
+
+/// The turn about the tool axis.
+#[derive(Clone, Debug, Default)]
+pub(super) enum Free {
+    /// As the program or the cell's rule has it.
+    #[default]
+    No,
+    /// To be chosen: poses and cuts are asked for, whether they are reached or not.
+    Sought,
+    /// Chosen, for each target of the program.
+    Chosen(Arc<[Chosen]>),
+}
+
+impl<'a> Carried<'a> {
+    /// Before the first target.
+    pub(super) fn new(cell: &'a Cell) -> Self {
+        Self {
+            laws: Laws::new(cell),
+            settings: Vec::new(),
+            started: StartedFrom::NearestHome,
+            near: None,
+            before: None,
+            spun: None,
+            unsprung: false,
+            free: Free::No,
+            unreached: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Index of a mount. Programs have few: a linear search.
+    pub(super) fn setting(&mut self, wanted: Mount) -> u32 {
+        let known = self.settings.iter().position(|known| *known == wanted);
+        let index = known.unwrap_or_else(|| {
+            self.settings.push(wanted);
+            self.settings.len() - 1
+        });
+        // Targets number their tools and work objects by u16.
+        index as u32
+    }
+}
+
+/// What was chosen at a target.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    /// About the tool axis, rad, see [`turned`](super::spin::turned); `None` where it stays as the program has it.
+    pub(super) turn: Option<f64>,
+    /// Motor angles close by, which choose branch and whole turns, rad.
+    pub(super) near: Joints,
+}
+
+/// What a target is run with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct RunWith {
+    /// Index of its setting.
+    pub(super) setting: u32,
+    /// Index of its tool among the [`Laws`].
+    pub(super) tool: usize,
+}

@@ -1,0 +1,43 @@
+//! What becomes of a program: corrected poses, report rows, and what is to be said.
+
+use super::messages::Repeated;
+use super::row::Row;
+use crate::program::{Confdata, Rewritten};
+use crate::text::Diagnostic;
+
+/// A corrected program.
+#[derive(Debug, Default)]
+#[non_exhaustive]
+pub struct Corrected {
+    /// One row an executed motion, in running order. Targets that failed have none.
+    pub rows: Vec<Row>,
+    /// Targets that have no answer or pass a limit: a program with any of these is not written.
+    pub failures: Vec<Diagnostic>,
+    /// Notes and warnings of the run.
+    pub notes: Vec<Diagnostic>,
+    /// RAPID input: the edits, and what was written.
+    pub rewritten: Option<Rewritten>,
+    /// CL input: what to post, one a point of the program.
+    pub posted: Vec<Posted>,
+    /// Warnings that many targets share; in `notes` when all of the program is through.
+    pub(super) repeated: Repeated,
+}
+
+/// A corrected point for a program that is written anew (CL to RAPID).
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Posted {
+    /// Index into [`Program::targets`] of the target that it is, or that it is inserted before.
+    pub target: usize,
+    /// Corrected position, work object axes, mm.
+    pub position_mm: [f64; 3],
+    /// Corrected orientation, scalar first.
+    pub quat: [f64; 4],
+    /// Configuration of the commanded joints.
+    pub conf: Confdata,
+    /// Commanded angles as the controller counts them, degrees.
+    pub motor_deg: [f64; 6],
+}
+
+/// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).
+pub(crate) const POSTED_DECIMALS: (usize, usize) = (4, 8);
