@@ -115,14 +115,16 @@ impl<'a> Runner<'a> {
             self.volatile.extend([self.symbols.base, self.symbols.tool]);
         }
         let is_frame = path.id == self.symbols.base || path.id == self.symbols.tool;
-        // What a base is made of is read where the robot goes, and not moved with it.
-        if is_frame {
+        // What a base is made of is read where the robot goes, and not moved with it; who reads data that may change at any
+        // moment is not followed, nor are handlers.
+        if is_frame || self.volatile.contains(&path.id) || self.read_beside.contains(&path.id) {
             self.pin(&value);
         }
+        let value = self.symbols.converted(path.id, &path.steps, value);
         // Taken out, so that an element is set in place.
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());
         if path.known {
-            let fits = !self.symbols.whole.contains(&path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
+            let fits = !self.symbols.is_whole(path.id) || value.number().is_none_or(|v| v.fract() == 0.0);
             whole.set(&path.steps, if fits { value } else { Value::unknown(RUN_TIME) });
         } else {
             self.pin(&value);
@@ -174,8 +176,7 @@ impl<'a> Runner<'a> {
         let at = cursor.rest();
         let arguments = self.arguments(cursor, depth);
         if let Some(id) = self.symbols.find_routine(self.here(), name) {
-            let mut changes = Changes::default();
-            self.changes_of(id, &mut HashSet::new(), &mut changes);
+            let changes = self.known_changes(id);
             self.forget(&changes, "may be changed by a function");
             self.give_away(&arguments, true);
             return Value::unknown("a function's value");
@@ -269,14 +270,16 @@ impl<'a> Runner<'a> {
         };
         let arguments = self.arguments(cursor, 0);
         let around = self.frames.iter().filter(|frame| frame.routine == id).count();
-        if around > 0 || self.frames.len() >= MAX_CALLS || self.symbols.routine(id).is_function {
+        if around > 0 || self.symbols.routine(id).is_function {
             // Not followed: its own targets stay.
-            self.pin_names(id);
             self.keep(self.here(), span, "routine that calls itself");
-            let mut changes = Changes::default();
-            self.changes_of(id, &mut HashSet::new(), &mut changes);
+            let changes = self.known_changes(id);
             self.forget(&changes, "may be changed by a routine that calls itself");
             return self.give_away(&arguments, true);
+        }
+        if self.frames.len() >= MAX_CALLS {
+            self.give_up(span);
+            return;
         }
         self.follow(id, &arguments);
     }
@@ -286,6 +289,10 @@ impl<'a> Runner<'a> {
         let params: &'a [Param] = &self.symbols.routine(id).params;
         let values: Vec<Value> = arguments.iter().map(|argument| argument.value.clone()).collect();
         let lent = |i: usize| arguments.get(i).and_then(|a| a.path.as_ref()).filter(|_| params[i].is_out);
+        let changes = self.known_changes(id);
+        let aliased: Vec<bool> = (0..params.len()).map(|i| self.is_aliased(i, params.len(), &changes, &lent)).collect();
+        let volatile = self.volatile.clone();
+        self.volatile.extend((0..params.len()).filter(|i| aliased[*i]).filter_map(lent).map(|path| path.id));
         // A variable that is lent is the parameter's meanwhile.
         let mut held = Vec::new();
         for path in (0..params.len()).filter_map(lent) {
@@ -293,16 +300,37 @@ impl<'a> Runner<'a> {
             let value = self.value(path.id).forgotten("lent to a parameter");
             self.state.values.insert(path.id, value);
         }
-        let left = self.enter(id, &values);
+        let left = self.enter(id, &values, &aliased);
+        self.volatile = volatile;
+        self.volatile.extend(&self.triggered);
         for (id, value) in held {
             self.state.values.insert(id, value);
         }
         for i in 0..params.len() {
-            if let (Some(path), Some(value)) = (lent(i), left.get(i)) {
-                let path = path.clone();
+            let Some(path) = lent(i).cloned() else { continue };
+            if aliased[i] || self.resumes {
+                let value = self.value(path.id).forgotten("may be changed under two names");
+                self.state.values.insert(path.id, value);
+            } else if let Some(value) = left.get(i) {
                 self.assign(&path, value.clone(), None);
             }
         }
+        if self.resumes {
+            self.forget(&changes, "may be left half done by RESUME");
+        }
+    }
+
+    /// Whether what a parameter is lent has another name in the routine: a global one, or another parameter's.
+    fn is_aliased<'p>(
+        &self,
+        param: usize,
+        params: usize,
+        changes: &Changes,
+        lent: &impl Fn(usize) -> Option<&'p Path>,
+    ) -> bool {
+        let Some(path) = lent(param) else { return false };
+        let twice = (0..params).any(|other| other != param && lent(other).is_some_and(|other| other.id == path.id));
+        twice || changes.ids.contains(&path.id) || changes.anything && self.symbols.visible().contains(&path.id)
     }
 
     /// KUKA's own BAS.SRC.
@@ -334,6 +362,8 @@ impl<'a> Runner<'a> {
                         self.name_frame(id, None);
                     }
                 }
+                let position = Value::unknown("the position before is counted in another frame");
+                self.state.values.insert(self.symbols.position, position);
                 self.set_speed(Value::unknown(RUN_TIME));
             }
             known if names::HARMLESS_COMMANDS.contains(&known) => {}
@@ -389,10 +419,7 @@ impl<'a> Runner<'a> {
             let arguments = self.arguments(&mut behind, 0);
             self.give_away(&arguments, true);
             match self.symbols.find_routine(self.here(), &name) {
-                Some(id) => {
-                    self.pin_names(id);
-                    self.changes_of(id, &mut HashSet::new(), &mut changes);
-                }
+                Some(id) => changes = (*self.known_changes(id)).clone(),
                 None if names::HARMLESS_ROUTINES.contains(&&name[..]) => {}
                 None => {
                     self.tell_unknown(&name, first.span());
@@ -402,10 +429,11 @@ impl<'a> Runner<'a> {
         } else if name.first() != Some(&b'$') {
             changes.ids.extend(self.path(&mut cursor, 0).map(|path| path.id));
         }
-        self.volatile.extend(changes.ids.iter().copied());
+        self.triggered.extend(changes.ids.iter().copied());
         if changes.anything {
-            self.volatile.extend(self.symbols.visible());
+            self.triggered.extend(self.symbols.visible());
         }
+        self.volatile.extend(&self.triggered);
     }
 
     /// A statement that changes nothing: what its functions do, and what it reads.
@@ -473,6 +501,11 @@ impl<'a> Runner<'a> {
     /// Puts back what `WITH` set; the position is where the motion went.
     pub(super) fn restore(&mut self, before: State) {
         let symbols = &self.symbols;
+        let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
+        if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
+            let position = Value::unknown("the position before is counted in another frame");
+            self.state.values.insert(symbols.position, position);
+        }
         for id in [
             symbols.base,
             symbols.tool,

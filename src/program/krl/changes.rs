@@ -9,6 +9,7 @@ use super::tree::{Statement, walk};
 use super::value::{Name, Value, upper};
 use crate::text::Span;
 use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
 
 /// Variables that may be changed.
 #[derive(Clone, Debug, Default)]
@@ -49,6 +50,16 @@ impl<'a> Runner<'a> {
         self.collect(&routine.body, &Scope { file: id.file, own: None, hidden }, seen, changes);
     }
 
+    /// The same, found once.
+    pub(super) fn known_changes(&mut self, id: RoutineId) -> Rc<Changes> {
+        if let Some(known) = self.changes.get(&id) {
+            return known.clone();
+        }
+        let mut changes = Changes::default();
+        self.changes_of(id, &mut HashSet::new(), &mut changes);
+        self.changes.entry(id).or_insert(Rc::new(changes)).clone()
+    }
+
     fn collect(
         &mut self,
         block: &'a [Statement],
@@ -57,16 +68,18 @@ impl<'a> Runner<'a> {
         changes: &mut Changes,
     ) {
         let mut marks = false;
-        let mut counters = Vec::new();
+        let (mut counters, mut simple) = (Vec::new(), Vec::new());
         walk(block, &mut |statement| match statement {
             Statement::Mark(_) => marks = true,
             Statement::For { variable, .. } => counters.push(*variable),
+            Statement::Simple(span) => simple.push(*span),
             _ => {}
         });
         if marks {
             changes.ids.insert(self.symbols.mark);
         }
         let bytes = self.bytes(scope.file);
+        changes.anything |= simple.into_iter().any(|span| !is_understood(Cursor::new(bytes, 0, span)));
         for counter in counters {
             self.changed(&upper(&bytes[counter.range()]), scope, changes);
         }
@@ -204,10 +217,6 @@ impl<'a> Runner<'a> {
                 let mut changes = Changes::default();
                 let scope = Scope { file: id.file, own: None, hidden: HashSet::new() };
                 self.collect_statement(cursor.rest(), &scope, &mut HashSet::new(), &mut changes);
-                let called = upper(cursor.text(cursor.peek()));
-                if let Some(called) = self.symbols.find_routine(id.file, &called) {
-                    self.pin_names(called);
-                }
                 self.volatile.extend(changes.ids);
                 if changes.anything {
                     self.volatile.extend(self.symbols.visible());
@@ -216,17 +225,59 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Functions are not followed: what they name stays.
-    pub(super) fn pin_what_functions_read(&mut self) {
-        for id in self.symbols.all().collect::<Vec<_>>() {
+    /// Handlers, functions (which are not followed) and routines that call themselves, with all that they call: what they
+    /// name stays.
+    pub(super) fn find_beside(&mut self) {
+        let all: Vec<RoutineId> = self.symbols.all().collect();
+        let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
+        for &id in &all {
+            let bytes = self.bytes(id.file);
             if self.symbols.routine(id).is_function {
-                self.pin_names(id);
+                self.beside.insert(id);
             }
+            for span in spans(&self.symbols.routine(id).body) {
+                let mut cursor = Cursor::new(bytes, 0, span);
+                let starts = cursor.is_at(b"TRIGGER") || cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL");
+                self.resumes |= cursor.is_at(b"RESUME");
+                while !cursor.is_done() {
+                    let lexeme = cursor.next();
+                    if lexeme.kind != Kind::Word || cursor.peek().kind != Kind::Mark(b'(') {
+                        continue;
+                    }
+                    let Some(called) = self.symbols.find_routine(id.file, cursor.text(lexeme)) else { continue };
+                    if starts {
+                        self.beside.insert(called);
+                    } else {
+                        calls.entry(id).or_default().insert(called);
+                    }
+                }
+            }
+        }
+        let within = |from: RoutineId| {
+            let (mut found, mut open) = (BTreeSet::new(), vec![from]);
+            while let Some(id) = open.pop() {
+                open.extend(calls.get(&id).into_iter().flatten().filter(|called| found.insert(**called)));
+            }
+            found
+        };
+        for id in all {
+            let called = within(id);
+            if called.contains(&id) {
+                self.beside.insert(id);
+            }
+            if self.beside.contains(&id) {
+                self.beside.extend(called);
+            }
+        }
+        for id in self.beside.iter().copied().collect::<Vec<_>>() {
+            let named = self.pin_names(id);
+            self.read_beside.extend(named);
         }
     }
 
-    /// Pins the data that a routine names.
-    pub(super) fn pin_names(&mut self, id: RoutineId) {
+    /// Pins the data that a routine names, as they are at the start; which these are.
+    pub(super) fn pin_names(&mut self, id: RoutineId) -> HashSet<Id> {
+        let mut named = HashSet::new();
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
         let mut done: HashSet<Name> = routine.data.iter().map(|data| upper(&bytes[data.name.range()])).collect();
@@ -238,15 +289,28 @@ impl<'a> Runner<'a> {
                     let at = self.symbols.find(id.file, &upper(cursor.text(lexeme)));
                     let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
                     self.pin(&value);
+                    named.insert(at);
                 }
             }
         }
+        named
     }
 }
 
 /// Functions that name a table's frame or a speed.
 pub(super) fn is_frame_function(name: &[u8]) -> bool {
     matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SVEL_CP")
+}
+
+/// Whether a statement is one of those that are known, by how it begins.
+fn is_understood(mut cursor: Cursor<'_>) -> bool {
+    let first = upper(cursor.text(cursor.peek()));
+    let known = names::motion(&first).is_some() || names::relative(&first).is_some() || &first[..] == b"TRIGGER";
+    if known || names::HARMLESS_STATEMENTS.contains(&&first[..]) || assigned(cursor).is_some() {
+        return true;
+    }
+    cursor.next();
+    cursor.peek().kind == Kind::Mark(b'(')
 }
 
 /// The variable that a statement assigns to.

@@ -69,12 +69,13 @@ impl<'a> Runner<'a> {
     }
 
     fn logic(&mut self, mut value: Value, cursor: &mut Cursor<'a>, depth: usize) -> Value {
-        let (mut compared, mut combined) = (false, false);
+        let (mut compared, mut combined) = (0, None);
+        let mut mixed = false;
         loop {
             let lexeme = cursor.peek();
             let operator: Name = match lexeme.kind {
                 Kind::Equal | Kind::Unequal | Kind::AtMost | Kind::AtLeast | Kind::Mark(b'<' | b'>') => {
-                    compared = true;
+                    compared += 1;
                     upper(cursor.text(lexeme))
                 }
                 Kind::Word => {
@@ -82,7 +83,8 @@ impl<'a> Runner<'a> {
                     if ![&b"AND"[..], b"OR", b"EXOR", b"B_AND", b"B_OR", b"B_EXOR"].contains(&&word[..]) {
                         break;
                     }
-                    combined = true;
+                    // Which of two comes first is not looked at.
+                    mixed |= combined.replace(word.clone()).is_some_and(|other| other != word);
                     word
                 }
                 _ => break,
@@ -93,7 +95,8 @@ impl<'a> Runner<'a> {
             self.pin(&other);
             value = operate(&operator, &value, &other);
         }
-        if compared && combined { Value::unknown(RUN_TIME) } else { value }
+        mixed |= compared > 1 || compared > 0 && combined.is_some();
+        if mixed { Value::unknown(RUN_TIME) } else { value }
     }
 
     fn sum(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
@@ -289,8 +292,14 @@ impl<'a> Runner<'a> {
             return own.get(&path.steps[1..]);
         }
         let value = whole.get(&path.steps);
-        if let Value::Unknown(_, Some(_)) = value {
-            self.pin(&value);
+        match value {
+            Value::Unknown(_, Some(_)) => self.pin(&value),
+            // An INT takes no decimals.
+            Value::Number(number, Some(_)) if !self.symbols.is_real(path.id, &path.steps) => {
+                self.pin(&value);
+                return Value::Number(number, None);
+            }
+            _ => {}
         }
         value
     }

@@ -12,6 +12,9 @@ use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashMap;
 use std::sync::Arc;
 
+/// Why motions of handlers, functions and routines that call themselves stay.
+const BESIDE: &str = "in a routine that may run at any moment";
+
 /// A position as a motion takes it.
 struct Position {
     numbers: [f64; 6],
@@ -34,6 +37,9 @@ impl<'a> Runner<'a> {
         cursor.next();
         let value = self.expression(&mut cursor);
         self.pin(&value);
+        for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
+            *used |= value.component(name).is_some_and(|axis| axis.number() != Some(0.0));
+        }
         self.lose_position(reason);
         self.keep_motion(span, reason);
     }
@@ -66,6 +72,9 @@ impl<'a> Runner<'a> {
             _ => self.go(motion, via.as_ref(), &end, name, span),
         };
         if let Err(reason) = done {
+            for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
+                *used |= end.component(name).is_some_and(|axis| axis.number() != Some(0.0));
+            }
             [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
             self.lose_position("the position before is not known");
             self.keep_motion(span, reason);
@@ -97,8 +106,10 @@ impl<'a> Runner<'a> {
         if let Some(joints) = axes(end)? {
             return self.go_to_joints(motion, joints, end, span);
         }
+        // First of all: what it takes from the motion before stays there.
+        let to = self.position(end);
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
-        let to = self.position(end)?;
+        let to = to?;
         let (mark, mark_known) = self.mark();
         #[allow(clippy::cast_possible_truncation)]
         let source = self.here() as u16;
@@ -111,6 +122,7 @@ impl<'a> Runner<'a> {
         let editable = match unlocated {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No("air or cut is known only at run time"),
+            None if self.is_beside() => Editable::No(BESIDE),
             None if posture => Editable::No("joint motion whose status and turn a correction could make untrue"),
             None => Editable::Pose,
         };
@@ -211,10 +223,14 @@ impl<'a> Runner<'a> {
         let mut found = Position { numbers: [0.0; 6], places: [None; 6], external: Default::default() };
         for (i, name) in POSE.iter().enumerate() {
             let own = value.component(name);
-            let Some(component) = own.or_else(|| before.component(name)) else {
-                return Err("components are missing, and the position before is not known");
+            let component = own.or_else(|| before.component(name));
+            let Some(Value::Number(number, at)) = component else {
+                // It may still be that of the motion before, whichever that is.
+                self.open_partials += 1;
+                let before = self.value(self.symbols.position);
+                self.pin(&before);
+                return Err(component.map_or("components are missing, and the position before is not known", why));
             };
-            let Value::Number(number, at) = component else { return Err(why(component)) };
             (found.numbers[i], found.places[i]) = (*number, *at);
             if own.is_none() {
                 // Whoever moves there would move this one too.
@@ -374,8 +390,8 @@ impl<'a> Runner<'a> {
 
     /// External axes that some position has elsewhere than at zero are in use: robots without any are told zeros too.
     fn use_axes(&mut self) {
-        let used: [bool; 6] =
-            std::array::from_fn(|axis| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0)));
+        let moved = |axis: usize| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0));
+        let used: [bool; 6] = std::array::from_fn(|axis| self.used_axes[axis] || moved(axis));
         if used == [false; 6] {
             return;
         }
@@ -424,19 +440,25 @@ impl<'a> Runner<'a> {
         [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
     }
 
+    /// Whether the routine runs elsewhere too, where nobody knows what holds.
+    fn is_beside(&self) -> bool {
+        self.frames.last().is_some_and(|frame| self.beside.contains(&frame.routine))
+    }
+
     /// Routines that nothing runs: what they name stays, and so do their motions.
     pub(super) fn keep_what_is_not_run(&mut self) {
         for id in self.symbols.all().collect::<Vec<_>>() {
             if self.entered.contains(&id) {
                 continue;
             }
-            self.pin_names(id);
+            drop(self.pin_names(id));
             let bytes = self.bytes(id.file);
             for span in spans(&self.symbols.routine(id).body) {
                 let cursor = Cursor::new(bytes, 0, span);
                 let word = super::value::upper(cursor.text(cursor.peek()));
                 if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
-                    self.keep(id.file, span, "routine that nothing in the files runs");
+                    let beside = self.beside.contains(&id);
+                    self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
 use super::changes::Changes;
-use super::lex::Cursor;
+use super::lex::{Cursor, Kind};
 use super::names;
 use super::state::{Id, State};
 use super::symbols::{RoutineId, Symbols};
@@ -10,6 +10,7 @@ use super::value::{Name, Place, Value, upper};
 use crate::program::{Kept, Mark, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
 
 /// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
 const STEPS: usize = 500_000;
@@ -40,12 +41,14 @@ pub(super) struct Frame {
     pub(super) names: HashMap<Name, Id>,
     /// What it leaves where it returns before its end.
     returns: Vec<State>,
+    /// GOTO may go on behind anything.
+    jumps: bool,
 }
 
 impl Frame {
     /// The names of a file alone.
     pub(super) fn of_file(file: usize) -> Self {
-        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new() }
+        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new(), jumps: false }
     }
 }
 
@@ -71,12 +74,26 @@ pub(super) struct Runner<'a> {
     pub(super) pinned: HashSet<Place>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
+    /// Those of them that a TRIGGER on the way may change.
+    pub(super) triggered: HashSet<Id>,
+    /// Routines that may run at any moment, or again while they run.
+    pub(super) beside: HashSet<RoutineId>,
+    /// Data that they name.
+    pub(super) read_beside: HashSet<Id>,
+    /// Whether an interrupt may leave what is called half done.
+    pub(super) resumes: bool,
+    /// Motions that leave components to a motion before that is not known.
+    pub(super) open_partials: usize,
+    /// What routines could change, each found once.
+    pub(super) changes: HashMap<RoutineId, Rc<Changes>>,
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
     /// External axes of each target, as far as positions name them.
     pub(super) external: Vec<[Option<f64>; 6]>,
+    /// Axes that motions without a target move.
+    pub(super) used_axes: [bool; 6],
     pub(super) motions: u32,
     pub(super) arcs: usize,
     /// Motions without a target, by reason.
@@ -104,11 +121,18 @@ impl<'a> Runner<'a> {
             entered: HashSet::new(),
             pinned: HashSet::new(),
             volatile: HashSet::new(),
+            triggered: HashSet::new(),
+            beside: HashSet::new(),
+            read_beside: HashSet::new(),
+            resumes: false,
+            open_partials: 0,
+            changes: HashMap::new(),
             tools: Vec::new(),
             wobjs: Vec::new(),
             targets: Vec::new(),
             sites: Vec::new(),
             external: Vec::new(),
+            used_axes: [false; 6],
             motions: 0,
             arcs: 0,
             unknown: Vec::new(),
@@ -130,14 +154,14 @@ impl<'a> Runner<'a> {
     /// Runs what an operator may select: the first routine of each file that no other calls.
     pub(super) fn run(&mut self) {
         self.expect_interrupts();
-        self.pin_what_functions_read();
+        self.find_beside();
         for root in self.symbols.roots(self.written) {
             self.state = State::default();
             let mark = self.symbols.files[root.file].mark;
             if let Some(mark) = mark {
                 self.set_mark(mark);
             }
-            self.enter(root, &[]);
+            self.enter(root, &[], &[]);
         }
         self.keep_what_is_not_run();
         self.settle();
@@ -162,8 +186,8 @@ impl<'a> Runner<'a> {
         self.state.values.insert(id, Value::Number(f64::from(u8::from(mark == Mark::Cut)), None));
     }
 
-    /// Runs a routine with values for its parameters.
-    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value]) -> Vec<Value> {
+    /// Runs a routine with values for its parameters, of which some may change under another name.
+    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Vec<Value> {
         self.entered.insert(id);
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
@@ -171,31 +195,47 @@ impl<'a> Runner<'a> {
         let mut own = Vec::new();
         for (i, param) in routine.params.iter().enumerate() {
             let value = values.get(i).cloned().unwrap_or(Value::unknown("parameter that nobody gives"));
-            let local = self.symbols.local(value);
-            names.insert(upper(&bytes[param.name.range()]), local);
+            let name = upper(&bytes[param.name.range()]);
+            let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
+            if let Some(data) = routine.data.iter().find(|data| upper(&bytes[data.name.range()]) == name) {
+                self.symbols.declare_type(local, &bytes[data.kind.range()]);
+            }
+            let whole = self.symbols.is_whole(local) && value.number().is_some_and(|v| v.fract() != 0.0);
+            let value = if whole { value.forgotten("a whole number") } else { value };
+            self.symbols.start[local] = self.symbols.converted(local, &[], value);
+            names.insert(name, local);
             own.push(local);
         }
+        let before = self.volatile.clone();
+        self.volatile.extend(own.iter().zip(aliased).filter(|(_, aliased)| **aliased).map(|(id, _)| *id));
         // A parameter is declared within, too: that says its type.
         let given = names.clone();
         for data in routine.data.iter().filter(|data| !given.contains_key(&upper(&bytes[data.name.range()]))) {
             let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
-            if bytes[data.kind.range()].eq_ignore_ascii_case(b"INT") {
-                self.symbols.whole.insert(local);
-            }
+            self.symbols.declare_type(local, &bytes[data.kind.range()]);
             names.insert(upper(&bytes[data.name.range()]), local);
         }
-        self.frames.push(Frame { routine: id, names, returns: Vec::new() });
+        self.frames.push(Frame { routine: id, names, returns: Vec::new(), jumps: false });
         let loops = std::mem::take(&mut self.loops);
         let jumps = self.jumps(routine);
-        let before = self.volatile.clone();
+        if let Some(frame) = self.frames.last_mut() {
+            frame.jumps = jumps.is_some();
+        }
         if let Some(changes) = &jumps {
             self.volatile.extend(changes.ids.iter().copied());
             if changes.anything {
                 self.volatile.extend(self.symbols.visible());
             }
         }
+        let (first, partials) = (self.sites.len(), self.open_partials);
         let flow = self.block(&routine.body);
+        if jumps.is_some() && self.open_partials > partials {
+            // The motion before may be any.
+            let sites = self.sites.get(first..).unwrap_or_default();
+            self.pinned.extend(sites.iter().flat_map(|site| site.tokens).flatten());
+        }
         self.volatile = before;
+        self.volatile.extend(&self.triggered);
         self.loops = loops;
         let Some(frame) = self.frames.pop() else { return Vec::new() };
         let mut left = frame.returns;
@@ -251,7 +291,7 @@ impl<'a> Runner<'a> {
     }
 
     /// The program has no end that is found.
-    fn give_up(&mut self, span: Span) -> Flow {
+    pub(super) fn give_up(&mut self, span: Span) -> Flow {
         if self.diagnostics.iter().all(|d| d.code != "krl.endless") {
             let source = &self.symbols.sources[self.here()];
             let message = "the program runs on without an end that is found";
@@ -284,24 +324,17 @@ impl<'a> Runner<'a> {
             Statement::Jump => Flow::Next,
             Statement::Return(span) => {
                 self.evaluate(*span);
-                let left = std::mem::take(&mut self.state);
-                if let Some(frame) = self.frames.last_mut() {
-                    frame.returns.push(left);
-                }
-                Flow::Gone
+                let left = self.state.clone();
+                let Some(frame) = self.frames.last_mut() else { return Flow::Gone };
+                frame.returns.push(left);
+                // A label behind it may be gone to.
+                if frame.jumps { Flow::Next } else { Flow::Gone }
             }
             Statement::Exit => {
-                let left = std::mem::take(&mut self.state);
-                match self.loops.last_mut() {
-                    Some(exits) => {
-                        exits.push(left);
-                        Flow::Gone
-                    }
-                    None => {
-                        self.state = left;
-                        Flow::Next
-                    }
-                }
+                let left = self.state.clone();
+                let Some(exits) = self.loops.last_mut() else { return Flow::Next };
+                exits.push(left);
+                if self.frames.last().is_some_and(|frame| frame.jumps) { Flow::Next } else { Flow::Gone }
             }
             Statement::Mark(mark) => {
                 self.set_mark(*mark);
@@ -392,8 +425,7 @@ impl<'a> Runner<'a> {
         }
         let mut left = self.loops.pop().unwrap_or_default();
         if flow == Flow::Next {
-            #[allow(clippy::cast_precision_loss)]
-            self.state.values.insert(counter, Value::Number(at as f64, None));
+            self.state.values.insert(counter, Value::unknown("a counter behind its loop"));
             left.push(std::mem::take(&mut self.state));
         }
         self.go_on(left)
@@ -446,17 +478,33 @@ impl<'a> Runner<'a> {
         let mut changes = self.changes_in(body);
         changes.ids.extend(counter);
         self.forget(&changes, LOOP);
-        let before = self.state.clone();
-        self.loops.push(Vec::new());
-        let flow = self.block(body);
-        let mut left = self.loops.pop().unwrap_or_default();
-        if flow == Flow::Next {
-            left.push(std::mem::take(&mut self.state));
+        loop {
+            let (before, targets, volatile) = (self.state.clone(), self.marker(), self.volatile.len());
+            let partials = self.open_partials;
+            self.loops.push(Vec::new());
+            let flow = self.block(body);
+            let mut left = self.loops.pop().unwrap_or_default();
+            if flow == Flow::Next {
+                if self.open_partials > partials {
+                    // The motion before may be the last one of a round.
+                    let last = self.value(self.symbols.position);
+                    self.pin(&last);
+                }
+                let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
+                if !holds && self.steps <= self.most_steps {
+                    // What a round leaves is what another begins with: once more, with what holds in both.
+                    let behind = std::mem::take(&mut self.state);
+                    self.state = self.joined(vec![before, behind]).unwrap_or_default();
+                    self.back_to(targets);
+                    continue;
+                }
+                left.push(std::mem::take(&mut self.state));
+            }
+            left.push(before);
+            let flow = self.go_on(left);
+            self.forget(&changes, LOOP);
+            return flow;
         }
-        left.push(before);
-        let flow = self.go_on(left);
-        self.forget(&changes, LOOP);
-        flow
     }
 
     /// How much was found so far.
@@ -513,8 +561,15 @@ impl<'a> Runner<'a> {
             self.look_through(cursor);
         } else if !self.assignment_or_call(cursor, span) {
             self.keep(self.here(), span, "statement is not understood");
-            let anything = Changes { anything: true, ..Changes::default() };
-            self.forget(&anything, "may be changed by a statement that is not understood");
+            let mut ids = std::collections::BTreeSet::new();
+            let mut cursor = self.cursor(span);
+            while !cursor.is_done() {
+                let lexeme = cursor.next();
+                if lexeme.kind == Kind::Word {
+                    ids.insert(self.resolve(&upper(cursor.text(lexeme))));
+                }
+            }
+            self.forget(&Changes { anything: true, ids }, "may be changed by a statement that is not understood");
         }
         Flow::Next
     }

@@ -13,6 +13,14 @@ pub(super) struct State {
 }
 
 impl State {
+    /// Whether all that is known here holds there as well.
+    pub(super) fn covers(&self, other: &Self, start: &[Value]) -> bool {
+        let missing = Value::unknown(super::value::NO_VALUE);
+        let at = |state: &'_ Self, id: Id| state.values.get(&id).or_else(|| start.get(id)).unwrap_or(&missing).clone();
+        let ids = self.values.keys().chain(other.values.keys().filter(|id| !self.values.contains_key(id)));
+        ids.into_iter().all(|id| at(self, *id).covers(&at(other, *id)))
+    }
+
     /// What holds where either may; tokens of what differs go to `lost`.
     pub(super) fn join(mut self, other: &Self, start: &[Value], lost: &mut impl FnMut(Place)) -> Self {
         let missing = Value::unknown(super::value::NO_VALUE);

@@ -3,7 +3,7 @@
 use super::lex::{Cursor, Kind};
 use super::state::Id;
 use super::tree::{File, Routine, Statement, walk};
-use super::value::{NO_VALUE, Name, Value, pose_record, upper};
+use super::value::{AXES, EXTERNAL, NO_VALUE, Name, POSE, Step, Value, pose_record, upper};
 use crate::text::{Source, Span};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -20,8 +20,8 @@ pub(super) struct Symbols<'a> {
     pub(super) files: &'a [File],
     /// What each variable holds at the start.
     pub(super) start: Vec<Value>,
-    /// Variables of type INT.
-    pub(super) whole: HashSet<Id>,
+    /// Types of variables, where they are declared.
+    types: HashMap<Id, Type>,
     constant: HashSet<Id>,
     /// Names that all files see.
     globals: HashMap<Name, Id>,
@@ -44,6 +44,15 @@ pub(super) struct Symbols<'a> {
     pub(super) mark: Id,
 }
 
+/// Types that say what a value becomes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Type {
+    Whole,
+    Real,
+    Frame,
+    Pos,
+}
+
 /// Tables of frames and loads that the controller has under these names.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
 
@@ -53,7 +62,7 @@ impl<'a> Symbols<'a> {
             sources,
             files,
             start: Vec::new(),
-            whole: HashSet::new(),
+            types: HashMap::new(),
             constant: HashSet::new(),
             globals: HashMap::new(),
             modules: HashMap::new(),
@@ -120,9 +129,7 @@ impl<'a> Symbols<'a> {
             let name = upper(source.slice(data.name));
             let value = if data.is_array { Value::Array(Rc::default()) } else { Value::unknown(NO_VALUE) };
             let id = self.local(value);
-            if source.slice(data.kind).eq_ignore_ascii_case(b"INT") {
-                self.whole.insert(id);
-            }
+            self.declare_type(id, source.slice(data.kind));
             if data.is_constant {
                 self.constant.insert(id);
             }
@@ -131,6 +138,43 @@ impl<'a> Symbols<'a> {
             }
             self.modules.entry(module.clone()).or_default().insert(name, id);
         }
+    }
+
+    /// Notes a variable's type by its word.
+    pub(super) fn declare_type(&mut self, id: Id, word: &[u8]) {
+        let known = [(&b"INT"[..], Type::Whole), (b"REAL", Type::Real), (b"FRAME", Type::Frame), (b"POS", Type::Pos)];
+        let found = known.into_iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+        self.types.extend(found.map(|(_, of)| (id, of)));
+    }
+
+    /// Whether it holds whole numbers alone.
+    pub(super) fn is_whole(&self, id: Id) -> bool {
+        self.types.get(&id) == Some(&Type::Whole)
+    }
+
+    /// Whether a number of it may be written with decimals: of a REAL, or of a position's component.
+    pub(super) fn is_real(&self, id: Id, steps: &[Step]) -> bool {
+        match steps.last() {
+            Some(Step::Component(name)) => POSE.iter().chain(&AXES).chain(&EXTERNAL).any(|known| name[..] == **known),
+            _ => self.types.get(&id) == Some(&Type::Real),
+        }
+    }
+
+    /// A value as a variable takes it: a FRAME has no axes and no status.
+    pub(super) fn converted(&self, id: Id, steps: &[Step], value: Value) -> Value {
+        let status: &[&[u8]] = match self.types.get(&id) {
+            Some(Type::Frame) => &[],
+            Some(Type::Pos) => &[b"S", b"T"],
+            _ => return value,
+        };
+        let Value::Record(mut fields) = value else { return value };
+        if steps.iter().all(|step| matches!(step, Step::Element(_))) {
+            let has = |name: &Name| POSE.iter().chain(status).any(|known| name[..] == **known);
+            if !fields.iter().all(|(name, _)| has(name)) {
+                Rc::make_mut(&mut fields).retain(|(name, _)| has(name));
+            }
+        }
+        Value::Record(fields)
     }
 
     /// The variable of this name; one that no file declares is the controller's.

@@ -49,6 +49,26 @@ const STATEMENTS: [&[u8]; 34] = [
     b"ASYCANCEL",
 ];
 
+/// Types of the system.
+const TYPES: [&[u8]; 16] = [
+    b"INT",
+    b"REAL",
+    b"BOOL",
+    b"CHAR",
+    b"FRAME",
+    b"POS",
+    b"E6POS",
+    b"AXIS",
+    b"E6AXIS",
+    b"LOAD",
+    b"FDAT",
+    b"LDAT",
+    b"PDAT",
+    b"CP",
+    b"INERTIA",
+    b"SPL_VELOCITY",
+];
+
 /// A block's statements, and what ended it: which word, and what stands behind it.
 type Block = (Vec<Statement>, Option<(usize, Span)>);
 
@@ -193,6 +213,11 @@ impl<'a> Parser<'a> {
         }
         if cursor.peek().kind != Kind::Word {
             return is_declared.then(Vec::new);
+        }
+        // DECL may be left out before types of the system alone: anything else is a statement of some option package.
+        let is_type = || word.to_ascii_uppercase().ends_with(b"_T") || TYPES.iter().any(|known| is(known));
+        if !is_declared && !is_global && !is_constant && !is_type() {
+            return None;
         }
         let mut found = Vec::new();
         while let Some(name) = cursor.accept(Kind::Word) {

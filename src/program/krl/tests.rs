@@ -226,6 +226,62 @@ fn endless_loops_are_taken_once() {
     assert_eq!(p.targets.len(), 3);
 }
 
+/// Each was a wrong program without a word: found by running random programs (`tests/suite/program/krl_sound`).
+#[test]
+fn motions_stay_where_another_run_could_make_them_others() {
+    let line = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    for (what, body) in [
+        ("a variable that has two names", "FRAME f\nf=L\ntwo(f, f)\nEND\nDEF two(p:OUT, q:OUT)\np.X=7.0\nLIN q"),
+        ("an INT", "INT i\ni=1\nLIN {X i,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}"),
+        (
+            "a TRIGGER in a routine",
+            "sub()\nLIN L\nEND\nDEF sub()\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO later()\nEND\nDEF later()\n$BASE=BASE_DATA[2]",
+        ),
+        ("a routine that calls itself", "r()\nEND\nDEF r()\nLIN L\n$BASE=BASE_DATA[2]\nIF $IN[1] THEN\nr()\nENDIF"),
+        (
+            "RESUME",
+            "INTERRUPT DECL 3 WHEN $IN[1] DO isr()\nsub()\nLIN L\nEND\nDEF sub()\n$BASE=BASE_DATA[2]\nHALT\n$BASE=BASE_DATA[1]\nEND\nDEF isr()\nBRAKE\nRESUME",
+        ),
+        ("a statement that is not known, a round before", "LOOP\nLIN L\nARCSWITCH $BASE\nENDLOOP"),
+        (
+            "the same in a function",
+            "REAL r\nr=f()\nLIN L\nEND\nDEFFCT REAL f()\nARCSWITCH $BASE\nRETURN 1.0\nENDFCT\nDEF z()",
+        ),
+        (
+            "OR and AND without brackets",
+            "$BASE=BASE_DATA[1]\nIF TRUE OR FALSE AND FALSE THEN\n$BASE=BASE_DATA[2]\nENDIF\nLIN L",
+        ),
+        (
+            "a handler's own motion",
+            "INTERRUPT DECL 3 WHEN $IN[1] DO isr()\n$BASE=BASE_DATA[1]\nisr()\n$BASE=BASE_DATA[2]\nEND\nDEF isr()\nLIN L",
+        ),
+    ] {
+        let p = program(
+            &body
+                .replace("L\n", &format!("{line}\n"))
+                .replace("=L", &format!("={line}"))
+                .replace(" L", &format!(" {line}")),
+        );
+        assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))), "{what}: {:?}", p.targets);
+        assert!(!p.kept.is_empty(), "{what}");
+        assert_eq!(moved(&p, 0.5)[0], String::from_utf8(p.sources[0].bytes.clone()).unwrap(), "{what}");
+    }
+}
+
+#[test]
+fn what_stands_behind_a_return_is_read_where_a_label_leads_there() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p = program(&format!("IF $IN[1] THEN\nGOTO far\nENDIF\n{line}\nRETURN\nfar:\n{line}"));
+    assert_eq!(p.targets.len(), 2);
+}
+
+#[test]
+fn a_frame_takes_no_axes() {
+    let body = "FRAME f\nLIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,E1 100.0}\nf={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,E1 850.0}\nLIN f";
+    let p = program(body);
+    assert_eq!(p.targets[1].external.as_ref().unwrap().written[0], Some(100.0));
+}
+
 #[test]
 fn files_that_are_none_are_refused() {
     let code = |text: &str| read(vec![Source::new("a.src", text)], Vec::new()).unwrap_err()[0].code;

@@ -160,7 +160,7 @@ impl Value {
     }
 
     /// The same value from the same tokens.
-    fn is(&self, other: &Self) -> bool {
+    pub(super) fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Unknown(a, was), Self::Unknown(b, other)) => {
                 std::ptr::eq(*a, *b) && was.as_ref().map(Rc::as_ptr) == other.as_ref().map(Rc::as_ptr)
@@ -178,6 +178,20 @@ impl Value {
                 Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.is(b.1))
             }
             _ => false,
+        }
+    }
+
+    /// Whether what is known here is known, and the same, there as well.
+    pub(super) fn covers(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Unknown(..), _) => true,
+            (Self::Record(a), Self::Record(b)) => {
+                a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.covers(&b.1))
+            }
+            (Self::Array(a), Self::Array(b)) => {
+                Rc::ptr_eq(a, b) || a.len() == b.len() && a.iter().zip(&**b).all(|(a, b)| a.0 == b.0 && a.1.covers(b.1))
+            }
+            (a, b) => a.is(b),
         }
     }
 

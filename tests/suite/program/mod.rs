@@ -4,6 +4,7 @@ mod cl;
 mod cl_corpus;
 mod cl_sound;
 mod krl;
+mod krl_sound;
 mod rapid;
 mod rapid_sound;
 mod tp;
