@@ -81,6 +81,8 @@ struct Case {
     sigma_covered: (usize, usize),
     /// The least posterior of a name that claims to be told apart, and whether all of them are there.
     said: Option<(f64, bool)>,
+    /// The chance of a right name that the plan of these rows gave its one effect.
+    planned: Option<f64>,
 }
 
 impl Case {
@@ -162,6 +164,7 @@ fn case(folder: &Path, root: &Path) -> Case {
         covered: (0, 0),
         sigma_covered: (0, 0),
         said: None,
+        planned: planned(folder, &effects),
     };
     let Ok(found) = found else { return case };
     case.verdict = verdict(&found, &case.truth, &case.faults, truth["tie"].as_bool().unwrap_or(false));
@@ -192,6 +195,14 @@ fn case(folder: &Path, root: &Path) -> Case {
     }
     case.found = Some(found);
     case
+}
+
+/// The chance that `plan.json` gives the one effect that is there.
+fn planned(folder: &Path, effects: &[serde_json::Value]) -> Option<f64> {
+    let plan: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("plan.json")).ok()?).unwrap();
+    let [effect] = effects else { return None };
+    let kinds = plan["kinds"].as_array()?;
+    kinds.iter().find(|kind| kind["kind"] == effect["kind"])?["chance_right"].as_f64()
 }
 
 fn folders(root: &Path, out: &mut Vec<PathBuf>) {
@@ -287,6 +298,18 @@ fn totals(cases: &[Case]) {
             cases.iter().filter_map(|c| c.said).filter(|(p, _)| (low..high).contains(p)).map(|(_, t)| t).collect();
         let true_ones = of.iter().filter(|t| **t).count();
         println!("  {low:.2}-{:.2}  {true_ones:>4} of {:<4}", f64::min(high, 1.0), of.len());
+    }
+    let planned: Vec<(f64, bool)> = cases.iter().filter_map(|c| Some((c.planned?, c.verdict == "right"))).collect();
+    if !planned.is_empty() {
+        println!("plans: chance of a right name as said, mean of it, how often it was right");
+    }
+    for (low, high) in [(0.0, 0.25), (0.25, 0.5), (0.5, 0.75), (0.75, 0.9), (0.9, 1.01)] {
+        let of: Vec<(f64, bool)> = planned.iter().copied().filter(|(p, _)| (low..high).contains(p)).collect();
+        if !of.is_empty() {
+            let mean = of.iter().map(|(p, _)| p).sum::<f64>() / of.len() as f64;
+            let right = of.iter().filter(|(_, right)| *right).count();
+            println!("  {low:.2}-{:.2}  {mean:.2}  {right:>4} of {:<4}", f64::min(high, 1.0), of.len());
+        }
     }
     println!("{:.1} s in all", cases.iter().map(|case| case.seconds).sum::<f64>());
 }

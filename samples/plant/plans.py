@@ -110,6 +110,21 @@ def raster(robot, rng, rows, columns, reverse=False, lift=0.0):
     return Plan(list(corner), rot_to_quat(turn), np.array(points), rots, np.full(n, 20.0), np.array(force))
 
 
+def zigzag(robot, rng, rows=6, columns=4):
+    """What a shop would measure unplanned: one zig-zag over the box of `plan_toml`, leaning otherwise in each row, a third under each load."""
+    centre, turn = place(robot, rng)
+    loads = np.array([[0, 0, 0], [0, 0, 1.0], [0.6, -0.5, 0.4]]) * robot.force_n
+    lean = rng.uniform(0.15, 0.3)
+    points, rots, force = [], [], []
+    for j in range(rows):
+        for i in range(columns) if j % 2 == 0 else reversed(range(columns)):
+            points.append([(i / (columns - 1) - 0.5) * 400, (j / (rows - 1) - 0.5) * 560, rng.uniform(-20, 20)])
+            rots.append(DOWN @ rotvec_to_rot([lean * (-1, 0, 1)[j % 3], lean * (-1, 1)[i % 2], 0]))
+            force.append(loads[len(points) * 3 // (rows * columns + 1)])
+    n = rows * columns
+    return Plan(list(centre), rot_to_quat(turn), np.array(points), rots, np.full(n, 20.0), np.array(force), dwell_s=10.0)
+
+
 def designed(robot, rng, passes=38, per_pass=8):
     """Short lines that vary everything that tells effects apart, in shuffled order.
 
@@ -170,7 +185,8 @@ class Planned:
 def planned(folder, deflex, rows=24):
     """Runs `deflex plan` on the cell of a folder: the plan and the program's text."""
     program, table = folder / "part.mod", folder / "plan.csv"
-    subprocess.run([deflex, "plan", "--cell", folder / "cell.toml", "--rows", str(rows), "-o", program, "--measured", table, "--quiet"],
+    subprocess.run([deflex, "plan", "--cell", folder / "cell.toml", "--rows", str(rows), "-o", program, "--measured", table,
+                    "--json", folder / "plan.json", "--quiet"],
                    check=True, stdout=subprocess.DEVNULL)
     with open(table, newline="") as f:
         read = list(csv.DictReader(f))

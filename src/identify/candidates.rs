@@ -108,7 +108,8 @@ impl Candidate {
 
     /// How unlikely its numbers are under its prior: twice nats.
     pub(super) fn unlikely(&self) -> f64 {
-        let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - self.start[k]) / self.size(k));
+        let mean = |k: usize| self.start[k] + self.expected();
+        let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - mean(k)) / self.size(k));
         match self.precision() {
             Some(prior) => off.dot(&(&prior.precision * &off)),
             None => off.norm_squared(),
@@ -142,6 +143,14 @@ impl Candidate {
         match self.home {
             Home::Pattern(pattern) => Some(pattern.standing()),
             Home::Declared(_) | Home::New(_) => None,
+        }
+    }
+
+    /// What its prior is about, from where its numbers start: a pattern that is there or is not is there once.
+    pub(super) fn expected(&self) -> f64 {
+        match self.home {
+            Home::Pattern(pattern) => pattern.expected(),
+            Home::Declared(_) | Home::New(_) => 0.0,
         }
     }
 

@@ -303,7 +303,8 @@ impl Engine {
             let mut part = DVector::zeros(self.problem.scalars);
             linear.design.add(candidate.pattern_numbers(), &mut part);
             let share = (part.dot(left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0);
-            correlates.push(Correlate { with: pattern.words(&self.problem), r: share });
+            let fault = (pattern.standing() == Standing::Fault).then(|| pattern.name());
+            correlates.push(Correlate { with: pattern.words(&self.problem), r: share, fault });
         }
         if let Some(field) = self.shape.field {
             let series = self.problem.series(|row| !row.held_out);
@@ -318,15 +319,16 @@ impl Engine {
                 noise::Over::Wrist => "the wrist's posture",
                 noise::Over::Force => "cutting force",
             };
-            correlates.push(Correlate { with: with.to_owned(), r });
+            correlates.push(Correlate { with: with.to_owned(), r, fault: None });
         }
         if self.shape.drift > noise::MOST_WANDER {
-            correlates.push(Correlate { with: "time, slowly: far beyond an arm's drift".to_owned(), r: 1.0 });
+            let with = "time, slowly: far beyond an arm's drift".to_owned();
+            correlates.push(Correlate { with, r: 1.0, fault: None });
         }
         if let Some(declared) = self.problem.declared_sigma_mm.filter(|_| self.scatters_more()) {
             let with =
                 format!("nothing that is known: it scatters by {:.4} mm where sigma_mm says {declared:.4}", self.sigma);
-            correlates.push(Correlate { with, r: 1.0 });
+            correlates.push(Correlate { with, r: 1.0, fault: None });
         }
         correlates.sort_by(|a, b| b.r.abs().total_cmp(&a.r.abs()));
         Unexplained { significant: !correlates.is_empty(), correlates }
@@ -390,7 +392,9 @@ impl Engine {
     pub(super) fn residual_rows(&self, before: &DVector<f64>, after: &DVector<f64>) -> Vec<ResidualRow> {
         let whitened = self.whitened(after);
         let three = |v: &DVector<f64>, row: &Observation, scale: f64| {
-            std::array::from_fn(|k| if k < row.seen.len() { v[row.offset + k] * scale } else { 0.0 })
+            // What was not measured has no residual.
+            let shows = |k: usize| k < row.seen.len() && row.seen.shows(k);
+            std::array::from_fn(|k| if shows(k) { v[row.offset + k] * scale } else { f64::NAN })
         };
         self.problem
             .rows

@@ -456,7 +456,7 @@ fn student(rows: &[(f64, f64)], freedom: f64) -> (f64, f64) {
 /// The same columns as the first ones of a design of their own.
 fn numbered(columns: &Columns) -> Columns {
     let list = columns.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
-    Columns { list, curves: columns.curves.clone() }
+    Columns { list, curves: columns.curves.clone(), means: columns.means.clone() }
 }
 
 /// Mean of some gains over its standard error.

@@ -161,6 +161,9 @@ pub struct Correlate {
     pub with: String,
     /// Share of the remainder's size that it describes.
     pub r: f64,
+    /// The fault of the measurement that it would be: `instrument_drift`, `fixture_slip` or `force_readings`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<&'static str>,
 }
 
 /// One residual, for `--report`.

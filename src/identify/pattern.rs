@@ -80,6 +80,9 @@ const TYPICAL_MM: f64 = 0.05;
 const CLAMPED: (f64, f64) = (0.2, 4e-4);
 /// Priors of clampings, as shares of these sizes: probed, against stops, by hand.
 const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
+/// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
+/// mixed up by halves, which would stand for any factor of it.
+const MIXED_SPREAD: f64 = 0.15;
 /// What a force sensor's axis shows of another.
 const CROSSTALK: f64 = 0.15;
 
@@ -152,8 +155,14 @@ impl Pattern {
         }
     }
 
+    /// What the prior of its numbers is about: columns that are mixed up are so once, and not by halves.
+    pub(super) fn expected(self) -> f64 {
+        if matches!(self, Self::MixedForce(_)) { 1.0 } else { 0.0 }
+    }
+
     fn candidate(self, problem: &Problem, variants: f64) -> Candidate {
-        Candidate { variants, ..Candidate::pattern(self, self.size(problem)) }
+        let scale = if matches!(self, Self::MixedForce(_)) { MIXED_SPREAD } else { 1.0 };
+        Candidate { variants, scale, ..Candidate::pattern(self, self.size(problem)) }
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! With θ ~ N(0, τ²) about neutral and Gaussian noise, the marginal likelihood of the data is
 //! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It punishes
-//! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it.
+//! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it. A prior about μ, in the
+//! same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`.
 
 use super::moments::Moments;
 use super::smooth::Smoothness;
@@ -35,12 +36,19 @@ pub(super) struct Columns {
     pub(super) list: Vec<Column>,
     /// Position of the first knot of each curve in the list, and what keeps it smooth.
     pub(super) curves: Vec<(usize, Arc<Smoothness>)>,
+    /// Positions in the list of numbers whose prior is not about zero, and about what, in the list's sizes.
+    pub(super) means: Vec<(usize, f64)>,
 }
 
 impl Columns {
     /// Independent columns.
     pub(super) fn independent(list: Vec<Column>) -> Self {
-        Self { list, curves: Vec::new() }
+        Self { list, ..Self::default() }
+    }
+
+    /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
+    fn add_means(&self, right: &mut DVector<f64>) {
+        self.means.iter().for_each(|&(i, mean)| right[i] += mean);
     }
 
     /// Adds a number's prior precision, in units of the list's sizes.
@@ -91,6 +99,7 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
     let (gram, cross) = (columns.gram(moments), columns.cross(moments));
     let n = moments.count as f64;
     let size = columns.list.len();
+    let expected: f64 = columns.means.iter().map(|(_, mean)| mean * mean).sum();
     let at = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
         let declared = moments.declared.map_or(0.0, |declared| -0.5 * ((log_sigma - declared.ln()) / DECLARED).powi(2));
@@ -103,10 +112,11 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
         let mut matrix = &gram * precision;
         columns.add_precision(&mut matrix);
         let Some(factor) = matrix.cholesky() else { return f64::NEG_INFINITY };
-        let mut white = cross.clone();
+        let mut white = &cross * precision;
+        columns.add_means(&mut white);
         let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
         factor.l_dirty().solve_lower_triangular_mut(&mut white);
-        base + 0.5 * white.norm_squared() * precision * precision - half_log_det + columns.half_log_det()
+        base + 0.5 * (white.norm_squared() - expected) - half_log_det + columns.half_log_det()
     };
     let rms = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
     let mut middle = guess.map_or(rms, f64::ln);
@@ -164,7 +174,9 @@ impl Normal {
         let precision = sigma.powi(-2);
         let mut matrix = columns.gram(moments) * precision;
         columns.add_precision(&mut matrix);
-        Self { matrix, right: columns.cross(moments) * precision }
+        let mut right = columns.cross(moments) * precision;
+        columns.add_means(&mut right);
+        Self { matrix, right }
     }
 
     /// The most likely parameters within bounds, drawn towards `here` as by so many priors (Levenberg 1944): directions
@@ -217,6 +229,23 @@ mod tests {
     use super::super::noise::{Series, Shape};
     use super::*;
     use nalgebra::Vector3;
+
+    #[test]
+    fn a_prior_about_one_draws_there_and_its_evidence_is_that_of_the_data_about_it() {
+        // Two scalars of 1.4 and 0.3 on the column (1, 0): about 1 with a spread of 0.5, σ = 0.5, the mean is halfway, 1.2.
+        let stacked = DMatrix::from_row_slice(2, 2, &[1.0, 1.4, 0.0, 0.3]);
+        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![[Vector3::zeros(); 3]; 2] }];
+        let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
+        let moments = Moments::of(&stacked, &series, shape);
+        let about_one = Columns { means: vec![(0, 2.0)], ..Columns::independent(vec![(0, 0.5)]) };
+        let (mean, _) = posterior(&moments, &about_one, 0.5).unwrap();
+        assert!((0.5 * mean[0] - 1.2).abs() < 1e-12);
+        // The same as data of 0.4 with a prior about zero.
+        let shifted = Moments::of(&DMatrix::from_row_slice(2, 2, &[1.0, 0.4, 0.0, 0.3]), &series, shape);
+        let about_zero = Columns::independent(vec![(0, 0.5)]);
+        let evidence = |moments: &Moments, columns: &Columns| profiled(moments, columns, Some(0.3)).0;
+        assert!((evidence(&moments, &about_one) - evidence(&shifted, &about_zero)).abs() < 1e-6);
+    }
 
     #[test]
     fn beside_a_number_at_its_bound_the_others_are_solved_anew() {

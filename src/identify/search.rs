@@ -67,6 +67,10 @@ impl<'a> Search<'a> {
             if let Some(prior) = candidate.precision() {
                 all.curves.push((all.list.len(), Arc::clone(prior)));
             }
+            let expected = candidate.expected() / candidate.scale;
+            if expected > 0.0 {
+                all.means.extend((0..candidate.values.len()).map(|k| (all.list.len() + k, expected)));
+            }
             all.list.extend(candidate.columns().map(|column| (column, candidate.scale)));
         }
         all

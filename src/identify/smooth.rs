@@ -91,7 +91,8 @@ impl Curve {
     pub(super) fn smoothest(&self, beside: &Beside, columns: &Columns) -> (f64, Arc<Smoothness>) {
         let (information, cross) = beside.left_of(columns);
         let gain = |smooth: &Arc<Smoothness>| {
-            let prior = Columns { list: columns.list.clone(), curves: vec![(0, Arc::clone(smooth))] };
+            let prior =
+                Columns { list: columns.list.clone(), curves: vec![(0, Arc::clone(smooth))], means: Vec::new() };
             (gain(information.clone(), &cross, &prior), Arc::clone(smooth))
         };
         let best = self.grid.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));

@@ -8,10 +8,13 @@ use std::fmt::Write;
 #[must_use]
 pub fn identify_answer(found: &Identification) -> String {
     let mut parts = Vec::new();
-    if found.unexplained.significant {
-        let follows =
-            found.unexplained.correlates.first().map_or(String::new(), |first| format!("; it follows {}", first.with));
-        parts.push(format!("more shows than this cell and noise explain{follows}"));
+    // A doubtful table is said before anything else.
+    let faults = || found.unexplained.correlates.iter().filter(|correlate| correlate.fault.is_some());
+    if let Some(fault) = faults().next() {
+        parts.push(format!("the measurement is doubtful: the rows follow {}", fault.with));
+    } else if found.unexplained.significant {
+        let follows = found.unexplained.correlates.first().map(|first| format!("; it follows {}", first.with));
+        parts.push(format!("more shows than this cell and noise explain{}", follows.unwrap_or_default()));
     }
     if found.added.is_empty() {
         parts.push(match found.unexplained.significant {
@@ -31,7 +34,10 @@ pub fn identify_answer(found: &Identification) -> String {
 
 /// An effect with the axes that it is in, and what it may be instead.
 fn named(added: &Added) -> String {
-    let mut text = added.kind.replace('_', " ");
+    let mut text = match &added.kind[..] {
+        "empirical" => "a map of what no effect explains".to_owned(),
+        kind => kind.replace('_', " "),
+    };
     if let Some(axes) = axes_of(added) {
         text += &match &axes[..] {
             [axis] => format!(" in axis {axis}"),
@@ -43,8 +49,12 @@ fn named(added: &Added) -> String {
         };
     }
     if !added.not_told_apart_from.is_empty() {
-        let others: Vec<String> = added.not_told_apart_from.iter().map(|kind| kind.replace('_', " ")).collect();
-        text += &format!(" (or {})", others.join(", "));
+        let spoken = |kind: &String| match &kind[..] {
+            "unlisted" => "something in no list".to_owned(),
+            kind => kind.replace('_', " "),
+        };
+        let others: Vec<String> = added.not_told_apart_from.iter().map(spoken).collect();
+        text += &format!(" (or {}: these rows do not tell)", others.join(", "));
     }
     text
 }
@@ -84,7 +94,10 @@ pub fn identify_text(found: &Identification) -> String {
     );
 
     if found.added.is_empty() {
-        out.push_str("\nNothing is added: the declared cell explains the data to the noise.\n");
+        out.push_str(match found.unexplained.significant {
+            true => "\nNothing is added to the cell.\n",
+            false => "\nNothing is added: the declared cell explains the data to the noise.\n",
+        });
     } else {
         out.push_str("\nadded\n");
     }
@@ -209,7 +222,7 @@ mod tests {
         assert_eq!(named(&backlash), "backlash in axes 2 and 5");
         backlash.not_told_apart_from.push("zero_offset".to_owned());
         backlash.parameters.truncate(5);
-        assert_eq!(named(&backlash), "backlash (or zero offset)");
+        assert_eq!(named(&backlash), "backlash (or zero offset: these rows do not tell)");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
-use crate::identify::{Added, Identification, ResidualRow, Separation, SetShare};
+use crate::identify::{Identification, ResidualRow, Separation, SetShare};
 use crate::report::{Origin, identify_answer};
 use serde_json::json;
 use std::fmt::Write;
@@ -30,7 +30,7 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
     let mut body = format!("<p class=\"answer\"><strong>{}</strong></p>\n", escape(&identify_answer(found)));
     body += &figures(found);
     body += CHARTS;
-    let mut outcome = section("added", "Added to the cell", added(&found.added));
+    let mut outcome = section("added", "Added to the cell", added(found));
     outcome += &section("left", "What is left", left(found));
     if !found.advice.is_empty() {
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
@@ -94,12 +94,15 @@ fn figures(found: &Identification) -> String {
     ])
 }
 
-fn added(added: &[Added]) -> String {
-    if added.is_empty() {
-        return "<p>Nothing: the declared cell explains the data to the noise.</p>\n".to_owned();
+fn added(found: &Identification) -> String {
+    if found.added.is_empty() {
+        return match found.unexplained.significant {
+            true => "<p>Nothing.</p>\n".to_owned(),
+            false => "<p>Nothing: the declared cell explains the data to the noise.</p>\n".to_owned(),
+        };
     }
     let mut out = String::new();
-    for effect in added {
+    for effect in &found.added {
         let kind = escape(&effect.kind);
         // Writing to a String cannot fail.
         let _ = writeln!(
