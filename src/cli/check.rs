@@ -15,7 +15,7 @@ use super::{Answer, Outcome, message};
 use deflex::correct::{Judged, Messages, Row, Summary, compensate, contradictions, predict};
 use deflex::program::{Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif, shift_mm};
+use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif};
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::Path;
@@ -31,7 +31,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(Setup::read(&args.model, context, args.correct, &args.reports), jobs)?;
     // Nobody else holds the cell yet.
-    if let (Some(most), Some(cell)) = (args.max_correction, Arc::get_mut(&mut setup.cell)) {
+    if let (Some(most), Some(cell)) =
+        (args.max_correction.filter(|_| args.against.is_none()), Arc::get_mut(&mut setup.cell))
+    {
         cell.cell.limits.max_correction = 1e-3 * most;
     }
     one_thing(1 + args.reports.to_stdout())?;
@@ -190,9 +192,8 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
     if corrects(args) {
         failures.extend(compensate(&program, cell, &setup.options).map_err(|e| setup.cell.own(e))?.failures);
     }
-    let original = original.as_ref().map_or(&[][..], |original| &original.targets);
-    let mut found = Findings::default();
-    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, original }));
+    let (mut found, moved_mm) = (Findings::default(), &predicted.moved_mm);
+    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, moved_mm }));
     let file = CheckFile::new(&name, targets, found.into_parts());
     let rows = Rows::new(&program, &predicted.rows);
     let path = batch.path.clone().map(|mut path| {
@@ -223,7 +224,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
 
 /// What is wrong with a program, or a chunk of it.
 fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
-    let Judged { program, rows, failures, original } = judged;
+    let Judged { program, rows, failures, moved_mm } = judged;
     let place = Places::new(program);
     let over = rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
     let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
@@ -236,7 +237,7 @@ fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     }
     findings.extend(failures);
     if let Some(most) = args.max_correction {
-        let moved = original.iter().zip(&program.targets).map(|(a, b)| (b.ordinal, shift_mm(&a.goal, &b.goal)));
+        let moved = program.targets.iter().map(|target| target.ordinal).zip(moved_mm.iter().copied());
         findings.extend(moved.filter(|(_, mm)| *mm > most).map(|(target, mm)| place.correction(target, mm, most)));
     }
     findings

@@ -19,6 +19,8 @@ pub struct Corrected {
     pub rewritten: Option<Rewritten>,
     /// CL input: what to post, one a point of the program.
     pub posted: Vec<Posted>,
+    /// A program that is judged by its original: how far each target is from its place there, mm.
+    pub moved_mm: Vec<f64>,
     /// Warnings that many targets share; in `notes` when all of the program is through.
     pub(super) repeated: Repeated,
 }

@@ -100,6 +100,8 @@ const TICKS: u16 = 256;
 struct Part {
     /// Index into the segments.
     segment: usize,
+    /// Index of the node that it ends at; `None` at the target.
+    node: Option<usize>,
     /// Shares of the segment.
     from: f64,
     to: f64,
@@ -127,16 +129,38 @@ pub(super) fn pass_end(
     }
 }
 
-/// What is left on the way into every target, in their order; `last` is the end of the targets before.
+/// What is left on a program's way.
+pub(super) struct Deviations {
+    /// On the way into every target, from the last node before it where there is one.
+    pub(super) targets: Vec<Option<PathDeviation>>,
+    /// On the way into every node.
+    pub(super) nodes: Vec<Option<PathDeviation>>,
+}
+
+impl Deviations {
+    /// The same on the whole way into every target.
+    pub(super) fn whole(mut self, nodes: &[Node]) -> Vec<Option<PathDeviation>> {
+        for (node, own) in nodes.iter().zip(self.nodes).rev() {
+            let behind = &mut self.targets[node.before];
+            *behind = match (own, behind.take()) {
+                (Some(own), Some(behind)) => Some(own.and(behind)),
+                (own, behind) => own.or(behind),
+            };
+        }
+        self.targets
+    }
+}
+
+/// What is left on the way into every target and node, in their order; `last` is the end of the targets before.
 pub(super) fn measure(
     program: &Program,
     solver: &Solver<'_>,
     commanded: &Commanded<'_>,
     last: Option<&Start>,
-) -> Vec<Option<PathDeviation>> {
+) -> Deviations {
     let way = WalkedPath { program, prepared: solver.prepared, commanded, last };
     let count = solver.prepared.points.len();
-    let mut out = vec![None; count];
+    let mut out = Deviations { targets: vec![None; count], nodes: vec![None; commanded.nodes.len()] };
     let mut wanted = Vec::new();
     let (mut from, mut before) = (None, way.last.and_then(|last| last.tangent));
     for i in 0..count {
@@ -150,12 +174,12 @@ pub(super) fn measure(
             continue;
         };
         if kind == Kind::Joint || start.is_none() && way.last.is_none() {
-            out[i] = Some(PathDeviation::at_end(&predicted.shift));
+            out.targets[i] = Some(PathDeviation::at_end(&predicted.shift));
             before = None;
             continue;
         }
         match way.known_from_ends(i, start, &motor, &mut before) {
-            Some(known) => out[i] = Some(known),
+            Some(known) => out.targets[i] = Some(known),
             None => wanted.push((i, start)),
         }
     }
@@ -246,18 +270,17 @@ impl WalkedPath<'_> {
     }
 
     /// Cuts segments into parts at their nodes, and finds how far the tip is off on each.
-    fn solve(&self, solver: &Solver<'_>, segments: &[(Segment<'_>, &Start)], out: &mut [Option<PathDeviation>]) {
+    fn solve(&self, solver: &Solver<'_>, segments: &[(Segment<'_>, &Start)], out: &mut Deviations) {
         let mut parts = Vec::new();
         for (at, (segment, start)) in segments.iter().enumerate() {
             self.parts(solver, (at, segment), start, &mut parts);
         }
         let measured = Measure { way: self, solver, segments, parts: &parts }.all();
         for (part, measured) in parts.iter().zip(measured) {
-            let i = segments[part.segment].0.end;
-            out[i] = match (out[i].take(), measured) {
-                (Some(before), Some(part)) => Some(before.and(part)),
-                (before, measured) => before.or(measured),
-            };
+            match part.node {
+                Some(node) => out.nodes[node] = measured,
+                None => out.targets[segments[part.segment].0.end] = measured,
+            }
         }
     }
 
@@ -268,14 +291,15 @@ impl WalkedPath<'_> {
         let first = commanded.nodes.partition_point(|node| node.before < i);
         let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
         let (mut share, mut pose, mut near) = (0.0, begins, start.motor);
-        for node in nodes {
+        for (k, node) in nodes.enumerate() {
             let track = match &node.via {
                 Some(via) => Track::arc(&pose, via, &node.commanded),
                 None => Track::line(&pose, &node.commanded),
             };
             let setting = segment.setting(node.share);
             let to = controller_motor(&solver.arm.robot, &setting, &node.commanded, &near).unwrap_or(near);
-            parts.push(Part::new(at, (share, node.share), track, [near, to], travel));
+            let node_at = Some(first + k);
+            parts.push(Part { node: node_at, ..Part::new(at, (share, node.share), track, [near, to], travel) });
             (share, pose, near) = (node.share, node.commanded, to);
         }
         let to = (commanded.poses)(i);
@@ -291,7 +315,7 @@ impl Part {
     fn new(segment: usize, (from, to): (f64, f64), commanded: Track, motors: [Joints; 2], travel: Joints) -> Self {
         let moved: f64 = (motors[1] - motors[0]).iter().map(|step| step.abs()).sum();
         let short = moved < SHORT && !commanded.is_arc();
-        Self { segment, from, to, commanded, motors, travel, short }
+        Self { segment, node: None, from, to, commanded, motors, travel, short }
     }
 
     /// Share of the segment at a tick.

@@ -1,8 +1,9 @@
 //! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
 
+use super::against::other_count;
 use super::carried;
 use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, WalkedPath};
-use super::line::{self, Carried};
+use super::line::{self, Carried, WithOriginal};
 use super::messages::Messages;
 use super::ordered::OrderedStage;
 use super::parallelism::Parallelism;
@@ -11,7 +12,7 @@ use super::point::Point;
 use super::{Corrected, Options, Prepared, Row};
 use crate::cell::Cell;
 use crate::program::chunk::leaves_its_start;
-use crate::program::{AnyChunks, Next, Program, Target};
+use crate::program::{AnyChunks, Next, Program};
 use crate::text::Diagnostic;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
@@ -37,8 +38,8 @@ pub struct Judged<'a> {
     pub rows: &'a [Row],
     /// Targets that have no answer, corrected or as they are.
     pub failures: Vec<Diagnostic>,
-    /// The targets of the program that it was corrected from, as far as there is one.
-    pub original: &'a [Target],
+    /// How far each target of the program is from its place in the original, mm, as far as there is one.
+    pub moved_mm: &'a [f64],
 }
 
 /// Predicts what the cell would make of a long program, `original` being what errors are counted from: the same rows as
@@ -76,23 +77,24 @@ pub fn predict_chunks<R: Read + Seek + Send>(
             None => None,
         };
         let judged = prepared.map_err(Unsolved::from).and_then(|mut prepared| match before {
-            None => Ok((prepared, None)),
-            Some(Ok(Some((original, targets)))) => {
+            None => Ok(prepared),
+            Some(Ok(Some(original))) => {
                 prepared.judge_against(&original, program)?;
-                Ok((prepared, Some(targets)))
+                Ok(prepared)
             }
             // Why is said when all has been looked at.
             Some(Ok(None)) => Err(Vec::new().into()),
             Some(Err(why)) => Err(Unsolved::Stop(why)),
         });
-        let (prepared, before) = match judged {
-            Ok(judged) => judged,
+        let prepared = match judged {
+            Ok(prepared) => prepared,
             Err(why) => {
                 ends.take(n, |_| ())?;
                 return Some(Err(why));
             }
         };
-        let mut predicted = line::warm_start(program, cell, options, (&prepared, &ends), n, Parallelism::Here)?;
+        let prepared = WithOriginal { prepared: &prepared, subdivided: None, is_judged: original.is_some() };
+        let mut predicted = line::warm_start(program, cell, options, (prepared, &ends), n, Parallelism::Here)?;
         let Some(findings) = findings else { return Some(Ok((Vec::new(), predicted))) };
         let mut failures = std::mem::take(&mut predicted.failures);
         if let Some(correction) = correction {
@@ -101,8 +103,8 @@ pub fn predict_chunks<R: Read + Seek + Send>(
                 Err(refused) => return Some(Err(refused.into())),
             }
         }
-        let original = before.as_deref().unwrap_or_default();
-        Some(Ok((findings(Judged { program, rows: &predicted.rows, failures, original }), predicted)))
+        let Corrected { rows, moved_mm, .. } = &predicted;
+        Some(Ok((findings(Judged { program, rows, failures, moved_mm }), predicted)))
     };
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
@@ -140,7 +142,7 @@ struct Original<'a, R> {
     chunks: AnyChunks<R>,
     path: carried::Carried<'a>,
     /// Read, and not yet asked for.
-    targets: VecDeque<(Target, Point)>,
+    points: VecDeque<Point>,
     /// The points' laws and the like.
     prepared: Option<Prepared>,
     /// The corrected program's first source.
@@ -158,7 +160,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         Self {
             chunks,
             path,
-            targets: VecDeque::new(),
+            points: VecDeque::new(),
             prepared: None,
             name: String::new(),
             asked: 0,
@@ -169,13 +171,9 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         }
     }
 
-    /// As many targets as the next chunk of the program has; `None` where there are fewer, or one is refused.
-    fn next(
-        &mut self,
-        program: &Program,
-        cell: &Cell,
-        options: &Options,
-    ) -> Result<Option<(Prepared, Vec<Target>)>, StreamError> {
+    /// As many targets as the next chunk of the program has; `None` where one is refused. A program with more targets has some
+    /// inserted: which, is told by the whole of it.
+    fn next(&mut self, program: &Program, cell: &Cell, options: &Options) -> Result<Option<Prepared>, StreamError> {
         let count = program.targets.len();
         self.asked += count;
         if self.name.is_empty() {
@@ -184,13 +182,12 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         while self.came < self.asked && !self.ended {
             self.read(cell, options)?;
         }
-        let Some(prepared) = self.prepared.as_ref().filter(|_| self.refused.is_empty() && self.came >= self.asked)
-        else {
-            return Ok(None);
-        };
-        let (targets, points) = self.targets.drain(..count).unzip();
+        if self.came < self.asked {
+            return Err(StreamError::NotStreamable);
+        }
+        let Some(prepared) = self.prepared.as_ref().filter(|_| self.refused.is_empty()) else { return Ok(None) };
         let prepared = Prepared {
-            points,
+            points: self.points.drain(..count).collect(),
             before: None,
             started: prepared.started,
             settings: prepared.settings.clone(),
@@ -199,7 +196,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
             turns_are_chosen: false,
             notes: Vec::new(),
         };
-        Ok(Some((prepared, targets)))
+        Ok(Some(prepared))
     }
 
     /// Reads its next chunk.
@@ -219,8 +216,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         self.came += chunk.program.targets.len();
         match path::prepare(&chunk.program, cell, options, &mut self.path) {
             Ok(mut prepared) => {
-                let points = std::mem::take(&mut prepared.points);
-                self.targets.extend(chunk.program.targets.into_iter().zip(points));
+                self.points.extend(prepared.points.drain(..));
                 self.prepared = Some(prepared);
             }
             Err(refused) => self.refused.add_once(refused),
@@ -228,14 +224,14 @@ impl<'a, R: Read + Seek> Original<'a, R> {
         Ok(())
     }
 
-    /// Whether it has the targets of the program, and no more.
+    /// Whether it has no more targets than the program.
     fn done(mut self, cell: &Cell, options: &Options) -> Result<(), StreamError> {
         while !self.ended {
             self.read(cell, options)?;
-            self.targets.clear();
+            self.points.clear();
         }
         let refused = if self.refused.is_empty() && self.asked != self.came {
-            vec![line::other_count(&self.name, self.asked, self.came)]
+            vec![other_count(&self.name, self.asked, self.came)]
         } else {
             self.refused.all()
         };

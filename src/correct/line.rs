@@ -1,5 +1,6 @@
 //! The line from targets to rows: compensate and predict.
 
+use super::against::{self, Subdivided};
 use super::collected::{Collected, check_limits};
 use super::corrected::{Corrected, Posted};
 use super::deviation::Commanded;
@@ -19,7 +20,7 @@ use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
-use crate::robot::{Joints, Pose, conf_is, conf_like, confdata_of};
+use crate::robot::{Joints, conf_is, conf_like, confdata_of};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
@@ -32,22 +33,36 @@ const NO_CHANGE_RAD: f64 = 1e-11;
 /// `against`, the original of a corrected program, is what errors are counted from; it defines depth and force too.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses; an original that does not have the same targets.
+/// What [`Prepared::new`] refuses; an original with other targets than these: some may have been inserted on its path.
 pub fn predict(
     program: &Program,
     cell: &Cell,
     options: &Options,
     against: Option<&Program>,
 ) -> Result<Corrected, Vec<Diagnostic>> {
-    let mut prepared = Prepared::new(program, cell, options)?;
-    if let Some(original) = against {
-        let original = &Prepared::new(original, cell, options)?;
-        prepared.judge_against(original, program)?;
+    let (mut prepared, mut subdivided) = match against {
+        Some(original) => against::judged(program, original, cell, options)?,
+        None => (Prepared::new(program, cell, options)?, None),
+    };
+    if removal::run(program, cell, &mut prepared, Cuts::Deflected)?.is_some()
+        && let Some(subdivided) = &mut subdivided
+    {
+        subdivided.settle(&mut prepared, &cell.arm);
     }
-    removal::run(program, cell, &mut prepared, Cuts::Deflected)?;
+    let prepared = WithOriginal { prepared: &prepared, subdivided: subdivided.as_ref(), is_judged: against.is_some() };
     let ends = OrderedStage::new(None);
     // Nobody else has a chunk that could break off.
-    Ok(warm_start(program, cell, options, (&prepared, &ends), 0, Parallelism::Threads).unwrap_or_default())
+    Ok(warm_start(program, cell, options, (prepared, &ends), 0, Parallelism::Threads).unwrap_or_default())
+}
+
+/// A program, or a chunk of it, and what it is judged by.
+#[derive(Clone, Copy)]
+pub(super) struct WithOriginal<'a> {
+    pub(super) prepared: &'a Prepared,
+    /// The original, where it has fewer targets.
+    pub(super) subdivided: Option<&'a Subdivided<'a>>,
+    /// Whether there is one.
+    pub(super) is_judged: bool,
 }
 
 /// What becomes of chunk `n` of a program as it is, prepared, where `ends` has those of the chunks before; `None` where one of
@@ -56,10 +71,11 @@ pub(super) fn warm_start(
     program: &Program,
     cell: &Cell,
     options: &Options,
-    (prepared, ends): (&Prepared, &OrderedStage<Option<Start>>),
+    (judged, ends): (WithOriginal<'_>, &OrderedStage<Option<Start>>),
     n: usize,
     parallelism: Parallelism,
 ) -> Option<Corrected> {
+    let prepared = judged.prepared;
     let solver = Solver::new(&cell.arm, prepared, parallelism);
     let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
     let mut out = Collected::new(program, prepared);
@@ -81,13 +97,17 @@ pub(super) fn warm_start(
         nodes: &[],
     };
     let before = ends.take(n, |last| deviation::pass_end(program, prepared, &commanded, last))?;
-    out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
+    out.paths(&match judged.subdivided {
+        Some(subdivided) => subdivided.measure(prepared, &there, &cell.arm, parallelism),
+        None => deviation::measure(program, &solver, &commanded, before.as_ref()).targets,
+    });
     sigma::fill(&mut out.rows, program, cell, prepared, parallelism);
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, prepared, parallelism);
     }
     let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
-    Some(out.finish(notes, None, Vec::new()))
+    let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
+    Some(Corrected { moved_mm, ..out.finish(notes, None, Vec::new()) })
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -324,7 +344,7 @@ pub(super) fn chunk(
         nodes: &nodes,
     };
     let before = carried.written.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
-    out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()));
+    out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()).whole(&nodes));
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;
     sigma::fill(&mut out.rows, program, cell, &prepared, parallelism);
     if options.stiffness {
@@ -485,39 +505,4 @@ fn unsolved_notes(program: &Program, prepared: &Prepared) -> Vec<Diagnostic> {
         }
     }
     notes.into_iter().map(|(_, note)| note).collect()
-}
-
-/// The original of a program with so many targets has another number of them.
-pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagnostic {
-    let message = format!("{targets} targets, but the original has {original}");
-    Diagnostic::error("against.count", name, message)
-        .help("--against takes the program that this one was corrected from")
-}
-
-impl Prepared {
-    /// Counts errors from the targets of `original`: they define depth, force and the wanted poses.
-    pub(super) fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
-        if original.points.len() != self.points.len() {
-            let name = program.sources.first().map_or("", |s| s.name.as_str());
-            return Err(vec![other_count(name, self.points.len(), original.points.len())]);
-        }
-        for (i, (point, original)) in self.points.iter_mut().zip(&original.points).enumerate() {
-            let external = |point: &Point| point.moved.as_ref().map(|moved| moved.external.map(f64::to_bits));
-            if external(point) != external(original) {
-                let target = &program.targets[i];
-                let source = &program.sources[usize::from(target.source)];
-                let message = format!("target {}: its external axes stand elsewhere in the original", target.ordinal);
-                let told = Diagnostic::error("against.external", "", message);
-                let help = "--against takes the program that this one was corrected from";
-                return Err(vec![told.on_line(source, target.span, target.line).help(help)]);
-            }
-            let commanded: (Pose, Joints, Joints) = (point.wobj_from_tcp, point.motor, point.travel);
-            *point = original.clone();
-            (point.wobj_from_tcp, point.motor, point.travel) = commanded;
-        }
-        self.settings.clone_from(&original.settings);
-        self.laws.clone_from(&original.laws);
-        self.fronts.clone_from(&original.fronts);
-        Ok(())
-    }
 }

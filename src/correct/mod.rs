@@ -8,6 +8,7 @@
 //! travel) is a cheap ordered pass; equilibria are solved in parallel and collected in order, so that the same
 //! program gives the same bytes for any number of threads.
 
+mod against;
 mod ahead;
 mod asked;
 mod carried;

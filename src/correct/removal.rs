@@ -7,7 +7,7 @@ use super::point::{Milled, Point, tool_axis};
 use super::segment::Kind;
 use super::track::Track;
 use super::travel::CHORD;
-use super::{Options, Prepared};
+use super::{Options, Prepared, against};
 use crate::cell::Cell;
 use crate::effects::{Cutting, Situation};
 use crate::program::{Program, Role};
@@ -171,7 +171,7 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
     })
 }
 
-/// Cuts the cell's stock with a program; errors and depth are counted from `against`, the original of a corrected one.
+/// Cuts the cell's stock with a program; errors and depth are counted from the original of a corrected one.
 ///
 /// # Errors
 /// What [`Prepared::new`] refuses, and a cell without `[stock]`.
@@ -179,13 +179,13 @@ pub fn cut_stock(
     program: &Program,
     cell: &Cell,
     options: &Options,
-    against: Option<&Program>,
+    original: Option<&Program>,
     cuts: Cuts,
 ) -> Result<Removal, Vec<Diagnostic>> {
-    let mut prepared = Prepared::new(program, cell, options)?;
-    if let Some(original) = against {
-        prepared.judge_against(&Prepared::new(original, cell, options)?, program)?;
-    }
+    let mut prepared = match original {
+        Some(original) => against::judged(program, original, cell, options)?.0,
+        None => Prepared::new(program, cell, options)?,
+    };
     run(program, cell, &mut prepared, cuts)?.ok_or_else(|| {
         let message = match &cell.stock {
             None => "the cell has no [stock] to cut",

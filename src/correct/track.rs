@@ -111,6 +111,28 @@ impl Track {
         Pose::from_parts(Translation3::from(at), rotation)
     }
 
+    /// The share of the length at which the curve is nearest to a place.
+    pub(super) fn nearest(&self, place: &Vector3<f64>) -> f64 {
+        let (a, b) = (self.from.translation.vector, self.to.translation.vector);
+        match &self.curve {
+            Curve::Line => {
+                let way = b - a;
+                let square = way.norm_squared();
+                if square > 0.0 { ((place - a).dot(&way) / square).clamp(0.0, 1.0) } else { 1.0 }
+            }
+            Curve::Arc { circle, angle, .. } => {
+                let turned = circle.angle(&a, place);
+                let past_end = turned - angle;
+                match () {
+                    () if past_end <= 0.0 => turned / angle,
+                    // Behind the arc, the end that is nearer.
+                    () if past_end < std::f64::consts::TAU - turned => 1.0,
+                    () => 0.0,
+                }
+            }
+        }
+    }
+
     /// Unit vector along the curve at a share of its length; `None` where it has no length.
     pub(super) fn tangent(&self, share: f64) -> Option<Vector3<f64>> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
@@ -200,6 +222,11 @@ mod tests {
         assert_relative_eq!(arc.tangent(0.5).unwrap(), -Vector3::x(), epsilon = 1e-12);
         let off = arc.across(0.5, &Vector3::new(0.3, 0.4, -0.1));
         assert_relative_eq!(off, Vector3::new(0.0, 0.4, -0.1), epsilon = 1e-12);
+        // Beside it, and behind both its ends.
+        let near = |x: f64, y: f64| arc.nearest(&Vector3::new(1.0 + x, 2.0 + y, 3.3));
+        assert_relative_eq!(near(3.0, 3.0), 0.25, epsilon = 1e-12);
+        assert_relative_eq!(near(5.0, -0.1), 0.0);
+        assert_relative_eq!(near(-5.0, -0.1), 1.0);
         // More than half way round, and on a line.
         let far = Track::arc(&on(0.0, 5.0), &on(-5.0, 0.0), &on(5.0, 0.0));
         assert_relative_eq!(far.pose(0.5), on(-diagonal, -diagonal), epsilon = 1e-12);
@@ -213,6 +240,8 @@ mod tests {
         };
         let line = Track::line(&turned(0.0, 0.2), &turned(4.0, 1.0));
         assert_relative_eq!(line.pose(0.75), turned(3.0, 0.8), epsilon = 1e-12);
+        assert_relative_eq!(line.nearest(&Vector3::new(3.0, 0.4, -0.2)), 0.75, epsilon = 1e-12);
+        assert_relative_eq!(line.nearest(&Vector3::new(-0.3, 0.4, 0.0)), 0.0);
         let corner = line.across_start(&Vector3::new(-0.3, 0.4, 0.0));
         assert_relative_eq!(corner, Vector3::new(-0.3, 0.4, 0.0), epsilon = 1e-12);
         assert_relative_eq!(

@@ -5,6 +5,7 @@
 //! the number tokens stand) is its own and stays behind [`Program::rewrite`].
 
 mod action;
+pub(crate) mod alignment;
 pub(crate) mod chunk;
 pub mod cl;
 mod detect;

@@ -27,7 +27,7 @@ const FORCE: [f64; 3] = [-35.0, 95.0, 85.0];
 const WOBJ: [f64; 3] = [1350.0, -250.0, 620.0];
 const TOOL_LENGTH: f64 = 260.0;
 
-const CELL: &str = "[robot]
+pub(crate) const CELL: &str = "[robot]
 model = \"test arm\"
 start_deg = [0, 0, 0, 0, 60, 0]
 [robot.kinematics]
@@ -262,7 +262,7 @@ impl Walk {
 }
 
 /// The five kinds of paths, as motions: positions in mm, the tool's turn about y in degrees (0 points straight down).
-fn paths() -> Vec<(&'static str, String)> {
+pub(crate) fn paths() -> Vec<(&'static str, String)> {
     let line = |x: f64, y: f64, z: f64, lean: f64| {
         let (sin, cos) = (0.5 * lean.to_radians()).sin_cos();
         format!("[[{x},{y},{z}],[{:.8},{:.8},{:.8},{:.8}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]", 0.0, cos, 0.0, -sin)
@@ -288,7 +288,7 @@ fn paths() -> Vec<(&'static str, String)> {
     vec![("zig-zag", zig_zag), ("rail", rail), ("square", square), ("half circles", arcs), ("turning", turning)]
 }
 
-fn module(body: &str) -> String {
+pub(crate) fn module(body: &str) -> String {
     let mut text = "MODULE Walk\n".to_owned();
     let _ =
         writeln!(text, "  PERS tooldata tMill:=[TRUE,[[0,0,{TOOL_LENGTH}],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];");
@@ -297,11 +297,11 @@ fn module(body: &str) -> String {
     text + "  PROC main()\n" + body + "  ENDPROC\nENDMODULE\n"
 }
 
-fn read(text: &str) -> Program {
+pub(crate) fn read(text: &str) -> Program {
     rapid::read(vec![Source::new("walk.mod", text.as_bytes())], Vec::new()).expect("a program")
 }
 
-fn corrected(program: &Program, cell: &Cell, subdivide: Option<f64>) -> (Corrected, String) {
+pub(crate) fn corrected(program: &Program, cell: &Cell, subdivide: Option<f64>) -> (Corrected, String) {
     let options = Options { subdivide, ..Options::default() };
     let corrected = compensate(program, cell, &options).expect("corrected");
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);

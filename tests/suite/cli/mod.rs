@@ -1,5 +1,6 @@
 //! The binary as its users drive it: exit codes, messages, what is written and where.
 
+mod against;
 mod bad_input;
 mod bench;
 mod care;

@@ -1,0 +1,419 @@
+//! A corrected program judged by its original: errors are counted from the original's targets and path.
+//!
+//! Where the correction has inserted targets, those of the original are found among them ([`align`]), and an inserted target is
+//! judged by the place of the original's path that is nearest to where the loaded tool lands: its error is a contour error,
+//! under the depth and the force of the original's cut there.
+
+use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
+use super::mount::Moved;
+use super::parallelism::Parallelism;
+use super::point::Point;
+use super::segment::{self, Kind, Segment, Start};
+use super::solve::Solver;
+use super::{Options, Prepared, free_turn, path};
+use crate::cell::Cell;
+use crate::equilibrium::{Arm, EquilibriumError, PredictedPose, WarmStart};
+use crate::program::alignment::{Fit, align};
+use crate::program::{Program, Role};
+use crate::robot::Pose;
+use crate::text::Diagnostic;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// Commands are off the path by the correction; single precision and the bend between two targets come to it, m.
+const SLACK: f64 = 0.5e-3;
+
+/// External axes of inserted targets are as far along as the target, to this (mm, degrees) for the correction along the path.
+const EXTERNAL_SLACK: f64 = 1.0;
+
+/// Pairs of targets that are solved at once, to bound the memory of dense programs.
+const PAIRS: usize = 1 << 16;
+
+/// An inserted target has found its place on the path when it moves by less than this, m.
+const SETTLED: f64 = 1e-9;
+/// Rounds that this may take: force and deflection hardly change on the way, and a round gains two digits or more.
+const ROUNDS: usize = 8;
+
+const HELP: &str = "--against takes the program that this one was corrected from";
+
+/// An original whose corrected program has targets besides its own.
+pub(super) struct Subdivided<'a> {
+    original: &'a Program,
+    prepared: Prepared,
+    starts: Vec<Option<Start>>,
+    /// Ends of the original's motions, and what they are in the corrected program.
+    matched: Vec<(usize, usize)>,
+    /// The other targets of the corrected program, in order.
+    inserted: Vec<Inserted>,
+}
+
+/// A target of the corrected program on the way into one of the original's.
+struct Inserted {
+    target: usize,
+    /// Index into the original's.
+    before: usize,
+    /// Share of the way.
+    share: f64,
+    role: Role,
+}
+
+/// The points of a corrected program with what they are judged by.
+///
+/// # Errors
+/// What [`Prepared::new`] refuses; targets that are neither the original's nor on its path.
+pub(super) fn judged<'a>(
+    program: &Program,
+    original: &'a Program,
+    cell: &Cell,
+    options: &Options,
+) -> Result<(Prepared, Option<Subdivided<'a>>), Vec<Diagnostic>> {
+    let mut carried = free_turn::carried(program, cell, options)?;
+    let mut prepared = path::prepare(program, cell, options, &mut carried)?;
+    let mut before = Prepared::new(original, cell, options)?;
+    prepared.notes.append(&mut before.notes);
+    if program.targets.len() <= original.targets.len() {
+        prepared.judge_against(&before, program)?;
+        return Ok((prepared, None));
+    }
+    segment::follow_arcs(original, &mut before);
+    let subdivided = Subdivided::new((program, &mut prepared), (original, before), cell)?;
+    Ok((prepared, Some(subdivided)))
+}
+
+impl<'a> Subdivided<'a> {
+    fn new(
+        (program, points): (&Program, &mut Prepared),
+        (original, prepared): (&'a Program, Prepared),
+        cell: &Cell,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let starts = starts(original, &prepared);
+        let segments = segments(original, &prepared, &starts);
+        let fit = Places {
+            arm: &cell.arm,
+            corrected: (program, points),
+            original: (original, &prepared),
+            segments: &segments,
+            most: cell.limits.max_correction + SLACK,
+        };
+        let matched = align(original, program, &fit).map_err(|i| vec![fits_nothing(program, i, fit.most)])?;
+        let mut inserted = Vec::with_capacity(program.targets.len() - matched.len());
+        let mut at = 0;
+        let mut same = Vec::with_capacity(original.targets.len());
+        for &(wanted, given) in &matched {
+            // An arc that is not split keeps its circle point.
+            if given == at + 1 && Kind::of(original, wanted) == Kind::Arc {
+                same.push((wanted - 1, given - 1));
+                at = given;
+            }
+            for target in at..given {
+                let commanded = points.points[target].wobj_from_tcp.translation.vector;
+                let share = segments[wanted].as_ref().map_or(1.0, |segment| segment.track.nearest(&commanded));
+                inserted.push(Inserted { target, before: wanted, share, role: program.targets[target].role });
+            }
+            same.push((wanted, given));
+            at = given + 1;
+        }
+        for (wanted, given) in same {
+            points.judge_point(given, &prepared.points[wanted], program)?;
+        }
+        points.settings.clone_from(&prepared.settings);
+        points.laws.clone_from(&prepared.laws);
+        points.fronts.clone_from(&prepared.fronts);
+        drop(segments);
+        let mut subdivided = Self { original, prepared, starts, matched, inserted };
+        subdivided.place(points, program, &cell.arm)?;
+        Ok(subdivided)
+    }
+
+    /// Puts the inserted targets where they are on the path of the original.
+    fn place(&mut self, points: &mut Prepared, program: &Program, arm: &Arm) -> Result<(), Vec<Diagnostic>> {
+        let segments = segments(self.original, &self.prepared, &self.starts);
+        let at = |inserted: &Inserted, own: &Point| {
+            let there = segments[inserted.before].as_ref().map(|segment| segment.at(inserted.share));
+            let (wobj_from_tcp, motor, travel, moved) = (own.wobj_from_tcp, own.motor, own.travel, own.moved.clone());
+            Point { wobj_from_tcp, motor, travel, moved, ..there.unwrap_or_else(|| own.clone()) }
+        };
+        for _ in 0..ROUNDS {
+            let batch = self.inserted.iter().map(|inserted| at(inserted, &points.points[inserted.target])).collect();
+            let batch = points.with_points(batch);
+            if !nearest(&mut self.inserted, &batch, &segments, arm) {
+                break;
+            }
+        }
+        for inserted in &self.inserted {
+            let Some(segment) = &segments[inserted.before] else { continue };
+            let own = &points.points[inserted.target];
+            let external = |moved: &Option<Arc<Moved>>| moved.as_ref().map(|moved| moved.external);
+            let apart = match (external(&own.moved), external(&segment.moved(inserted.share))) {
+                (None, None) => false,
+                (Some(own), Some(way)) => own.iter().zip(way).any(|(own, way)| (own - way).abs() > EXTERNAL_SLACK),
+                _ => true,
+            };
+            if apart {
+                return Err(vec![other_axes(program, inserted.target)]);
+            }
+            points.points[inserted.target] = at(inserted, own);
+        }
+        Ok(())
+    }
+
+    /// The same once the forces at the inserted targets are those of a stock that the loaded tool has cut.
+    pub(super) fn settle(&mut self, points: &mut Prepared, arm: &Arm) {
+        let segments = segments(self.original, &self.prepared, &self.starts);
+        for _ in 0..ROUNDS {
+            let batch = self.inserted.iter().map(|inserted| points.points[inserted.target].clone()).collect();
+            let moved = nearest(&mut self.inserted, &points.with_points(batch), &segments, arm);
+            for inserted in &self.inserted {
+                if let Some(segment) = &segments[inserted.before] {
+                    points.points[inserted.target].reference = segment.track.pose(inserted.share);
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+
+    /// What is left on the way into each target of the corrected program, along the original's path.
+    pub(super) fn measure(
+        &self,
+        points: &Prepared,
+        there: &[Result<PredictedPose, EquilibriumError>],
+        arm: &Arm,
+        parallelism: Parallelism,
+    ) -> Vec<Option<PathDeviation>> {
+        let mut judged = self.prepared.with_points(self.prepared.points.clone());
+        // Which target of the corrected program stands for each of the original's.
+        let mut given = vec![0; judged.points.len()];
+        for &(wanted, end) in &self.matched {
+            given[wanted] = end;
+            judged.points[wanted] = points.points[end].clone();
+            if Kind::of(self.original, wanted) == Kind::Arc {
+                given[wanted - 1] = end - 1;
+            }
+            self.merge_forces((wanted, end), points, &mut judged.points[wanted]);
+        }
+        let ends: Vec<&Inserted> = self.inserted.iter().filter(|inserted| inserted.role != Role::Via).collect();
+        let segments = segments(self.original, &self.prepared, &self.starts);
+        let node = |inserted: &&Inserted| {
+            let via = inserted.target.checked_sub(1).filter(|via| {
+                let is_via = |other: &Inserted| other.target == *via && other.role == Role::Via;
+                self.inserted.binary_search_by_key(via, |other| other.target).is_ok_and(|k| is_via(&self.inserted[k]))
+            });
+            let own = &points.points[inserted.target];
+            Node {
+                before: inserted.before,
+                share: inserted.share,
+                length: segments[inserted.before].as_ref().map_or(0.0, |segment| segment.track.length()),
+                commanded: own.wobj_from_tcp,
+                via: via.map(|via| points.points[via].wobj_from_tcp),
+                moved: own.moved.clone(),
+            }
+        };
+        let nodes: Vec<Node> = ends.iter().map(node).collect();
+        let predicted_poses: Vec<_> = given.iter().map(|end| there[*end].clone()).collect();
+        let commanded = Commanded {
+            poses: &|i| points.points[given[i]].wobj_from_tcp,
+            motors: &|i| {
+                let point = &points.points[given[i]];
+                point.unsolved.is_none().then_some((point.motor, point.travel))
+            },
+            predicted_poses: &predicted_poses,
+            near: &|_| WarmStart::default(),
+            nodes: &nodes,
+        };
+        let solver = Solver::new(arm, &judged, parallelism);
+        let Deviations { targets, nodes } = deviation::measure(self.original, &solver, &commanded, None);
+        let mut out = vec![None; points.points.len()];
+        for &(wanted, end) in &self.matched {
+            out[end] = targets[wanted];
+        }
+        for (inserted, deviation) in ends.iter().zip(nodes) {
+            out[inserted.target] = deviation;
+        }
+        out
+    }
+
+    /// Forces along the whole way into a target of the original, where they follow from the stock.
+    fn merge_forces(&self, (wanted, end): (usize, usize), points: &Prepared, judged: &mut Point) {
+        let Some(milled) = &mut judged.milled else { return };
+        let first = self.inserted.partition_point(|inserted| inserted.before < wanted);
+        let own = self.inserted[first..].iter().take_while(|inserted| inserted.before == wanted);
+        let ways = own.filter(|inserted| inserted.role != Role::Via).map(|inserted| (inserted.target, inserted.share));
+        let (mut forces, mut from) = (Vec::new(), 0.0);
+        for (target, to) in ways.chain([(end, 1.0)]) {
+            let part = points.points[target].milled.iter().flat_map(|milled| milled.forces.iter());
+            forces.extend(part.map(|(share, force)| (from + share * (to - from), *force)));
+            from = to;
+        }
+        milled.forces = forces.into();
+    }
+}
+
+/// Moves inserted targets to the place of the path nearest to where the tool lands; whether any has moved.
+fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
+    let solver = Solver::new(arm, batch, Parallelism::Threads);
+    let landed = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+    let (mut moved, mut least, mut way) = (false, 0.0, None);
+    for (k, landed) in landed.iter().enumerate() {
+        let inserted = &mut inserted[k];
+        if way.replace(inserted.before) != Some(inserted.before) {
+            least = 0.0;
+        }
+        let (Some(segment), Ok(landed)) = (&segments[inserted.before], landed) else { continue };
+        let place = batch.points[k].reference.translation.vector + landed.shift;
+        let share = segment.track.nearest(&place).max(least);
+        moved |= (share - inserted.share).abs() * segment.track.length() > SETTLED;
+        (inserted.share, least) = (share, share);
+    }
+    moved
+}
+
+/// Where the way into each target begins, as programmed; `None` where it is no line and no arc.
+fn starts(program: &Program, prepared: &Prepared) -> Vec<Option<Start>> {
+    let commanded = Commanded {
+        poses: &|i| prepared.points[i].reference,
+        motors: &|i| {
+            let point = &prepared.points[i];
+            point.unsolved.is_none().then_some((point.motor, point.travel))
+        },
+        predicted_poses: &[],
+        near: &|_| WarmStart::default(),
+        nodes: &[],
+    };
+    let way = WalkedPath { program, prepared, commanded: &commanded, last: None };
+    let start = |i: usize| {
+        let is_path = matches!(Kind::of(program, i), Kind::Line | Kind::Arc) && prepared.points[i].unsolved.is_none();
+        if is_path { way.start(way.before(i)?) } else { None }
+    };
+    (0..prepared.points.len()).map(start).collect()
+}
+
+/// The ways from there.
+fn segments<'p>(program: &Program, prepared: &'p Prepared, starts: &'p [Option<Start>]) -> Vec<Option<Segment<'p>>> {
+    let into = |(i, start): (usize, &'p Option<Start>)| Segment::into(program, prepared, i, start.as_ref()?);
+    starts.iter().enumerate().map(into).collect()
+}
+
+/// Corrected targets about the original's path.
+struct Places<'a> {
+    arm: &'a Arm,
+    corrected: (&'a Program, &'a Prepared),
+    original: (&'a Program, &'a Prepared),
+    segments: &'a [Option<Segment<'a>>],
+    /// Largest distance of a command from the path, m.
+    most: f64,
+}
+
+impl Places<'_> {
+    fn commanded(&self, corrected: usize) -> &Pose {
+        &self.corrected.1.points[corrected].wobj_from_tcp
+    }
+
+    /// Whether the numbers have been left as they were.
+    fn is_unchanged(&self, corrected: usize, original: usize) -> bool {
+        self.corrected.0.targets[corrected].goal == self.original.0.targets[original].goal
+    }
+}
+
+impl Fit for Places<'_> {
+    fn is_same(&self, corrected: usize, original: usize) -> bool {
+        let (given, wanted) = (&self.corrected.1.points[corrected], &self.original.1.points[original]);
+        if given.unsolved.is_some() || wanted.unsolved.is_some() {
+            return self.is_unchanged(corrected, original);
+        }
+        let shift = given.wobj_from_tcp.translation.vector - wanted.reference.translation.vector;
+        shift.norm() <= self.most
+    }
+
+    fn is_on_way(&self, corrected: usize, original: usize) -> bool {
+        let Some(segment) = &self.segments[original] else { return false };
+        if self.corrected.1.points[corrected].unsolved.is_some() {
+            return false;
+        }
+        let place: Vector3<f64> = self.commanded(corrected).translation.vector;
+        let on_path = segment.track.pose(segment.track.nearest(&place)).translation.vector;
+        (place - on_path).norm() <= self.most
+    }
+
+    /// By where the loaded tool lands; numbers that have been left as they were are the target's own, wherever that is.
+    fn costs(&self, pairs: &[(usize, usize)]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(pairs.len());
+        for pairs in pairs.chunks(PAIRS) {
+            let point = |&(corrected, original): &(usize, usize)| {
+                let (given, wanted) = (&self.corrected.1.points[corrected], &self.original.1.points[original]);
+                let (wobj_from_tcp, motor, travel) = (given.wobj_from_tcp, given.motor, given.travel);
+                Point { wobj_from_tcp, motor, travel, ..wanted.clone() }
+            };
+            let batch = self.original.1.with_points(pairs.iter().map(point).collect());
+            let solver = Solver::new(self.arm, &batch, Parallelism::Threads);
+            let landed = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+            let cost = |(&(corrected, original), landed): (&(usize, usize), Result<PredictedPose, _>)| match landed {
+                _ if self.is_unchanged(corrected, original) => 0.0,
+                Ok(landed) => landed.shift.norm_squared(),
+                Err(_) => self.most * self.most,
+            };
+            out.extend(pairs.iter().zip(landed).map(cost));
+        }
+        out
+    }
+}
+
+/// A target of the corrected program that the original has no place for.
+fn fits_nothing(program: &Program, i: usize, most: f64) -> Diagnostic {
+    let target = &program.targets[i];
+    let source = &program.sources[usize::from(target.source)];
+    let message = format!(
+        "target {} fits neither a target of the original nor its way there: no more than {:.1} mm off, in order",
+        target.ordinal,
+        1e3 * most
+    );
+    Diagnostic::error("against.path", "", message).on_line(source, target.span, target.line).help(HELP)
+}
+
+fn other_axes(program: &Program, i: usize) -> Diagnostic {
+    let target = &program.targets[i];
+    let source = &program.sources[usize::from(target.source)];
+    let message = format!("target {}: its external axes stand elsewhere in the original", target.ordinal);
+    Diagnostic::error("against.external", "", message).on_line(source, target.span, target.line).help(HELP)
+}
+
+/// The original of a program with so many targets has more of them.
+pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagnostic {
+    let message = format!("{targets} targets, but the original has {original}");
+    Diagnostic::error("against.count", name, message).help(HELP)
+}
+
+impl Prepared {
+    /// Counts errors from the targets of `original`, one for each of these: they define depth, force and the wanted poses.
+    pub(super) fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
+        if original.points.len() != self.points.len() {
+            let name = program.sources.first().map_or("", |s| s.name.as_str());
+            return Err(vec![other_count(name, self.points.len(), original.points.len())]);
+        }
+        for (i, point) in original.points.iter().enumerate() {
+            self.judge_point(i, point, program)?;
+        }
+        self.settings.clone_from(&original.settings);
+        self.laws.clone_from(&original.laws);
+        self.fronts.clone_from(&original.fronts);
+        Ok(())
+    }
+
+    fn judge_point(&mut self, i: usize, original: &Point, program: &Program) -> Result<(), Vec<Diagnostic>> {
+        let point = &mut self.points[i];
+        let external = |point: &Point| point.moved.as_ref().map(|moved| moved.external.map(f64::to_bits));
+        if external(point) != external(original) {
+            return Err(vec![other_axes(program, i)]);
+        }
+        let (wobj_from_tcp, motor, travel) = (point.wobj_from_tcp, point.motor, point.travel);
+        *point = Point { wobj_from_tcp, motor, travel, ..original.clone() };
+        Ok(())
+    }
+
+    /// How far each target is from what it is judged by, mm.
+    pub(super) fn moved_mm(&self) -> Vec<f64> {
+        let moved = |point: &Point| point.wobj_from_tcp.translation.vector - point.reference.translation.vector;
+        self.points.iter().map(|point| 1e3 * moved(point).norm()).collect()
+    }
+}
