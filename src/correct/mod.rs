@@ -61,6 +61,7 @@ pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chunks};
+pub(crate) use track::Track;
 
 use crate::cell::{Cell, SpinRule};
 use crate::effects::{Situation, ToolFrame};

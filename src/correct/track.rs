@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, Translation3, Unit, Vector3};
 
 /// A curve from one pose to another, told by the share of its length that is behind.
 #[derive(Clone, Debug)]
-pub(super) struct Track {
+pub(crate) struct Track {
     from: Pose,
     to: Pose,
     curve: Curve,
@@ -44,12 +44,12 @@ enum Turn {
 
 impl Track {
     /// A line (`MoveL`).
-    pub(super) fn line(from: &Pose, to: &Pose) -> Self {
+    pub(crate) fn line(from: &Pose, to: &Pose) -> Self {
         Self { from: *from, to: *to, curve: Curve::Line, turn: Turn::between(from, to) }
     }
 
     /// An arc through a circle point (`MoveC`); the line where the three points lie on one.
-    pub(super) fn arc(from: &Pose, via: &Pose, to: &Pose) -> Self {
+    pub(crate) fn arc(from: &Pose, via: &Pose, to: &Pose) -> Self {
         let [a, b, c] = [from, via, to].map(|pose| pose.translation.vector);
         let Some(circle) = Circle::through([a, b, c]) else { return Self::line(from, to) };
         let (angle, share) = (circle.angle(&a, &c), circle.angle(&a, &b));
@@ -92,7 +92,7 @@ impl Track {
     }
 
     /// The pose at a share of the length.
-    pub(super) fn pose(&self, share: f64) -> Pose {
+    pub(crate) fn pose(&self, share: f64) -> Pose {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         let at = match &self.curve {
             Curve::Line => a.lerp(&b, share),
@@ -112,7 +112,7 @@ impl Track {
     }
 
     /// The share of the length at which the curve is nearest to a place.
-    pub(super) fn nearest(&self, place: &Vector3<f64>) -> f64 {
+    pub(crate) fn nearest(&self, place: &Vector3<f64>) -> f64 {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
             Curve::Line => {

@@ -1,5 +1,6 @@
 //! What changed between two programs, target by target.
 
+use super::pairs::Pairs;
 use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Target};
 use crate::text::{apply, number};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -25,6 +26,8 @@ pub struct Difference {
     pub max_deg: f64,
     /// Largest difference between the shifts of neighbours, mm.
     pub max_step_mm: f64,
+    /// Targets of the second program on the way between those of the first.
+    pub inserted: Vec<InsertedTarget>,
     /// Anything other than a number of a target: lines of the first program, and what is different.
     pub other: Vec<OtherDifference>,
 }
@@ -52,6 +55,18 @@ pub struct MovedTarget {
     pub conf: Option<([i32; 4], [i32; 4])>,
 }
 
+/// A target that only the second program has.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct InsertedTarget {
+    /// Ordinal in the second program.
+    pub target: u32,
+    /// Line there.
+    pub line: u32,
+    /// Ordinal of the first program's target on whose way it is.
+    pub before: u32,
+}
+
 /// Something other than a number.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
@@ -66,7 +81,7 @@ impl Difference {
     /// Whether the programs are the same.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.moved.is_empty() && self.other.is_empty()
+        self.moved.is_empty() && self.inserted.is_empty() && self.other.is_empty()
     }
 }
 
@@ -74,12 +89,21 @@ impl Difference {
 #[must_use]
 pub fn difference(first: &Program, second: &Program) -> Difference {
     let mut out = Difference { targets: first.targets.len(), ..Difference::default() };
-    if first.targets.len() != second.targets.len() {
-        let what = format!("{} targets became {}", first.targets.len(), second.targets.len());
-        out.other.push(OtherDifference { line: 0, what });
-    }
+    let pairs = if second.targets.len() > first.targets.len() { Pairs::subdivided(first, second) } else { None };
+    let pairs = pairs.unwrap_or_else(|| {
+        if first.targets.len() != second.targets.len() {
+            let what = format!("{} targets became {}", first.targets.len(), second.targets.len());
+            out.other.push(OtherDifference { line: 0, what });
+        }
+        Pairs::in_order(first, second)
+    });
+    out.inserted = pairs.inserted.iter().map(|(inserted, _)| inserted.clone()).collect();
     let mut last = Vector3::zeros();
-    for (i, (a, b)) in first.targets.iter().zip(&second.targets).enumerate() {
+    for &(i, k, is_same_place) in &pairs.same {
+        let (a, b) = (&first.targets[i], &second.targets[k]);
+        if !is_same_place {
+            continue;
+        }
         let (shift, deg, conf) = compare(&a.goal, &b.goal);
         let step = if i == 0 { 0.0 } else { (shift - last).norm() };
         last = shift;
@@ -111,7 +135,7 @@ pub fn difference(first: &Program, second: &Program) -> Difference {
         out.mean_mm = out.moved.iter().map(|m| m.mm).sum::<f64>() / out.moved.len() as f64;
     }
     if first.language == second.language {
-        other_text(first, second, &mut out.other);
+        other_text(first, second, &pairs, &mut out.other);
     }
     out
 }
@@ -145,9 +169,9 @@ pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
     compare(a, b).0.norm()
 }
 
-type Compared = (Vector3<f64>, f64, Option<(Conf, Conf)>);
+pub(super) type Compared = (Vector3<f64>, f64, Option<(Conf, Conf)>);
 
-fn compare(a: &Goal, b: &Goal) -> Compared {
+pub(super) fn compare(a: &Goal, b: &Goal) -> Compared {
     let turn = |q: &[f64; 4]| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
     match (a, b) {
         (Goal::Pose { position_mm: p, quat: q, conf: c }, Goal::Pose { position_mm: p2, quat: q2, conf: c2 }) => {
@@ -174,13 +198,12 @@ fn compare(a: &Goal, b: &Goal) -> Compared {
 }
 
 /// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.
-fn other_text(first: &Program, second: &Program, out: &mut Vec<OtherDifference>) {
+fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<OtherDifference>) {
     // A few lines tell; a wholly different file needs no list.
     const MOST: usize = 50;
-    let wanted: Vec<Option<Change>> =
-        first.targets.iter().zip(&second.targets).map(|(a, b)| change(&a.goal, &b.goal)).collect();
-    let as_second = if first.targets.len() == second.targets.len() {
-        first.rewrite(&wanted, &[], &RewriteOptions::default()).edits
+    let as_second = if pairs.same.len() == first.targets.len() {
+        let wanted = pairs.same.iter().map(|(i, k, _)| change(&first.targets[*i].goal, &second.targets[*k].goal));
+        first.rewrite(&wanted.collect::<Vec<_>>(), &[], &RewriteOptions::default()).edits
     } else {
         Vec::new()
     };
@@ -188,7 +211,9 @@ fn other_text(first: &Program, second: &Program, out: &mut Vec<OtherDifference>)
         let mut bytes = Vec::with_capacity(a.bytes.len());
         // Writing to a Vec cannot fail.
         let _ = apply(&a.bytes, as_second.get(i).map_or(&[][..], Vec::as_slice), &mut bytes);
-        let (mut left, mut right) = (skeleton(&bytes), skeleton(&b.bytes));
+        let mut rest = Vec::with_capacity(b.bytes.len());
+        let _ = apply(&b.bytes, &pairs.insertions(second, i), &mut rest);
+        let (mut left, mut right) = (skeleton(&bytes), skeleton(&rest));
         loop {
             match (left.next(), right.next()) {
                 (None, None) => break,
@@ -304,10 +329,15 @@ pub fn diff_text(found: &Difference) -> String {
         let _ = writeln!(out, "{place}{}", other.what);
     }
     let turned = found.moved.iter().filter(|m| m.conf.is_some()).count();
+    let inserted = match found.inserted.len() {
+        0 => String::new(),
+        1 => "; 1 target inserted".to_owned(),
+        many => format!("; {many} targets inserted"),
+    };
     let _ = writeln!(
         out,
         "{} of {} targets changed: largest {} mm and {}°, mean {} mm, largest step between neighbours {} mm, {turned} \
-         with another configuration; {} other differences",
+         with another configuration{inserted}; {} other differences",
         found.moved.len(),
         found.targets,
         plain(found.max_mm),

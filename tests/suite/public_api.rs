@@ -22,7 +22,9 @@ use deflex::program::{
     RewriteOptions, Rewritten, Role, RoundTrip, Target, Tool, ToolData, Wobj, WobjData, cl, rapid,
 };
 use deflex::report::html::{self, PathKind, PathPage, PathTrace};
-use deflex::report::{self, CheckFile, Difference, FileSummary, InspectFile, InspectFiles, MovedTarget};
+use deflex::report::{
+    self, CheckFile, Difference, FileSummary, InsertedTarget, InspectFile, InspectFiles, MovedTarget,
+};
 use deflex::robot::{BUILTIN, Builtin, DhRow, Joints, Limits, Pose, Robot, Unreachable};
 use deflex::text::{self, Diagnostic, Edit, Severity, Source, Span};
 
@@ -90,7 +92,17 @@ fn types_are_there_and_can_be_shared_between_threads() {
         Motion
     );
     all!(Program, RewriteOptions, Rewritten, Role, RoundTrip, Target, Tool, ToolData, Wobj, WobjData);
-    all!(PathKind, PathTrace, CheckFile, Difference, FileSummary, InspectFile, InspectFiles, MovedTarget);
+    all!(
+        PathKind,
+        PathTrace,
+        CheckFile,
+        Difference,
+        FileSummary,
+        InsertedTarget,
+        InspectFile,
+        InspectFiles,
+        MovedTarget
+    );
     all!(Builtin, DhRow, Limits, Unreachable, Diagnostic, Edit, Severity, Source, Span);
     assert_eq!((KINDS.len(), BUILTIN.len()), (24, 117), "kinds and robots are only added to: raise this number then");
 }

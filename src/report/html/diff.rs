@@ -26,7 +26,10 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
     path.quote(|target, _| original.line_of(target));
     let mut path = path.json();
     path["title"] = json!(name);
-    let changed = format!("{} of {} targets changed", found.moved.len(), found.targets);
+    let mut changed = format!("{} of {} targets changed", found.moved.len(), found.targets);
+    if !found.inserted.is_empty() {
+        changed += &format!(", {} inserted", found.inserted.len());
+    }
     let mut body = tiles(&[
         Tile {
             key: "max_mm",

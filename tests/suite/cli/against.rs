@@ -135,6 +135,25 @@ fn the_command_checks_a_subdivided_program() {
     for (told, own) in figures("told.json").into_iter().zip(figures("own.json")) {
         assert!((told - own).abs() < PRINTED, "{told} {own}");
     }
+    // Without a cell: the shift of the original's targets, and that nothing else is different.
+    let ran = bench.run("diff walk.mod out.mod").exits(1);
+    // Three circle points of arcs that were split have no shift.
+    let end = "4 of 7 targets changed";
+    assert!(
+        ran.stdout.contains(end) && ran.stdout.contains("; 7 targets inserted; 0 other differences"),
+        "{}",
+        ran.stdout
+    );
+    bench.run("diff walk.mod out.mod --json diff.json").exits(1);
+    let json: serde_json::Value = serde_json::from_str(&bench.read("diff.json")).unwrap();
+    let told: serde_json::Value = serde_json::from_str(&bench.read("told.json")).unwrap();
+    let largest = |json: &serde_json::Value, key: &str| json[key].as_f64().unwrap();
+    let correction = largest(&told["files"][0], "max_correction_mm");
+    assert!((largest(&json, "max_mm") - correction).abs() < PRINTED, "{json}");
+    // Something else changed besides: its line.
+    bench.write("slower.mod", bench.read("out.mod").replacen(",v20,fine", ",v10,fine", 1));
+    let ran = bench.run("diff walk.mod slower.mod").exits(1);
+    assert!(ran.stdout.contains("targets inserted; 2 other differences"), "{}", ran.stdout);
 }
 
 #[test]

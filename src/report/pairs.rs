@@ -1,0 +1,116 @@
+//! Which targets of two programs belong together, where the second has some inserted.
+
+use super::InsertedTarget;
+use super::diff::compare;
+use crate::correct::Track;
+use crate::program::alignment::{Fit, align};
+use crate::program::{Goal, Program, Role, Target};
+use crate::robot::Pose;
+use crate::text::{Edit, Span};
+use nalgebra::{Rotation3, Translation3, Vector3};
+
+/// Inserted targets are looked for so far from the path of the first program, mm: the largest correction of a cell that does not
+/// say another.
+const NEAR: f64 = 5.5;
+
+/// Which targets of two programs belong together.
+pub(super) struct Pairs {
+    /// Indices into both, and whether they are the same place: the circle point of an arc that was split is elsewhere.
+    pub(super) same: Vec<(usize, usize, bool)>,
+    /// What the second has besides, and the span of its instruction: source, start and end.
+    pub(super) inserted: Vec<(InsertedTarget, (usize, Span))>,
+}
+
+impl Pairs {
+    pub(super) fn in_order(first: &Program, second: &Program) -> Self {
+        let same = (0..first.targets.len().min(second.targets.len())).map(|i| (i, i, true)).collect();
+        Self { same, inserted: Vec::new() }
+    }
+
+    /// `None` where the second program is not the first with targets inserted on its way.
+    pub(super) fn subdivided(first: &Program, second: &Program) -> Option<Self> {
+        let matched = align(first, second, &Near { first, second }).ok()?;
+        let mut pairs = Self { same: Vec::with_capacity(first.targets.len()), inserted: Vec::new() };
+        let mut at = 0;
+        for (i, k) in matched {
+            let is_via = |k: usize| second.targets[k].role == Role::Via;
+            let via = k.checked_sub(1).filter(|via| *via >= at && is_via(*via));
+            if let Some(via) = via {
+                pairs.same.push((i - 1, via, via == at));
+            }
+            for inserted in (at..via.unwrap_or(k)).filter(|k| !is_via(*k)) {
+                let Target { ordinal: target, line, source, span, .. } = second.targets[inserted];
+                let inserted = InsertedTarget { target, line, before: first.targets[i].ordinal };
+                pairs.inserted.push((inserted, (usize::from(source), span)));
+            }
+            pairs.same.push((i, k, true));
+            at = k + 1;
+        }
+        Some(pairs)
+    }
+
+    /// Edits that take the inserted instructions out of a source of the second program.
+    pub(super) fn insertions(&self, second: &Program, source: usize) -> Vec<Edit> {
+        let bytes = &second.sources[source].bytes;
+        let here = self.inserted.iter().filter(|(_, (other, _))| *other == source);
+        let without = |(_, (_, span)): &(InsertedTarget, (usize, Span))| {
+            let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
+            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
+            let end = span.end + u32::try_from(behind).unwrap_or(0);
+            Edit { span: Span { start: span.start, end }, content: Vec::new().into() }
+        };
+        here.map(without).collect()
+    }
+}
+
+/// Targets about the path of the first program, without a cell: by their numbers.
+struct Near<'a> {
+    first: &'a Program,
+    second: &'a Program,
+}
+
+impl Near<'_> {
+    /// The way into a target of the first program, mm; `None` where it begins in other axes.
+    fn way(&self, i: usize) -> Option<Track> {
+        let targets = &self.first.targets;
+        let pose = |target: &Target| {
+            let at = position(&target.goal)?;
+            Some(Pose::from_parts(Translation3::from(at), Rotation3::identity()))
+        };
+        let own = |k: usize| Some(&targets[k]).filter(|target| target.wobj == targets[i].wobj);
+        let before = i.checked_sub(1)?;
+        let to = pose(&targets[i])?;
+        if targets[before].role == Role::Via {
+            return Some(Track::arc(&pose(own(before.checked_sub(1)?)?)?, &pose(own(before)?)?, &to));
+        }
+        Some(Track::line(&pose(own(before)?)?, &to))
+    }
+}
+
+impl Fit for Near<'_> {
+    fn is_same(&self, second: usize, first: usize) -> bool {
+        let (a, b) = (&self.first.targets[first].goal, &self.second.targets[second].goal);
+        a == b || position(a).zip(position(b)).is_some_and(|(a, b)| (a - b).norm() <= NEAR)
+    }
+
+    fn is_on_way(&self, second: usize, first: usize) -> bool {
+        let Some((way, at)) = self.way(first).zip(position(&self.second.targets[second].goal)) else { return false };
+        (way.pose(way.nearest(&at)).translation.vector - at).norm() <= NEAR
+    }
+
+    fn costs(&self, pairs: &[(usize, usize)]) -> Vec<f64> {
+        let apart = |&(second, first): &(usize, usize)| {
+            let shift = compare(&self.first.targets[first].goal, &self.second.targets[second].goal).0;
+            shift.norm_squared()
+        };
+        pairs.iter().map(apart).collect()
+    }
+}
+
+/// mm
+fn position(goal: &Goal) -> Option<Vector3<f64>> {
+    match goal {
+        Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => Some(Vector3::from(*position_mm)),
+        Goal::Joints { .. } => None,
+    }
+}
