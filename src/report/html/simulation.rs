@@ -48,7 +48,7 @@ pub fn simulation_page(
             },
         ]);
     }
-    body += STAGE;
+    body += &stage(maps);
     let mut table = Table::new(
         "figures-table",
         &[
@@ -93,13 +93,26 @@ fn data(maps: &[(&str, DeviationMap)]) -> Value {
     json!({ "kind": "simulate", "points": points, "triangles": first.programmed.triangles.concat(), "maps": maps })
 }
 
-const STAGE: &str = r#"<section class="stage" id="part-stage"><div class="view">
-<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Map <select id="which"></select></label></span>
-<span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span></div>
-<canvas id="part" tabindex="0" role="img" aria-label="The part in 3-D, coloured by its deviation. Drag or arrow keys turn it, the wheel zooms." style="width:100%;height:32rem;touch-action:none"></canvas>
-<p class="hint">Blue: gouged. Grey: as programmed. Red: left over. White: not cut. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. <span id="there" role="status"></span></p>
+/// A view of each map, side by side.
+fn stage(maps: &[(&str, DeviationMap)]) -> String {
+    let view = |(name, _): &(&str, DeviationMap)| {
+        format!(
+            "<figure><canvas class=\"part\" tabindex=\"0\" role=\"img\" aria-label=\"The part in 3-D, {name}, coloured by its \
+             deviation. Drag or arrow keys turn it, the wheel zooms.\" style=\"height:32rem\"></canvas><figcaption>{name}</figcaption></figure>"
+        )
+    };
+    let views: String = maps.iter().map(view).collect();
+    let columns = maps.len().clamp(1, 2);
+    format!(
+        r#"<section class="stage" id="part-stage" style="grid-template-columns:minmax(0,1fr)"><div class="view">
+<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span></div>
+<div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{views}</div>
+<div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="uncut" style="width:24px;height:11px;border-radius:3px;margin-left:16px"></span><span>not cut</span></div>
+<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. <span id="there" role="status"></span></p>
 </div></section>
-"#;
+"#
+    )
+}
 
 const WORDS: &str = "<dl>
 <dt>Deviation</dt><dd>The surface that the loaded arm leaves minus the programmed one, out of the material: above zero material is left over, below zero it is gouged.</dd>

@@ -1,17 +1,16 @@
 // The part in 3-D: triangles from back to front on a plain canvas, coloured by deviation.
 const data = JSON.parse(document.getElementById("data").textContent);
-const canvas = document.getElementById("part");
-if (canvas && data.points) {
-  const context = canvas.getContext("2d");
+// A canvas a map, all seen from the same side.
+const canvases = [...document.querySelectorAll("canvas.part")];
+if (canvases.length && data.points) {
   const { points, triangles, maps } = data;
   const count = points.length / 3;
-  const which = document.getElementById("which");
   const limit = document.getElementById("limit");
   const there = document.getElementById("there");
-  maps.forEach((map, i) => which.add(new Option(map.name, i)));
-  which.value = maps.length - 1;
-  const largest = Math.max(...maps.map((map) => map.values.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0)));
-  limit.value = Math.max(largest / 1e4, 0.001).toPrecision(2);
+  // A few places that stick out would leave the rest pale.
+  const sizes = maps.flatMap((map) => map.values.filter((v) => v !== null).map(Math.abs)).sort((a, b) => a - b);
+  const most = sizes.length ? sizes[Math.floor(0.98 * (sizes.length - 1))] : 0;
+  limit.value = Math.max(most / 1e4, 0.001).toPrecision(2);
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (let i = 0; i < points.length; i++) {
     low[i % 3] = Math.min(low[i % 3], points[i]);
@@ -24,13 +23,24 @@ if (canvas && data.points) {
   const order = Array.from({ length: triangles.length / 3 }, (_, i) => i);
   const depth = new Float64Array(order.length);
   const mix = (a, b, t) => a.map((v, k) => v + (b[k] - v) * t);
+  const grey = [205, 205, 205], red = [200, 30, 30], blue = [30, 70, 200], uncut = [222, 205, 160];
+  const css = (base, light) => `rgb(${base.map((v) => Math.round(v * light)).join(",")})`;
   const colour = (value, light) => {
-    const grey = [190, 190, 190], red = [200, 30, 30], blue = [30, 70, 200];
     const share = value === null ? null : Math.min(1, Math.abs(value) / 1e4 / limit.value);
-    const base = share === null ? [245, 245, 245] : mix(grey, value > 0 ? red : blue, share);
-    return `rgb(${base.map((v) => Math.round(v * light)).join(",")})`;
+    return css(share === null ? uncut : mix(grey, value > 0 ? red : blue, share), light);
+  };
+  document.getElementById("ramp").style.background = `linear-gradient(to right, ${[blue, grey, red].map((v) => css(v, 1)).join(",")})`;
+  document.getElementById("uncut").style.background = css(uncut, 1);
+  const legend = () => {
+    document.getElementById("low").textContent = `−${limit.value} mm gouged`;
+    document.getElementById("high").textContent = `+${limit.value} mm left over`;
   };
   const draw = () => {
+    legend();
+    canvases.forEach(drawMap);
+  };
+  const drawMap = (canvas, which) => {
+    const context = canvas.getContext("2d");
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const ratio = window.devicePixelRatio || 1;
     canvas.width = width * ratio;
@@ -50,7 +60,7 @@ if (canvas && data.points) {
       depth[i] = seen[3 * triangles[3 * i] + 2] + seen[3 * triangles[3 * i + 1] + 2] + seen[3 * triangles[3 * i + 2] + 2];
     }
     order.sort((a, b) => depth[b] - depth[a]);
-    const values = maps[which.value].values;
+    const values = maps[which].values;
     for (const i of order) {
       const [a, b, c] = [triangles[3 * i], triangles[3 * i + 1], triangles[3 * i + 2]];
       const [x, y] = [seen[3 * a], seen[3 * a + 1]];
@@ -78,37 +88,38 @@ if (canvas && data.points) {
     waits = true;
   };
   let drag = null;
-  canvas.addEventListener("pointerdown", (event) => { drag = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
-  canvas.addEventListener("pointerup", () => { drag = null; });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!drag) return;
-    const [dx, dy] = [event.clientX - drag[0], event.clientY - drag[1]];
-    drag = [event.clientX, event.clientY];
-    if (event.shiftKey) { view.x += dx; view.y += dy; } else { view.turn += 0.008 * dx; view.tilt = Math.min(1.57, Math.max(-1.57, view.tilt + 0.008 * dy)); }
-    soon();
+  canvases.forEach((canvas, which) => {
+    canvas.addEventListener("pointerdown", (event) => { drag = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
+    canvas.addEventListener("pointerup", () => { drag = null; });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!drag) return;
+      const [dx, dy] = [event.clientX - drag[0], event.clientY - drag[1]];
+      drag = [event.clientX, event.clientY];
+      if (event.shiftKey) { view.x += dx; view.y += dy; } else { view.turn += 0.008 * dx; view.tilt = Math.min(1.57, Math.max(-1.57, view.tilt + 0.008 * dy)); }
+      soon();
+    });
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); view.zoom *= Math.exp(-0.001 * event.deltaY); soon(); }, { passive: false });
+    canvas.addEventListener("click", (event) => {
+      const box = canvas.getBoundingClientRect();
+      let best = null;
+      for (let i = 0; i < count; i++) {
+        const far = Math.hypot(seen[3 * i] - event.clientX + box.left, seen[3 * i + 1] - event.clientY + box.top);
+        if (far < 8 && (best === null || seen[3 * i + 2] < seen[3 * best + 2])) best = i;
+      }
+      if (best === null) return;
+      const value = maps[which].values[best];
+      const at = [0, 1, 2].map((k) => (points[3 * best + k] / 1e3).toFixed(2)).join(", ");
+      there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
+    });
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      view.turn += step[0];
+      view.tilt += step[1];
+      soon();
+    });
   });
-  canvas.addEventListener("wheel", (event) => { event.preventDefault(); view.zoom *= Math.exp(-0.001 * event.deltaY); soon(); }, { passive: false });
-  canvas.addEventListener("click", (event) => {
-    const box = canvas.getBoundingClientRect();
-    let best = null;
-    for (let i = 0; i < count; i++) {
-      const far = Math.hypot(seen[3 * i] - event.clientX + box.left, seen[3 * i + 1] - event.clientY + box.top);
-      if (far < 8 && (best === null || seen[3 * i + 2] < seen[3 * best + 2])) best = i;
-    }
-    if (best === null) return;
-    const value = maps[which.value].values[best];
-    const at = [0, 1, 2].map((k) => (points[3 * best + k] / 1e3).toFixed(2)).join(", ");
-    there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
-    if (!step) return;
-    event.preventDefault();
-    view.turn += step[0];
-    view.tilt += step[1];
-    soon();
-  });
-  which.addEventListener("change", soon);
   limit.addEventListener("input", soon);
   window.addEventListener("resize", soon);
   draw();
