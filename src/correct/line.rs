@@ -460,7 +460,10 @@ fn change(
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
     let robot = &cell.arm.robot;
     // The configuration follows only where it was true: posts write dummies.
-    let holds = |written: &Conf| prepared.turns_are_chosen || conf_is(robot, &point.motor, *written);
+    // Joint motions of KRL go by S and T, whatever these are: where they are not those of the arm, that is said.
+    let goes_by = |written: &Conf| matches!(written, Conf::Status(_));
+    let holds =
+        |written: &Conf| prepared.turns_are_chosen || goes_by(written) || conf_is(robot, &point.motor, *written);
     let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })

@@ -174,7 +174,8 @@ impl Stand {
             (external, _) => external.as_deref().unwrap_or(&none),
         };
         let units = cell.units.all();
-        if (0..EXTERNAL_AXES).any(|axis| axes.written[axis].is_some() && units.iter().all(|unit| unit.axis != axis)) {
+        let used = |axis: usize| axes.written[axis].is_some() && !axes.at_rest[axis];
+        if (0..EXTERNAL_AXES).any(|axis| used(axis) && units.iter().all(|unit| unit.axis != axis)) {
             return unsolved(NO_UNIT);
         }
         let mut external = [f64::NAN; EXTERNAL_AXES];

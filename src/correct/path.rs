@@ -194,7 +194,8 @@ impl Walk<'_, '_> {
         if why.is_some() {
             return Stand { moved: None, unsolved: why, apart };
         }
-        if target.external.is_none() && self.cell.units.all().is_empty() {
+        let at_rest = target.external.as_ref().is_none_or(|external| external.is_at_rest());
+        if at_rest && self.cell.units.all().is_empty() {
             return Stand::default();
         }
         let last = self.last_moved.as_ref().filter(|(last, _)| *last == setting).map(|(_, moved)| moved);

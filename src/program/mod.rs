@@ -31,7 +31,9 @@ pub use modules::{ModuleNames, group_modules};
 #[doc(hidden)]
 pub use chunk::{AnyChunks, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
-pub use target::{Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Target};
+pub use target::{
+    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Status, Target,
+};
 
 use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, Edit, Source, Span};

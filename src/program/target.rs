@@ -67,6 +67,8 @@ pub struct ExternalAxes {
     pub written: [Option<f64>; EXTERNAL_AXES],
     /// What the controller adds (RAPID `EOffsSet`, `EOffsOn`).
     pub offset: External,
+    /// Axes at zero in all of the program: robots without any are told zeros too (KRL).
+    pub at_rest: [bool; EXTERNAL_AXES],
     /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
     pub inactive: Arc<[InactiveUnit]>,
     /// Whether the axes have moved by themselves since the target before: the way into this one begins elsewhere.
@@ -74,6 +76,12 @@ pub struct ExternalAxes {
 }
 
 impl ExternalAxes {
+    /// Whether no axis is anywhere else than at zero in all of the program.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        self.written.iter().zip(self.at_rest).all(|(written, at_rest)| written.is_none() || at_rest)
+    }
+
     /// Where the controller sends an axis; `None` where it is not in use.
     #[must_use]
     pub fn position(&self, axis: usize) -> Option<f64> {
@@ -151,6 +159,21 @@ pub enum Conf {
     Quarters(Confdata),
     /// FANUC TP.
     Turns(Config),
+    /// KUKA KRL.
+    Status(Status),
+}
+
+/// KUKA `S` and `T` of a position, which joint motions go by.
+///
+/// `S`: bit 0, wrist centre behind axis 1; bit 1, set where it is before the lower arm, which is the usual side; bit 2, axis 5 below
+/// zero. `T`: bit n − 1, axis n below zero. Bits beyond these are somebody else's and stay. Source: KUKA, Operating and
+/// Programming Instructions for System Integrators, *Status and Turn*; taught points of public programs, where bit 2 of `S` is bit 4 of `T`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Status {
+    /// `S`
+    pub status: i32,
+    /// `T`
+    pub turn: i32,
 }
 
 /// FANUC `CONFIG : 'F D B, t1, t4, t6'`.

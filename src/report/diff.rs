@@ -1,7 +1,7 @@
 //! What changed between two programs, target by target.
 
 use super::pairs::Pairs;
-use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Target};
+use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status, Target};
 use crate::text::{apply, number};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -160,6 +160,7 @@ fn list(conf: Conf) -> [i32; 4] {
     match conf {
         Conf::Quarters(conf) => [conf.cf1, conf.cf4, conf.cf6, conf.cfx],
         Conf::Turns(Config { turns: [one, four, six], posture }) => [one, four, six, posture],
+        Conf::Status(Status { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
     }
 }
 

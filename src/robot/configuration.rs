@@ -1,7 +1,7 @@
 //! Configurations as controllers write them, of motor angles.
 
 use super::{Joints, Robot};
-use crate::program::{Conf, Confdata, Config};
+use crate::program::{Conf, Confdata, Config, Status};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// ABB's quarter-turn index of an axis: 0 for 0…90°, 1 for 90…180°, −1 for 0…−90° (exactly −90° is −2).
@@ -49,6 +49,21 @@ pub fn confdata_of(robot: &Robot, motor: &Joints) -> Confdata {
     }
 }
 
+/// `S` and `T` of motor angles (rad), with the bits that are not the robot's as they are in `like`.
+fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
+    let (rear, behind) = robot.posture(motor);
+    let status = i32::from(rear) + 2 * i32::from(!behind) + 4 * below_zero(motor[4]);
+    let turn = (0..6).map(|axis| below_zero(motor[axis]) << axis).sum::<i32>();
+    Status { status: like.status & !7 | status, turn: like.turn & !63 | turn }
+}
+
+/// KUKA's turn bit of an axis.
+fn below_zero(angle: f64) -> i32 {
+    /// What arithmetic leaves of zero, rad.
+    const ZERO: f64 = 1e-12;
+    i32::from(angle < -ZERO)
+}
+
 /// The configuration of motor angles (rad) as a controller writes it that writes `like`.
 #[must_use]
 pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
@@ -58,6 +73,7 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
             posture: posture(robot, motor),
             turns: [motor[0], motor[3], motor[5]].map(whole_turn),
         }),
+        Conf::Status(like) => Conf::Status(status_like(robot, motor, like)),
     }
 }
 
@@ -70,6 +86,7 @@ pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = match conf {
         Conf::Quarters(conf) => turned(quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
         Conf::Turns(conf) => turned(whole_turn, conf.turns),
+        Conf::Status(_) => true,
     };
     turned && conf_like(robot, motor, conf) == conf
 }
@@ -82,6 +99,7 @@ pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
     let (index, wanted): (fn(f64) -> i32, _) = match conf {
         Conf::Quarters(conf) => (quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
         Conf::Turns(conf) => (whole_turn, conf.turns),
+        Conf::Status(conf) => (below_zero, [0, 3, 5].map(|axis| conf.turn >> axis & 1)),
     };
     let mut turned = *motor;
     for (axis, wanted) in [0, 3, 5].into_iter().zip(wanted) {
@@ -92,22 +110,47 @@ pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
 }
 
 /// Number of the branch that a configuration means.
-pub(super) fn branch_index(conf: Conf) -> Option<usize> {
+pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
     let posture = match conf {
         Conf::Quarters(conf) => conf.cfx,
         Conf::Turns(conf) => conf.posture,
+        Conf::Status(Status { status, .. }) => {
+            let below = (status & 4 != 0) == (robot.axes.sign[4] > 0.0);
+            4 * (status & 1) + 2 * i32::from(status & 2 == 0) + i32::from(below)
+        }
     };
     usize::try_from(posture).ok()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{quarter_turn, whole_turn};
+    use super::{quarter_turn, status_like, whole_turn};
+    use crate::program::{Conf, Status};
 
     #[test]
     fn quarter_turns_follow_the_manual() {
         for (degrees, index) in [(0.0, 0), (89.9, 0), (90.0, 1), (-0.1, -1), (-89.9, -1), (-90.0, -2), (-200.0, -3)] {
             assert_eq!(quarter_turn(f64::to_radians(degrees)), index, "{degrees}");
+        }
+    }
+
+    #[test]
+    fn status_and_turn_are_those_of_taught_points() {
+        // A usual posture, wrist bent up: taught points of it have S 2, and S 6 with axis 5 below zero.
+        let robot = crate::robot::BUILTIN.iter().find(|robot| robot.model == "kr210-r2700-2").unwrap().robot();
+        let like = Status { status: 16, turn: 64 };
+        for (deg, status, turn) in [
+            ([-5.0, -90.0, 95.0, 0.0, 40.0, -3.0], 2, 0b10_0011),
+            ([5.0, -90.0, 95.0, 10.0, -40.0, -3.0], 6, 0b11_0010),
+            ([5.0, -20.0, -50.0, 10.0, 40.0, 3.0], 0, 0b00_0110),
+        ] {
+            let motor = crate::robot::Joints::from(deg.map(f64::to_radians));
+            let found = status_like(&robot, &motor, like);
+            assert_eq!(found, Status { status: 16 + status, turn: 64 + turn }, "{deg:?}");
+            let conf = Conf::Status(found);
+            let flange = robot.forward(&motor);
+            let near = crate::robot::Joints::zeros();
+            assert!((robot.inverse_conf(&flange, conf, &near).unwrap() - motor).amax() < 1e-9, "{deg:?}");
         }
     }
 

@@ -68,7 +68,7 @@ impl Robot {
 
     /// The branch that a configuration names, if its quarter turns fit it and it lies inside the limits.
     fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
-        let index = branch_index(conf).filter(|index| *index < Branch::ALL.len())?;
+        let index = branch_index(self, conf).filter(|index| *index < Branch::ALL.len())?;
         let motor = self.inverse(base_from_flange, near).ok()?[index]?;
         let turned = turned_to(&motor, conf);
         // Within a whole turn they must agree.

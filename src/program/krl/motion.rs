@@ -7,7 +7,9 @@ use super::state::Id;
 use super::symbols::spans;
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
 use crate::program::orientation::{from_zyx_deg, quaternion};
-use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Role, Target, Tool, ToolData, Wobj, WobjData};
+use crate::program::{
+    Conf, Editable, ExternalAxes, Goal, Mark, Motion, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
+};
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -117,24 +119,29 @@ impl<'a> Runner<'a> {
             Motion::Joint => None,
             _ => self.value(self.symbols.speed).component(b"CP").and_then(Value::number).map(|v| 1e3 * v),
         };
-        let posture = motion == Motion::Joint && [b"S", b"T"].iter().any(|name| end.component(*name).is_some());
+        let (conf, posture) = match [b"S", b"T"].map(|name| end.component(name)) {
+            _ if motion != Motion::Joint => (None, false),
+            [None, None] => (None, false),
+            [Some(status), Some(turn)] => {
+                let [status, turn] = [status, turn].map(|v| v.index().and_then(|v| i32::try_from(v).ok()));
+                let conf = status.zip(turn).map(|(status, turn)| Conf::Status(Status { status, turn }));
+                (conf, conf.is_none())
+            }
+            _ => (None, true),
+        };
         let unlocated = self.unlocated(&to);
         let editable = match unlocated {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No("air or cut is known only at run time"),
             None if self.is_beside() => Editable::No(BESIDE),
-            None if posture => Editable::No("joint motion whose status and turn a correction could make untrue"),
+            None if posture => Editable::No("joint motion of which status or turn is not known"),
             None => Editable::Pose,
         };
         let target = Target {
             ordinal: self.motions,
             role: Role::End,
             motion,
-            goal: Goal::Pose {
-                position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]],
-                quat: to.quat(),
-                conf: None,
-            },
+            goal: Goal::Pose { position_mm: [to.numbers[0], to.numbers[1], to.numbers[2]], quat: to.quat(), conf },
             tool,
             wobj,
             feed_mm_s: feed,
@@ -388,18 +395,19 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// External axes that some position has elsewhere than at zero are in use: robots without any are told zeros too.
+    /// External axes that positions name; those that are nowhere elsewhere than at zero are at rest.
     fn use_axes(&mut self) {
         let moved = |axis: usize| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0));
+        let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
         let used: [bool; 6] = std::array::from_fn(|axis| self.used_axes[axis] || moved(axis));
-        if used == [false; 6] {
+        let at_rest: [bool; 6] = std::array::from_fn(|axis| !used[axis] && named(axis));
+        if used == [false; 6] && at_rest == [false; 6] {
             return;
         }
         let mut last: Option<Arc<ExternalAxes>> = None;
         for (target, external) in self.targets.iter_mut().zip(&self.external) {
-            let written: [Option<f64>; 6] = std::array::from_fn(|axis| external[axis].filter(|_| used[axis]));
-            if last.as_ref().is_none_or(|last| last.written != written) {
-                last = Some(Arc::new(ExternalAxes { written, ..ExternalAxes::default() }));
+            if last.as_ref().is_none_or(|last| last.written != *external) {
+                last = Some(Arc::new(ExternalAxes { written: *external, at_rest, ..ExternalAxes::default() }));
             }
             target.external.clone_from(&last);
         }

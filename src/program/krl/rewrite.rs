@@ -16,6 +16,7 @@ const POSITION_DECIMALS: usize = 3;
 const ANGLE_DECIMALS: usize = 5;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
+const STATUS: &str = "joint motion whose status or turn (S, T) would be another, or is not that of the arm";
 const SHARED: &str = "point used by motions whose corrections differ";
 
 /// What one motion wants of its six tokens; `None` where one stays.
@@ -40,16 +41,18 @@ impl FrontEnd for Layout {
         out.not_inserted = at.into_iter().map(|at| (at, "points are not inserted into KRL")).collect();
         let wishes: Vec<Wish> =
             (0..changes.len()).map(|i| wish(program, &self.sites[i], i, changes[i].as_ref())).collect();
-        let frozen = self.frozen(program, &wishes);
+        let frozen = self.frozen(program, &wishes, changes);
         let mut done = HashSet::new();
         let shared = !self.are_apart();
         for (i, wish) in wishes.into_iter().enumerate() {
             let site = &self.sites[i];
             let stays = site.tokens.iter().flatten().any(|place| frozen.contains(place));
+            let untrue = changes[i].as_ref().is_some_and(|change| change.conf.is_some());
             if stays || site.tokens.iter().all(Option::is_none) {
                 if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
                     let own = match program.targets[i].editable {
                         crate::program::Editable::No(reason) => reason,
+                        _ if untrue => STATUS,
                         _ => SHARED,
                     };
                     out.kept.push((i, own));
@@ -89,9 +92,14 @@ impl Layout {
     }
 
     /// Numbers that stay because those who use them do not want the same, and all that moves with them.
-    fn frozen(&self, program: &Program, wishes: &[Wish]) -> HashSet<Place> {
+    fn frozen(&self, program: &Program, wishes: &[Wish], changes: &[Option<Change>]) -> HashSet<Place> {
+        // A joint motion whose status or turn would be untrue stays with its numbers.
+        let changed = self.sites.iter().zip(changes);
+        let untrue = changed.filter(|(_, change)| change.as_ref().is_some_and(|change| change.conf.is_some()));
+        let untrue: Vec<Place> = untrue.flat_map(|(site, _)| site.tokens.into_iter().flatten()).collect();
         let mut frozen = HashSet::new();
         if self.are_apart() {
+            frozen.extend(untrue);
             return frozen;
         }
         let mut wanted: HashMap<Place, &Option<Token>> = HashMap::new();
@@ -103,6 +111,7 @@ impl Layout {
                 }
             }
         }
+        frozen.extend(untrue);
         // A target is edited as a whole, and so is an arc.
         loop {
             let before = frozen.len();

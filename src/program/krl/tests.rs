@@ -95,6 +95,22 @@ fn missing_components_are_those_of_the_motion_before() {
 }
 
 #[test]
+fn joint_motions_keep_status_and_turn_true() {
+    let p = program(
+        "PTP {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 'B010',T 35}\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 6,T 50}",
+    );
+    let written = Some(crate::program::Conf::Status(crate::program::Status { status: 2, turn: 35 }));
+    let conf = |i: usize| if let Goal::Pose { conf, .. } = p.targets[i].goal { conf } else { None };
+    assert_eq!((conf(0), conf(1)), (written, None));
+    assert!(p.targets.iter().all(|t| t.editable == Editable::Pose));
+    let change = |conf| Some(Change { position_mm: [1.5, 2.5, 3.5], quat: None, conf });
+    let options = RewriteOptions::default();
+    let edits = |conf| p.rewrite(&[change(conf), None], &[], &options);
+    assert_eq!((edits(None).edits[0].len(), edits(None).kept.len()), (3, 0));
+    assert_eq!((edits(written).edits[0].len(), edits(written).kept.len()), (0, 1));
+}
+
+#[test]
 fn arcs_have_a_via_and_splines_their_points() {
     let p = program(
         "LIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nCIRC {X 1.0,Y 1.0,Z 0.0},{X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0} C_DIS\nSPLINE WITH $VEL.CP=0.5\nSPL {X 3.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDSPLINE\nCIRC {X 1.0,Y 1.0,Z 0.0},{X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}, CA 360",
@@ -116,10 +132,7 @@ fn what_is_known_only_at_run_time_stays() {
         ("LIN XHOME", "declared in none of the files"),
         (&*format!("$IPO_MODE=#TCP\nLIN {line}"), "the robot holds the part ($IPO_MODE is #TCP)"),
         (&*format!("spindle()\nLIN {line}"), "tool known only at run time"),
-        (
-            &*format!("PTP {}", line.replace("}", ",S 2}")),
-            "joint motion whose status and turn a correction could make untrue",
-        ),
+        (&*format!("PTP {}", line.replace("}", ",S 2}")), "joint motion of which status or turn is not known"),
         ("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,E1 $TIMER[1]}", "external axis known only at run time"),
         (&*format!("BAS(#BASE,$IN_NUM)\nLIN {line}"), "base known only at run time"),
     ] {
@@ -312,6 +325,8 @@ fn external_axes_are_in_use_where_one_is_not_at_zero() {
     let line = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0";
     let p = program(&format!("LIN {line},E1 0.0,E2 850.0}}\nLIN {line}}}"));
     let written = |i: usize| p.targets[i].external.as_ref().unwrap().written;
-    assert_eq!((written(0), written(1)), ([None, Some(850.0), None, None, None, None], written(0)));
-    assert_eq!(program(&format!("LIN {line},E1 0.0,E2 0.0}}")).targets[0].external, None);
+    assert_eq!((written(0), written(1)), ([Some(0.0), Some(850.0), None, None, None, None], written(0)));
+    let rests = program(&format!("LIN {line},E1 0.0,E2 0.0}}"));
+    assert!(rests.targets[0].external.as_ref().unwrap().is_at_rest());
+    assert_eq!(program(&format!("LIN {line}}}")).targets[0].external, None);
 }

@@ -191,6 +191,7 @@ impl Runner<'_> {
         let axes = ExternalAxes {
             written: external.map(|v| (v < UNUSED_AXIS).then_some(v)),
             offset: offset.filter(|_| !without_offset).unwrap_or_default(),
+            at_rest: Default::default(),
             inactive: Arc::clone(inactive),
             moved_alone,
         };

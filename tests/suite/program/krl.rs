@@ -185,6 +185,52 @@ fn the_same_path_has_the_same_errors_and_corrections_as_in_rapid() {
     }
 }
 
+/// Joint motions go to the posture that S and T name, and are corrected where it is that of the corrected arm as well.
+#[test]
+fn joint_motions_are_corrected_in_the_posture_that_they_name() {
+    let cell = Cell::read(&Source::new("cell.toml", CELL)).unwrap();
+    let mut text = "DEF a()\n; deflex cut\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]\n".to_owned();
+    let all = || [2, 6].into_iter().flat_map(|s| (0..64).map(move |t| (s, t)));
+    for (s, t) in all() {
+        let t = if t % 2 == 0 { t.to_string() } else { format!("'B{t:06b}'") };
+        writeln!(text, "PTP {{X 40.0,Y 25.0,Z 5.0,A 140.0,B 12.0,C 165.0,S {s},T {t},E1 0.0,E2 0.0}}").unwrap();
+    }
+    let program = krl::read(vec![Source::new("a.src", text + "END\n")], Vec::new()).unwrap();
+    let corrected = correct::compensate(&program, &cell, &Options::default()).unwrap();
+    assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
+    let ok: Vec<(i32, i32)> = all()
+        .zip(&corrected.rows)
+        .filter(|(_, row)| !matches!(row.status, correct::Status::Kept(_)))
+        .map(|(at, _)| at)
+        .collect();
+    // Axes 4 and 6 reach each place in two turns.
+    assert_eq!(ok.iter().filter(|(s, _)| *s == 2).count(), 4, "{ok:?}");
+    assert_eq!(ok.iter().filter(|(s, _)| *s == 6).count(), 4, "{ok:?}");
+    assert!(ok.iter().all(|(s, t)| (s >> 2 & 1) == (t >> 4 & 1)), "{ok:?}");
+    let edits = corrected.rewritten.as_ref().unwrap();
+    assert_eq!((edits.kept.len(), edits.edits[0].len()), (120, 48));
+}
+
+/// Robots without external axes are told zeros too; one with a track stands at zero then.
+#[test]
+fn axes_at_zero_throughout_are_there_or_not() {
+    let track = "[[unit]]\nname = \"RAIL\"\naxis = \"eax_a\"\nkind = \"linear\"\ncarries = \"robot\"\ndirection = [0.0, 1.0, 0.0]\n";
+    let read = |text: &str| Cell::read(&Source::new("cell.toml", text)).unwrap();
+    let rows = |cell: &Cell, axis: &str| {
+        let pose = |x: i32| format!("LIN {{X {x}.0,Y 25.0,Z 5.0,A 140.0,B 12.0,C 165.0{axis}}}\n");
+        let text = format!("DEF a()\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]\n{}{}END\n", pose(40), pose(60));
+        let program = krl::read(vec![Source::new("a.src", text)], Vec::new()).unwrap();
+        correct::compensate(&program, cell, &Options::default()).unwrap().rows
+    };
+    let (plain, rail) = (read(CELL), read(&format!("{CELL}{track}")));
+    let ok = |rows: &[correct::Row]| rows.iter().all(|row| row.status == correct::Status::Ok);
+    let [without, at_zero] = [(&plain, ",E1 0.0,E2 0.0"), (&rail, ",E1 0.0,E2 0.0")].map(|(cell, e)| rows(cell, e));
+    assert!(ok(&without) && ok(&at_zero));
+    assert_eq!(without[1].correction_mm.map(f64::to_bits), at_zero[1].correction_mm.map(f64::to_bits));
+    // An axis that is somewhere else needs its unit; a unit needs to be told where it stands.
+    assert!(!ok(&rows(&plain, ",E1 10.0")) && ok(&rows(&rail, ",E1 10.0")) && !ok(&rows(&rail, "")));
+}
+
 /// Statements of `grammars/krl.ebnf`, at random: whatever is read comes out as it went in, and a shift comes back.
 fn statement() -> impl Strategy<Value = String> {
     let number = || {

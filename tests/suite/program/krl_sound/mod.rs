@@ -80,7 +80,7 @@ fn changes(program: &Program) -> Vec<Option<Change>> {
         let e1 = target.external.as_ref().and_then(|axes| axes.written[0]);
         // An axis in use that is nowhere said is refused by whoever knows of the unit.
         let e1 = match (&target.external, e1) {
-            (Some(_), None) => return None,
+            (Some(axes), None) if !axes.at_rest[0] => return None,
             (_, e1) => e1.unwrap_or(0.0),
         };
         let by = shift(base, tool, position_mm, e1);
@@ -132,7 +132,12 @@ fn judge(texts: &[(String, String)]) -> Result<usize, String> {
             let run = |files: &[syntax::File]| {
                 let mut machine = Machine::new(files, seed).unwrap_or_else(|why| panic!("no program: {why}"));
                 // An axis that is at zero in all of the program is not there.
-                machine.e1 *= f64::from(u8::from(program.targets.iter().any(|target| target.external.is_some())));
+                machine.e1 *= f64::from(u8::from(
+                    program
+                        .targets
+                        .iter()
+                        .any(|target| target.external.as_ref().is_some_and(|axes| !axes.is_at_rest())),
+                ));
                 machine.leave_over(assigned);
                 let ended = machine.run(root);
                 (machine.motions, ended)
