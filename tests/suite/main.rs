@@ -14,6 +14,7 @@ mod effects;
 mod eight_at_once;
 mod equilibrium;
 mod fuzz_regressions;
+mod grammar;
 mod hard_cases;
 mod html;
 mod identify;

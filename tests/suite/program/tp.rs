@@ -315,7 +315,7 @@ fn an_unmodelled_axis_and_an_option_of_the_motion_keep_the_target() {
 #[test]
 fn options_of_the_grammar_are_known() {
     let grammar = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/grammars/tp.ebnf")).unwrap();
-    let rule = grammar.split("option      =").nth(1).unwrap().split(" ;\n").next().unwrap();
+    let rule = grammar.split("option_word =").nth(1).unwrap().split(" ;\n").next().unwrap();
     let positions = position(1, [1.0, 2.0, 3.0, 180.0, 0.0, 0.0], "N U T, 0, 0, 0");
     let words: Vec<&str> =
         rule.split('"').skip(1).step_by(2).filter(|word| word.starts_with(char::is_alphabetic)).collect();
