@@ -28,20 +28,20 @@
 //! use deflex::program::rapid;
 //! use deflex::text::{Diagnostics, Source, apply};
 //!
-//! # fn main() -> Result<(), Diagnostics> {
-//! let read = |path: &str| std::fs::read(path).map(|bytes| Source::new(path, bytes));
-//! let cell = Cell::read(&read("samples/slot/cell.toml")?)?;
-//! let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
-//! let corrected = compensate(&program, &cell, &Options::default())?;
-//! // What the forward model makes of the numbers as they will be written.
-//! assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
-//! let mut written = Vec::new();
-//! for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
-//!     apply(&source.bytes, &edits, &mut written)?;
+//! fn main() -> Result<(), Diagnostics> {
+//!     let read = |path: &str| std::fs::read(path).map(|bytes| Source::new(path, bytes));
+//!     let cell = Cell::read(&read("samples/slot/cell.toml")?)?;
+//!     let program = rapid::read(vec![read("samples/slot/slot.mod")?], Vec::new())?;
+//!     let corrected = compensate(&program, &cell, &Options::default())?;
+//!     // What the forward model makes of the numbers as they will be written.
+//!     assert!(corrected.rows.iter().all(|row| row.remaining_norm_mm() < 1e-3));
+//!     let mut written = Vec::new();
+//!     for (source, edits) in program.sources.iter().zip(corrected.rewritten.unwrap().edits) {
+//!         apply(&source.bytes, &edits, &mut written)?;
+//!     }
+//!     assert!(written.starts_with(b"%%%"));
+//!     Ok(())
 //! }
-//! assert!(written.starts_with(b"%%%"));
-//! # Ok(())
-//! # }
 //! ```
 //!
 //! Which effect does the cell lack:
@@ -53,21 +53,21 @@
 //! use deflex::program::rapid;
 //! use deflex::text::{Diagnostics, Source};
 //!
-//! # fn main() -> Result<(), Diagnostics> {
-//! let read = |name: &str| {
-//!     let path = format!("samples/closed-loop/{name}");
-//!     std::fs::read(&path).map(|bytes| Source::new(path, bytes))
-//! };
-//! let text = read("cell.toml")?;
-//! let cell = Cell::read(&text)?;
-//! let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
-//! let found = identify(&Input { cell: &cell, runs: &[run], poses: &[], tool: None, data_hash: "of the data" })?;
-//! assert_eq!(found.added[0].kind, "backlash");
-//! assert!(found.after.rms_mm < 0.3 * found.before.rms_mm);
-//! let cell_file = extended(&String::from_utf8_lossy(&text.bytes), &found.extended)?;
-//! assert!(cell_file.contains("half_gap_rad"));
-//! # Ok(())
-//! # }
+//! fn main() -> Result<(), Diagnostics> {
+//!     let read = |name: &str| {
+//!         let path = format!("samples/closed-loop/{name}");
+//!         std::fs::read(&path).map(|bytes| Source::new(path, bytes))
+//!     };
+//!     let text = read("cell.toml")?;
+//!     let cell = Cell::read(&text)?;
+//!     let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
+//!     let found = identify(&Input { cell: &cell, runs: &[run], poses: &[], tool: None, data_hash: "of the data" })?;
+//!     assert_eq!(found.added[0].kind, "backlash");
+//!     assert!(found.after.rms_mm < 0.3 * found.before.rms_mm);
+//!     let cell_file = extended(&String::from_utf8_lossy(&text.bytes), &found.extended)?;
+//!     assert!(cell_file.contains("half_gap_rad"));
+//!     Ok(())
+//! }
 //! ```
 //!
 //! # What stays

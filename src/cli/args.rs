@@ -553,6 +553,9 @@ pub(super) struct Pose {
     /// TCP as x,y,z,q1,q2,q3,q4 or x,y,z,A,B,C (mm, degrees): prints all axis angles that reach it
     #[arg(long, value_name = "X,Y,Z,…", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub(super) target: Vec<f64>,
+    /// Where the cell's mechanical units stand: positions of eax_a, eax_b, … (mm, degrees); 0 without it
+    #[arg(long, value_name = "E1,…", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    pub(super) external: Vec<f64>,
     /// Tool of the cell; without it the flange
     #[arg(long, value_name = "NAME")]
     pub(super) tool: Option<String>,

@@ -4,9 +4,9 @@ use super::args::Pose as Arguments;
 use super::input::CellFile;
 use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome};
-use deflex::cell::{Cell, nearest};
+use deflex::cell::{Cell, EXTERNAL_AXIS_NAMES, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
-use deflex::robot::{Joints, Pose, confdata_of};
+use deflex::robot::{EXTERNAL_AXES, External, Joints, Pose, Unit, UnitKind, confdata_of};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -24,10 +24,17 @@ pub(super) fn run(args: &Arguments) -> Outcome {
         Some(name) => *named("wobj", name, &cell.wobjs)?,
         None => Pose::identity(),
     };
-    let base_from_wobj = cell.arm.robot.world_from_base.inv_mul(&world_from_wobj);
+    let external = external(&cell, &args.external)?;
+    let world_from_base = cell.units.world_from_base(&cell.arm.robot.world_from_base, &external);
+    let base_from_wobj = world_from_base.inv_mul(&world_from_wobj);
     let frames = Frames { cell: &cell, base_from_wobj, flange_from_tcp };
-    let (text, answer) =
+    let (mut text, mut answer) =
         if args.joints.is_empty() { frames.joints(&target(&args.target)?)? } else { frames.tcp(&args.joints)? };
+    for unit in cell.units.all() {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "unit {} stands at {} {}", unit.name, external[unit.axis], sign(unit));
+        answer["units"][&unit.name] = external[unit.axis].into();
+    }
     let Some(file) = &args.json else {
         print(text.as_bytes())?;
         return Ok(Answer::Yes);
@@ -39,6 +46,42 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     outputs.add(file, format!("{answer:#}\n").as_bytes())?;
     outputs.commit()?;
     Ok(Answer::Yes)
+}
+
+/// Where the units stand: as typed, the others at zero.
+fn external(cell: &Cell, typed: &[f64]) -> Result<External, Vec<Diagnostic>> {
+    let mut external = [0.0; EXTERNAL_AXES];
+    let mut errors = Vec::new();
+    let mut bad = |message: String, help: &str| {
+        errors.push(Diagnostic::error("pose.external", "", format!("--external {message}")).help(help));
+    };
+    if typed.len() > EXTERNAL_AXES {
+        let help = "positions of eax_a, eax_b, … in mm and degrees, with commas between";
+        bad(format!("has {} numbers, expected at most {EXTERNAL_AXES}", typed.len()), help);
+    }
+    for (axis, (position, name)) in typed.iter().zip(EXTERNAL_AXIS_NAMES).enumerate() {
+        external[axis] = *position;
+        match cell.units.all().iter().find(|unit| unit.axis == axis) {
+            None if *position == 0.0 => {}
+            None => {
+                bad(format!("moves {name}, which no [[unit]] of the cell has"), "declare the unit, or leave it out")
+            }
+            Some(unit) if !(unit.min..=unit.max).contains(position) => {
+                let Unit { name, min, max, .. } = unit;
+                bad(format!("puts {name} at {position}, which goes from {min} to {max} {}", sign(unit)), "check it");
+            }
+            Some(_) => {}
+        }
+    }
+    if errors.is_empty() { Ok(external) } else { Err(errors) }
+}
+
+/// Sign of a unit's positions.
+fn sign(unit: &Unit) -> &'static str {
+    match unit.kind {
+        UnitKind::Rotary => "degrees",
+        _ => "mm",
+    }
 }
 
 /// An entry of the cell, by the name typed.

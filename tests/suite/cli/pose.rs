@@ -56,6 +56,26 @@ fn every_solution_leads_back_to_the_target() {
     }
 }
 
+/// A track under the robot moves the TCP along with it; the target is then reached with the joints that it was at zero.
+#[test]
+fn units_stand_where_they_are_said_to() {
+    let bench = cell("irb6660-205-1.9");
+    let track = "[[unit]]\nname = \"TRACK1\"\naxis = \"eax_b\"\nkind = \"linear\"\ncarries = \"robot\"\n\
+                 direction = [0.0, 1.0, 0.0]\nmin = 0.0\nmax = 4000.0\n";
+    bench.write("arm.toml", bench.read("arm.toml") + track);
+    let still = json(&bench, "--joints 10,-20,30,20,40,-40");
+    let moved = json(&bench, "--joints 10,-20,30,20,40,-40 --external 0,1250.5");
+    let [a, b] = [&still, &moved].map(|found| numbers(&found["position_mm"]));
+    assert!((b[0] - a[0]).abs() < 1e-9 && (b[1] - a[1] - 1250.5).abs() < 1e-9 && (b[2] - a[2]).abs() < 1e-9);
+    assert_eq!((&still["units"]["TRACK1"], &moved["units"]["TRACK1"]), (&Value::from(0.0), &Value::from(1250.5)));
+    assert!(
+        bench.run("pose --cell arm.toml --joints 0,0,0,0,30,0").exits(0).stdout.contains("unit TRACK1 stands at 0 mm")
+    );
+    let ran = bench.run("pose --cell arm.toml --joints 0,0,0,0,30,0 --external 1,4001").exits(2);
+    assert!(ran.stderr.contains("moves eax_a, which no [[unit]]"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("puts TRACK1 at 4001, which goes from 0 to 4000 mm"), "{}", ran.stderr);
+}
+
 #[test]
 fn what_cannot_be_answered_is_said_with_help() {
     let bench = cell("ur10e");
