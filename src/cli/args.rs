@@ -240,6 +240,8 @@ pub(super) enum PostIn {
     Krl,
     /// FANUC TP: tools and work objects are those of the numbers in their names
     Ls,
+    /// The same CL data with corrected points and tool axes, for a post of your own
+    Cl,
 }
 
 impl From<PostIn> for Language {
@@ -248,6 +250,7 @@ impl From<PostIn> for Language {
             PostIn::Rapid => Self::Rapid,
             PostIn::Krl => Self::Krl,
             PostIn::Ls => Self::Ls,
+            PostIn::Cl => Self::Cl,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `compensate`: programs with the correction in them.
 
 use super::Outcome;
-use super::args::Compensate;
+use super::args::{Compensate, PostIn};
 use super::batch::{self, Batch, in_one_file, post_options, report_beside};
 use super::files::both;
 use super::input::Context;
@@ -114,7 +114,10 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
 fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
     let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());
-    if !Language::Cl.endings().contains(&&*ending) || !jobs.iter().any(|job| job.language == Language::Cl) {
+    if args.post == PostIn::Cl
+        || !Language::Cl.endings().contains(&&*ending)
+        || !jobs.iter().any(|job| job.language == Language::Cl)
+    {
         return Ok(());
     }
     let posted = Language::from(args.post);

@@ -4,12 +4,14 @@ use super::asked::Asked;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce};
-use crate::program::cl::Chunks;
+use crate::program::cl::{self, Chunks, CorrectedPoint};
+use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
 use crate::program::post::{krl, tp};
 use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
 use crate::robot::{Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
+use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::io::Read;
 use std::sync::Arc;
@@ -27,7 +29,7 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
-    /// Language of the program: RAPID, KRL or FANUC TP.
+    /// Language of the program: RAPID, KRL, FANUC TP, or CL as it was.
     pub language: Language,
 }
 
@@ -148,6 +150,9 @@ pub fn post(
     corrected: &Corrected,
     options: &PostOptions,
 ) -> Result<PostedProgram, Vec<Diagnostic>> {
+    if options.language == Language::Cl {
+        return post_cl(program, corrected, options);
+    }
     let mut outline = Outline::default();
     outline.add(program);
     outline.points = corrected.posted.len();
@@ -174,6 +179,26 @@ pub fn post(
         files.extend(starts.iter().zip(ends).map(|((start, name), end)| (name.clone(), bytes[*start..end].to_vec())));
     }
     Ok(PostedProgram { files, notes: poster.notes })
+}
+
+/// The CL data themselves, with corrected tips and tool axes.
+fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> Result<PostedProgram, Vec<Diagnostic>> {
+    if options.max_targets.is_some() || options.feed_mm_s.is_some() {
+        let message = "`--post cl` changes points alone: it neither splits the file nor gives it a feed";
+        return Err(Diagnostic::error("post.cl", "", message).help("leave out --max-targets and --feed").into());
+    }
+    let point = |posted: &super::Posted| CorrectedPoint {
+        target: posted.target,
+        position_mm: posted.position_mm,
+        axis: (-(rotation(posted.quat) * Vector3::z())).into(),
+    };
+    let points: Vec<CorrectedPoint> = corrected.posted.iter().map(point).collect();
+    let bytes = cl::write(program, &points, &options.title)?;
+    let message =
+        "the turn about the tool axis is left to the post: the correction holds for that of the cell's `spin`";
+    let note = Diagnostic::error("post.spin", "", message).severity(Severity::Note);
+    let ending = Language::Cl.endings()[0];
+    Ok(PostedProgram { files: vec![(format!("{}.{ending}", options.name), bytes)], notes: vec![note] })
 }
 
 /// Posts a program whose outline is known, whole or a chunk at a time.

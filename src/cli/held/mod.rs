@@ -169,7 +169,9 @@ pub fn predict_page(
 /// All for which the command ends with exit code 2, and `run.called-off`.
 pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     program.marked()?;
-    let done = match Long::of(program, run) {
+    // CL data in other languages than RAPID are posted as a whole.
+    let streams = run.post.as_ref().is_none_or(|post| post.language == Language::Rapid);
+    let done = match Long::of(program, run).filter(|_| streams) {
         Some(long) => long.compensate()?,
         None => None,
     };

@@ -8,6 +8,7 @@
 //! | `read`, `setup`, `motion`, `circle`, `hole`, `machine`, `comment`, `modal`, `frame`, `arc`, `dialect` | statements | targets, actions |
 //! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
+//! | `corrected` | corrected tips and axes | the same CL data with them |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
@@ -15,6 +16,7 @@ mod cards;
 mod chunks;
 mod circle;
 mod comment;
+mod corrected;
 mod dialect;
 mod frame;
 mod hole;
@@ -35,6 +37,7 @@ mod vector;
 mod words;
 
 pub use chunks::Chunks;
+pub use corrected::{CorrectedPoint, write};
 pub(crate) use layout::Layout;
 pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;

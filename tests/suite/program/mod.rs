@@ -3,6 +3,7 @@
 mod cl;
 mod cl_corpus;
 mod cl_sound;
+mod cl_written;
 mod krl;
 mod krl_sound;
 mod rapid;
