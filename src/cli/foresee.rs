@@ -6,7 +6,7 @@ use super::job::{Job, Text};
 use super::output::{Outputs, cannot_write};
 use super::report::{Noticed, ProgramReports, Rows};
 use super::setup::Setup;
-use super::{progress, stream};
+use super::{lines, progress};
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_chunks};
 use deflex::program::{AnyChunks, Language};
 use deflex::report::Findings;
@@ -126,7 +126,7 @@ pub(super) fn streamed(
         let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
         let (rows, mut trace) = reports.done(name, rows);
         if let Some(trace) = &mut trace {
-            stream::quote(trace, open(job)?);
+            lines::quote(trace, open(job)?);
         }
         return Ok(Some(Foreseen { streamed, findings, outputs, rows, path: trace }));
     }

@@ -1,8 +1,9 @@
 //! Lines of a program that is too long to be held.
 
+use deflex::report::html::PathTrace;
 use deflex::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::BufRead;
+use std::io::{BufRead, BufReader, Read};
 
 /// No line is held further than this.
 const LONGEST: usize = 1000;
@@ -13,6 +14,18 @@ pub(super) fn read(input: impl BufRead, wanted: &BTreeSet<u32>) -> BTreeMap<u32,
     let mut reader = Reader { input, line: 1, after_cr: false };
     let text = |line: &u32| Some((*line, Source::new("", reader.line(*line)?).line_at(0).into_owned()));
     wanted.iter().map_while(text).collect()
+}
+
+/// Quotes the program on its page.
+pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
+    // Calls go back and forth in the file: which lines first, then one pass over it.
+    let mut wanted = BTreeSet::new();
+    path.quote(|_, line| {
+        wanted.insert(line);
+        None
+    });
+    let lines = self::read(BufReader::new(file), &wanted);
+    path.quote(|_, line| lines.get(&line).cloned());
 }
 
 struct Reader<R> {

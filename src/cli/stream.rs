@@ -12,12 +12,10 @@ use deflex::correct::{self, Outline, Poster, StreamError, compensate_chunks, com
 use deflex::program::cl::ClOptions;
 use deflex::program::{Language, cl, rapid};
 use deflex::report::FileSummary;
-use deflex::report::html::PathTrace;
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
-use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, Seek};
 use std::path::Path;
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
@@ -192,7 +190,7 @@ impl<'a> Long<'a> {
         let noticed = reports.notes(self.name)?;
         let (rows, mut path) = reports.done(self.name, done.summary.targets);
         if let Some(path) = &mut path {
-            quote(path, self.reread()?);
+            lines::quote(path, self.reread()?);
         }
         let summary = FileSummary::of(self.name, &done.summary, &[]);
         let line = report::line(&summary, true);
@@ -208,16 +206,4 @@ impl<'a> Long<'a> {
             StreamError::Write(error) => Err(cannot_write(&error)),
         }
     }
-}
-
-/// Quotes the program on its page.
-pub(super) fn quote(path: &mut PathTrace, file: impl Read) {
-    // Calls go back and forth in the file: which lines first, then one pass over it.
-    let mut wanted = BTreeSet::new();
-    path.quote(|_, line| {
-        wanted.insert(line);
-        None
-    });
-    let lines = lines::read(BufReader::new(file), &wanted);
-    path.quote(|_, line| lines.get(&line).cloned());
 }

@@ -1,6 +1,6 @@
 //! How a table is laid out: its separator, its decimal sign, and which of its columns is which.
 
-use super::table::{COLUMNS, FORCE_COLUMNS, Places, wrong};
+use super::columns::{COLUMNS, FORCE_COLUMNS, Places, wrong};
 use crate::cell::nearest;
 use crate::text::Diagnostic;
 use std::cell::Cell;

@@ -1,5 +1,6 @@
 //! Measured rows: what a tracker, a gauge or a dynamometer said, aligned to targets.
 
+mod columns;
 mod layout;
 mod table;
 

@@ -1,3 +1,4 @@
+use super::columns::{COLUMNS, Places, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, places, separator};
 use crate::correct::{ForceRow, Forces};
 use crate::text::{Diagnostic, Source};
@@ -64,42 +65,6 @@ pub struct Table {
 
 /// How far from the path a row without a target may lie, mm.
 pub const MATCH_MM: f64 = 5.0;
-
-/// Columns of `docs/formats.md`.
-pub(super) const COLUMNS: [&str; 29] = [
-    "target",
-    "x_mm",
-    "y_mm",
-    "z_mm",
-    "qw",
-    "qx",
-    "qy",
-    "qz",
-    "normal_mm",
-    "q1_deg",
-    "q2_deg",
-    "q3_deg",
-    "q4_deg",
-    "q5_deg",
-    "q6_deg",
-    "distance_mm",
-    "fx_n",
-    "fy_n",
-    "fz_n",
-    "time_s",
-    "temperature_c",
-    "payload_kg",
-    "sigma_mm",
-    "run",
-    "holdout",
-    "nominal_x_mm",
-    "nominal_y_mm",
-    "nominal_z_mm",
-    "",
-];
-
-/// What `--forces` takes of a file: target, forces and covariates.
-pub(super) const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
 
 /// Beyond these sizes a number is a slip or another unit, whatever robot it is of: the largest reach 5 m and stand on tracks of
 /// some 100 m, carry 2.3 t and push with less than 100 kN.
@@ -202,9 +167,6 @@ pub struct Rows<R> {
     wrong: usize,
 }
 
-/// Where each of [`COLUMNS`] stands.
-pub(super) type Places = [Option<usize>; COLUMNS.len()];
-
 impl<R: Read> Rows<R> {
     /// Reads the header of the table in `file`.
     ///
@@ -282,12 +244,6 @@ impl<R: Read> Iterator for Rows<R> {
         self.wrong += usize::from(row.is_err());
         Some(row.map_err(|(message, help)| wrong(&self.file, line, message, help)))
     }
-}
-
-pub(super) fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {
-    let mut diagnostic = Diagnostic::error("measured.csv", file, message).help(help);
-    (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
-    diagnostic
 }
 
 struct Cells<'a> {

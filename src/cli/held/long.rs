@@ -3,8 +3,8 @@
 use super::{Done, ProgramFiles, Run, noticed};
 use crate::cli::files::cannot_read;
 use crate::cli::job::HEAD;
+use crate::cli::lines::quote;
 use crate::cli::report::Noticed;
-use crate::cli::stream::quote;
 use deflex::correct::{
     self, Outline, Poster, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, post_chunks,
     predict_chunks,

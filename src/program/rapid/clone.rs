@@ -1,8 +1,8 @@
 //! A declared target whose users want different corrections: one keeps the declaration, others get their own.
 
 use super::Site;
-use super::rewrite::{Print, Writer};
 use super::value::Place;
+use super::writer::{Print, Writer};
 use crate::program::{Change, Editable};
 use crate::text::{Edit, Source, Span};
 use std::collections::HashMap;

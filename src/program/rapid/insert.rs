@@ -2,8 +2,9 @@
 
 use super::clone::layout_at;
 use super::motion::{self, Simple, ToolAt, Zone};
-use super::rewrite::{Writer, quarters, single};
+use super::value::quarters;
 use super::value::{Place, unit};
+use super::writer::{Writer, single};
 use super::{Layout, Site};
 use crate::program::{Conf, Goal, Insert, Motion, Program, Role, Target};
 use crate::text::{Edit, Span, number};

@@ -44,6 +44,7 @@ mod syntax;
 mod tree;
 mod uses;
 mod value;
+mod writer;
 
 // What passes between `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]

@@ -3,7 +3,7 @@
 
 use super::Site;
 use super::literal::{Literal, POSE};
-use super::rewrite::{Pose, Writer, single, toward, turned};
+use super::writer::{Pose, Writer, single, toward, turned};
 use crate::program::token::MAX_DECIMALS;
 use crate::program::{Change, Editable, Goal, RewriteOptions};
 use crate::text::number::{Fixed, Leading, Numbers, Printed, read_leading};

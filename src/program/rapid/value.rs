@@ -1,8 +1,7 @@
 //! What an expression is worth, as far as it is known when reading, and where its numbers stand.
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
-use super::rewrite::quarters;
-use crate::program::{ToolData, WobjData};
+use crate::program::{Conf, ToolData, WobjData};
 use crate::text::Span;
 use std::rc::Rc;
 
@@ -325,4 +324,10 @@ pub(super) fn parts(pose: &Pose) -> Value {
     let conf = w.conf.and_then(quarters);
     let conf = conf.map_or(Value::Unknown("configuration is not known"), |c| l(c.map(|v| n(f64::from(v)))));
     l([l(w.position_mm.map(n)), l(w.quat.map(n)), conf, l(w.external.map(n))])
+}
+
+/// The numbers of a robtarget's configuration; `None` for those of another language.
+pub(super) fn quarters(conf: Conf) -> Option<[i32; 4]> {
+    let Conf::Quarters(conf) = conf else { return None };
+    Some([conf.cf1, conf.cf4, conf.cf6, conf.cfx])
 }

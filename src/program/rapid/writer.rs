@@ -1,0 +1,157 @@
+//! Corrections on their way into the text: what is said of literals and what stands there afterwards.
+
+use super::Layout;
+use super::literal::Literal;
+use super::value::{Place, quarters, unit};
+use crate::program::token::{New, signed};
+use crate::program::{Change, Editable, Goal, Program, RewriteOptions};
+use crate::text::{Content, Edit, Token};
+use std::collections::{BTreeSet, HashSet};
+
+/// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
+const SAME_QUAT: f64 = 1e-12;
+pub(super) const SHARED: &str = "declared target used by motions whose corrections differ";
+
+/// New token texts of one literal; `None` where a token stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Print {
+    pub(super) tokens: [Option<Token>; 11],
+    /// The numbers of position and orientation that stand there then, where they are known.
+    pub(super) values: [Option<f64>; 7],
+}
+
+/// Position and orientation as the controller holds them.
+pub(super) type Pose = ([f64; 3], [f64; 4]);
+
+/// Corrections on their way into the text.
+pub(super) struct Writer<'a> {
+    pub(super) program: &'a Program,
+    pub(super) layout: &'a Layout,
+    pub(super) options: &'a RewriteOptions,
+    pub(super) edits: Vec<Vec<Edit>>,
+    pub(super) kept: Vec<(usize, &'static str)>,
+    /// Literals and offsets, these by their first number, that stay for the sake of others.
+    pub(super) frozen: BTreeSet<u32>,
+    pub(super) frozen_offsets: HashSet<Place>,
+    pub(super) not_inserted: Vec<(usize, &'static str)>,
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
+        Self {
+            program,
+            layout,
+            options,
+            edits: vec![Vec::new(); program.written],
+            kept: Vec::new(),
+            frozen: BTreeSet::new(),
+            frozen_offsets: HashSet::new(),
+            not_inserted: Vec::new(),
+        }
+    }
+
+    pub(super) fn bytes(&self, place: Place) -> &'a [u8] {
+        self.program.sources[place.source as usize].slice(place.span)
+    }
+
+    pub(super) fn token(&self, literal: &Literal, i: usize) -> &'a [u8] {
+        self.bytes(Place { source: literal.source, span: literal.token(i) })
+    }
+
+    pub(super) fn reason(&self, i: usize) -> &'static str {
+        if let Editable::No(reason) = self.program.targets[i].editable { reason } else { SHARED }
+    }
+
+    /// Whether a change asks for anything else than what is there.
+    pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
+        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
+        #[allow(clippy::float_cmp)] // the very number that was read means no change
+        let moved = change.position_mm != position_mm;
+        moved || change.quat.is_some_and(|q| turned(q, quat)) || change.conf.is_some() && change.conf != conf
+    }
+
+    /// New tokens of a literal for one user's change.
+    pub(super) fn print(&self, i: usize, literal: &Literal, change: &Change) -> Print {
+        let mut print = Print::default();
+        let Goal::Pose { quat, conf, .. } = self.program.targets[i].goal else { return print };
+        for axis in 0..3 {
+            let new = New::of(self.token(literal, axis), change.position_mm[axis], self.options.position_decimals);
+            (print.tokens[axis], print.values[axis]) = (new.token, new.value);
+        }
+        if let Some(wanted) = change.quat.filter(|q| turned(*q, quat)) {
+            for (c, value) in toward(wanted, quat).into_iter().enumerate() {
+                let new = New::of(self.token(literal, 3 + c), value, self.options.quat_decimals);
+                (print.tokens[3 + c], print.values[3 + c]) = (new.token, new.value);
+            }
+        }
+        if let Some(wanted) = change.conf.filter(|c| Some(*c) != conf).and_then(quarters) {
+            for (c, value) in wanted.into_iter().enumerate() {
+                // A configuration that is a name stays; it is not this target's own.
+                if !literal.token(7 + c).is_empty() {
+                    print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
+                }
+            }
+        }
+        print
+    }
+
+    pub(super) fn edit_literal(&mut self, literal: &Literal, print: Print) {
+        let Some(edits) = self.edits.get_mut(literal.source as usize) else { return };
+        for (i, token) in print.tokens.into_iter().enumerate() {
+            if let Some(content) = token {
+                edits.push(Edit { span: literal.token(i), content: Content::from_slice(&content) });
+            }
+        }
+    }
+
+    /// The literal's text with its new tokens: for a clone.
+    pub(super) fn literal_text(&self, literal: &Literal, print: &Print) -> Vec<u8> {
+        let span = literal.span();
+        let bytes = self.bytes(Place { source: literal.source, span });
+        let mut out = Vec::new();
+        let mut done = 0;
+        for (i, token) in print.tokens.iter().enumerate() {
+            if let Some(content) = token {
+                let place = literal.token(i);
+                let (from, to) = ((place.start - span.start) as usize, (place.end - span.start) as usize);
+                out.extend_from_slice(&bytes[done..from]);
+                out.extend_from_slice(content);
+                done = to;
+            }
+        }
+        out.extend_from_slice(&bytes[done..]);
+        out
+    }
+
+    /// Position and orientation as written after `print`, f32-rounded; the orientation as printed.
+    pub(super) fn literal_pose(&self, literal: &Literal, print: Option<&Print>) -> Pose {
+        let value = |i: usize| {
+            if let Some(value) = print.and_then(|p| p.values[i]) {
+                return single(value);
+            }
+            let new = print.and_then(|p| p.tokens[i].as_deref());
+            single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(0.0))
+        };
+        (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
+    }
+}
+
+/// Whether two unit quaternions are different orientations.
+pub(super) fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
+    let a = unit(a);
+    let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
+    !same(1.0) && !same(-1.0)
+}
+
+/// A unit quaternion of the same orientation, with the signs of another.
+pub(super) fn toward(wanted: [f64; 4], quat: [f64; 4]) -> [f64; 4] {
+    let wanted = unit(wanted);
+    let against = wanted.iter().zip(&quat).map(|(a, b)| a * b).sum::<f64>() < 0.0;
+    if against { wanted.map(|c| -c) } else { wanted }
+}
+
+/// The controller's `num` is an IEEE single.
+#[allow(clippy::cast_possible_truncation)]
+pub(super) fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}
