@@ -7,7 +7,7 @@ use deflex::cell::Cell;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
-use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, rapid, read, tp};
+use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, krl, rapid, read, tp};
 use deflex::text::{Diagnostic, Source, apply};
 use std::sync::LazyLock;
 
@@ -39,6 +39,11 @@ pub(crate) fn rapid(bytes: &[u8]) {
 /// CL: the same.
 pub(crate) fn cl(bytes: &[u8]) {
     judge(bytes, cl::read(Source::new("part.cl", bytes), &cl_options()));
+}
+
+/// A KRL program, routines and data list in one file: the same.
+pub(crate) fn krl(bytes: &[u8]) {
+    judge(bytes, krl::read(vec![Source::new("part.src", bytes)], Vec::new()));
 }
 
 /// A FANUC TP program: what holds for any program holds for it.

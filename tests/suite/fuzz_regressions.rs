@@ -42,6 +42,11 @@ fn cl() {
 }
 
 #[test]
+fn krl() {
+    hold("krl", &["tests/fixtures/krl"], invariants::krl);
+}
+
+#[test]
 fn tp() {
     hold("tp", &["tests/fixtures/tp"], invariants::tp);
 }
@@ -58,5 +63,6 @@ fn measured() {
 
 #[test]
 fn compensate() {
-    hold("compensate", &["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/tp"], invariants::compensate);
+    let seeds = ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp"];
+    hold("compensate", &seeds, invariants::compensate);
 }
