@@ -7,12 +7,16 @@ use crate::cell::Cell;
 use crate::robot::{Joints, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
+use smallvec::SmallVec;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// What the ordered pass takes along from target to target, and from chunk to chunk of a long program.
 pub(super) struct Carried<'a> {
     pub(super) laws: Laws<'a>,
     pub(super) settings: Vec<Mount>,
+    /// Indices of `settings` by where they are, since programs can have tens of thousands.
+    places: HashMap<[u64; 6], SmallVec<[u32; 1]>>,
     pub(super) started: StartedFrom,
     /// Nominal joints of the target before, which choose the branch.
     pub(super) near: Option<Joints>,
@@ -48,6 +52,7 @@ impl<'a> Carried<'a> {
         Self {
             laws: Laws::new(cell),
             settings: Vec::new(),
+            places: HashMap::new(),
             started: StartedFrom::NearestHome,
             near: None,
             before: None,
@@ -59,15 +64,17 @@ impl<'a> Carried<'a> {
         }
     }
 
-    /// Index of a mount. Programs have few: a linear search.
+    /// Index of a mount: each stands once in `settings`.
     pub(super) fn setting(&mut self, wanted: Mount) -> u32 {
-        let known = self.settings.iter().position(|known| *known == wanted);
-        let index = known.unwrap_or_else(|| {
-            self.settings.push(wanted);
-            self.settings.len() - 1
-        });
-        // Targets number their tools and work objects by u16.
-        index as u32
+        let alike = self.places.entry(wanted.place()).or_default();
+        if let Some(known) = alike.iter().find(|known| self.settings[**known as usize] == wanted) {
+            return *known;
+        }
+        // Programs number their tools and work objects by u16.
+        let index = self.settings.len() as u32;
+        alike.push(index);
+        self.settings.push(wanted);
+        index
     }
 }
 

@@ -50,6 +50,13 @@ impl Mount {
         Self { setting, moving: moves.then(|| Arc::new(moving)) }
     }
 
+    /// Origins of work object and tool, to the bit: equal mounts have equal ones.
+    pub(super) fn place(&self) -> [u64; 6] {
+        let origins = [self.setting.base_from_wobj.translation, self.setting.tool.flange_from_tcp.translation];
+        // Zeros of both signs are equal.
+        std::array::from_fn(|i| (origins[i / 3].vector[i % 3] + 0.0).to_bits())
+    }
+
     /// A stationary tool in the world, and a part that the robot holds: `tool` is its work object in the flange, with the load there.
     pub(super) fn held(cell: &Cell, world_from_tool: Pose, tool: ToolFrame) -> Self {
         let mut mount = Self::new(cell, WobjFrame::fixed(world_from_tool), tool);
