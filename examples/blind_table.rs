@@ -120,7 +120,9 @@ fn verdict(found: &Identification, names: &[String], faults: &[String], tie: boo
     // An empirical map names nothing.
     let named = || found.added.iter().filter(|a| a.kind != "empirical");
     let wrong = named().any(|a| {
-        !names.contains(&a.kind) && (sure(a) || !a.not_told_apart_from.iter().any(|other| names.contains(other)))
+        // A drift that is told as possible is not denied.
+        let there = |other: &String| names.contains(other) || faults.contains(other);
+        !names.contains(&a.kind) && (sure(a) || !a.not_told_apart_from.iter().any(there))
     });
     let all_named = listed.iter().all(|n| named().any(|a| a.kind == **n));
     let in_sets = listed.iter().all(|n| found.added.iter().any(|a| a.kind == **n || a.not_told_apart_from.contains(n)));

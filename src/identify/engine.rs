@@ -263,7 +263,7 @@ impl Engine {
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
             let Choice { set, sigma, shape } = staged.unwrap_or_else(|| {
-                let set = search.best(&self.chosen, &everything);
+                let set = search.likeliest(search.best(&self.chosen, &everything));
                 let score = search.full(&set);
                 Choice { set, sigma: score.sigma, shape: score.shape }
             });

@@ -5,7 +5,7 @@ use super::device;
 use super::engine::{Engine, Linearised, Posterior};
 use super::noise;
 use super::score::{Columns, Normal, posterior};
-use super::search::{CAUTION, Search};
+use super::search::{Search, caution};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -226,8 +226,10 @@ impl Engine {
         let kind = &self.candidates[now].kind;
         rivals.retain(|(rival, _)| !odds.contains_key(rival));
         let elsewhere: f64 = rivals.iter().map(|(_, share)| share).sum::<f64>().min(1.0 - f64::EPSILON);
+        let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
+        let caution = caution(fitted.map(|row| row.seen.count()).sum());
         let weights: BTreeMap<String, f64> =
-            odds.into_iter().map(|(kind, odds)| (kind, ((odds - value) / CAUTION).exp())).collect();
+            odds.into_iter().map(|(kind, odds)| (kind, ((odds - value) / caution).exp())).collect();
         let total: f64 = weights.values().sum();
         *share = (1.0 - elsewhere) * weights.get(kind).copied().unwrap_or(1.0) / total;
         let others = weights.into_iter().filter(|(other, _)| other != kind);

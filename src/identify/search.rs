@@ -28,15 +28,20 @@ pub(super) const FIELD: f64 = PRICE + FLEXIBLE;
 pub(super) const UNLISTED: f64 = 13.0;
 
 /// Whether every effect of the second kind is one of the first too.
-fn contains(whole: &str, part: &str) -> bool {
+pub(super) fn contains(whole: &str, part: &str) -> bool {
     kind(part).is_some_and(|kind| kind.nested_in.contains(&whole))
 }
 
-/// A family that contains another is not ruled out by parsimony alone until it loses by this much, nats.
-const NESTED: f64 = 2.5;
+/// A family that contains another is not ruled out by parsimony alone until it loses by this much, in [`caution`]s.
+pub(super) const NESTED: f64 = 1.25;
 
-/// Nats that count as one in a posterior: models are never quite true, and evidence is surer than it should be.
-pub(super) const CAUTION: f64 = 2.0;
+/// Nats that count as one in a posterior of so many scalars: models are never quite true, and evidence is surer than it
+/// should be, the more so the more rows repeat what is not true.
+pub(super) fn caution(scalars: usize) -> f64 {
+    /// Scalars from which on half the evidence is believed: as calibrated on tables of 300 rows, and on those of 24.
+    const MANY: f64 = 400.0;
+    1.0 + (scalars as f64 / MANY).min(1.0)
+}
 
 /// Sets of more members than this are not what one table shows (a curve a joint is a member).
 pub(super) const MOST: usize = 12;
@@ -74,6 +79,10 @@ impl<'a> Search<'a> {
             all.list.extend(candidate.columns().map(|column| (column, candidate.scale)));
         }
         all
+    }
+
+    fn caution(&self) -> f64 {
+        caution(self.moments.first().map_or(0, |moments| moments.count))
     }
 
     /// Evidence of a set over all noise shapes.
@@ -220,7 +229,7 @@ impl<'a> Search<'a> {
     pub(super) fn sets(&self, set: &[usize]) -> Vec<(f64, Vec<usize>)> {
         /// Sets below this are not told.
         const TOLD: f64 = 0.005;
-        let own = self.objective(set);
+        let (own, caution) = (self.objective(set), self.caution());
         let mut moves = vec![set.to_vec()];
         let further = |set: &[usize]| {
             let joins = |c: &usize| self.candidates[*c].is_named() && self.joins(set, *c);
@@ -236,7 +245,7 @@ impl<'a> Search<'a> {
         let mut total = 0.0;
         for set in moves {
             let value = self.objective(&set);
-            let weight = ((value - own) / CAUTION).min(50.0).exp();
+            let weight = ((value - own) / caution).min(50.0).exp();
             total += weight;
             let entry = by_names.entry(self.names(&set)).or_insert((0.0, f64::NEG_INFINITY, Vec::new()));
             entry.0 += weight;
@@ -249,6 +258,15 @@ impl<'a> Search<'a> {
         all.retain(|(share, _)| *share >= TOLD);
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         all
+    }
+
+    /// The best set of those names about a set that are likeliest over all of their variants: of a kind with many, such as
+    /// time constants, none may stand out where all together do.
+    pub(super) fn likeliest(&self, set: Vec<usize>) -> Vec<usize> {
+        match self.sets(&set).into_iter().next() {
+            Some((_, best)) if self.names(&best) != self.names(&set) => best,
+            _ => set,
+        }
     }
 
     /// What a set names, in order.
@@ -268,26 +286,30 @@ impl<'a> Search<'a> {
         allowed: &dyn Fn(&Candidate) -> bool,
     ) -> (f64, Vec<(String, f64)>) {
         let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
-        let own = self.objective(set);
+        let (own, caution) = (self.objective(set), self.caution());
         let mut weights: BTreeMap<String, f64> = BTreeMap::new();
         let mut total = 1.0;
-        let share = |value: f64| ((value - own) / CAUTION).min(50.0).exp();
+        let share = |value: f64| ((value - own) / caution).min(50.0).exp();
         total += share(self.objective(&without));
+        // What other variants of its kind add is its own.
+        let mut of_kind = 1.0;
         for (c, candidate) in self.candidates.iter().enumerate() {
-            if c == member
-                || !allowed(candidate)
-                || !self.joins(&without, c)
-                || candidate.kind == self.candidates[member].kind
-            {
+            if c == member || !allowed(candidate) || !self.joins(&without, c) {
                 continue;
             }
-            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED } else { 0.0 };
+            if candidate.kind == self.candidates[member].kind {
+                let weight = share(self.objective(&[&without[..], &[c]].concat()));
+                of_kind += weight;
+                total += weight;
+                continue;
+            }
+            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED * caution } else { 0.0 };
             let weight = share(self.objective(&[&without[..], &[c]].concat()) + nested);
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;
         }
         let mut rivals: Vec<(String, f64)> = weights.into_iter().map(|(kind, w)| (kind, w / total)).collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
-        (1.0 / total, rivals)
+        (of_kind / total, rivals)
     }
 }

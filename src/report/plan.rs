@@ -15,13 +15,13 @@ pub fn plan_text(plan: &Plan) -> String {
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "{} rows, {} changes of the load, about {:.0} minutes; of {} simulated effects {:.0} % are named outright, {:.0} % wrongly\n",
+        "{} rows, {} changes of the load, about {:.0} minutes; chance that an effect is named outright {:.0} %, wrongly {:.0} % ({} simulated)\n",
         plan.rows.len(),
         plan.load_changes,
         (plan.duration_s / 60.0).ceil(),
-        plan.simulated,
         100.0 * plan.chance_right,
-        100.0 * plan.chance_wrong
+        100.0 * plan.chance_wrong,
+        plan.simulated
     );
     let _ = writeln!(out, "effect                     d′ from none   named rightly");
     for kind in &plan.kinds {

@@ -4,6 +4,7 @@ use deflex::cell::Cell;
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
 use deflex::program::{Goal, Program, rapid};
+use deflex::report::residual_csv;
 use deflex::text::{Diagnostic, Source};
 use std::path::{Path, PathBuf};
 
@@ -99,4 +100,28 @@ fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_asked_f
     let twice = found_on("100,200,0", 0.0).unwrap_err();
     assert!(twice[0].line == 2 && twice[0].message.contains("as near to the way into target"), "{}", twice[0]);
     assert!(found_on("200,300,0", 6.0).unwrap_err()[0].message.contains("from the path"));
+}
+
+/// Twenty-four rows that `deflex plan` chose: a factor of the force is no force mixed up by halves.
+#[test]
+fn a_factor_of_the_force_is_named_from_planned_rows() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/planned_white_force_scale-15");
+    let cell = Cell::read(&source(&folder.join("cell.toml"))).unwrap();
+    let program = rapid::read(vec![source(&folder.join("part.mod"))], Vec::new()).unwrap();
+    let mut table = Table::read(&source(&folder.join("measured.csv"))).unwrap();
+    // One gauge reading among the points: its other axes are not measured.
+    let [x, ..] = table.rows[0].position_mm.take().unwrap();
+    table.rows[0].axes_mm = [Some(x), None, None];
+    let input = Input { cell: &cell, runs: &[(program, table)], poses: &[], tool: None, data_hash: "test" };
+    let found = identify(&input).unwrap();
+    let [added] = &found.added[..] else { panic!("{:?}", found.added) };
+    assert_eq!(added.kind, "force_scale");
+    assert!(added.posterior >= 0.9 && added.not_told_apart_from.is_empty(), "{added:?}");
+    let [low, high] = added.parameters[0].ci95;
+    // What the plant had.
+    assert!(low < 1.195_127 && 1.195_127 < high, "{added:?}");
+    let csv = residual_csv(&found.residuals);
+    let first: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
+    // Behind run, line, block, held_out, outlier and the place: prefit, postfit, whitened.
+    assert!(first[8..].chunks(3).all(|of| !of[0].is_empty() && of[1].is_empty() && of[2].is_empty()), "{first:?}");
 }

@@ -8,13 +8,12 @@
 
 use super::draws::Draws;
 use crate::identify::candidates::Candidate;
-use crate::identify::search::PRICE;
+use crate::identify::explain::NAMED;
+use crate::identify::search::{NESTED, PRICE, caution, contains};
 use nalgebra::{DMatrix, DVector};
 
 /// What every pair counts beside the share of effects that will be named: pairs that are hopeless so far are not given up.
 const EACH_PAIR: f64 = 0.02;
-/// Evidence over a rival that a name needs, nats: what makes a posterior of 0.9.
-const NEEDED: f64 = 4.4;
 /// Draws of an effect's numbers.
 const DRAWS: usize = 4;
 /// Shares of the typical sizes that a rival's prior may have.
@@ -56,6 +55,8 @@ pub(super) struct Told {
     pub(super) distance: DMatrix<f64>,
     /// Mean evidence of each kind, less its price, nats.
     evidence: DMatrix<f64>,
+    /// Rows times what each shows.
+    scalars: usize,
 }
 
 /// Effects with their rivals, and how much each pair counts.
@@ -206,6 +207,7 @@ impl Criterion {
         let mut told = Told {
             distance: DMatrix::from_element(size.0, size.1, f64::INFINITY),
             evidence: DMatrix::from_element(size.0, size.1, f64::NEG_INFINITY),
+            scalars: columns.nrows(),
         };
         for rival in &self.rivals {
             // A frame that is the effect itself is no nuisance to it.
@@ -256,12 +258,17 @@ impl Criterion {
     /// pair adds beside it. Less is better.
     pub(super) fn confusion(&self, told: &Told) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
+        // Evidence over a rival that a name needs, nats.
+        let caution = caution(told.scalars);
+        let needed = (NAMED / (1.0 - NAMED)).ln() * caution;
         for (t, truth) in self.truths.iter().enumerate() {
             let mut named = 1.0;
             for kind in (0..=self.kinds.len()).filter(|&kind| kind != truth.kind) {
                 let gain = told.evidence[(t, truth.kind)] - told.evidence[(t, kind)];
                 let spread = told.distance[(t, kind)].clamp(1.0, 1e3);
-                let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - NEEDED) / spread);
+                let nested = self.kinds.get(kind).is_some_and(|kind| contains(kind, &self.kinds[truth.kind]));
+                let needed = needed + if nested { NESTED * caution } else { 0.0 };
+                let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - needed) / spread);
                 named *= 1.0 - taken;
                 each += taken;
             }

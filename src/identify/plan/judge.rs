@@ -25,7 +25,7 @@ use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
 
 /// Simulated measurements of each kind.
-const SIMULATED: usize = 6;
+const SIMULATED: usize = 12;
 /// Other numbers than those that rows were chosen by.
 const SEED: u64 = 1_000;
 /// Pairs below this are said to be hard, and why.
@@ -105,25 +105,23 @@ pub(super) fn judge(
         .map(|(number, truth)| simulation.run(truth, &named[truth.kind], number as u64))
         .collect();
     progress(1.0);
-    let share = |verdict: Verdict, of: Option<usize>| {
-        let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| of.is_none_or(|kind| truth.kind == kind));
-        all().filter(|(_, found)| **found == verdict).count() as f64 / all().count().max(1) as f64
+    // Expected probability after so many of all (Jeffreys 1946): a dozen draws make nothing sure.
+    let chance = |kind: usize, verdict: Verdict| {
+        let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| truth.kind == kind);
+        let count = all().filter(|(_, found)| **found == verdict).count() as f64;
+        (count + 0.5) / (all().count() as f64 + 1.0)
     };
     let of_kind = |kind: usize| PlannedKind {
         kind: named[kind].clone(),
         d_prime: criterion.distance_from_none(&distances, kind),
-        chance_right: share(Verdict::Right, Some(kind)),
-        chance_wrong: share(Verdict::Wrong, Some(kind)),
+        chance_right: chance(kind, Verdict::Right),
+        chance_wrong: chance(kind, Verdict::Wrong),
     };
     let mut kinds: Vec<PlannedKind> = (0..named.len()).map(of_kind).collect();
     kinds.sort_by(|a, b| a.chance_right.total_cmp(&b.chance_right));
-    Ok(Judged {
-        pairs,
-        kinds,
-        right: share(Verdict::Right, None),
-        wrong: share(Verdict::Wrong, None),
-        simulated: tried.len(),
-    })
+    let mean = |of: &dyn Fn(&PlannedKind) -> f64| kinds.iter().map(of).sum::<f64>() / kinds.len().max(1) as f64;
+    let (right, wrong) = (mean(&|kind| kind.chance_right), mean(&|kind| kind.chance_wrong));
+    Ok(Judged { pairs, kinds, right, wrong, simulated: tried.len() })
 }
 
 /// A row measured where it is programmed.
@@ -160,7 +158,7 @@ impl Simulation<'_> {
         let moments: Vec<Moments> =
             self.linear.moments.iter().map(|m| m.clone().with_data(&self.linear.design, &data, &series)).collect();
         let search = Search::new(&self.engine.candidates, &moments, &self.linear.always);
-        let set = search.best(&[], &stiff);
+        let set = search.likeliest(search.best(&[], &stiff));
         let score = search.full(&set);
         let columns = search.columns(&set);
         let mut left = data.clone();

@@ -63,9 +63,9 @@ pub struct Plan {
     pub pairs: Vec<PlannedPair>,
     /// The first of them.
     pub weakest: Option<PlannedPair>,
-    /// How often, of simulated measurements of one effect of `effect_mm` each, that effect alone is named outright.
+    /// Expected probability that one effect of `effect_mm` is named outright, and nothing else: mean over the kinds.
     pub chance_right: f64,
-    /// How often something else is.
+    /// Expected probability that something else is.
     pub chance_wrong: f64,
     /// The same by kind, least first.
     pub kinds: Vec<PlannedKind>,
@@ -128,9 +128,9 @@ pub struct PlannedKind {
     pub kind: String,
     /// d′ from nothing being there.
     pub d_prime: f64,
-    /// How often it alone is named outright.
+    /// Expected probability that it alone is named outright.
     pub chance_right: f64,
-    /// How often something else is.
+    /// Expected probability that something else is.
     pub chance_wrong: f64,
 }
 

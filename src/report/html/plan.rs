@@ -101,6 +101,6 @@ fn rows(plan: &Plan) -> String {
 
 const WORDS: &str = "<dl>
 <dt>d′</dt><dd>What is left of an effect of the wanted size, less all that the other one, the part's frame, the instrument and its drift could imitate, over the noise: above 5 told apart, below 3 not.</dd>
-<dt>Named rightly</dt><dd>How often the effect alone is named outright in simulated measurements of these rows, with white noise and nothing else there; drift, outliers and second effects make it less.</dd>
+<dt>Named rightly</dt><dd>The expected probability that the effect alone is named outright, from a dozen simulated measurements of these rows, with white noise and nothing else there; drift, outliers and second effects make it less.</dd>
 </dl>
 ";
