@@ -112,11 +112,16 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
         "up to {:.4} mm are left on the way between targets (rms {:.4} mm){others}, more than max_path_error_mm = {most}",
         worst.remaining_path_max_mm, worst.remaining_path_rms_mm
     );
-    Some(
-        Diagnostic::error("limits.max-path-error", &worst.path, message)
-            .severity(deflex::text::Severity::Note)
-            .help("`--subdivide MM` inserts targets; remaining_path_mm of the report tells where"),
-    )
+    let help = match setup.options.subdivide {
+        None => "`--subdivide MM` inserts targets; remaining_path_mm of the report tells where",
+        // No target is nearer to such a place than the correction can follow.
+        Some(_) => {
+            "where the force sets in, ends or turns at once the tip goes from one deflection to the other, within half a millimetre \
+             of path: lead in and out gently; remaining_path_mm of the report tells where"
+        }
+    };
+    let note = Diagnostic::error("limits.max-path-error", &worst.path, message);
+    Some(note.severity(deflex::text::Severity::Note).help(help))
 }
 
 /// Gathers what the programs came to, writes it, and says so.

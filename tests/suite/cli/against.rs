@@ -118,7 +118,12 @@ fn the_command_checks_a_subdivided_program() {
     let bench = Bench::new();
     let (_, body) = paths().swap_remove(3);
     bench.write("walk.mod", module(&body)).write("walk.toml", CELL);
-    bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json told.json").exits(0);
+    let ran = bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json told.json").exits(0);
+    assert!(
+        ran.stderr.contains("are left on the way") && ran.stderr.contains("lead in and out gently"),
+        "{}",
+        ran.stderr
+    );
     let ran =
         bench.run("check out.mod --cell walk.toml --against walk.mod --max-error 0.011 --max-correction 2").exits(1);
     // Where the force begins, the command jumps: on a stretch that no target can shorten.
