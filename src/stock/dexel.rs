@@ -448,14 +448,35 @@ impl Stock {
         let bottom = self.origin[2];
         let spine = sweep.spine(self.blank.bounds()[1].z);
         let lowest = spine.iter().fold(f64::INFINITY, |z, p| z.min(p.z)) - 1.01 * sweep.solid.radius;
-        let highest = spine.iter().fold(f64::NEG_INFINITY, |z, p| z.max(p.z)) + 2.0 * sweep.solid.radius;
-        let (lowest, highest) = (lowest - 1e-3, highest + 1e-3);
+        let lowest = lowest - 1e-3;
         let ahead = sweep.ahead().filter(|_| continues);
+        let tip = sweep.start.tip;
+        // Seen from above: a line behind the plane at every height is left out with its row, and so is what is out of reach.
+        let plane = ahead.map(|ahead| {
+            let over = [lowest, self.blank.bounds()[1].z].map(|z| ahead.z * (z - tip.z));
+            let way = turned(ahead.x, ahead.y);
+            let back = over[0].max(over[1]) / (way[0] * way[0] + way[1] * way[1]).max(f64::MIN_POSITIVE);
+            let [u, v] = turned(tip.x, tip.y);
+            (way, [u - way[0] * back, v - way[1] * back])
+        });
+        let centre = spine.iter().fold(Vector3::zeros(), |sum, point| sum + point / spine.len() as f64);
+        let beside = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
+        let reach = spine.iter().map(beside).fold(0.0, f64::max) + sweep.solid.radius + self.spacing;
+        let [centre_u, centre_v] = turned(centre.x, centre.y);
         let mut removed = 0.0;
         for j in rows {
+            let v = self.origin[1] + (j as f64 + 0.5) * self.spacing;
+            let half = (reach * reach - (v - centre_v).powi(2)).max(0.0).sqrt();
+            let column = |u: f64| ((u - self.origin[0]) / self.spacing - 0.5).max(0.0);
+            let first = columns.start.max(column(centre_u - half).floor() as usize);
+            let end = columns.end.min(column(centre_u + half).ceil() as usize + 1);
+            let columns = match &plane {
+                Some((way, [plane_u, plane_v])) => self.ahead_in_row(&(first..end), Some(*way), v - plane_v, *plane_u),
+                None => first..end,
+            };
             // Where the line before was entered: the next one is entered nearby.
             let mut last: Option<f64> = None;
-            for i in columns.clone() {
+            for i in columns {
                 let [x, y] = self.place(i, j);
                 let top = match self.line(i, j) {
                     Some(line) => line.top(),
@@ -478,18 +499,19 @@ impl Stock {
                         continue;
                     }
                 }
-                let near = last.map(|z| z - self.spacing).filter(|z| *z > lowest);
-                let near = near.filter(|z| sweep.distance_along_z(&Vector3::new(x, y, *z)).value > 0.0);
-                let Some(low) = enter(sweep, [x, y], near.unwrap_or(lowest), 1.0) else { continue };
-                last = Some(low);
+                // From the top first: most lines beside a leaning cutter pass it by, and that is soon told.
                 let high = if at_top.value <= 0.0 {
                     f64::INFINITY
                 } else {
-                    match enter(sweep, [x, y], highest, -1.0) {
+                    match enter(sweep, [x, y], top + bottom, -1.0) {
                         Some(high) => high - bottom,
                         None => continue,
                     }
                 };
+                let near = last.map(|z| z - self.spacing).filter(|z| *z > lowest);
+                let near = near.filter(|z| sweep.distance_along_z(&Vector3::new(x, y, *z)).value > 0.0);
+                let Some(low) = enter(sweep, [x, y], near.unwrap_or(lowest), 1.0) else { continue };
+                last = Some(low);
                 removed += self.line_mut(i, j).cut(low - bottom, high, by);
             }
         }

@@ -197,7 +197,64 @@ fn nearest(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>) -> f64 {
     if square <= 1e-18 * way.z * way.z {
         return if way.z > 0.0 { 1.0 } else { 0.0 };
     }
-    nearest_of_ramp(solid, from, way, square)
+    nearest_by_newton(solid, from, way, square).unwrap_or_else(|| nearest_of_ramp(solid, from, way, square))
+}
+
+/// An error of the place, m, counts by its square over twice a radius.
+const CLOSE: f64 = 1e-5;
+
+/// The same by Newton on the derivative, within a bracket, from where the point is nearest to the axis; `None` deep in the
+/// cutter, where the distance has an edge.
+#[inline]
+fn nearest_by_newton(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, square: f64) -> Option<f64> {
+    const ROUNDS: usize = 10;
+    let flat = solid.flat();
+    let close = CLOSE / (square + way.z * way.z).sqrt();
+    let axis = -(from.x * way.x + from.y * way.y) / square;
+    let mut share = axis.clamp(0.0, 1.0);
+    let (mut low, mut high) = (0.0, 1.0);
+    let mut over_rim = false;
+    for _ in 0..ROUNDS {
+        let at = from + way * share;
+        let rho = at.x.hypot_fast(at.y);
+        let (out, below) = (rho - flat, solid.corner - at.z);
+        let outwards = if rho > 0.0 { (at.x * way.x + at.y * way.y) / rho } else { square.sqrt() };
+        let bend = if rho > 0.0 { (square - outwards * outwards) / rho } else { 0.0 };
+        let (slope, bend) = if below > 0.0 && (out > 0.0 || over_rim) {
+            let out = out.max(0.0);
+            let edge = out.hypot_fast(below);
+            let slope = (out * outwards - below * way.z) / edge;
+            (slope, (outwards * outwards + out * bend + way.z * way.z - slope * slope) / edge)
+        } else if below > 0.0 {
+            // Under the flat the distance falls evenly as far as its rim.
+            over_rim = true;
+            (-way.z, 0.0)
+        } else if out > 0.0 {
+            (outwards, bend)
+        } else {
+            return None;
+        };
+        if (slope >= 0.0 && share <= 0.0) || (slope <= 0.0 && share >= 1.0) {
+            return Some(share);
+        }
+        *(if slope < 0.0 { &mut low } else { &mut high }) = share;
+        let next = if bend > 0.0 {
+            share - slope / bend
+        } else {
+            let least = (from.x + way.x * axis).powi(2) + (from.y + way.y * axis).powi(2);
+            axis - slope.signum() * ((flat * flat - least).max(0.0) / square).sqrt()
+        };
+        // An end that has been asked is behind.
+        let next = match next {
+            next if next <= low && low > 0.0 || next >= high && high < 1.0 => 0.5 * (low + high),
+            next => next.clamp(0.0, 1.0),
+        };
+        if (next - share).abs() < close {
+            return Some(next);
+        }
+        share = next;
+    }
+    None
 }
 
 /// Where the derivative of a convex distance changes sign: false position, halving where that creeps.
@@ -224,9 +281,7 @@ fn nearest_of_ramp(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>, squar
     if at_high <= 0.0 {
         return high;
     }
-    // An error of the place, m, counts by its square over twice a radius.
     const ROUNDS: usize = 24;
-    const CLOSE: f64 = 1e-5;
     let close = CLOSE / (square + way.z * way.z).sqrt();
     for round in 0..ROUNDS {
         let middle = if round % 3 == 2 { 0.5 * (low + high) } else { low + (high - low) * at_low / (at_low - at_high) };
