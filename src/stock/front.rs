@@ -14,11 +14,24 @@ const AROUND: (usize, usize) = (64, 48);
 const ALONG: (usize, usize) = (16, 5);
 const CELL: f64 = 0.05;
 
-/// A cell is halved up to so many times.
-const HALVINGS: u32 = 4;
+/// How closely the rims of the engagement are followed.
+#[derive(Clone, Copy)]
+struct Fineness {
+    /// A cell is halved up to so many times.
+    halvings: u32,
+    /// How far the depth at a cell's middle may be off the mean of its corners, a share of the cell's size, before it is halved.
+    straight: f64,
+    /// Cells are halved too where the depth only bulges between corners that are all in material, or all out of it.
+    bulges: bool,
+}
 
-/// How far the depth at a cell's middle may be off the mean of its corners, a share of the cell's size, before it is halved.
-const STRAIGHT: f64 = 0.03;
+/// Enough where rims are short beside what they enclose.
+const COARSE: Fineness = Fineness { halvings: 4, straight: 0.03, bulges: false };
+/// For what is narrow, or cut at a flat angle: 0.5 % of its force.
+const FINE: Fineness = Fineness { halvings: 6, straight: 0.004, bulges: true };
+
+/// Share of the force that rims may put off before they are followed finely.
+const ROUGH: f64 = 0.02;
 
 /// Below this sine of its angle to the feed the tool plunges: φ is counted from anywhere.
 const PLUNGE: f64 = 1e-6;
@@ -168,7 +181,7 @@ impl Front {
         if size == 0.0 {
             return Engaged::default();
         }
-        let view = View::new(self, stock, pose, way, size);
+        let mut view = View::new(self, stock, pose, way, size);
         let [low, high] = stock.blank().bounds();
         let reach = |k: usize| {
             let axis = pose.axis[k];
@@ -184,6 +197,16 @@ impl Front {
         }
         let over = (highest - self.solid.corner).max(0.0);
         let rows = self.along + (over / self.rise).ceil() as usize;
+        let mut sum = self.sum(&view, rows);
+        if sum.bound[1] > ROUGH * sum.cutting.norm() {
+            view.fineness = FINE;
+            sum = self.sum(&view, rows);
+        }
+        view.finish(sum)
+    }
+
+    /// Over the lowest rows of the mask.
+    fn sum(&self, view: &View<'_>, rows: usize) -> Sum {
         let mut sum = Sum::default();
         let fill = |nodes: &mut Vec<Node>, row: usize| {
             let ring = self.ring(row as f64);
@@ -215,7 +238,7 @@ impl Front {
             std::mem::swap(&mut below, &mut above);
             lower = upper;
         }
-        view.finish(sum)
+        sum
     }
 }
 
@@ -250,6 +273,7 @@ struct View<'a> {
     scale: f64,
     /// The sweep that leads here.
     before: u32,
+    fineness: Fineness,
 }
 
 impl<'a> View<'a> {
@@ -269,7 +293,7 @@ impl<'a> View<'a> {
         // About as far as a point is from the silhouette; where the way bends, the depth over what the move before has left
         // goes as chip times way.
         let scale = if before > 0 { front.solid.radius } else { size.min(front.solid.radius) };
-        Self { front, stock, pose, x, y: pose.axis.cross(&x), feed, scale, before }
+        Self { front, stock, pose, x, y: pose.axis.cross(&x), feed, scale, before, fineness: COARSE }
     }
 
     fn point(&self, across: f64, up: f64, (cos, sin): (f64, f64)) -> Vector3<f64> {
@@ -327,9 +351,10 @@ impl<'a> View<'a> {
         let middle = self.depth(&ring, angle);
         let mean = 0.25 * depths.iter().sum::<f64>();
         let off = (middle - mean).abs();
-        // Where the depth bulges out between the corners no rim can hide, on either side of one.
-        let plain = (least >= 0.0 && middle >= mean) || (most <= 0.0 && middle <= mean);
-        if !plain && off > STRAIGHT * larger && halvings < HALVINGS {
+        // Where the depth bulges out between the corners hardly a rim can hide, on either side of one.
+        let bulges = (least >= 0.0 && middle >= mean) || (most <= 0.0 && middle <= mean);
+        let Fineness { halvings: most_halvings, straight, .. } = self.fineness;
+        if (self.fineness.bulges || !bulges) && off > straight * larger && halvings < most_halvings {
             let node = |dx: f64, dy: f64| {
                 let (ring, angle) = (front.ring(at[1] + dy * size), self.angle(at[0] + dx * size));
                 (self.chip(&ring, angle), self.depth(&ring, angle))
