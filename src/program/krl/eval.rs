@@ -278,7 +278,7 @@ impl<'a> Runner<'a> {
         let whole = self.value(path.id);
         if self.volatile.contains(&path.id) {
             self.pin(&whole);
-            return Value::unknown("may be changed at any moment");
+            return whole.get(&path.steps).forgotten("may be changed at any moment");
         }
         if !path.known {
             self.pin(&whole);

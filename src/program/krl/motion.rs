@@ -39,11 +39,47 @@ impl<'a> Runner<'a> {
         cursor.next();
         let value = self.expression(&mut cursor);
         self.pin(&value);
-        for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
-            *used |= value.component(name).is_some_and(|axis| axis.number() != Some(0.0));
-        }
+        self.use_axes_of(&value);
         self.lose_position(reason);
         self.keep_motion(span, reason);
+    }
+
+    /// Axes that a motion without a target may move.
+    fn use_axes_of(&mut self, value: &Value) {
+        match value {
+            Value::Unknown(_, Some(was)) => self.use_axes_of(was),
+            Value::Array(items) => items.values().for_each(|item| self.use_axes_of(item)),
+            _ => {
+                for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
+                    *used |= value.component(name).is_some_and(|axis| axis.number() != Some(0.0));
+                }
+            }
+        }
+    }
+
+    /// The same of a motion that is not run: of what its text says and of the data that it names.
+    fn use_axes_in(&mut self, file: usize, span: Span) {
+        let mut cursor = Cursor::new(self.bytes(file), 0, span);
+        while !cursor.is_done() {
+            let lexeme = cursor.next();
+            if lexeme.kind != super::lex::Kind::Word {
+                continue;
+            }
+            let name = super::value::upper(cursor.text(lexeme));
+            match EXTERNAL.iter().position(|axis| name[..] == **axis) {
+                Some(axis) => {
+                    let next = cursor.peek();
+                    let text = cursor.text(next);
+                    let zero = crate::text::number::read(text) == Some(0.0);
+                    self.used_axes[axis] |= !zero;
+                }
+                None => {
+                    let id = self.symbols.find(file, &name);
+                    let value = self.symbols.start[id].clone();
+                    self.use_axes_of(&value);
+                }
+            }
+        }
     }
 
     fn lose_position(&mut self, why: &'static str) {
@@ -74,9 +110,7 @@ impl<'a> Runner<'a> {
             _ => self.go(motion, via.as_ref(), &end, name, span),
         };
         if let Err(reason) = done {
-            for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
-                *used |= end.component(name).is_some_and(|axis| axis.number() != Some(0.0));
-            }
+            self.use_axes_of(&end);
             [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
             self.lose_position("the position before is not known");
             self.keep_motion(span, reason);
@@ -465,6 +499,7 @@ impl<'a> Runner<'a> {
                 let cursor = Cursor::new(bytes, 0, span);
                 let word = super::value::upper(cursor.text(cursor.peek()));
                 if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
+                    self.use_axes_in(id.file, span);
                     let beside = self.beside.contains(&id);
                     self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });
                 }

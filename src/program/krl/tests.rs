@@ -95,6 +95,14 @@ fn missing_components_are_those_of_the_motion_before() {
 }
 
 #[test]
+fn axes_that_only_a_handler_moves_are_in_use() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0";
+    let p =
+        program(&format!("INTERRUPT DECL 3 WHEN $IN[1] DO isr()\n{line},E1 0.0}}\nEND\nDEF isr()\n{line},E1 200.0}}"));
+    assert!(!p.targets[0].external.as_ref().unwrap().is_at_rest());
+}
+
+#[test]
 fn joint_motions_keep_status_and_turn_true() {
     let p = program(
         "PTP {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 'B010',T 35}\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 6,T 50}",

@@ -225,7 +225,7 @@ fn minimised(texts: &[(String, String)]) -> Vec<(String, String)> {
     }
 }
 
-/// Ten times as many with `DEFLEX_KRL_PROGRAMS`; `DEFLEX_KRL_FIRST` is the first seed.
+/// More of them, in hundreds, with `DEFLEX_KRL_PROGRAMS`; `DEFLEX_KRL_FIRST` is the first seed.
 #[test]
 fn generated_programs_are_corrected_or_left_and_said_to_be() {
     let number = |name: &str, default: u64| {
