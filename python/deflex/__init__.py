@@ -14,8 +14,8 @@ with its position in mm; motor angles are degrees as the controller counts them.
 
 from deflex._deflex import Cell, DeflexError, Diagnostic, Program, Robot
 from deflex._deflex import version as _version
-from deflex._results import Correction, Identification, Prediction, Record
-from deflex._run import compensate, cutting_force, identify, predict
+from deflex._results import Correction, Identification, Planned, Prediction, Record
+from deflex._run import compensate, cutting_force, identify, plan, predict
 
 __version__ = _version()
 
@@ -25,6 +25,7 @@ __all__ = [
     "DeflexError",
     "Diagnostic",
     "Identification",
+    "Planned",
     "Prediction",
     "Program",
     "Record",
@@ -33,5 +34,6 @@ __all__ = [
     "compensate",
     "cutting_force",
     "identify",
+    "plan",
     "predict",
 ]

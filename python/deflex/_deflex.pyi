@@ -164,6 +164,18 @@ class Found:
     def cell(self, name: str = "cell.toml") -> Cell: ...
     def page(self) -> str: ...
 
+@final
+class Planned:
+    @property
+    def json(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def program(self) -> str: ...
+    @property
+    def table(self) -> str: ...
+    def page(self) -> str: ...
+
 def predict(
     held: tuple[Program, Cell],
     forces: _Table | None,
@@ -181,9 +193,17 @@ def identify(
     runs: Sequence[tuple[Program, _Table]],
     poses: Sequence[_Table],
     cell: Cell,
-    tool: str | None,
+    read_as: tuple[str | None, str | None, float | None],
     progress: Callable[[int, int], object] | None,
 ) -> Found: ...
+def plan(
+    cell: Cell,
+    rows: int,
+    pool: Sequence[Program],
+    after: str | None,
+    name: str,
+    progress: Callable[[int, int], object] | None,
+) -> Planned: ...
 def cutting_force(
     mode: str,
     cutter: tuple[float, float, int, float],

@@ -11,6 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 from deflex._deflex import Cell, Diagnostic, Done, Found
+from deflex._deflex import Planned as _Planned
 
 Report = dict[str, npt.NDArray[Any]]
 
@@ -228,3 +229,44 @@ class Identification:
 
     def __repr__(self) -> str:
         return f"<Identification: {self.text.partition(chr(10))[0]}>"
+
+
+class Planned:
+    """What to measure.
+
+    Everything that `deflex plan --json` says stands in `json`.
+    """
+
+    def __init__(self, planned: _Planned) -> None:
+        self._planned = planned
+
+    @cached_property
+    def json(self) -> Record:
+        """All of the plan, as `--json` writes it: `rows`, `pairs`, `weakest`, `chance_right`, …"""
+        return record(self._planned.json)
+
+    @property
+    def program(self) -> str:
+        """The RAPID program: each motion ends where a row is measured."""
+        return self._planned.program
+
+    @property
+    def table(self) -> str:
+        """The table to fill in, as CSV: target, load and time of each row, measured columns empty."""
+        return self._planned.table
+
+    @property
+    def text(self) -> str:
+        """The plan for people, as the command prints it."""
+        return self._planned.text
+
+    @property
+    def html(self) -> str:
+        """The page, complete in one file."""
+        return self._planned.page()
+
+    def _repr_html_(self) -> str:
+        return _framed(self.html)
+
+    def __repr__(self) -> str:
+        return f"<Planned: {self.text.partition(chr(10))[0]}>"

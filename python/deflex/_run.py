@@ -1,7 +1,8 @@
 """Runs: the command's words as functions."""
 
+import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from deflex import _deflex
 from deflex._deflex import Cell, Program
-from deflex._results import Correction, Identification, Prediction
+from deflex._results import Correction, Identification, Prediction, Planned
 from deflex._tables import Table, given
 
 Path = str | os.PathLike[str]
@@ -27,6 +28,8 @@ def _cell(cell: Cell | Path) -> Cell:
 
 def _asked(**options: Any) -> dict[str, Any]:
     correct = options.pop("correct", "pose")
+    if options.get("post", "rapid") not in ("rapid", "krl", "ls", "cl"):
+        raise ValueError(f'post is {options["post"]!r}, expected "rapid", "krl", "ls" or "cl"')
     if correct not in ("pose", "position"):
         raise ValueError(f'correct is {correct!r}, expected "pose" or "position"')
     for name in ("subdivide_mm", "rapid_mm_s", "feed_mm_s"):
@@ -38,7 +41,7 @@ def _asked(**options: Any) -> dict[str, Any]:
     defaults: dict[str, Any] = dict.fromkeys(
         ("tool", "subdivide_mm", "name", "max_targets", "rapid_mm_s", "feed_mm_s")
     )
-    return {"position": correct == "position", "allow_clones": False, "free_spin": False, "again": False, **defaults, **options}
+    return {"position": correct == "position", "allow_clones": False, "free_spin": False, "again": False, "post": "rapid", **defaults, **options}
 
 
 def predict(
@@ -81,6 +84,7 @@ def compensate(
     allow_clones: bool = False,
     free_spin: bool = False,
     again: bool = False,
+    post: Literal["rapid", "krl", "ls", "cl"] = "rapid",
     name: str | None = None,
     max_targets: int | None = None,
     rapid_mm_s: float | None = None,
@@ -92,7 +96,7 @@ def compensate(
     `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
     inserts targets until no more is left on the way between two; `allow_clones` gives a declared target that is used with
     different corrections a clone for each; `again` corrects a program that has its correction in it already. CL data are
-    posted as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
+    posted in the language `post` as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
     has no feed.
 
     Raises `DeflexError` where the command ends with exit code 2: then there is no program.
@@ -109,6 +113,7 @@ def compensate(
         allow_clones=allow_clones,
         free_spin=free_spin,
         again=again,
+        post=post,
         name=name,
         max_targets=max_targets,
         rapid_mm_s=rapid_mm_s,
@@ -123,13 +128,17 @@ def identify(
     *,
     cell: Cell | Path,
     tool: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    match_mm: float | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Finds the effects that a cell lacks: `deflex identify`.
 
     `runs` are programs with what was measured on them, or `poses` measured rows with their own motor angles: paths or tables
     with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
-    seen. `progress` is called once, when it is done.
+    seen. `columns` are names that the tables have for columns, by the name that deflex has: `{"target": "Punkt Nr"}`; others are then
+    not looked at. `match_mm` is how far from the path a row with `nominal_x_mm`, … and no target may lie (5). `progress` is
+    called once, when it is done.
 
     Raises `DeflexError` where the command ends with exit code 2.
     """
@@ -139,7 +148,33 @@ def identify(
     if bool(pairs) == bool(rows):
         raise ValueError("give either runs or poses")
     declared = _cell(cell)
-    return Identification(_deflex.identify(pairs, rows, declared, tool, progress), declared.name)
+    named = None if columns is None else ",".join(f"{ours}={theirs}" for ours, theirs in columns.items())
+    read_as = (tool, named, match_mm)
+    return Identification(_deflex.identify(pairs, rows, declared, read_as, progress), declared.name)
+
+
+def plan(
+    cell: Cell | Path,
+    rows: int,
+    *,
+    pool: Iterable[AnyProgram] = (),
+    after: Identification | None = None,
+    name: str = "plan",
+    progress: Progress | None = None,
+) -> Planned:
+    """Plans what to measure, so that effects can be told apart: `deflex plan`.
+
+    The cell's `[plan]` says where the tool may go, which loads can be applied and what is measured with; `rows` (8 to 500) is how
+    many places are measured. `pool` are programs whose targets are the places to choose from; `after` an identification whose
+    open questions the rows are to settle; `name` is the program's. `progress(done, total)` is told parts of the work.
+
+    Raises `DeflexError` where the command ends with exit code 2.
+    """
+    if not 8 <= rows <= 500:
+        raise ValueError(f"rows is {rows!r}, expected 8 to 500")
+    undecided = None if after is None else json.dumps(after.json)
+    programs = [_program(program) for program in pool]
+    return Planned(_deflex.plan(_cell(cell), rows, programs, undecided, name, progress))
 
 
 def cutting_force(

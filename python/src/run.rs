@@ -5,7 +5,9 @@ use crate::program::Program;
 use crate::work;
 use deflex::cli::held::{self, CellFile, MeasuredFile, ProgramFiles, Run};
 use deflex::correct::{Correct, PostOptions};
-use deflex::report::{identify_text, residual_csv, summary_line};
+use deflex::measured::ColumnNames;
+use deflex::program::Language;
+use deflex::report::{identify_text, plan_text, residual_csv, summary_line};
 use deflex::text::Source;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -29,13 +31,17 @@ impl Table {
         }
     }
 
-    fn measured(self) -> Result<MeasuredFile, Vec<deflex::text::Diagnostic>> {
-        match self {
-            Self::File(path) => MeasuredFile::read(&path),
-            Self::Held((name, text)) => Ok(MeasuredFile::of(Source::new(name, text))),
-        }
+    fn measured(self, read_as: &ReadAs) -> Result<MeasuredFile, Vec<deflex::text::Diagnostic>> {
+        let file = match self {
+            Self::File(path) => MeasuredFile::read(&path)?,
+            Self::Held((name, text)) => MeasuredFile::of(Source::new(name, text)),
+        };
+        Ok(file.read_as(read_as.0.clone(), read_as.1))
     }
 }
+
+/// Names of the columns of measured files, and how far from the path a row without a target may lie, mm.
+struct ReadAs(Option<ColumnNames>, f64);
 
 /// What a program came to.
 #[pyclass(frozen, module = "deflex._deflex")]
@@ -104,6 +110,7 @@ pub(crate) struct Asked {
     allow_clones: bool,
     free_spin: bool,
     again: bool,
+    post: String,
     name: Option<String>,
     max_targets: Option<usize>,
     rapid_mm_s: Option<f64>,
@@ -119,6 +126,8 @@ impl Asked {
         options.subdivide = self.subdivide_mm.map(|mm| 1e-3 * mm);
         options.allow_clones = self.allow_clones;
         options.free_spin = self.free_spin;
+        let language = Language::ALL.into_iter().find(|known| known.word() == self.post);
+        options.post = language;
         run.again = self.again;
         let post = Run::posted_from(program.names().first().map_or(Path::new("program"), |name| name));
         run.post = Some(PostOptions {
@@ -126,6 +135,7 @@ impl Asked {
             max_targets: self.max_targets,
             rapid_mm_s: self.rapid_mm_s.unwrap_or(post.rapid_mm_s),
             feed_mm_s: self.feed_mm_s,
+            language: language.unwrap_or(post.language),
             ..post
         });
         run
@@ -230,17 +240,82 @@ pub(crate) fn identify(
     runs: Vec<(PyRef<'_, Program>, Table)>,
     poses: Vec<Table>,
     cell: PyRef<'_, Cell>,
-    tool: Option<String>,
+    read_as: (Option<String>, Option<String>, Option<f64>),
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Found> {
+    let (tool, columns, match_mm) = read_as;
     let runs: Vec<(Arc<ProgramFiles>, Table)> =
         runs.into_iter().map(|(program, table)| (Arc::clone(&program.files), table)).collect();
     let cell = Arc::clone(&cell.file);
     let found = work::run(py, (progress.as_ref(), 1), move |_| {
-        let read = |(program, table): (Arc<ProgramFiles>, Table)| Ok((program.as_ref().clone(), table.measured()?));
+        let names = columns.as_deref().map(ColumnNames::parse).transpose()?;
+        let read_as = ReadAs(names, match_mm.unwrap_or(deflex::measured::MATCH_MM));
+        let read =
+            |(program, table): (Arc<ProgramFiles>, Table)| Ok((program.as_ref().clone(), table.measured(&read_as)?));
         let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
-        let poses = poses.into_iter().map(Table::measured).collect::<Result<Vec<_>, _>>()?;
+        let poses = poses.into_iter().map(|table| table.measured(&read_as)).collect::<Result<Vec<_>, _>>()?;
         held::identify(&cell, &runs, &poses, tool.as_deref())
     })?;
     Ok(Found { found })
+}
+
+/// What was planned.
+#[pyclass(frozen, module = "deflex._deflex")]
+pub(crate) struct Planned {
+    planned: held::Planned,
+}
+
+#[pymethods]
+impl Planned {
+    #[getter]
+    fn json(&self, py: Python<'_>) -> PyResult<String> {
+        self.planned.json().or_raise(py)
+    }
+
+    #[getter]
+    fn text(&self) -> String {
+        plan_text(&self.planned.found)
+    }
+
+    #[getter]
+    fn program(&self) -> &str {
+        &self.planned.found.program
+    }
+
+    #[getter]
+    fn table(&self) -> &str {
+        &self.planned.found.table
+    }
+
+    fn page(&self, py: Python<'_>) -> String {
+        py.detach(|| self.planned.page())
+    }
+}
+
+/// Parts of the work that progress is told in.
+const STEPS: u64 = 1000;
+
+/// Plans.
+#[pyfunction]
+pub(crate) fn plan(
+    py: Python<'_>,
+    cell: PyRef<'_, Cell>,
+    rows: usize,
+    pool: Vec<PyRef<'_, Program>>,
+    after: Option<String>,
+    name: String,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Planned> {
+    let pool: Vec<ProgramFiles> = pool.iter().map(|program| program.files.as_ref().clone()).collect();
+    let cell = Arc::clone(&cell.file);
+    let planned = work::run(py, (progress.as_ref(), STEPS), move |follow| {
+        let follow = follow.follow();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the steps
+        let tell = |share: f64| {
+            follow(0, (share * STEPS as f64) as u64);
+        };
+        let after = after.map(|json| Source::new("<identification>", json));
+        held::plan(&cell, rows, &pool, after.as_ref(), &name, &tell)
+    })?;
+    Ok(Planned { planned })
 }

@@ -123,6 +123,53 @@ def test_identify(command, tmp_path):
         assert framed.json[key] == found.json[key], key
 
 
+def test_columns_of_other_names(command, tmp_path):
+    cell, program, measured = (f"samples/closed-loop/{name}" for name in ("cell.toml", "part.mod", "measured.csv"))
+    head, rows = Path(measured).read_text().split("\n", 1)
+    table = tmp_path / "table.csv"
+    table.write_text(head.replace("x_mm", "X Ist", 1) + ",Bemerkung\n" + rows.replace("\n", ",\n"))
+    with pytest.raises(deflex.DeflexError, match="Bemerkung|X Ist"):
+        deflex.identify(runs=[(program, table)], cell=cell)
+    found = deflex.identify(runs=[(program, table)], cell=cell, columns={"x_mm": "X Ist"})
+    assert found.before.rms_mm == deflex.identify(runs=[(program, measured)], cell=cell).before.rms_mm
+
+
+def test_cl_data_in_other_languages(command, tmp_path):
+    program, cell = "samples/blade/blade.aptsource", "samples/blade/cell.toml"
+    for post, ending in (("krl", "src"), ("ls", "ls"), ("cl", "aptsource")):
+        written = tmp_path / post
+        answer = command("compensate", program, "--cell", cell, "--post", post, "--out-dir", written, code=None)
+        if answer.returncode:
+            with pytest.raises(deflex.DeflexError):
+                deflex.compensate(program, cell, post=post)
+            continue
+        done = deflex.compensate(program, cell, post=post)
+        assert done.files and all((written / name).read_bytes() == data for name, data in done.files.items()), ending
+    with pytest.raises(ValueError, match="expected"):
+        deflex.compensate(program, cell, post="apt")
+
+
+def test_plan(command, tmp_path):
+    text = Path("samples/closed-loop/cell.toml").read_text()
+    cell = tmp_path / "cell.toml"
+    wobj = next(line for line in text.splitlines() if line.startswith("[wobjs.")).split(".")[1].rstrip("]")
+    tool = next(line for line in text.splitlines() if line.startswith("[tools.")).split(".")[1].rstrip("]")
+    cell.write_text(
+        text + f'\n[plan]\nwobj = "{wobj}"\ntool = "{tool}"\nbox_mm = [[0, 0, 0], [200, 200, 80]]\ntilt_deg = 20.0\n'
+        'loads_n = [[0, 0, 0], [0, 0, 300]]\nload_changes = 1\ninstrument = "position"\nnoise_mm = 0.02\neffect_mm = 0.05\n'
+        'effects = ["backlash", "gravity"]\n'
+    )
+    written, table, answer = (tmp_path / name for name in ("plan.mod", "plan.csv", "plan.json"))
+    command("plan", "--cell", cell, "--rows", 12, "-o", written, "--measured", table, "--json", answer)
+    told = []
+    planned = deflex.plan(cell, 12, progress=lambda done, total: told.append(done / total))
+    assert planned.program == written.read_text() and planned.table == table.read_text()
+    assert planned.json == json.loads(answer.read_text())
+    assert told[-1] == 1 and len(planned.json.rows) == 12
+    with pytest.raises(ValueError, match="8 to 500"):
+        deflex.plan(cell, 3)
+
+
 def test_the_command_is_the_module(command):
     assert command("--version").stdout.decode().split() == ["deflex", deflex.__version__]
     assert b"deflex compensate" in command("--help").stdout

@@ -29,7 +29,7 @@ pub struct Corrected {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Posted {
-    /// Index into [`Program::targets`] of the target that it is, or that it is inserted before.
+    /// Index into [`targets`](crate::program::Program::targets) of the target that it is, or that it is inserted before.
     pub target: usize,
     /// Corrected position, work object axes, mm.
     pub position_mm: [f64; 3],

@@ -18,10 +18,12 @@
 mod files;
 mod identified;
 mod long;
+mod planned;
 
 pub use super::input::CellFile;
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, identify};
+pub use planned::{Planned, plan};
 
 use super::again::Again;
 use super::batch::posted_from;

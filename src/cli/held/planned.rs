@@ -1,0 +1,108 @@
+use super::{CellFile, ProgramFiles};
+use crate::cli::files::all;
+use crate::cli::report::pretty;
+use deflex::identify::{self, Plan, PlanInput};
+use deflex::report::html::plan_page;
+use deflex::report::{Origin, VERSION};
+use deflex::text::{Diagnostic, Source};
+use serde_json::Value;
+
+/// A set of effects below this share of the posterior does not keep a question open.
+const OPEN: f64 = 0.05;
+
+/// A plan with what it was made from.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Planned {
+    /// What was planned.
+    pub found: Plan,
+    name: String,
+    cell: Origin,
+}
+
+impl Planned {
+    /// What `--json` writes.
+    ///
+    /// # Errors
+    /// It cannot be written as JSON.
+    pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
+        #[derive(serde::Serialize)]
+        struct Told<'a> {
+            #[serde(flatten)]
+            found: &'a Plan,
+            deflex: &'static str,
+            cell: &'a Origin,
+        }
+        pretty(&Told { found: &self.found, deflex: VERSION, cell: &self.cell })
+    }
+
+    /// The page that `--html` writes.
+    #[must_use]
+    pub fn page(&self) -> String {
+        plan_page(&self.found, &self.name, &self.cell)
+    }
+}
+
+/// Plans what to measure: what `deflex plan` does. `pool` are programs whose targets are the places to choose from, `after` the
+/// JSON of an identification, `name` that of the program; `progress` is told what share of the work is done.
+///
+/// # Errors
+/// All for which the command ends with exit code 2.
+pub fn plan(
+    cell: &CellFile,
+    rows: usize,
+    pool: &[ProgramFiles],
+    after: Option<&Source>,
+    name: &str,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Planned, Vec<Diagnostic>> {
+    let pool = all(pool.iter().map(|program| program.parse(cell, None)))?;
+    let undecided = after.map(undecided).transpose()?;
+    let pairs = undecided.as_deref().unwrap_or_default();
+    let input = PlanInput { cell: &cell.cell, rows, pool: &pool, undecided: pairs, name, progress };
+    let mut found = identify::plan(&input).map_err(|errors| cell.own(errors))?;
+    if undecided.as_ref().is_some_and(Vec::is_empty) {
+        found.notes.push("the identification left nothing undecided: the plan is for every pair of effects".to_owned());
+    }
+    Ok(Planned { found, name: name.to_owned(), cell: cell.origin() })
+}
+
+/// Pairs of kinds that an identification (its JSON) left undecided.
+fn undecided(source: &Source) -> Result<Vec<(String, String)>, Vec<Diagnostic>> {
+    let bad = |reason: String| {
+        let message = format!("not the JSON of an identification: {reason}");
+        vec![
+            Diagnostic::error("plan.after", &source.name, message)
+                .help("give what `deflex identify --json FILE` wrote"),
+        ]
+    };
+    let value: Value = serde_json::from_slice(&source.bytes).map_err(|error| bad(error.to_string()))?;
+    let added = value["added"].as_array().ok_or_else(|| bad("it has no `added`".to_owned()))?;
+    let text = |value: &Value| value.as_str().map(str::to_owned);
+    let list = |value: &Value| value.as_array().into_iter().flatten().filter_map(text).collect::<Vec<_>>();
+    let mut pairs: Vec<(String, String)> = Vec::new();
+    let mut open = |a: &str, b: &str| {
+        let pair = if a < b { (a.to_owned(), b.to_owned()) } else { (b.to_owned(), a.to_owned()) };
+        let effects = [a, b].iter().all(|name| deflex::effects::kind(name).is_some());
+        if a != b && effects && !pairs.contains(&pair) {
+            pairs.push(pair);
+        }
+    };
+    for effect in added {
+        let kind = text(&effect["kind"]).ok_or_else(|| bad("an effect has no `kind`".to_owned()))?;
+        list(&effect["not_told_apart_from"]).iter().for_each(|other| open(&kind, other));
+    }
+    let sets = value["sets"].as_array().into_iter().flatten();
+    let sets: Vec<Vec<String>> =
+        sets.filter(|set| set["probability"].as_f64().unwrap_or(0.0) >= OPEN).map(|set| list(&set["kinds"])).collect();
+    for (i, one) in sets.iter().enumerate() {
+        for other in &sets[i + 1..] {
+            let only =
+                |a: &[String], b: &[String]| a.iter().filter(|kind| !b.contains(kind)).cloned().collect::<Vec<_>>();
+            for a in only(one, other) {
+                only(other, one).iter().for_each(|b| open(&a, b));
+            }
+        }
+    }
+    Ok(pairs)
+}
