@@ -150,12 +150,10 @@ def test_cl_data_in_other_languages(command, tmp_path):
 
 
 def test_plan(command, tmp_path):
-    text = Path("samples/closed-loop/cell.toml").read_text()
+    text = Path("samples/blade/cell.toml").read_text()
     cell = tmp_path / "cell.toml"
-    wobj = next(line for line in text.splitlines() if line.startswith("[wobjs.")).split(".")[1].rstrip("]")
-    tool = next(line for line in text.splitlines() if line.startswith("[tools.")).split(".")[1].rstrip("]")
     cell.write_text(
-        text + f'\n[plan]\nwobj = "{wobj}"\ntool = "{tool}"\nbox_mm = [[0, 0, 0], [200, 200, 80]]\ntilt_deg = 20.0\n'
+        text + '\n[plan]\nwobj = "wPart"\ntool = "tMill"\nbox_mm = [[0, 0, 0], [200, 200, 80]]\ntilt_deg = 20.0\n'
         'loads_n = [[0, 0, 0], [0, 0, 300]]\nload_changes = 1\ninstrument = "position"\nnoise_mm = 0.02\neffect_mm = 0.05\n'
         'effects = ["backlash", "gravity"]\n'
     )
