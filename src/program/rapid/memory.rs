@@ -1,8 +1,9 @@
 //! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
 
 use super::changes::Changes;
+use super::lex::{Cursor, Kind};
 use super::run::{Runner, State};
-use super::symbols::Content;
+use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -181,6 +182,28 @@ impl Runner<'_> {
             let source = usize::from(self.symbols.variables[at].source);
             let inside = self.literals_in(source, statement);
             self.pinned.extend(inside);
+        }
+    }
+
+    /// The same where it is read at a moment that is not known: what it takes over from other data is held too.
+    pub(super) fn pin_read(&mut self, at: usize) {
+        let mut waiting = vec![at];
+        while let Some(at) = waiting.pop() {
+            if !self.pinned_data.insert(at) {
+                continue;
+            }
+            self.pin_declared(at);
+            let Variable { source, module, declared, .. } = self.symbols.variables[at];
+            let Some(statement) = declared else { continue };
+            let mut cursor = Cursor::new(self.bytes(usize::from(source)), statement);
+            loop {
+                let word = cursor.next();
+                match word.kind {
+                    Kind::End => break,
+                    Kind::Word => waiting.extend(self.symbols.find_data(module, &Upper::new(cursor.text(word)))),
+                    _ => {}
+                }
+            }
         }
     }
 }

@@ -44,7 +44,7 @@ impl<'a> Runner<'a> {
                         Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
                         _ => self.symbols.all_named(None),
                     };
-                    named.into_iter().for_each(|at| self.pin_declared(at));
+                    named.into_iter().for_each(|at| self.pin_read(at));
                 }
                 for argument in call.given().collect::<SmallVec<[Span; 4]>>() {
                     self.forget_argument(scope, argument, RUN_TIME);

@@ -90,8 +90,18 @@ impl Runner<'_> {
             |(target, site): (&Target, &Site)| offset(site).filter(|_| matches!(target.editable, Editable::No(_)));
         let mut held: HashSet<Place> = self.targets.iter().zip(&self.sites).filter_map(of_kept).collect();
         held.extend(&self.held);
+        // A target that was changed on its way here does not know any more that the statement's own offset is in it.
+        let of_changed = |(target, site): (&Target, &Site)| {
+            let changed = matches!((site, target.editable), (Site::None, Editable::No(_)));
+            changed.then_some((target.source, target.span.start))
+        };
+        let changed: HashSet<(u16, u32)> = self.targets.iter().zip(&self.sites).filter_map(of_changed).collect();
         for (target, site) in self.targets.iter_mut().zip(&self.sites) {
-            let shared = offset(site).is_some_and(|place| held.contains(&place));
+            let of_statement = |place: &Place| {
+                let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
+                within && place.source == target.source && changed.contains(&(target.source, target.span.start))
+            };
+            let shared = offset(site).is_some_and(|place| held.contains(&place) || of_statement(&place));
             if shared && target.editable == Editable::Position {
                 target.editable = Editable::No("its offset is also used where it cannot be edited");
             }

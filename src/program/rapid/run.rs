@@ -151,6 +151,8 @@ pub(super) struct Runner<'a> {
     pub(super) next_literal: usize,
     pub(super) own: HashMap<Place, u32>,
     pub(super) pinned: BTreeSet<u32>,
+    /// Data whose declarations are among them with all that they take over from others.
+    pub(super) pinned_data: BTreeSet<usize>,
     /// Offsets that may not be edited, by their first number.
     pub(super) held: HashSet<Place>,
     pub(super) names: HashMap<u32, Arc<str>>,
@@ -223,6 +225,7 @@ impl<'a> Runner<'a> {
             next_literal: 0,
             own: HashMap::new(),
             pinned: BTreeSet::new(),
+            pinned_data: BTreeSet::new(),
             held: HashSet::new(),
             names: HashMap::new(),
             tools: Vec::new(),

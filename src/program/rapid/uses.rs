@@ -162,7 +162,7 @@ impl<'a> Runner<'a> {
                     }
                     None => {
                         if let Some(at) = self.symbols.find_data(module, &key) {
-                            self.pin_declared(at);
+                            self.pin_read(at);
                         }
                     }
                 }

@@ -438,3 +438,25 @@ fn what_is_said_agrees_with_what_is_counted() {
     assert!(program.diagnostics.iter().any(|d| d.code == "rapid.not-run"), "{:?}", program.diagnostics);
     assert!(program.diagnostics.iter().any(|d| d.code == "rapid.frame" && d.message.contains("`wSet`")));
 }
+
+/// Offsets and declarations that motions use which are not edited, by another name or in another call of the routine.
+#[test]
+fn what_is_used_by_another_name_stays() {
+    let data = "CONST robtarget p0:=[[40,70,130],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST robtarget pc:=p0;\n\
+                VAR robtarget q1:=[[160,0,130],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+                VAR robtarget q2:=[[80,0,115],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nVAR num n:=2;\nVAR num r;\n";
+    let text =
+        |main: &str, routines: &str| format!("MODULE M\n{data}PROC main()\n{main}\nENDPROC\n{routines}\nENDMODULE\n");
+    let in_function = text(
+        "MoveL p0,v50,fine,tool0;\nr:=f();",
+        "FUNC num f()\nMoveL pc,v50,fine,tool0\\WObj:=wobj1;\nRETURN 1;\nENDFUNC",
+    );
+    let again = text(
+        "r1 q2;\nq1:=p0;",
+        "PROC r1(INOUT robtarget q)\nMoveL Offs(q,10,0,0),v50,fine,tool0;\nIncr n;\nIF n<5 THEN\nr1 q1;\nENDIF\nENDPROC",
+    );
+    for text in [in_function, again] {
+        let all = fates(&text, false);
+        assert!(!all.is_empty() && all.values().all(Result::is_err), "{all:?}");
+    }
+}
