@@ -21,6 +21,15 @@ pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
     [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
 }
 
+/// Half the turn from one orientation to another, unit quaternions, scalar first.
+pub(crate) fn halfway(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+    let sum: [f64; 4] = std::array::from_fn(|i| a[i] + if dot < 0.0 { -b[i] } else { b[i] });
+    let norm = sum.iter().map(|c| c * c).sum::<f64>().sqrt();
+    // Opposite ones have no middle.
+    if norm < 1e-6 { b } else { sum.map(|c| c / norm) }
+}
+
 /// Angles [A, B, C] about z, the turned y, the turned x: `Rz(A) Ry(B) Rx(C)`, degrees. KUKA's A, B, C; ABB's EulerZYX; read
 /// backwards, [C, B, A], they are FANUC's W, P, R and Yaskawa's Rx, Ry, Rz about fixed x, y, z.
 #[must_use]

@@ -6,7 +6,7 @@ use super::run::{Runner, Site};
 use super::state::Id;
 use super::symbols::spans;
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
-use crate::program::orientation::{from_zyx_deg, quaternion};
+use crate::program::orientation::{from_zyx_deg, halfway, quaternion};
 use crate::program::{
     Conf, Editable, ExternalAxes, Goal, Mark, Motion, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
 };
@@ -207,7 +207,7 @@ impl<'a> Runner<'a> {
     fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), &'static str> {
         let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
         let from = self.value(self.symbols.position);
-        let quat = from.frame().map_or_else(|| to.quat(), |(_, before)| between(before, to.quat()));
+        let quat = from.frame().map_or_else(|| to.quat(), |(_, before)| halfway(before, to.quat()));
         let mut tokens = [None; 6];
         for (to, name) in tokens.iter_mut().zip([b"X", b"Y", b"Z"]) {
             *to = via.component(name).and_then(place);
@@ -532,13 +532,4 @@ fn axes(value: &Value) -> Result<Option<[f64; 6]>, &'static str> {
 
 fn place(value: &Value) -> Option<Place> {
     if let Value::Number(_, place) = value { *place } else { None }
-}
-
-/// Half the turn from one orientation to another.
-fn between(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-    let sum: [f64; 4] = std::array::from_fn(|i| a[i] + if dot < 0.0 { -b[i] } else { b[i] });
-    let norm = sum.iter().map(|c| c * c).sum::<f64>().sqrt();
-    // Opposite ones have no middle.
-    if norm < 1e-6 { b } else { sum.map(|c| c / norm) }
 }

@@ -19,8 +19,8 @@ pub(super) struct Called {
     pub(super) redefined: BTreeSet<(Frame, u32)>,
     /// Values of any frame.
     pub(super) all_redefined: BTreeSet<Frame>,
-    /// Whether paths are moved at run time behind it.
-    pub(super) displaces: bool,
+    /// Why paths are moved at run time behind it, where they are.
+    pub(super) displaces: Option<&'static str>,
     /// Whether something runs beside behind it.
     pub(super) concurrent: bool,
     /// Programs that it calls.
@@ -40,7 +40,7 @@ impl Called {
         (0..2).for_each(|i| self.selects[i] |= other.selects[i]);
         self.redefined.extend(&other.redefined);
         self.all_redefined.extend(&other.all_redefined);
-        self.displaces |= other.displaces;
+        self.displaces = self.displaces.or(other.displaces);
         self.concurrent |= other.concurrent;
     }
 }
@@ -119,7 +119,11 @@ fn take(kind: &Kind<'_>, called: &mut Called) {
         Kind::Macro | Kind::Unknown => called.add(&Called::unknown()),
         Kind::Concurrent => called.concurrent = true,
         Kind::Motion(motion) => called.concurrent |= motion.runs_others,
-        Kind::Displace => called.displaces = true,
+        Kind::Displace(why) => called.displaces = Some(why),
+        Kind::RedefineAny => {
+            called.selects = [true; 2];
+            called.all_redefined.extend([Frame::User, Frame::Tool]);
+        }
         // What a condition guards is not looked at closer.
         Kind::When(text) | Kind::Case(text) | Kind::ElseCase(text) | Kind::SelectCase(_, text) => {
             let comma = text.iter().rposition(|b| *b == b',').unwrap_or(0);

@@ -21,8 +21,8 @@ pub(super) struct State {
     pub(super) redefined: BTreeSet<(Frame, u32)>,
     /// The same of any frame, for want of a number that is known.
     pub(super) all_redefined: BTreeSet<Frame>,
-    /// Paths are moved at run time.
-    pub(super) displaced: bool,
+    /// Why paths are moved at run time, where they are.
+    pub(super) displaced: Option<&'static str>,
     /// Something runs beside: nothing that it could change stays known.
     concurrent: bool,
     /// Motions that the robot may stand at the end of.
@@ -57,7 +57,7 @@ impl State {
         }
         self.redefined.extend(&other.redefined);
         self.all_redefined.extend(&other.all_redefined);
-        self.displaced |= other.displaced;
+        self.displaced = self.displaced.or(other.displaced);
         self.concurrent |= other.concurrent;
         self.standing.extend(&other.standing);
         *self != before
@@ -108,7 +108,7 @@ impl State {
         }
         self.redefined.extend(&called.redefined);
         self.all_redefined.extend(&called.all_redefined);
-        self.displaced |= called.displaces;
+        self.displaced = self.displaced.or(called.displaces);
         if called.concurrent {
             self.runs_beside();
         }
@@ -139,10 +139,13 @@ pub(super) struct Flow<'a> {
     /// Some motion counts from where the robot stands.
     counts_on: bool,
     calls: &'a Calls,
+    /// What is known before the first statement.
+    pub(super) start: State,
 }
 
 impl<'a> Flow<'a> {
-    pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls) -> Self {
+    /// `displaced`: why the paths of the whole program are moved at run time, where they are.
+    pub(super) fn new(lines: &'a [Line<'a>], calls: &'a Calls, displaced: Option<&'static str>) -> Self {
         let kinds: Vec<Kind<'a>> = lines.iter().map(statement::kind).collect();
         let mut flow = Self {
             inner: inner(lines, &kinds),
@@ -152,6 +155,7 @@ impl<'a> Flow<'a> {
             partner: BTreeMap::new(),
             first_case: BTreeMap::new(),
             calls,
+            start: State { displaced, ..State::default() },
         };
         flow.link();
         flow
@@ -317,7 +321,11 @@ impl<'a> Flow<'a> {
             Kind::Call(name) => state.call(self.calls.of(name)),
             Kind::Macro => state.call(&Called::unknown()),
             Kind::Concurrent => state.runs_beside(),
-            Kind::Displace => state.displaced = true,
+            Kind::Displace(why) => state.displaced = Some(why),
+            Kind::RedefineAny => {
+                state.selected = [None; 2];
+                state.all_redefined.extend([Frame::User, Frame::Tool]);
+            }
             Kind::End => return Vec::new(),
             Kind::Unknown => {
                 state.forget();

@@ -7,9 +7,10 @@
 //! | `position` | `/POS` | positions, and where their numbers stand |
 //! | `flow`, `calls` | statements | what each makes of what is known, and where a run goes on |
 //! | `run` | flow | the motions that run, with what is known at each |
-//! | `targets` | motions and positions | targets |
+//! | `targets`, `arcs` | motions and positions | targets |
 //! | `rewrite` | wanted poses | edits on numbers of `/POS` |
 
+mod arcs;
 mod calls;
 mod dialect;
 mod expression;
@@ -35,6 +36,10 @@ pub(crate) struct Layout {
     positions: Vec<Position>,
     /// One a target.
     sites: Vec<targets::Site>,
+    /// The targets of each arc.
+    points: Vec<arcs::Arc>,
+    /// Circle points that no text states.
+    between: Vec<arcs::Between>,
     motions: usize,
     unknown: Vec<(&'static str, usize)>,
 }
@@ -85,7 +90,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         return Err(error.help("the file is cut off; get it again from its source").into());
     }
     let calls = calls::Calls::new(sources[1..].iter());
-    let flow = flow::Flow::new(&lines, &calls);
+    let flow = flow::Flow::new(&lines, &calls, follows(&source.bytes[sections.head.clone()]));
     let built = targets::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
     diagnostics.extend(not_given(source, &lines, &flow, &calls));
@@ -116,11 +121,21 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         layout: super::Layout::Ls(Layout {
             positions,
             sites: built.sites,
+            points: built.points,
+            between: built.between,
             motions: built.motions,
             unknown: built.unknown,
         }),
         sources,
     })
+}
+
+/// Why the program as a whole follows something at run time: a schedule of line tracking other than 0 in its head.
+fn follows(head: &[u8]) -> Option<&'static str> {
+    const SCHEDULE: &[u8] = b"LINE_TRACK_SCHEDULE_NUMBER";
+    let at = memchr::memmem::find(&head.to_ascii_uppercase(), SCHEDULE)? + SCHEDULE.len();
+    let number = head[at..].iter().skip_while(|b| matches!(b, b' ' | b'\t' | b':')).take_while(|b| b.is_ascii_digit());
+    number.copied().any(|digit| digit != b'0').then_some("follows a conveyor (LINE_TRACK)")
 }
 
 const NOT_READ: &str = "position that cannot be read";

@@ -25,6 +25,8 @@ pub(super) struct Motion<'a> {
     pub(super) runs_others: bool,
     /// Where it goes on when a condition was not met (`Skip,LBL[n]`).
     pub(super) skip: Option<&'a [u8]>,
+    /// `A`: on a circle with its neighbours.
+    pub(super) is_arc: bool,
     /// A block of statements that run beside it follows.
     pub(super) point_logic: bool,
 }
@@ -54,11 +56,12 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         _ => Path::Linear,
     };
     let moved = match letter.to_ascii_uppercase() {
-        'A' => Some("circle arc motion (A)"),
         'S' => Some("spline motion (S)"),
         _ => None,
     };
-    let mut motion = Motion { path, via, end, feed_mm_s, moved, runs_others: false, skip: None, point_logic: false };
+    let is_arc = letter.eq_ignore_ascii_case(&'A');
+    let mut motion =
+        Motion { path, via, end, feed_mm_s, moved, runs_others: false, skip: None, is_arc, point_logic: false };
     modifiers(rest, &mut motion);
     Some(motion)
 }
@@ -171,6 +174,12 @@ const WORDS: [(&[u8], Meaning); 51] = [
 
 /// Reads what stands behind the speed.
 fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
+    let upper = text.to_ascii_uppercase();
+    let has = |wanted: &[u8]| memchr::memmem::find(&upper, wanted).is_some();
+    motion.point_logic = has(b"P-SPS") || has(b"POINT_LOGIC");
+    // Wherever it stands: behind a word that is not known, too.
+    let others: [&[u8]; 4] = [b"CALL", b"AUFRUF", b"SPOT", b"PRESS_MOTN"];
+    motion.runs_others = motion.point_logic || others.iter().any(|wanted| has(wanted));
     let mut rest = text;
     loop {
         rest = rest.trim_ascii_start();
@@ -191,14 +200,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                     motion.skip = label(behind);
                     return;
                 }
-                Some(Meaning::Timed) => {
-                    let upper = rest.to_ascii_uppercase();
-                    let has = |wanted: &[u8]| memchr::memmem::find(&upper, wanted).is_some();
-                    motion.point_logic = has(b"P-SPS") || has(b"POINT_LOGIC");
-                    motion.runs_others |= motion.point_logic || has(b"CALL") || has(b"AUFRUF") || has(b"SPOT");
-                    motion.runs_others |= has(b"PRESS_MOTN");
-                    return;
-                }
+                Some(Meaning::Timed) => return,
                 // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
                 None => {
@@ -258,12 +260,14 @@ mod tests {
             ("L P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
             ("L P[1] 500mm/sec FINE COORD", "coordinated with another motion group (COORD)"),
             ("L P[1] 500mm/sec FINE Frobnicate", "motion option that is not known"),
-            ("A P[1] 500mm/sec FINE", "circle arc motion (A)"),
+            ("S P[1] 500mm/sec FINE", "spline motion (S)"),
+            ("A P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
         ] {
             assert_eq!(read(text).moved, Some(why), "{text}");
         }
         let skip = read("L P[2] 50mm/sec FINE Skip,LBL[2],PR[99]=LPOS");
         assert_eq!((skip.skip, skip.moved.is_some()), (Some(&b"2"[..]), true));
+        assert!(read("L P[1] 5mm/sec FINE TIME AFTER 0.1sec CALL OTHER").runs_others);
         let timed = read("J P[1] 10% CNT0 ACC100 ZEIT VOR   0.00sek,P-SPS");
         assert!(timed.point_logic && timed.runs_others && timed.moved.is_none());
         assert!(!read("L P[1] 5mm/sec CNT100 ACC80 TB .10sec,DO[1]=ON").runs_others);

@@ -73,6 +73,7 @@ pub(super) struct Config {
     pub(super) tokens: [Span; 3],
 }
 
+const UNITS: &str = "position whose units are not millimetres and degrees";
 const UNSET: &str = "position that is not taught (********)";
 const INCOMPLETE: &str = "position without all numbers of motion group 1";
 
@@ -127,6 +128,8 @@ struct Item<'a> {
     group: u32,
     key: &'a [u8],
     value: Value<'a>,
+    /// As written.
+    unit: Option<&'a [u8]>,
 }
 
 /// What stands behind a key.
@@ -159,8 +162,8 @@ fn groups<'a>(base: Base<'a>, input: &'a [u8]) -> Parsed<'a, Vec<Item<'a>>> {
         }
         let (behind, (key, _, value)) = (word, spaced(one_of(":=")), |input| value(base, input)).parse(rest)?;
         let unit = alt((tag_no_case("mm"), tag_no_case("deg"), tag_no_case("inch"), tag_no_case("in")));
-        let (behind, _) = (opt(spaced(unit)), opt(spaced(char(',')))).parse(behind)?;
-        items.push(Item { group, key, value });
+        let (behind, (unit, _)) = (opt(spaced(unit)), opt(spaced(char(',')))).parse(behind)?;
+        items.push(Item { group, key, value, unit });
         rest = behind;
     }
 }
@@ -206,7 +209,25 @@ fn numbers<'a, const N: usize>(items: &[Item<'a>], keys: [&str; N]) -> Option<[V
     found.iter().all(Option::is_some).then(|| found.map(|value| value.unwrap_or(Value::Unset)))
 }
 
+/// Whether a number of motion group 1 has another unit than its key is read in.
+fn has_other_units(items: &[Item<'_>]) -> bool {
+    let wanted = |key: &[u8]| match key {
+        [b'X' | b'Y' | b'Z' | b'x' | b'y' | b'z'] => Some(&b"mm"[..]),
+        [b'W' | b'P' | b'R' | b'w' | b'p' | b'r'] | [b'J' | b'j', b'1'..=b'6'] => Some(&b"deg"[..]),
+        _ => None,
+    };
+    let inches = |unit: &[u8]| unit[0].eq_ignore_ascii_case(&b'i');
+    let other = |item: &Item<'_>| {
+        let Some(unit) = item.unit else { return false };
+        inches(unit) || wanted(item.key).is_some_and(|wanted| !unit.eq_ignore_ascii_case(wanted))
+    };
+    items.iter().any(|item| item.group == 1 && other(item))
+}
+
 fn body(items: &[Item<'_>]) -> Body {
+    if has_other_units(items) {
+        return Body::None(UNITS);
+    }
     let frame = |key: &str| match numbers(items, [key]) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         Some([Value::Number { value, .. }]) if (0.0..1e6).contains(&value) && value.fract() == 0.0 => {

@@ -1,10 +1,11 @@
 //! Corrected poses back into the numbers of `/POS`: nothing but sign and digits changes.
 
 use super::Layout;
+use super::arcs;
 use super::position::{Body, Config as Written, Pose};
-use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
-use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
@@ -70,10 +71,17 @@ pub(super) fn rewrite(
     if let Some(first) = all.first_mut() {
         *first = edits;
     }
+    let mut written: Vec<_> = (0..program.targets.len()).map(|i| writer.written(i, &prints)).collect();
+    for between in &layout.between {
+        // Where the points that are written lead it.
+        let [a, b, c] = between.circle.map(|i| written[i]);
+        let (from, to) = if between.first_half { (a, b) } else { (b, c) };
+        written[between.target] = (arcs::middle([a.0, b.0, c.0], between.first_half), halfway(from.1, to.1));
+    }
     let before: BTreeSet<usize> = inserts.iter().map(|insert| insert.before).collect();
     Rewritten {
         edits: all,
-        written: (0..program.targets.len()).map(|i| writer.written(i, &prints)).collect(),
+        written,
         inserted: vec![None; inserts.len()],
         not_inserted: before.into_iter().map(|before| (before, NO_POINTS)).collect(),
         kept,
@@ -135,17 +143,13 @@ impl Writer<'_> {
         (prints, kept)
     }
 
-    /// Holds the other point of arcs of which one is kept; whether there is any.
+    /// Holds the other points of arcs of which one is kept; whether there is any.
     fn freeze(&mut self, kept: &[(usize, &'static str)]) -> bool {
         let count = self.frozen.len();
-        let targets = &self.program.targets;
+        let points = &self.layout.points;
         for &(i, _) in kept {
-            let other = match targets[i].role {
-                Role::Via => i + 1,
-                _ if i > 0 && targets[i - 1].role == Role::Via => i - 1,
-                _ => continue,
-            };
-            self.frozen.extend(self.layout.sites.get(other).copied().flatten());
+            let arc = points[points.partition_point(|arc| arc.end <= i)..].first().filter(|arc| arc.contains(&i));
+            self.frozen.extend(arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten()));
         }
         self.frozen.len() > count
     }

@@ -21,7 +21,7 @@ pub(super) fn run(flow: &Flow<'_>) -> Vec<Visit> {
 
 /// The motions in the order that they run in; `None` where that depends on the run, or there is no end.
 fn decided(flow: &Flow<'_>) -> Option<Vec<Visit>> {
-    let (mut visits, mut at, mut state) = (Vec::new(), 0, State::default());
+    let (mut visits, mut at, mut state) = (Vec::new(), 0, flow.start.clone());
     for _ in 0..STEPS {
         let Some(kind) = flow.kinds.get(at) else { return Some(visits) };
         if matches!(kind, Kind::Motion(_)) {
@@ -48,7 +48,7 @@ fn reachable(flow: &Flow<'_>) -> Vec<Visit> {
     // What holds behind statements that may go on anywhere.
     let mut anywhere: Option<State> = None;
     let mut open: VecDeque<usize> = VecDeque::new();
-    if join(before.first_mut(), &State::default()) {
+    if join(before.first_mut(), &flow.start) {
         open.push_back(0);
     }
     while let Some(at) = open.pop_front() {

@@ -53,8 +53,10 @@ pub(super) enum Kind<'a> {
     Concurrent,
     /// `WAIT …,TIMEOUT,LBL[…]`
     Timeout(&'a [u8]),
-    /// Paths are moved at run time from here on.
-    Displace,
+    /// Paths are moved at run time from here on, in this way.
+    Displace(&'static str),
+    /// `$MNUFRAME[…]=…`: values of frames or tools by their system variables.
+    RedefineAny,
     /// `END`, `ABORT`
     End,
     /// Not known; it may be a macro, which is a call.
@@ -145,12 +147,40 @@ fn of(text: &[u8], nested: bool) -> Kind<'_> {
         b"UFRAME" => redefined(Frame::User, rest),
         b"UTOOL" => redefined(Frame::Tool, rest),
         b"WAIT" if contains(&text.to_ascii_uppercase(), b"TIMEOUT") => timeout(text),
-        b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" => Kind::Displace,
-        [b'$', ..] if contains(&upper, b"FRAME") || contains(&upper, b"TOOL") => Kind::Macro,
-        [b'$', ..] => Kind::Plain,
+        b"TRACK" | b"TOUCH" | b"DPM" | b"LINE" | b"FORCE" | b"WEAVE" | b"SEARCH" | b"MP" => Kind::Displace(TRACKING),
+        b"SOFTFLOAT" => Kind::Displace(SOFT),
+        b"INDEPENDENT" | b"SIMULTANEOUS" => grouped(trimmed),
+        [b'$', ..] => system_variable(&text.to_ascii_uppercase()),
         word if PLAIN.iter().any(|plain| plain.as_bytes() == word) => Kind::Plain,
         word if trimmed.starts_with(b"[") && DATA.iter().any(|data| data.as_bytes() == word) => Kind::Plain,
         _ => unknown(text),
+    }
+}
+
+const TRACKING: &str = "path is moved at run time (tracking)";
+const SOFT: &str = "axes yield at run time (SOFTFLOAT)";
+const UNCHECKED: &str = "the check of frame numbers is set at run time ($FRM_CHKTYP)";
+
+/// `$MNUFRAME[1,3]=PR[2]`, `$MNUFRAMENUM[1]=3`, `$FRM_CHKTYP=-2`, upper case: what it sets, wherever in it the name stands.
+fn system_variable(upper: &[u8]) -> Kind<'static> {
+    let has = |wanted: &[u8]| contains(upper, wanted);
+    match () {
+        () if has(b"FRM_CHKTYP") => Kind::Displace(UNCHECKED),
+        () if has(b"FRAMENUM") || has(b"TOOLNUM") => Kind::Macro,
+        () if has(b"FRAME") || has(b"TOOL") => Kind::RedefineAny,
+        () => Kind::Plain,
+    }
+}
+
+/// `GP GP1 L P[1] … GP2 J P[1] …`: groups that move each in its own way; the first of group 1 is the motion that counts.
+fn grouped(rest: &[u8]) -> Kind<'_> {
+    let upper = rest.to_ascii_uppercase();
+    let own = memchr::memmem::find(&upper, b"GP1").and_then(|at| motion::motion(rest[at + 3..].trim_ascii_start()));
+    match own {
+        Some(own) => {
+            Kind::Motion(Box::new(Motion { moved: Some("motion groups that move each in its own way"), ..own }))
+        }
+        None => Kind::Unknown,
     }
 }
 
@@ -336,6 +366,11 @@ mod tests {
         assert_eq!(is("OPEN GRIPPER"), Kind::Macro);
         assert_eq!(is("SPRUNG MARKE[1]"), Kind::Unknown);
         assert_eq!(is("$MNUFRAMENUM[1]=2"), Kind::Macro);
+        assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), Kind::RedefineAny);
+        assert_eq!(is("$FRM_CHKTYP=(-2)"), Kind::Displace(UNCHECKED));
+        assert_eq!(is("$MCR.$GENOVERRIDE=50"), Kind::Plain);
+        assert_eq!(is("SOFTFLOAT[1]"), Kind::Displace(SOFT));
+        assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), Kind::Motion(_)));
     }
 
     #[test]

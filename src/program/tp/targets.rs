@@ -1,5 +1,6 @@
 //! Motions that run to targets: which position, in which frames, and whether its numbers may be edited.
 
+use super::arcs::{self, Arc as Points, Between};
 use super::expression;
 use super::flow::{Flow, Marked, State};
 use super::lines::Line;
@@ -29,7 +30,7 @@ const MAY_BE_ANY: &str = "a motion to a position known only at run time may go t
 const NAMED: &str = "position that another instruction reads or changes";
 const MOVED_TOO: &str = "position of a motion that is moved at run time, too";
 const COUNTED_FROM: &str = "an incremental motion is counted from it";
-const HALF_ARC: &str = "arc with a point that is not edited";
+const FRAMES: &str = "arc whose points are recorded in different frames";
 const MARKS: &str = "air or cut is known only at run time";
 
 /// What a run comes to.
@@ -43,6 +44,10 @@ pub(super) struct Built {
     pub(super) kept: Vec<Kept>,
     pub(super) motions: usize,
     pub(super) arcs: usize,
+    /// The targets of each arc.
+    pub(super) points: Vec<Points>,
+    /// Circle points that no text states.
+    pub(super) between: Vec<Between>,
     /// Motions without a target, by reason, in the order first met.
     pub(super) unknown: Vec<(&'static str, usize)>,
 }
@@ -59,12 +64,12 @@ pub(super) struct Builder<'a> {
     /// The same of every position.
     all_frozen: Option<&'static str>,
     /// Targets of each motion.
-    ends: BTreeMap<usize, Vec<usize>>,
+    pub(super) ends: BTreeMap<usize, Vec<usize>>,
     /// External axes that any position has elsewhere than at zero.
     axes: [bool; EXTERNAL_AXES],
     /// Motions that others count on from.
     counted_from: BTreeSet<usize>,
-    built: Built,
+    pub(super) built: Built,
 }
 
 impl<'a> Builder<'a> {
@@ -96,10 +101,19 @@ impl<'a> Builder<'a> {
                 self.freeze(index, &State::default(), NAMED);
             }
         }
-        for (at, state) in visits {
-            if let Kind::Motion(motion) = &self.flow.kinds[*at] {
-                self.motion(*at, motion, state);
-            }
+        let rows = arcs::rows(self.lines, &self.flow.kinds);
+        let mut open = visits;
+        while let Some((at, state)) = open.first() {
+            let row = &rows[rows.partition_point(|row| row.end <= *at)..];
+            let count = match (row.first().filter(|row| row.contains(at)), &self.flow.kinds[*at]) {
+                (Some(row), _) => self.row(open, row.clone()),
+                (None, Kind::Motion(motion)) => {
+                    self.motion(*at, motion, state);
+                    1
+                }
+                _ => 1,
+            };
+            open = &open[count..];
         }
         self.hold_what_others_use();
         self.keep_halves_of_arcs();
@@ -125,59 +139,83 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &State) {
+    /// Counts a motion that runs.
+    pub(super) fn count(&mut self, motion: &Motion<'_>, state: &State) {
         self.built.motions += 1;
-        self.built.arcs += usize::from(motion.path == Path::Circular);
         if motion.moved == Some(INCREMENT) {
             // What the robot stands at is part of where it goes.
             self.counted_from.extend(&state.standing);
         }
-        let ways: Vec<_> = motion.via.iter().chain([&motion.end]).collect();
-        let first = self.built.targets.len();
-        for (i, point) in ways.iter().enumerate() {
-            let role = if i + 1 < ways.len() { Role::Via } else { Role::End };
-            if let Err(why) = self.point(at, motion, **point, role, state) {
-                self.built.targets.truncate(first);
-                self.built.sites.truncate(first);
-                for point in &ways {
-                    if let Point::Position(index) = **point {
-                        self.freeze(index, state, MOVED_TOO);
-                    }
+    }
+
+    fn motion(&mut self, at: usize, motion: &Motion<'_>, state: &State) {
+        self.count(motion, state);
+        self.built.arcs += usize::from(motion.path == Path::Circular);
+        let points: Result<Vec<_>, _> = match motion.via {
+            Some(via) => [(via, Role::Via), (motion.end, Role::End)]
+                .into_iter()
+                .map(|(point, role)| self.point(at, motion, point, role, state))
+                .collect(),
+            None => self.point(at, motion, motion.end, Role::End, state).map(|point| vec![point]),
+        };
+        let points = points.and_then(|points| if are_in_one_frame(&points) { Ok(points) } else { Err(FRAMES) });
+        match points {
+            Ok(points) => {
+                let first = self.built.targets.len();
+                points.into_iter().for_each(|point| self.push(at, point));
+                if motion.via.is_some() {
+                    self.built.points.push(first..self.built.targets.len());
                 }
-                return self.unknown(at, why);
+            }
+            Err(why) => self.lose(at, motion, state, why),
+        }
+    }
+
+    /// Takes a point of the motion of statement `at`.
+    pub(super) fn push(&mut self, at: usize, (target, site): (Target, Site)) {
+        self.ends.entry(at).or_default().push(self.built.targets.len());
+        self.built.targets.push(target);
+        self.built.sites.push(site);
+    }
+
+    /// A motion that nobody knows the end of: what it names stays.
+    pub(super) fn lose(&mut self, at: usize, motion: &Motion<'_>, state: &State, why: &'static str) {
+        for point in motion.via.iter().chain([&motion.end]) {
+            if let Point::Position(index) = *point {
+                self.freeze(index, state, MOVED_TOO);
             }
         }
-        self.ends.entry(at).or_default().extend(first..self.built.targets.len());
+        self.unknown(at, why);
     }
 
     /// A point that a motion goes to or through; or why nobody knows where it is.
-    fn point(
+    pub(super) fn point(
         &mut self,
         at: usize,
         motion: &Motion<'_>,
         point: Point<'_>,
         role: Role,
         state: &State,
-    ) -> Result<(), &'static str> {
+    ) -> Result<(Target, Site), &'static str> {
         let index = match point {
             Point::Position(index) => index,
             Point::RunTime(why) => return Err(why),
         };
         let known = self.position(index, state)?;
         let position = &self.positions[known];
-        let arc = motion.moved.filter(|_| stays_at_its_point(motion));
-        if let Some(why) = motion.moved.filter(|_| arc.is_none()) {
+        let spline = motion.moved.filter(|_| stays_at_its_point(motion));
+        if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
             return Err(why);
         }
-        if state.displaced {
-            return Err("path is moved at run time (tracking)");
+        if let Some(why) = state.displaced {
+            return Err(why);
         }
         if let Some(why) = position.beside {
             return Err(why);
         }
         let (goal, frames, site, why) = match &position.body {
             Body::None(why) => return Err(why),
-            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), arc),
+            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some("joint target")),
         };
         let mark = match state.mark {
@@ -192,7 +230,7 @@ impl<'a> Builder<'a> {
             (path, _) => path,
         };
         let line = &self.lines[at];
-        self.built.targets.push(Target {
+        let target = Target {
             ordinal: u32::try_from(self.built.motions).unwrap_or(u32::MAX),
             role,
             motion: path,
@@ -210,9 +248,8 @@ impl<'a> Builder<'a> {
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
-        });
-        self.built.sites.push(site);
-        Ok(())
+        };
+        Ok((target, site))
     }
 
     /// External axes, where any position of the program has them elsewhere than at zero.
@@ -284,31 +321,6 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// An arc with one of its points moved is another arc, and so are those that share the other.
-    fn keep_halves_of_arcs(&mut self) {
-        let built = &mut self.built;
-        loop {
-            let mut held = BTreeSet::new();
-            for i in 1..built.targets.len() {
-                let halves = [i - 1, i];
-                let one = halves.iter().any(|i| matches!(built.targets[*i].editable, Editable::No(_)));
-                let both = halves.iter().all(|i| matches!(built.targets[*i].editable, Editable::No(_)));
-                if built.targets[i - 1].role == Role::Via && one && !both {
-                    held.extend(halves.iter().filter_map(|i| built.sites[*i]));
-                    halves.iter().for_each(|i| refuse(&mut built.targets[*i], HALF_ARC));
-                }
-            }
-            if held.is_empty() {
-                return;
-            }
-            for (target, site) in built.targets.iter_mut().zip(&built.sites) {
-                if site.is_some_and(|site| held.contains(&site)) {
-                    refuse(target, HALF_ARC);
-                }
-            }
-        }
-    }
-
     fn say_what_is_kept(&mut self) {
         let spans: BTreeMap<_, _> = self.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
         let kept: BTreeSet<_> = self
@@ -328,10 +340,14 @@ impl<'a> Builder<'a> {
 
 /// Options that leave the end of a motion where its position says.
 fn stays_at_its_point(motion: &Motion<'_>) -> bool {
-    matches!(motion.moved, Some("circle arc motion (A)" | "spline motion (S)"))
+    motion.moved == Some("spline motion (S)")
 }
 
-fn refuse(target: &mut Target, why: &'static str) {
+pub(super) fn are_in_one_frame(points: &[(Target, Site)]) -> bool {
+    points.windows(2).all(|two| (two[0].0.tool, two[0].0.wobj) == (two[1].0.tool, two[1].0.wobj))
+}
+
+pub(super) fn refuse(target: &mut Target, why: &'static str) {
     if !matches!(target.editable, Editable::No(_)) {
         target.editable = Editable::No(why);
     }

@@ -9,4 +9,5 @@ mod krl_sound;
 mod rapid;
 mod rapid_sound;
 mod tp;
+mod tp_hard;
 mod tp_sound;

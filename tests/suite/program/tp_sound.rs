@@ -19,6 +19,7 @@ enum Op {
     Add(u32, i32),
     Take(u32),
     Move(u32),
+    Arc(u32),
     MoveTo(u32),
     Offset(u32),
     Increment(u32),
@@ -80,6 +81,7 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::Add(r, v) => plain(format!("R[{r}:x]=R[{r}:x]+({v})")),
             Op::Take(r) => plain(format!("R[{r}]=GI[1]")),
             Op::Move(p) => plain(format!("L P[{p}] 10mm/sec FINE")),
+            Op::Arc(p) => plain(format!("A P[{p}] 10mm/sec FINE")),
             Op::MoveTo(r) => plain(format!("L P[R[{r}]] 10mm/sec CNT50")),
             Op::Offset(p) => plain(format!("L P[{p}] 10mm/sec FINE Offset,PR[1]")),
             Op::Increment(p) => plain(format!("L P[{p}] 10mm/sec FINE INC")),
@@ -203,7 +205,7 @@ impl Machine<'_> {
                     Op::Set(r, v) => self.registers[r as usize] = v,
                     Op::Add(r, v) => self.registers[r as usize] += v,
                     Op::Take(r) => self.registers[r as usize] = self.random(5) as i32,
-                    Op::Move(p) | Op::Offset(p) | Op::Increment(p) => {
+                    Op::Move(p) | Op::Arc(p) | Op::Offset(p) | Op::Increment(p) => {
                         let moved = self.moves(at, p, &op, &mut before);
                         if !moved {
                             return;
@@ -273,7 +275,7 @@ impl Machine<'_> {
             line: at,
             position,
             frame: self.frame,
-            plain: matches!(op, Op::Move(_)),
+            plain: matches!(op, Op::Move(_) | Op::Arc(_)),
             redefined: self.redefined.contains(&self.frame),
             before: *before,
             increment: matches!(op, Op::Increment(_)),
@@ -290,7 +292,7 @@ fn edited(program: &Program) -> BTreeSet<u32> {
         Goal::Pose { position_mm, .. } => number(position_mm[0]),
         _ => 0,
     };
-    program.targets.iter().filter(|t| t.editable == Editable::Pose).map(|t| of(&t.goal)).collect()
+    program.targets.iter().filter(|t| t.is_end() && t.editable == Editable::Pose).map(|t| of(&t.goal)).collect()
 }
 
 fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
@@ -301,6 +303,15 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
         if let Does::Op(Op::Read(p)) = does {
             prop_assert!(!edited.contains(p), "P[{p}] is read elsewhere\n{text}");
         }
+    }
+    // Arcs that run: three `A` or more, edited all together or not at all.
+    let arc = |at: &usize| if let Does::Op(Op::Arc(p)) = &lines[*at].1 { Some(*p) } else { None };
+    let all: Vec<usize> = (0..lines.len()).collect();
+    for row in all.chunk_by(|a, b| arc(a).is_some() && arc(b).is_some()) {
+        let runs = program.targets.iter().any(|target| row.iter().any(|at| target.line as usize == at + 4));
+        let points: Vec<u32> = row.iter().filter_map(arc).collect();
+        let held = points.iter().filter(|p| edited.contains(p)).count();
+        prop_assert!(!runs || held == 0 || held == points.len() && held >= 3, "{points:?} {edited:?}\n{text}");
     }
     for run in 0..20 {
         let random = (seed ^ (run + 1_u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)) | 1;
@@ -343,6 +354,7 @@ fn op() -> impl Strategy<Value = Op> {
     let (p, r, l, f) = (1..=POSITIONS, 1..4_u32, 1..4_u32, 1..=FRAMES);
     let leaf = prop_oneof![
         6 => p.clone().prop_map(Op::Move),
+        4 => p.clone().prop_map(Op::Arc),
         2 => f.clone().prop_map(Op::Frame),
         1 => (1..3_u32).prop_map(Op::Tool),
         1 => r.clone().prop_map(Op::FrameOf),
@@ -449,7 +461,7 @@ fn hand_made_cases() {
         (format!("L P[7] 5{FINE}"), "position that is not in /POS"),
         (format!("TRACK TAST[1]\nL P[1] 5{FINE}"), "path is moved at run time (tracking)"),
         (format!("UFRAME_NUM=1\nMONITOR W\nUFRAME_NUM=1\nL P[4] 5{FINE}"), "user frame selected at run time"),
-        (format!("A P[1] 5{FINE}"), "circle arc motion (A)"),
+        (format!("A P[1] 5{FINE}"), "fewer than three circle arc motions (A) in a row"),
     ] {
         assert_eq!(said(&statements), expected, "{statements}");
     }

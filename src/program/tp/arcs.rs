@@ -1,0 +1,189 @@
+//! Arcs: points of one stand or fall together, and `A` motions, each of which has one point, make arcs with their neighbours.
+//!
+//! The first of the `A` motions in a row goes on a line, all others on the circle through three of them: the second and the
+//! third on that of the first three, each later one on that of itself and the two before. Three are the least. Source: FANUC,
+//! R-30iB Operator's Manual (Basic Operation), circle arc motion; robot-forum.com, thread 43838.
+
+use super::lines::Line;
+use super::run::Visit;
+use super::statement::Kind;
+use super::targets::{Builder, Site, are_in_one_frame, refuse};
+use crate::program::orientation::halfway;
+use crate::program::{Editable, Goal, Motion as Path, Role, Target};
+use nalgebra::{Unit, Vector3};
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// The fewest `A` motions in a row that make an arc.
+const LEAST: usize = 3;
+
+const FEW: &str = "fewer than three circle arc motions (A) in a row";
+const HALF_ARC: &str = "arc with a point that is not edited";
+
+/// Targets of one arc, its circle points among them: one with a point moved is another.
+pub(super) type Arc = Range<usize>;
+
+/// A circle point that no text states, on the way between two `A` motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Between {
+    /// Its own target.
+    pub(super) target: usize,
+    /// The targets that its circle goes through, as they run.
+    pub(super) circle: [usize; 3],
+    /// Whether it is on the way to the second of them; else to the third.
+    pub(super) first_half: bool,
+}
+
+/// `A` motions in a row, as ranges of statements: only remarks stand between them.
+pub(super) fn rows(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<Range<usize>> {
+    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut open = false;
+    for (at, (line, kind)) in lines.iter().zip(kinds).enumerate() {
+        let remark =
+            || [&b"!"[..], b"//", b"--"].iter().any(|sign| line.text.starts_with(sign)) || line.text.is_empty();
+        match kind {
+            Kind::Motion(motion) if motion.is_arc => match found.last_mut().filter(|_| open) {
+                Some(row) => row.end = at + 1,
+                None => found.push(at..at + 1),
+            },
+            _ if remark() => continue,
+            _ => {}
+        }
+        open = matches!(kind, Kind::Motion(motion) if motion.is_arc);
+    }
+    found
+}
+
+/// Half way, on the circle through three points, from the first to the second or from there to the third; on the chord where
+/// they lie on a line.
+pub(super) fn middle([a, b, c]: [[f64; 3]; 3], first_half: bool) -> [f64; 3] {
+    let [a, b, c] = [a, b, c].map(Vector3::from);
+    let (from, to) = if first_half { (a, b) } else { (b, c) };
+    let chord = (from + to) / 2.0;
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(&ac);
+    // Angles at a corner below 1e-9 rad are none: the circle of printed digits could be anywhere.
+    let Some(axis) = Unit::try_new(normal, 1e-9 * ab.norm() * ac.norm()).filter(|_| normal != Vector3::zeros()) else {
+        return chord.into();
+    };
+    // Circumcentre of a triangle from a corner.
+    let to_centre =
+        (ac.norm_squared() * normal.cross(&ab) + ab.norm_squared() * ac.cross(&normal)) / (2.0 * normal.norm_squared());
+    let centre = a + to_centre;
+    let (u, v) = (from - centre, to - centre);
+    let angle = u.cross(&v).dot(&axis).atan2(u.dot(&v)).rem_euclid(std::f64::consts::TAU);
+    (centre + nalgebra::Rotation3::from_axis_angle(&axis, angle / 2.0) * u).into()
+}
+
+impl Builder<'_> {
+    /// The `A` motions of a row, which `visits` begin with; how many of them run.
+    pub(super) fn row(&mut self, visits: &[Visit], row: Range<usize>) -> usize {
+        let on = |two: &&[Visit]| row.contains(&two[1].0) && two[1].0 > two[0].0;
+        let run = 1 + visits.windows(2).take_while(on).count();
+        let kinds = &self.flow.kinds;
+        let motions = || kinds[row.clone()].iter().filter(|kind| matches!(kind, Kind::Motion(motion) if motion.is_arc));
+        let (count, mut points) = (motions().count(), Vec::with_capacity(run));
+        for (at, state) in &visits[..run] {
+            let Kind::Motion(motion) = &self.flow.kinds[*at] else { continue };
+            self.count(motion, state);
+            match self.point(*at, motion, motion.end, Role::End, state) {
+                Ok(point) => points.push((*at, point)),
+                Err(why) => self.lose(*at, motion, state, why),
+            }
+        }
+        let own: Vec<(Target, Site)> = points.iter().map(|(_, point)| point.clone()).collect();
+        let poses: Option<Vec<_>> = own
+            .iter()
+            .map(|(target, _)| match target.goal {
+                Goal::Pose { position_mm, quat, .. } => Some((position_mm, quat)),
+                _ => None,
+            })
+            .collect();
+        match poses.filter(|poses| poses.len() == count && count >= LEAST && are_in_one_frame(&own)) {
+            Some(poses) => self.arc(points, &poses),
+            None => {
+                let why = if count < LEAST { FEW } else { HALF_ARC };
+                for (at, (mut target, site)) in points {
+                    refuse(&mut target, why);
+                    self.push(at, (target, site));
+                }
+            }
+        }
+        run
+    }
+
+    /// Targets of a row whose points are all known, with a circle point on the way to each but the first.
+    fn arc(&mut self, points: Vec<(usize, (Target, Site))>, poses: &[([f64; 3], [f64; 4])]) {
+        let first = self.built.targets.len();
+        // Between two points there is a circle point.
+        let index = |k: usize| first + 2 * k;
+        for (k, (at, (mut target, site))) in points.into_iter().enumerate() {
+            if let Some(before) = k.checked_sub(1) {
+                let start = before.saturating_sub(1);
+                let first_half = k == 1;
+                let position_mm = middle([start, start + 1, start + 2].map(|k| poses[k].0), first_half);
+                let goal = Goal::Pose { position_mm, quat: halfway(poses[before].1, poses[k].1), conf: None };
+                self.built.between.push(Between {
+                    target: index(k) - 1,
+                    circle: [start, start + 1, start + 2].map(index),
+                    first_half,
+                });
+                target.motion = Path::Circular;
+                self.built.arcs += 1;
+                let via = Target { role: Role::Via, goal, name: None, ..target.clone() };
+                self.push(at, (via, None));
+            }
+            self.push(at, (target, site));
+        }
+        self.built.points.push(first..self.built.targets.len());
+    }
+
+    /// An arc with one of its points moved is another arc, and so are those that share the other.
+    pub(super) fn keep_halves_of_arcs(&mut self) {
+        let built = &mut self.built;
+        loop {
+            let mut held = BTreeSet::new();
+            for points in &built.points {
+                let stays = |i: usize| matches!(built.targets[i].editable, Editable::No(_));
+                if points.clone().any(stays) && !points.clone().all(stays) {
+                    held.extend(points.clone().filter_map(|i| built.sites[i]));
+                    points.clone().for_each(|i| refuse(&mut built.targets[i], HALF_ARC));
+                }
+            }
+            if held.is_empty() {
+                return;
+            }
+            for (target, site) in built.targets.iter_mut().zip(&built.sites) {
+                if site.is_some_and(|site| held.contains(&site)) {
+                    refuse(target, HALF_ARC);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn the_middle_is_on_the_way() {
+        // Radius 2 about (1, 0, 5): east, north, west; and on from there over the south.
+        let [east, north, west] = [[3.0, 0.0, 5.0], [1.0, 2.0, 5.0], [-1.0, 0.0, 5.0]];
+        let on = |x: f64, y: f64| [1.0 + 2.0 * x, 2.0 * y, 5.0];
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        for (points, first_half, wanted) in [
+            ([east, north, west], true, on(half, half)),
+            ([east, north, west], false, on(-half, half)),
+            ([north, west, east], false, on(0.0, -1.0)),
+            ([west, north, east], true, on(-half, half)),
+        ] {
+            for (found, wanted) in middle(points, first_half).into_iter().zip(wanted) {
+                assert_relative_eq!(found, wanted, epsilon = 1e-12);
+            }
+        }
+        assert_eq!(middle([[0.0; 3], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]], false).to_vec(), [2.0, 0.0, 0.0]);
+        assert_eq!(middle([[1.0; 3]; 3], true).to_vec(), [1.0; 3]);
+    }
+}
