@@ -20,13 +20,15 @@ use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
-use crate::robot::{Joints, conf_is, conf_like, confdata_of};
+use crate::robot::{Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
 /// Corrections up to this size do not count as a change: rounding of f64.
 const NO_CHANGE_M: f64 = 1e-12;
 const NO_CHANGE_RAD: f64 = 1e-11;
+/// What holding a quaternion's components in single precision turns by itself stays below this, rad.
+const WRITTEN_RAD: f64 = 1e-6;
 
 /// Predicts what the cell would make of a program, without correcting it.
 ///
@@ -279,7 +281,8 @@ pub(super) fn chunk(
     };
 
     // What the controller will really hold, run forward.
-    let changed = |i: usize| changes[i].is_some() || !program.language.is_edited();
+    let changed =
+        |i: usize| changes[i].is_some() || !program.language.is_edited() || turns_along(program, i, &written[i]);
     let reached = solver.reached(written, (&modes, &first), &motors, changed);
     for (i, reached) in reached.iter().enumerate() {
         if let Err(error) = reached {
@@ -467,6 +470,18 @@ fn change(
     let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
     Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
+}
+
+/// Whether a target of which only the position is edited turns because what it is made from is corrected.
+fn turns_along(program: &Program, i: usize, written: &([f64; 3], [f64; 4])) -> bool {
+    let target = &program.targets[i];
+    match target.goal {
+        Goal::Pose { position_mm, quat, .. } if target.editable == Editable::Position => {
+            let [was, is] = [quat, written.1].map(|quat| frames::pose(position_mm, quat).rotation);
+            turn_between(&was, &is).norm() > WRITTEN_RAD
+        }
+        _ => false,
+    }
 }
 
 /// What is said of a run, once.

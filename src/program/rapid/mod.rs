@@ -81,6 +81,16 @@ pub(crate) struct Layout {
     mark_behind: Option<super::Mark>,
 }
 
+impl Layout {
+    /// What a target is made from by `Offs` and `RelTool`.
+    fn offset(&self, site: &Site) -> Option<&Offset> {
+        match site {
+            Site::Offset(at) => self.offsets.get(*at as usize),
+            Site::None | Site::Literal { .. } => None,
+        }
+    }
+}
+
 impl FrontEnd for Layout {
     fn rewrite(
         &self,

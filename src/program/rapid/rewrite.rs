@@ -1,8 +1,8 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
-use super::value::{Place, rotate, unit};
+use super::value::{Place, Step, rotate, unit};
 use super::writer::{Pose, Print, SHARED, Writer, single};
-use super::{Layout, Offset, Site, clone, insert, own};
+use super::{Layout, Site, clone, insert, own};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
@@ -10,6 +10,13 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 
 const FROZEN: &str = "would move a target that cannot be edited";
 const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
+
+/// New arguments of `Offs` and `RelTool`, by the place of the first; none of them where it stays.
+type NewOffsets = HashMap<Place, [Option<Token>; 3]>;
+
+fn is_edited(offsets: &NewOffsets, place: &Place) -> bool {
+    offsets.get(place).is_some_and(|new| new.iter().any(Option::is_some))
+}
 
 pub(super) fn rewrite(
     program: &Program,
@@ -37,13 +44,15 @@ pub(super) fn rewrite_agreed(
     let mut writer = Writer::new(program, layout, options);
     let mut prints: Vec<Option<Print>> = Vec::new();
     let mut cloned = HashMap::new();
-    let mut offsets = HashMap::new();
+    let mut offsets = NewOffsets::new();
     // What stays as it is must not move with something else: what moves it stays too, until that is so.
     while changes.iter().any(Option::is_some) {
+        let before = writer.frozen();
         writer.start_over();
         (prints, cloned) = writer.literals(changes);
         offsets = writer.offsets(changes, &prints);
-        if !writer.freeze(&prints) {
+        writer.freeze(&prints, &offsets);
+        if writer.frozen() == before {
             break;
         }
     }
@@ -62,16 +71,24 @@ impl Writer<'_> {
         self.kept.clear();
     }
 
-    /// Freezes what would move a target that is kept: an offset's base, and the other point of an arc; whether there is any.
-    fn freeze(&mut self, prints: &[Option<Print>]) -> bool {
+    /// How many literals and offsets stay for the sake of others.
+    fn frozen(&self) -> (usize, usize) {
+        (self.frozen.len(), self.frozen_offsets.len())
+    }
+
+    /// Freezes what would move a target that is kept: an offset's base and steps, and the other point of an arc.
+    fn freeze(&mut self, prints: &[Option<Print>], offsets: &NewOffsets) {
         let kept: BTreeSet<usize> = self.kept.iter().map(|kept| kept.0).collect();
-        let before = (self.frozen.len(), self.frozen_offsets.len());
+        let targets = &self.program.targets;
+        for (i, site) in self.layout.sites.iter().enumerate() {
+            let stays = || kept.contains(&i) || targets[i].editable != Editable::Position;
+            let Some(offset) = self.layout.offset(site).filter(|_| stays()) else { continue };
+            let moves = prints.get(offset.root as usize).is_some_and(Option::is_some);
+            self.frozen.extend(Some(offset.root).filter(|_| moves));
+            let places = offset.steps.iter().filter_map(Step::place);
+            self.frozen_offsets.extend(places.filter(|place| is_edited(offsets, place)));
+        }
         for &i in &kept {
-            if let Site::Offset(at) = self.layout.sites[i] {
-                let root = self.layout.offsets[at as usize].root;
-                self.frozen.extend(prints.get(root as usize).and_then(Option::as_ref).map(|_| root));
-            }
-            let targets = &self.program.targets;
             let other = match targets[i].role {
                 Role::Via => i + 1,
                 _ if i > 0 && targets[i - 1].role == Role::Via => i - 1,
@@ -89,7 +106,6 @@ impl Writer<'_> {
                 Site::None => {}
             }
         }
-        before != (self.frozen.len(), self.frozen_offsets.len())
     }
 
     fn done(mut self, written: Vec<Pose>, inserts: &[Insert]) -> Rewritten {
@@ -153,15 +169,17 @@ impl Writer<'_> {
         (prints, cloned)
     }
 
-    /// New arguments of `Offs` and `RelTool`, by the place of the first.
-    fn offsets(&mut self, changes: &[Option<Change>], prints: &[Option<Print>]) -> HashMap<Place, [Option<Token>; 3]> {
-        let mut wishes: HashMap<Place, [Option<Token>; 3]> = HashMap::new();
-        let mut disputed: Vec<Place> = Vec::new();
+    /// New arguments of `Offs` and `RelTool`.
+    fn offsets(&mut self, changes: &[Option<Change>], prints: &[Option<Print>]) -> NewOffsets {
+        let mut wishes = NewOffsets::new();
         let mut users: Vec<(usize, Place, [Place; 3])> = Vec::new();
-        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
-            let Site::Offset(at) = *site else { continue };
-            let offset = &self.layout.offsets[at as usize];
-            let base_moves = prints.get(offset.root as usize).is_some_and(Option::is_some);
+        let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
+        let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some()).collect();
+        // What is made from another offset comes behind it.
+        sites.sort_by_key(|i| offset_of(i).map(|offset| offset.steps.len()));
+        for i in sites {
+            let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };
+            let (base, change) = (prints.get(offset.root as usize).and_then(Option::as_ref), &changes[i]);
             if self.program.targets[i].editable != Editable::Position {
                 if change.as_ref().is_some_and(|c| self.differs(i, c)) {
                     self.kept.push((i, self.reason(i)));
@@ -170,16 +188,18 @@ impl Writer<'_> {
             }
             let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };
             let wanted = change.as_ref().map_or(position_mm, |c| c.position_mm);
+            let Some((last, before)) = offset.steps.split_last() else { continue };
+            let moved = base.is_some() || before.iter().filter_map(Step::place).any(|place| is_edited(&wishes, &place));
             #[allow(clippy::float_cmp)] // the very number that was read means no change
-            let moves = base_moves || wanted != position_mm;
-            let Some(last) = offset.steps.last().filter(|_| moves) else { continue };
+            let moves = moved || wanted != position_mm;
             let Some(tokens) = last.tokens else { continue };
-            let base = &self.layout.literals[offset.root as usize];
-            let (position, quat) = self.behind(
-                offset,
-                self.literal_pose(base, prints[..].get(offset.root as usize).and_then(Option::as_ref)),
-                1,
-            );
+            if !moves {
+                // Who stays has a say too.
+                self.agree(&mut wishes, tokens[0], Default::default());
+                continue;
+            }
+            let root = self.literal_pose(&self.layout.literals[offset.root as usize], base);
+            let (position, quat) = self.behind(before, root, &wishes);
             let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
             if last.in_tool {
                 let [w, x, y, z] = unit(quat);
@@ -188,17 +208,9 @@ impl Writer<'_> {
             let print =
                 std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token);
             users.push((i, tokens[0], tokens));
-            match wishes.get(&tokens[0]) {
-                None => {
-                    wishes.insert(tokens[0], print);
-                }
-                Some(other) if *other != print => disputed.push(tokens[0]),
-                Some(_) => {}
-            }
+            self.agree(&mut wishes, tokens[0], print);
         }
-        for place in disputed.iter().chain(&self.frozen_offsets) {
-            wishes.remove(place);
-        }
+        wishes.retain(|place, _| !self.frozen_offsets.contains(place));
         let mut done = HashSet::new();
         for (i, place, tokens) in users {
             match wishes.get(&place) {
@@ -216,10 +228,26 @@ impl Writer<'_> {
         wishes
     }
 
-    /// A base's pose through all steps but the last `but`.
-    fn behind(&self, offset: &Offset, base: Pose, but: usize) -> Pose {
-        let steps = &offset.steps[..offset.steps.len() - but];
-        steps.iter().fold(base, |(p, q), step| step.apply(p, q))
+    /// Takes in what one user of an offset wants it to become; one that its users do not agree on stays.
+    fn agree(&mut self, wishes: &mut NewOffsets, place: Place, wish: [Option<Token>; 3]) {
+        if !self.frozen_offsets.contains(&place) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish {
+            self.frozen_offsets.insert(place);
+        }
+    }
+
+    /// A base's pose through steps with their new arguments, as the controller holds them.
+    fn behind(&self, steps: &[Step], base: Pose, offsets: &NewOffsets) -> Pose {
+        steps.iter().fold(base, |(position, quat), step| {
+            let mut step = *step;
+            if let Some(tokens) = step.tokens {
+                let new = offsets.get(&tokens[0]);
+                step.offset_mm = std::array::from_fn(|k| {
+                    let token = new.and_then(|new| new[k].as_deref()).unwrap_or_else(|| self.bytes(tokens[k]));
+                    single(signed(token).unwrap_or(step.offset_mm[k]))
+                });
+            }
+            step.apply(position, quat)
+        })
     }
 
     /// A target as the controller will hold it.
@@ -228,7 +256,7 @@ impl Writer<'_> {
         i: usize,
         prints: &[Option<Print>],
         cloned: &HashMap<usize, Print>,
-        offsets: &HashMap<Place, [Option<Token>; 3]>,
+        offsets: &NewOffsets,
     ) -> Pose {
         let print = |literal: u32| prints.get(literal as usize).and_then(Option::as_ref);
         let (position, quat) = match self.layout.sites[i] {
@@ -239,21 +267,7 @@ impl Writer<'_> {
             Site::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];
                 let base = self.literal_pose(&self.layout.literals[offset.root as usize], print(offset.root));
-                let (position, quat) = self.behind(offset, base, 1);
-                match offset.steps.last() {
-                    None => (position, quat),
-                    Some(last) => {
-                        let mut step = *last;
-                        if let Some(tokens) = last.tokens {
-                            let new = offsets.get(&tokens[0]);
-                            step.offset_mm = std::array::from_fn(|k| {
-                                let token = new.and_then(|n| n[k].as_deref()).unwrap_or_else(|| self.bytes(tokens[k]));
-                                single(signed(token).unwrap_or(step.offset_mm[k]))
-                            });
-                        }
-                        step.apply(position, quat)
-                    }
-                }
+                self.behind(&offset.steps, base, offsets)
             }
             Site::None => match self.program.targets[i].goal {
                 Goal::Pose { position_mm, quat, .. } => (position_mm, quat),

@@ -50,6 +50,11 @@ pub(crate) struct Step {
 }
 
 impl Step {
+    /// The place of its first number, where all three are literal.
+    pub(super) fn place(&self) -> Option<Place> {
+        self.tokens.map(|tokens| tokens[0])
+    }
+
     /// The pose behind this step.
     pub(crate) fn apply(&self, position: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
         let d = if self.in_tool { rotate(unit(quat), self.offset_mm) } else { self.offset_mm };

@@ -2,6 +2,8 @@
 //!
 //! Each case marks its motions: `! edit` must be corrected, `! stay` must come out as it went in, and be said.
 
+use deflex::cell::Cell;
+use deflex::correct::{Options, Status};
 use deflex::program::{Change, Editable, Goal, Program, RewriteOptions, rapid};
 use deflex::text::{Source, apply};
 use std::collections::BTreeMap;
@@ -23,6 +25,20 @@ const DATA: &str = "  PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],
   VAR num nIn;
   VAR string s:=\"\";
 ";
+/// A constant force on an arm that turns under it.
+const TURNING: &str = r#"
+[robot]
+model = "irb6700-150-3.20"
+[robot.stiffness]
+joint_nm_per_rad = [6e5, 5e5, 4e5, 9e4, 8e4, 5e4]
+[limits]
+max_correction_mm = 100.0
+max_step_mm = 500.0
+[cut]
+force = "constant"
+force_n = [310.0, -190.0, 240.0]
+frame = "wobj"
+"#;
 const INLINE: &str = "[[7,8,9],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
 
 fn read(text: &str) -> Program {
@@ -359,6 +375,42 @@ fn offsets_that_disagree_leave_their_base_alone() {
         "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nMoveC p2,p3,v50,fine,t1\\WObj:=w1; ! stay\nMoveL p2,v50,fine,t2\\WObj:=w2; ! stay",
         "",
     );
+}
+
+#[test]
+fn offsets_of_offsets_follow_what_they_are_made_from() {
+    check(
+        "rTo Offs(p1,10,0,0);",
+        "PROC rTo(robtarget p)\nMoveL p,v50,fine,t1\\WObj:=w1; ! edit\nMoveL Offs(p,0,5,0),v50,fine,t2\\WObj:=w2; ! edit\nENDPROC",
+    );
+    // The same numbers, asked for two things.
+    check(
+        "rTo Offs(p1,10,0,0);",
+        "PROC rTo(robtarget p)\nMoveL p,v50,fine,t1\\WObj:=w1; ! stay\nMoveL Offs(p,0,5,0),v50,fine,t2\\WObj:=w2; ! edit\nMoveL p,v50,fine,t2\\WObj:=w2; ! stay\nENDPROC",
+    );
+}
+
+#[test]
+fn an_air_move_that_turns_with_its_base_says_so() {
+    let cell = Cell::read(&Source::new("cell.toml", TURNING.as_bytes())).unwrap();
+    let target = |name: &str, x: f64| {
+        format!("CONST robtarget {name}:=[[{x},70,100],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n")
+    };
+    let program = read(&format!(
+        "MODULE M\n{}PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
+        PERS wobjdata w1:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+        PROC main()\nMoveL p1,v50,fine,t1\\WObj:=w1;\nMoveJ Offs(p1,0,0,50),v50,fine,t1\\WObj:=w1;
+        MoveJ p3,v50,fine,t1\\WObj:=w1;\nENDPROC\nENDMODULE\n",
+        target("p1", 120.0) + &target("p3", 160.0)
+    ));
+    let rows = deflex::correct::compensate(&program, &cell, &Options::default()).unwrap().rows;
+    let norm = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let [cut, above, far] = &rows[..] else { panic!("three rows") };
+    assert!(norm(cut.correction_deg) > 0.01);
+    assert_eq!((above.status, far.status), (Status::Air, Status::Air));
+    assert!((norm(above.correction_deg) - norm(cut.correction_deg)).abs() < 1e-4, "{above:?}");
+    assert!(norm(above.correction_mm) < 1e-3);
+    assert_eq!(norm(far.correction_deg), 0.0);
 }
 
 #[test]

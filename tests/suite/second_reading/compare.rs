@@ -357,7 +357,9 @@ impl Told {
             let target = program.targets.iter().find(|t| t.role == Role::End && t.ordinal == row.target);
             let source = target.map_or(0, |t| usize::from(t.source));
             let count = rows.entry((source, row.line)).or_default();
-            if row.status == Status::Ok { count.1 += 1 } else { count.0 += 1 }
+            // An air move whose base is corrected turns with it: its row says by how much.
+            let still = row.correction_mm == [0.0; 3] && row.correction_deg == [0.0; 3];
+            if row.status == Status::Ok || !still { count.1 += 1 } else { count.0 += 1 }
         }
         let mut kept: Vec<_> = program.kept.iter().map(|k| (k.source, k.line as u32)).collect();
         let mut notes = Vec::new();

@@ -228,6 +228,7 @@ impl Machine<'_> {
                 let mut target = at(0)?.clone();
                 let p = target.at(0)?.numbers::<3>()?;
                 *target.part_mut(&[0])? = Val::nums(&[p[0] + num(1)?, p[1] + num(2)?, p[2] + num(3)?]);
+                self.computed.push(target.clone());
                 Ok(target)
             }
             "RELTOOL" => {
@@ -238,12 +239,10 @@ impl Machine<'_> {
                         pose = pose.then(&Frame::turn(axis, degrees.num()?));
                     }
                 }
-                Ok(Val::List(vec![
-                    Val::nums(&pose.p),
-                    Val::nums(&pose.q),
-                    target.at(2)?.clone(),
-                    target.at(3)?.clone(),
-                ]))
+                let turned = [Val::nums(&pose.p), Val::nums(&pose.q), target.at(2)?.clone(), target.at(3)?.clone()];
+                let target = Val::List(turned.into());
+                self.computed.push(target.clone());
+                Ok(target)
             }
             "CROBT" | "CPOS" => {
                 let standing = self.standing(args)?;

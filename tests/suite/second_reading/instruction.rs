@@ -233,6 +233,7 @@ impl Machine<'_> {
             None => self.eval(&Expr::Data(Data { name: "WOBJ0".into(), steps: Vec::new() }), "WOBJDATA")?,
         };
         let to = Self::required(args, layout.to)?;
+        let mut shifted = matches!(to, Expr::Call(..));
         let goal = if layout.joints {
             Goal::Joints(self.eval(to, "JOINTTARGET")?.at(0)?.clone())
         } else {
@@ -241,12 +242,12 @@ impl Machine<'_> {
                 poses.push(Frame::of(&self.eval(Self::required(args, via)?, "ROBTARGET")?)?);
             }
             let target = self.eval(to, "ROBTARGET")?;
+            shifted |= self.computed.contains(&target);
             poses.push(Frame::of(&target)?);
             Goal::Poses(poses, target.at(2)?.clone(), target.at(3)?.clone())
         };
         let (module, routine) = self.current();
         let (displacement, offsets) = (self.displacement, self.offsets.clone());
-        let shifted = matches!(to, Expr::Call(..));
         let speed = self.speed(args, layout.to + 1)?;
         let motion = Motion {
             module,

@@ -128,6 +128,8 @@ pub struct Machine<'a> {
     pub motions: Vec<Motion>,
     pub displacement: Frame,
     pub offsets: Vec<f64>,
+    /// Robtargets that `Offs` and `RelTool` have made, to tell them where they come back as parameters.
+    pub computed: Vec<Val>,
     pub interrupts: Vec<Interrupt>,
     in_trap: bool,
     /// What a cell file declares: name, type, value.
@@ -163,6 +165,7 @@ impl<'a> Machine<'a> {
             motions: Vec::new(),
             displacement: IDENTITY,
             offsets: vec![0.0; 6],
+            computed: Vec::new(),
             interrupts: Vec::new(),
             in_trap: false,
             cell_file,
