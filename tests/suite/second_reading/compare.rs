@@ -358,7 +358,7 @@ impl Told {
             let source = target.map_or(0, |t| usize::from(t.source));
             let count = rows.entry((source, row.line)).or_default();
             // An air move whose base is corrected turns with it: its row says by how much.
-            let still = row.correction_mm == [0.0; 3] && row.correction_deg == [0.0; 3];
+            let still = row.correction_mm.iter().chain(&row.correction_deg).all(|by| by.abs() == 0.0);
             if row.status == Status::Ok || !still { count.1 += 1 } else { count.0 += 1 }
         }
         let mut kept: Vec<_> = program.kept.iter().map(|k| (k.source, k.line as u32)).collect();

@@ -49,12 +49,9 @@ impl Runner<'_> {
         }
         let known = match (&*name, values.len()) {
             (b"PRESENT", 1) => return present(&values[0]),
-            (b"OFFS", 4) => return self.shifted(&values, false, NO_TURN),
+            (b"OFFS", 4) => return self.shifted(&values, false, Some(NO_TURN)),
             (b"RELTOOL", 4) => {
-                let Some(turn) = self.turn(scope, call, depth) else {
-                    self.pin_value(&values[0]);
-                    return Value::Unknown(RUN_TIME);
-                };
+                let turn = self.turn(scope, call, depth);
                 return self.shifted(&values, true, turn);
             }
             (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
@@ -84,20 +81,21 @@ impl Runner<'_> {
         Some(turn)
     }
 
-    /// `Offs` or `RelTool` of known values.
-    fn shifted(&mut self, values: &[Value], in_tool: bool, turn: [f64; 4]) -> Value {
-        let Some(base) = self.as_target(&values[0]) else {
+    /// `Offs` or `RelTool`.
+    fn shifted(&mut self, values: &[Value], in_tool: bool, turn: Option<[f64; 4]>) -> Value {
+        let (offset_mm, tokens) = match &values[1..4] {
+            [Value::Num(x, tx), Value::Num(y, ty), Value::Num(z, tz)] => {
+                (Some([*x, *y, *z]), tx.zip(*ty).zip(*tz).map(|((x, y), z)| [x, y, z]))
+            }
+            _ => (None, None),
+        };
+        let (Some(base), Some(offset_mm), Some(turn)) = (self.as_target(&values[0]), offset_mm, turn) else {
+            // What another run of the same statement would edit is used here too.
+            self.held.extend(tokens.map(|tokens| tokens[0]));
+            self.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(RUN_TIME));
         };
-        let [Value::Num(x, tx), Value::Num(y, ty), Value::Num(z, tz)] = &values[1..4] else {
-            self.pin(base.root);
-            return Value::Unknown(RUN_TIME);
-        };
-        let tokens = match (tx, ty, tz) {
-            (Some(x), Some(y), Some(z)) => Some([*x, *y, *z]),
-            _ => None,
-        };
-        let step = Step { offset_mm: [*x, *y, *z], tokens, in_tool, turn };
+        let step = Step { offset_mm, tokens, in_tool, turn };
         let mut pose = (*base).clone();
         (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
         if pose.root.is_some() {
