@@ -327,7 +327,8 @@ impl<'a> Builder<'a> {
             .built
             .targets
             .iter()
-            .filter(|target| target.motion != Path::AbsoluteJoint)
+            // Circle points that no text states have the reason of their arc.
+            .filter(|target| target.motion != Path::AbsoluteJoint && target.name.is_some())
             .filter_map(|target| match target.editable {
                 Editable::No(why) => Some((spans[&target.span], why)),
                 _ => None,
