@@ -250,7 +250,7 @@ impl Stock {
     /// Signed depth of a point in the material, m: above zero inside. Near a surface it is the distance from it.
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
-        self.depth_but(point, BLANK)
+        self.depth_but(point, BLANK).0
     }
 
     /// The number of the last sweep, where a way (m) goes straight on from it to a tip: no point of a cutter's front there is in
@@ -260,12 +260,12 @@ impl Stock {
         last.map_or(BLANK, |_| u32::try_from(self.sweeps.len()).unwrap_or(BLANK))
     }
 
-    /// [`Stock::depth`] as if one sweep had not been.
+    /// [`Stock::depth`] as if one sweep had not been, and whose surface it is from: a sweep's number, 0 the blank.
     #[inline]
-    pub(super) fn depth_but(&self, point: &Vector3<f64>, without: u32) -> f64 {
-        let mut depth = self.blank.depth(point);
+    pub(super) fn depth_but(&self, point: &Vector3<f64>, without: u32) -> (f64, u32) {
+        let (mut depth, mut whose) = (self.blank.depth(point), BLANK);
         if depth <= 0.0 {
-            return depth;
+            return (depth, whose);
         }
         let [u, v] = turned(point.x, point.y);
         let column = |at: f64, k: usize| ((at - self.origin[k]) / self.spacing - 0.5).floor().max(0.0) as usize;
@@ -290,10 +290,13 @@ impl Stock {
             }
         }
         for by in owners.iter().filter(|by| *by != without) {
-            depth = depth.min(self.sweeps[by as usize - 1].distance(point) - TOUCH);
+            let distance = self.sweeps[by as usize - 1].distance(point) - TOUCH;
+            if distance < depth {
+                (depth, whose) = (distance, by);
+            }
         }
         // None of the lines about it has material there: what took it has no end left.
-        if depth > 0.0 && !material { -depth.min(self.spacing) } else { depth }
+        if depth > 0.0 && !material { (-depth.min(self.spacing), whose) } else { (depth, whose) }
     }
 
     /// Removes what a cutter meets on its straight way between two poses; the volume, m³.
@@ -385,14 +388,11 @@ impl Stock {
                 if nearest >= reach {
                     continue;
                 }
-                let (share, across) = if rise == 0.0 || nearest >= solid.radius * solid.radius {
-                    (share, nearest.sqrt())
-                } else {
-                    lowest_of_ramp(&solid, [from_u, from_v], [du, dv], rise, share)
-                };
-                let tip = tip + share * rise;
-                let low = if across < solid.radius { tip + solid.height(across) } else { f64::INFINITY };
-                if low > blank_top + spacing && low < f64::INFINITY {
+                let across = nearest.sqrt();
+                let meets = across < solid.radius;
+                // No lower than its lower end where it passes nearest.
+                let least = if meets { tip + rise.min(0.0) + solid.height(across) } else { f64::INFINITY };
+                if least > blank_top + spacing && meets {
                     continue;
                 }
                 let (tile, at) = self.tile_of(i, j);
@@ -402,6 +402,13 @@ impl Stock {
                 let Some(lines) = &mut self.grid[tile] else { continue };
                 let line = &mut lines[at];
                 let Some(top) = line.top() else { continue };
+                let (share, across) = if rise == 0.0 || !meets || least >= top - LEAST_CUT {
+                    (share, across)
+                } else {
+                    lowest_of_ramp(&solid, [from_u, from_v], [du, dv], rise, share)
+                };
+                let tip = tip + share * rise;
+                let low = if across < solid.radius { tip + solid.height(across) } else { f64::INFINITY };
                 if low < top - LEAST_CUT {
                     removed += line.cut(low, f64::INFINITY, by);
                 } else if tip < top + spacing && line.near > 0.0 {

@@ -11,7 +11,8 @@
 //!
 //! At a target the front of the cutter is a mask over the angle φ about its axis and the place along its profile. The mean
 //! force is the sum over the mask of the integrals of Tang et al. Eq. 6 (see [`cutting`](crate::cutting)), cells on the rim of
-//! the engagement counted by the share that a straight rim leaves of them.
+//! the engagement counted by the share that a straight rim leaves of them; these are quartered, the worst first, until the
+//! rim can put the force off by little.
 //!
 //! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool is as long as it needs to be:
 //! its shank removes what it meets, collisions are not looked for.
@@ -21,10 +22,12 @@ mod closed;
 mod dexel;
 mod front;
 mod mask;
+mod refine;
 mod solid;
 mod stl;
 mod surface;
 mod sweep;
+mod view;
 
 pub use blank::Blank;
 pub use closed::{ClosedMesh, OpenMesh};

@@ -111,13 +111,13 @@ fn half_immersion_up_and_down() {
 /// A pass beside its own like before it, a stepover away: as declared and from the stock.
 #[test]
 fn a_stepover_from_the_stock_is_the_declared_one() {
-    // Rims that could put off more than 2 % are followed finely; below that, what leans and is cut at a flat angle keeps 1 to 2 %.
+    // The rim is followed until it can put off 2 %; it does by a fraction of that.
     for (cutter, depth, width, lead, tilt, share) in [
         (cutter(10.0, 5.0), 0.5, 0.5, 0.0, 0.0, 0.005),
         (cutter(25.0, 5.0), 0.5, 2.0, 0.0, 0.0, 0.005),
         (cutter(25.0, 5.0), 3.0, 12.5, 0.0, 0.0, 0.01),
-        (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0, 0.025),
-        (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0, 0.02),
+        (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0, 0.01),
+        (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0, 0.01),
     ] {
         for (mode, beside) in [(Mode::Down, width), (Mode::Up, -width)] {
             let engagement = Engagement {
@@ -137,8 +137,11 @@ fn a_stepover_from_the_stock_is_the_declared_one() {
             let front = Front::new(&cutter, &coefficients());
             run(&mut stock, &front, &line(pose(-20.0, 40.0 + beside), pose(80.0, 40.0 + beside), 2.0));
             let done = run(&mut stock, &front, &line(pose(-20.0, 40.0), pose(30.0, 40.0), 2.0));
-            let found = force(&done.last().unwrap().0);
-            within(found, milling.mean_force(&Vector3::zeros(), &axis), share);
+            let last = &done.last().unwrap().0;
+            let (found, wanted) = (force(last), milling.mean_force(&Vector3::zeros(), &axis));
+            within(found, wanted, share);
+            let bound = last.bound[0] + FEED_PER_TOOTH * last.bound[1];
+            assert!((found - wanted).norm() <= bound + 1e-3 * wanted.norm(), "{mode:?} {lead} {tilt}: {bound}");
         }
     }
 }

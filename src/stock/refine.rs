@@ -1,0 +1,325 @@
+//! The sum over the mask: cells that the rim of the engagement may run through are quartered, the worst first, until what the
+//! rim can put the force off by is little of it.
+
+use super::front::{Cell, Ring};
+use super::mask::engaged_parts;
+use super::view::View;
+use nalgebra::Vector3;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::f64::consts::TAU;
+
+/// Where a rim is off by so much at the middle of a cell it may be by this many times as much elsewhere.
+const SAFETY: f64 = 2.0;
+
+/// The rim is followed until it can put the force off by this share of it.
+const ENOUGH: f64 = 0.02;
+
+/// And by this share of what the leading half of the cutter's corner feels in full: some tenths of a newton of some hundreds.
+const NOTHING: f64 = 2e-4;
+
+/// A cell is quartered up to so many times.
+const HALVINGS: u32 = 7;
+
+/// Cells that are quartered, at most.
+const MOST: usize = 2000;
+
+/// Sums over the mask, cutter frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum {
+    pub(super) edge: Vector3<f64>,
+    pub(super) cutting: Vector3<f64>,
+    /// How far the rim may put both off.
+    pub(super) bound: [f64; 2],
+    pub(super) section: f64,
+    /// Lowest and highest engaged row.
+    pub(super) rows: Option<[f64; 2]>,
+}
+
+/// A node of the mask: share of the feed that goes into the surface there, depth in the material (m), and whose surface that is
+/// from.
+#[derive(Clone, Copy)]
+struct Node {
+    chip: f64,
+    depth: f64,
+    whose: u32,
+}
+
+impl Node {
+    fn at(view: &View<'_>, ring: &Ring, angle: (f64, f64)) -> Self {
+        let (depth, whose) = view.depth(ring, angle);
+        Self { chip: view.chip(ring, angle), depth, whose }
+    }
+}
+
+/// A cell of the mask that the rim may run through.
+struct Leaf {
+    /// Lower corner, in columns and rows, and size.
+    at: [f64; 2],
+    size: f64,
+    halvings: u32,
+    /// From the lower corner around.
+    corners: [Node; 4],
+    middle: Node,
+    sum: Sum,
+    whole: bool,
+}
+
+/// A leaf by what it may put off.
+struct Worst {
+    error: f64,
+    leaf: usize,
+}
+
+impl PartialEq for Worst {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Worst {}
+
+impl PartialOrd for Worst {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Worst {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.error.total_cmp(&other.error).then(other.leaf.cmp(&self.leaf))
+    }
+}
+
+/// Over the lowest rows of the mask.
+pub(super) fn sum(view: &View<'_>, rows: usize) -> Sum {
+    let mut cells = Cells::new(view);
+    cells.grid(rows);
+    cells.refine();
+    let Cells { mut sure, leaves, .. } = cells;
+    // Not the running sums: what was taken back leaves its rounding there.
+    leaves.iter().filter(|leaf| leaf.whole).for_each(|leaf| sure.add(&leaf.sum));
+    sure
+}
+
+struct Cells<'a, 'b> {
+    view: &'a View<'b>,
+    /// Over cells that the rim does not run through.
+    sure: Sum,
+    leaves: Vec<Leaf>,
+    queue: BinaryHeap<Worst>,
+    /// Over all cells, and what their rims may put off, as shares of the leading half.
+    edge: Vector3<f64>,
+    cutting: Vector3<f64>,
+    error: f64,
+}
+
+impl<'a, 'b> Cells<'a, 'b> {
+    fn new(view: &'a View<'b>) -> Self {
+        let (sure, leaves, queue) = (Sum::default(), Vec::with_capacity(256), BinaryHeap::with_capacity(256));
+        Self { view, sure, leaves, queue, edge: Vector3::zeros(), cutting: Vector3::zeros(), error: 0.0 }
+    }
+
+    /// A size in edge force and in cutting force, as a share of the leading half.
+    fn share(&self, [edge, cutting]: [f64; 2]) -> f64 {
+        let of = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };
+        let [whole_edge, whole_cutting] = self.view.front.leading;
+        of(edge, whole_edge) + of(cutting, whole_cutting)
+    }
+
+    /// The cells of the mask, row by row.
+    fn grid(&mut self, rows: usize) {
+        let (view, front) = (self.view, self.view.front);
+        let fill = |nodes: &mut Vec<(f64, Option<Node>)>, row: usize| {
+            let ring = front.ring(row as f64);
+            nodes.clear();
+            nodes.extend(front.edges.iter().map(|angle| (view.chip(&ring, *angle), None)));
+            ring
+        };
+        let (mut below, mut above) = (Vec::with_capacity(front.around + 1), Vec::with_capacity(front.around + 1));
+        let mut lower = fill(&mut below, 0);
+        for row in 0..rows {
+            let upper = fill(&mut above, row + 1);
+            for column in 0..front.around {
+                if [&below, &above].iter().all(|row| row[column].0 <= 0.0 && row[column + 1].0 <= 0.0) {
+                    continue;
+                }
+                let node = |nodes: &mut [(f64, Option<Node>)], ring: &Ring, column: usize| {
+                    *nodes[column].1.get_or_insert_with(|| Node::at(view, ring, front.edges[column]))
+                };
+                let corners = [
+                    node(&mut below, &lower, column),
+                    node(&mut below, &lower, column + 1),
+                    node(&mut above, &upper, column + 1),
+                    node(&mut above, &upper, column),
+                ];
+                self.take([column as f64, row as f64], 1.0, 0, corners);
+            }
+            std::mem::swap(&mut below, &mut above);
+            lower = upper;
+        }
+        (self.edge, self.cutting) = (self.edge + self.sure.edge, self.cutting + self.sure.cutting);
+    }
+
+    /// Takes in a cell: into the sum, or into the queue where the rim may run through it.
+    fn take(&mut self, at: [f64; 2], size: f64, halvings: u32, corners: [Node; 4]) {
+        let (view, front) = (self.view, self.view.front);
+        if corners.iter().all(|node| node.chip <= 0.0) {
+            return;
+        }
+        let (ring, angle) = (front.ring(at[1] + 0.5 * size), view.angle(at[0] + 0.5 * size));
+        let lengths = [size * TAU * ring.across / front.around as f64, size * front.length(at[1])];
+        // Depths change no faster than by one: what is farther than this from all corners and yet in the cell is a sliver.
+        let far = 0.4 * lengths[0].max(lengths[1]);
+        let across = lengths[0].hypot(lengths[1]);
+        let least = corners.iter().fold(f64::INFINITY, |a, b| a.min(b.depth));
+        let most = corners.iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.depth));
+        if most < -far || (most <= 0.0 && least < -across) {
+            return;
+        }
+        let faces = corners.iter().all(|node| node.chip >= 0.0);
+        let chip = view.chip(&ring, angle);
+        if least > far {
+            if faces {
+                view.add_whole(&mut self.sure, at, size, halvings);
+            } else {
+                view.add_parts(&mut self.sure, at, size, corners.map(|node| node.chip), chip);
+            }
+            return;
+        }
+        let middle = Node::at(view, &ring, angle);
+        if most <= 0.0 && middle.depth < -0.5 * across {
+            return;
+        }
+        let level = |node: Node| if faces { node.depth } else { view.level(node.chip, node.depth) };
+        let (levels, at_middle) = (corners.map(level), level(middle));
+        let mut sum = Sum::default();
+        let all = levels.into_iter().chain([at_middle]);
+        let (inside, outside) = (all.clone().all(|level| level >= 0.0), all.clone().all(|level| level <= 0.0));
+        if !outside {
+            if inside && faces {
+                view.add_whole(&mut sum, at, size, halvings);
+            } else {
+                view.add_parts(&mut sum, at, size, levels, at_middle);
+            }
+        }
+        let smooth = faces && corners.iter().all(|node| node.whose == middle.whose);
+        let off = match (inside || outside, smooth) {
+            (true, true) if inside => 0.0,
+            (true, true) => highest(levels, at_middle).max(0.0),
+            (true, false) => 2.0 * bulge(levels, at_middle).abs() - all.map(f64::abs).fold(f64::INFINITY, f64::min),
+            (false, _) => bulge(levels, at_middle).abs(),
+        };
+        let area = lengths[1] * size * TAU / front.around as f64;
+        let share = (SAFETY * off / lengths[0].min(lengths[1])).clamp(0.0, 1.0) * area;
+        let density = front.density(&ring, angle);
+        let cutting = density.across * view.feed[0] + density.along * view.feed[1];
+        sum.bound = [density.edge.norm() * share, cutting.norm() * share];
+        let error = self.share(sum.bound);
+        if error <= 0.0 || halvings >= HALVINGS {
+            return self.sure.add(&sum);
+        }
+        (self.edge, self.cutting, self.error) = (self.edge + sum.edge, self.cutting + sum.cutting, self.error + error);
+        self.queue.push(Worst { error, leaf: self.leaves.len() });
+        self.leaves.push(Leaf { at, size, halvings, corners, middle, sum, whole: true });
+    }
+
+    /// Quarters the worst cells until the rest can put off but little.
+    fn refine(&mut self) {
+        for _ in 0..MOST {
+            let enough = ENOUGH * self.share([self.edge.norm(), self.cutting.norm()]) + NOTHING;
+            if self.error <= enough {
+                return;
+            }
+            let Some(Worst { error, leaf }) = self.queue.pop() else { return };
+            let leaf = &mut self.leaves[leaf];
+            leaf.whole = false;
+            self.error -= error;
+            let Leaf { at, size, halvings, corners: [a, b, c, d], middle, sum, .. } = *leaf;
+            (self.edge, self.cutting) = (self.edge - sum.edge, self.cutting - sum.cutting);
+            let (view, front) = (self.view, self.view.front);
+            let node = |dx: f64, dy: f64| Node::at(view, &front.ring(at[1] + dy * size), view.angle(at[0] + dx * size));
+            let (south, east, north, west) = (node(0.5, 0.0), node(1.0, 0.5), node(0.5, 1.0), node(0.0, 0.5));
+            let before = (self.sure.edge, self.sure.cutting);
+            let half = 0.5 * size;
+            for (dx, dy, corners) in [
+                (0.0, 0.0, [a, south, middle, west]),
+                (half, 0.0, [south, b, east, middle]),
+                (half, half, [middle, east, c, north]),
+                (0.0, half, [west, middle, north, d]),
+            ] {
+                self.take([at[0] + dx, at[1] + dy], half, halvings + 1, corners);
+            }
+            self.edge += self.sure.edge - before.0;
+            self.cutting += self.sure.cutting - before.1;
+        }
+    }
+}
+
+/// How far the level at the middle of a cell is above a plane through its corners.
+fn bulge(corners: [f64; 4], middle: f64) -> f64 {
+    middle - 0.25 * corners.iter().sum::<f64>()
+}
+
+/// The highest level in a cell, of a paraboloid through its corners and its middle.
+fn highest([a, b, c, d]: [f64; 4], middle: f64) -> f64 {
+    let bend = 2.0 * bulge([a, b, c, d], middle);
+    let corner = a.max(b).max(c).max(d);
+    if bend <= 0.0 {
+        return corner.max(middle);
+    }
+    let rise = |slope: f64| {
+        let at = (0.5 * slope / bend).clamp(-0.5, 0.5);
+        at * (slope - bend * at)
+    };
+    corner.max(middle + rise(0.5 * (b + c - a - d)) + rise(0.5 * (c + d - a - b)))
+}
+
+impl View<'_> {
+    /// Adds the parts of a cell where a level is above zero.
+    fn add_parts(&self, sum: &mut Sum, at: [f64; 2], size: f64, levels: [f64; 4], middle: f64) {
+        let front = self.front;
+        let area = size * front.length(at[1] + 0.5 * size) * size * TAU / front.around as f64;
+        engaged_parts(levels, middle, |part| {
+            let [column, row] = [0, 1].map(|k| at[k] + part.centroid[k] * size);
+            let density = front.density(&front.ring(row), self.angle(column));
+            self.add(sum, &density, part.share * area);
+            sum.reach(at[1] + part.low * size, at[1] + part.high * size);
+        });
+    }
+
+    fn add_whole(&self, sum: &mut Sum, at: [f64; 2], size: f64, halvings: u32) {
+        let front = self.front;
+        if halvings == 0 {
+            let (column, row) = (at[0] as usize, at[1] as usize);
+            self.add(sum, &front.cells[row.min(front.along)][column], 1.0);
+        } else {
+            let row = at[1] + 0.5 * size;
+            let density = front.density(&front.ring(row), self.angle(at[0] + 0.5 * size));
+            self.add(sum, &density, size * size * front.length(row) * TAU / front.around as f64);
+        }
+        sum.reach(at[1], at[1] + size);
+    }
+
+    fn add(&self, sum: &mut Sum, cell: &Cell, share: f64) {
+        sum.edge += cell.edge * share;
+        sum.cutting += (cell.across * self.feed[0] + cell.along * self.feed[1]) * share;
+        sum.section += (cell.clears[0] * self.feed[0] + cell.clears[1] * self.feed[1]) * share;
+    }
+}
+
+impl Sum {
+    fn add(&mut self, other: &Self) {
+        self.edge += other.edge;
+        self.cutting += other.cutting;
+        self.section += other.section;
+        self.bound = [0, 1].map(|k| self.bound[k] + other.bound[k]);
+        if let Some([low, high]) = other.rows {
+            self.reach(low, high);
+        }
+    }
+
+    fn reach(&mut self, low: f64, high: f64) {
+        self.rows = Some(self.rows.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]));
+    }
+}
