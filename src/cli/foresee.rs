@@ -161,7 +161,8 @@ fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>
                 None => AnyChunks::indexed(name, open(job)?, open(job)?, context).map_err(failed),
             }
         }
-        _ => Ok(None),
+        Language::Krl => AnyChunks::krl(name, open(job)?, context).map_err(failed),
+        Language::Ls => Ok(None),
     }
 }
 

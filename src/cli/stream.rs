@@ -10,7 +10,7 @@ use super::run::Done;
 use super::{lines, progress, report};
 use deflex::correct::{self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, post_chunks};
 use deflex::program::cl::ClOptions;
-use deflex::program::{Language, cl, rapid};
+use deflex::program::{Language, Stretches, cl, krl, rapid};
 use deflex::report::FileSummary;
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
@@ -35,6 +35,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     let long = Long { batch, job, name, path, file, outputs: batch.outputs.sibling(), bar };
     match job.language {
         Language::Rapid => long.edit(),
+        Language::Krl => long.edit_krl(),
         // The positions of a TP program stand behind all its motions: it is held as a whole.
         Language::Cl if batch.args.post == PostIn::Rapid => long.post(),
         _ => Ok(None),
@@ -54,6 +55,27 @@ struct Long<'a> {
 }
 
 impl<'a> Long<'a> {
+    /// KRL, edited in place.
+    fn edit_krl(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let chunks = krl::Chunks::new(self.name, self.reread()?, self.batch.setup.context.sources());
+        match chunks.map_err(|error| cannot_read(self.name, &error))? {
+            Some(chunks) => self.rewrite(chunks),
+            None => Ok(None),
+        }
+    }
+
+    /// Writes what the chunks become, one behind the other.
+    fn rewrite(mut self, chunks: impl Stretches + Send) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let file = &self.job.files[0];
+        let mut program = self.outputs.open(&place(self.batch.args, file))?;
+        let mut reports = self.reports(file)?;
+        let (setup, threads) = (self.batch.setup, self.threads());
+        let done = reports.filled(self.bar, |sinks| {
+            compensate_chunks(chunks, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
+        });
+        self.done(done, reports, |_| false)
+    }
+
     /// RAPID, edited in place.
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();

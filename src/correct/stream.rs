@@ -8,19 +8,19 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{StreamableChunk, cl, rapid};
+use crate::program::{StreamableChunk, Stretches, cl, rapid};
 use crate::text::{Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::Mutex;
 
-/// Corrects a RAPID program chunk by chunk on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
+/// Corrects a program of which each chunk is written where it stands, chunk by chunk on `threads` threads: the same bytes as [`compensate`](super::compensate) and a
 /// rewrite, in memory that does not grow with the program.
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
-pub fn compensate_chunks<R: Read + Send>(
-    chunks: rapid::Chunks<R>,
+pub fn compensate_chunks<C: Stretches + Send>(
+    chunks: C,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -33,8 +33,8 @@ pub fn compensate_chunks<R: Read + Send>(
     let carried = Carried::new(cell);
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
-        take: rapid::Chunks::take,
-        read: rapid::Chunk::read,
+        take: C::take,
+        read: C::read,
         solve: &|n, chunk| {
             let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
             Some(corrected.map(|corrected| (written(chunk, &corrected), corrected)).map_err(Unsolved::from))

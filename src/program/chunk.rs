@@ -1,6 +1,7 @@
 //! Long programs, a stretch at a time.
 
 use super::cl::{self, ClOptions};
+use super::krl;
 use super::rapid::{self, Names};
 use super::{Goal, Program, Target};
 use crate::text::{Diagnostic, Source};
@@ -16,6 +17,33 @@ pub enum Next<P> {
     End,
     /// Here stands something that only the whole program tells the meaning of.
     NotStreamable,
+}
+
+/// A long program, a chunk at a time.
+pub trait Stretches {
+    /// A chunk, not yet read.
+    type Chunk;
+
+    /// The next chunk.
+    ///
+    /// # Errors
+    /// What the input reports.
+    fn take(&mut self) -> io::Result<Next<Self::Chunk>>;
+
+    /// Reads a chunk; `None` where it is not as it seemed.
+    fn read(chunk: Self::Chunk) -> Option<StreamableChunk>;
+}
+
+impl<R: Read> Stretches for rapid::Chunks<R> {
+    type Chunk = rapid::Chunk;
+
+    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
+        chunk.read()
+    }
 }
 
 /// A chunk as read.
@@ -53,6 +81,8 @@ pub enum AnyChunks<R> {
     Indexed(Box<rapid::Declared<R>>),
     /// CL.
     Cl(Box<cl::Chunks<R>>),
+    /// KRL with inline positions in one routine.
+    Krl(Box<krl::Chunks<R>>),
 }
 
 /// A chunk, not yet read.
@@ -62,6 +92,8 @@ pub enum AnyChunk {
     Rapid(Box<rapid::Chunk>),
     /// CL, which is read as it is cut.
     Cl(Box<StreamableChunk>),
+    /// KRL.
+    Krl(Box<krl::Chunk>),
 }
 
 impl<R: Read + Seek> AnyChunks<R> {
@@ -89,6 +121,14 @@ impl<R: Read + Seek> AnyChunks<R> {
         Ok(cl::Chunks::new(name, input, options)?.map(|chunks| Self::Cl(Box::new(chunks))))
     }
 
+    /// KRL; `None` where only the whole can be read.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Ok(krl::Chunks::new(name, input, context)?.map(|chunks| Self::Krl(Box::new(chunks))))
+    }
+
     /// The next chunk.
     ///
     /// # Errors
@@ -98,6 +138,7 @@ impl<R: Read + Seek> AnyChunks<R> {
             Self::Inline(chunks) => chunks.take()?,
             Self::Indexed(chunks) => chunks.take()?,
             Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Cl(Box::new(chunk)))),
+            Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
         };
         Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
     }
@@ -108,6 +149,7 @@ impl<R: Read + Seek> AnyChunks<R> {
         match chunk {
             AnyChunk::Rapid(chunk) => chunk.read(),
             AnyChunk::Cl(chunk) => Some(*chunk),
+            AnyChunk::Krl(chunk) => chunk.read(),
         }
     }
 
@@ -116,7 +158,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     pub fn warnings(&self) -> Vec<Diagnostic> {
         match self {
             Self::Cl(chunks) => chunks.warnings(),
-            Self::Inline(_) | Self::Indexed(_) => Vec::new(),
+            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) => Vec::new(),
         }
     }
 
@@ -125,7 +167,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     pub fn names(&self) -> Option<Names> {
         match self {
             Self::Indexed(chunks) => Some(chunks.names()),
-            Self::Inline(_) | Self::Cl(_) => None,
+            Self::Inline(_) | Self::Cl(_) | Self::Krl(_) => None,
         }
     }
 }

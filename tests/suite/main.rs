@@ -35,4 +35,5 @@ mod stock;
 mod stream;
 mod stream_cl;
 mod stream_declared;
+mod stream_krl;
 mod units;

@@ -166,7 +166,8 @@ impl<'a> Long<'a> {
                 Some(options) => AnyChunks::cl(name, text(), &options),
                 None => return Ok(None),
             },
-            Language::Krl | Language::Ls => return Ok(None),
+            Language::Krl => AnyChunks::krl(name, text(), program.context()),
+            Language::Ls => return Ok(None),
             Language::Rapid if inline => AnyChunks::inline(name, text(), program.context()),
             Language::Rapid => AnyChunks::indexed(name, text(), text(), program.context()),
         };

@@ -6,6 +6,7 @@
 //! | `syntax`, `tree` | lines | routines, data lists, blocks |
 //! | `value`, `eval`, `symbols`, `state` | expressions | values, known or unknown, and where their numbers stand |
 //! | `run`, `calls`, `motion` | statements | targets |
+//! | `chunks`, `like` | a long file | the same in constant memory |
 //! | `changes`, `names` | statements | what they could change |
 //! | `rewrite` | corrected poses | edits on number tokens |
 //!
@@ -13,8 +14,10 @@
 
 mod calls;
 mod changes;
+mod chunks;
 mod eval;
 mod lex;
+mod like;
 mod motion;
 mod names;
 mod rewrite;
@@ -27,6 +30,8 @@ mod value;
 
 #[cfg(test)]
 mod tests;
+
+pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Kept, Language, Program};
 use crate::text::{Diagnostic, Severity, Source, Span};

@@ -28,6 +28,12 @@ impl Place {
         Some(Self { source, start: span.start, len: u8::try_from(span.len()).ok()? })
     }
 
+    /// The same token where what stands at byte `from` stands at `to`; `None` before it.
+    pub(super) fn moved(self, from: usize, to: usize) -> Option<Self> {
+        let start = (self.start as usize).checked_sub(from)? + to;
+        Some(Self { start: u32::try_from(start).ok()?, ..self })
+    }
+
     pub(crate) fn span(self) -> Span {
         Span { start: self.start, end: self.start + u32::from(self.len) }
     }

@@ -1,0 +1,356 @@
+//! A long program in chunks that fit in memory.
+//!
+//! One routine whose lines differ in nothing but the numbers of their positions: what stands before the first of them, the
+//! head, is run once for each [kind of line](Like), with one line of the kind behind it, and once with what stands behind the
+//! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
+//! one does. Whatever is not like that is read whole.
+
+use super::like::{Like, Reader, is_speed};
+use super::{Layout, dialect, lex};
+use crate::program::{Language, Mark, Next, Program, StreamableChunk, Stretches, Target, detect};
+use crate::text::{Source, Span};
+use std::io::{self, Read};
+use std::sync::Arc;
+
+/// Bytes of lines in a chunk: some thousand targets. Any number of threads sees the same chunks.
+pub const CHUNK: usize = 64 * 1024;
+
+/// Most bytes before the first line of a kind and behind the last.
+const HEAD: usize = 256 * 1024;
+
+/// What a chunk may have to read on to the end of a line.
+const LONGEST: usize = 4096;
+
+/// Most kinds of lines: a program with more has nothing to gain.
+const MOST_KINDS: usize = 64;
+
+/// Cuts a program into chunks, reading no further than needed.
+#[derive(Debug)]
+pub struct Chunks<R> {
+    input: R,
+    chunk: usize,
+    reader: Arc<Reader>,
+    dialect: &'static str,
+    /// The targets of the head.
+    head: Option<Program>,
+    kinds: Vec<Arc<Like>>,
+    /// Read and, from an offset on, not yet cut.
+    rest: Vec<u8>,
+    cut: usize,
+    /// Line ends before it.
+    lines: usize,
+    motions: u32,
+    mark: Option<Mark>,
+    speed: Vec<u8>,
+    /// The last line of a kind.
+    last: Option<(Arc<Like>, Vec<u8>)>,
+    ended: bool,
+}
+
+/// A stretch of lines, not yet read.
+#[derive(Debug)]
+pub struct Chunk {
+    source: Source,
+    dialect: &'static str,
+    /// The targets of the head, where the stretch is the first.
+    head: Option<Program>,
+    /// Where the lines stand, and from where on they are of which kind.
+    lines: std::ops::Range<usize>,
+    kinds: Vec<(usize, Arc<Like>)>,
+    /// Lines of the file before them.
+    lines_before: usize,
+    motions_before: u32,
+    /// The targets behind the last line.
+    tail: Option<Program>,
+    last: bool,
+}
+
+/// Where a stretch ends.
+struct Cut {
+    bytes: usize,
+    lines: usize,
+    kinds: Vec<(usize, Arc<Like>)>,
+    last: bool,
+}
+
+impl<R: Read> Chunks<R> {
+    /// Reads the head; `None` where the input does not begin like such a program.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
+        Self::sized(name, input, context, CHUNK)
+    }
+
+    /// The same, with chunks of about so many bytes.
+    ///
+    /// # Errors
+    /// What `input` reports.
+    pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
+        let mut chunks = Self {
+            input,
+            chunk,
+            reader: Arc::default(),
+            dialect: "krl",
+            head: None,
+            kinds: Vec::new(),
+            rest: Vec::new(),
+            cut: 0,
+            lines: 0,
+            motions: 0,
+            mark: None,
+            speed: Vec::new(),
+            last: None,
+            ended: false,
+        };
+        chunks.fill(HEAD)?;
+        let begin = Source::new(name, &chunks.rest[..chunks.rest.len().min(HEAD)]);
+        // A file without a DEF of its own is none that an operator selects.
+        if detect(name, &begin.bytes) != Some(Language::Krl) || context.iter().any(|source| source.bytes.len() > CHUNK)
+        {
+            return Ok(None);
+        }
+        chunks.dialect = dialect(std::slice::from_ref(&begin));
+        let (mut at, mut tried) = (0, 0);
+        while let Some(line) = next_line(&begin.bytes[at..]) {
+            if is_motion(line) && tried < MOST_KINDS {
+                tried += 1;
+                let reader = Reader::new(name, &begin.bytes[..at], context);
+                if let Some((reader, head)) = reader.filter(|(reader, _)| reader.like(&[], None, line).is_some()) {
+                    chunks.lines = begin.bytes[..at].iter().filter(|byte| **byte == b'\n').count();
+                    (chunks.reader, chunks.motions) = (Arc::new(reader), head.motion_targets() as u32);
+                    (chunks.head, chunks.cut) = (Some(head), at);
+                    return Ok(Some(chunks));
+                }
+            }
+            at += line.len();
+        }
+        Ok(None)
+    }
+
+    /// Reads until so many bytes wait, or to the end.
+    fn fill(&mut self, wanted: usize) -> io::Result<()> {
+        /// Chunks that are read at once.
+        const AHEAD: usize = 4;
+        if self.rest.len() - self.cut < wanted {
+            self.rest.drain(..std::mem::take(&mut self.cut));
+            let missing = wanted + AHEAD * self.chunk - self.rest.len();
+            self.input.by_ref().take(missing as u64).read_to_end(&mut self.rest)?;
+        }
+        Ok(())
+    }
+
+    /// The next chunk.
+    ///
+    /// # Errors
+    /// What the input reports.
+    pub fn take(&mut self) -> io::Result<Next<Chunk>> {
+        if self.ended {
+            return Ok(Next::End);
+        }
+        let (first, motions_before) = (self.head.is_some(), self.motions);
+        self.fill(2 * self.chunk + LONGEST)?;
+        let lines_before = self.lines;
+        let Some(cut) = self.cut() else { return Ok(Next::NotStreamable) };
+        let head = self.head.take();
+        let mut bytes = if first { self.reader.head().to_vec() } else { Vec::new() };
+        let start = bytes.len();
+        bytes.extend_from_slice(&self.rest[self.cut..self.cut + cut.bytes]);
+        let lines = start..bytes.len();
+        self.cut += cut.bytes;
+        self.lines += cut.lines;
+        let mut tail = None;
+        if cut.last {
+            self.fill(HEAD + 1)?;
+            let behind = &self.rest[self.cut..];
+            let last = self.last.as_ref().filter(|_| behind.len() <= HEAD);
+            tail = last
+                .and_then(|(like, line)| self.reader.tail(like, line, behind, (bytes.len(), self.lines, self.motions)));
+            if tail.is_none() {
+                return Ok(Next::NotStreamable);
+            }
+            bytes.extend_from_slice(behind);
+            self.ended = true;
+        }
+        let mut source = Source::new(self.reader.name(), bytes);
+        source.lines_before = if first { 0 } else { lines_before };
+        let kinds = cut.kinds.into_iter().map(|(at, like)| (start + at, like)).collect();
+        let (dialect, last) = (self.dialect, cut.last);
+        Ok(Next::Chunk(Chunk { source, dialect, head, lines, kinds, lines_before, motions_before, tail, last }))
+    }
+
+    /// Where the stretch ends that begins at `rest`: behind a line of a kind. `None` where a line never ends, or is of one kind
+    /// too many.
+    fn cut(&mut self) -> Option<Cut> {
+        let rest = &self.rest[self.cut..];
+        let whole = rest.len() < 2 * self.chunk + LONGEST;
+        let mut cut = Cut { bytes: 0, lines: 0, kinds: Vec::new(), last: false };
+        let (mut at, mut lines, mut last_line) = (0, 0, None);
+        let mut like: Option<Arc<Like>> = None;
+        // What holds behind the last line of a kind.
+        let (mut mark, mut speed) = (self.mark, self.speed.clone());
+        while cut.bytes < self.chunk {
+            let line = next_line(&rest[at..]).filter(|line| line.last() == Some(&b'\n') || whole);
+            let Some(line) = line else {
+                if whole {
+                    break;
+                }
+                return None;
+            };
+            let text = line.trim_ascii();
+            // Lines that end with a return alone are not counted here.
+            let own = line.strip_suffix(b"\n").unwrap_or(line);
+            let own = own.strip_suffix(b"\r").unwrap_or(own);
+            match text.first() {
+                _ if !is_motion(line) && own.contains(&b'\r') => return None,
+                None => {}
+                Some(b';') => {
+                    mark = lex::mark(&text[1..]).or(mark);
+                    like = None;
+                }
+                Some(_) if is_speed(text) => {
+                    speed = text.to_vec();
+                    like = None;
+                }
+                Some(_) if is_motion(line) => {
+                    if !like.as_ref().is_some_and(|like| like.fits(text)) {
+                        let known = self.kinds.iter().find(|like| like.holds(&speed, mark) && like.fits(text)).cloned();
+                        let found = match known {
+                            Some(known) => known,
+                            None if self.kinds.len() < MOST_KINDS => match self.reader.like(&speed, mark, line) {
+                                Some(found) => {
+                                    self.kinds.push(Arc::new(found));
+                                    Arc::clone(self.kinds.last()?)
+                                }
+                                None => break,
+                            },
+                            None => return None,
+                        };
+                        cut.kinds.push((at, Arc::clone(&found)));
+                        like = Some(found);
+                    }
+                    self.motions += 1;
+                    last_line = Some(at..at + line.len());
+                    (cut.bytes, cut.lines) = (at + line.len(), lines + 1);
+                    self.mark = mark;
+                    if self.speed != speed {
+                        self.speed.clone_from(&speed);
+                    }
+                }
+                Some(_) => break,
+            }
+            at += line.len();
+            lines += 1;
+        }
+        cut.last = cut.bytes < self.chunk;
+        if let (Some(last), Some(like)) = (last_line, cut.kinds.last()) {
+            self.last = Some((Arc::clone(&like.1), rest[last].to_vec()));
+        }
+        Some(cut)
+    }
+}
+
+impl<R: Read> Stretches for Chunks<R> {
+    type Chunk = Chunk;
+
+    fn take(&mut self) -> io::Result<Next<Chunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: Chunk) -> Option<StreamableChunk> {
+        chunk.read()
+    }
+}
+
+impl Chunk {
+    /// Reads the chunk; `None` where it is not as it seemed.
+    #[must_use]
+    pub fn read(self) -> Option<StreamableChunk> {
+        let before = if self.head.is_some() { 0 } else { self.motions_before };
+        let mut program = self.head.unwrap_or_else(|| empty(self.dialect));
+        let mut ordinal = self.motions_before;
+        let mut number = self.lines_before;
+        let (mut at, mut kinds) = (self.lines.start, self.kinds.iter().peekable());
+        let (mut like, mut frames) = (None, [0; 2]);
+        let bytes = &self.source.bytes[..self.lines.end];
+        let Layout { sites, .. } = layout(&mut program)?;
+        let mut sites = std::mem::take(sites);
+        while let Some(line) = next_line(&bytes[at..]) {
+            number += 1;
+            if let Some((_, next)) = kinds.next_if(|(start, _)| *start <= at) {
+                frames = next.frames(&mut program.tools, &mut program.wobjs)?;
+                like = Some(next);
+            }
+            let text = line.trim_ascii();
+            if is_motion(line) {
+                ordinal = ordinal.checked_add(1)?;
+                let start = at + (line.len() - line.trim_ascii_start().len());
+                let (goal, site, end) = like?.read(text, start)?;
+                let [tool, wobj] = frames;
+                let (span, line) = (Span::new(start, end), u32::try_from(number).ok()?);
+                program.targets.push(Target { goal, tool, wobj, ordinal, span, line, ..like?.target().clone() });
+                sites.push(site);
+                program.literal_targets += 1;
+            } else if !text.is_empty() && text[0] != b';' && !is_speed(text) {
+                return None;
+            }
+            at += line.len();
+        }
+        let mut motions = ordinal;
+        if let Some(mut tail) = self.tail {
+            let own = std::mem::take(&mut layout(&mut tail)?.sites);
+            let tools = super::like::Indices::new(&tail, &mut program.tools, &mut program.wobjs)?;
+            for mut target in tail.targets {
+                tools.set(&mut target)?;
+                motions = motions.max(target.ordinal);
+                program.targets.push(target);
+            }
+            sites.extend(own);
+            program.literal_targets += tail.literal_targets;
+            program.arcs += tail.arcs;
+        }
+        program.layout =
+            crate::program::Layout::Krl(Layout { sites, motions: (motions - before) as usize, unknown: Vec::new() });
+        let own = 0..self.source.bytes.len();
+        program.sources = vec![self.source];
+        program.dialect = self.dialect;
+        Some(StreamableChunk { program, own, elsewhere: Vec::new(), at: 0, last: self.last })
+    }
+}
+
+pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
+    match &mut program.layout {
+        crate::program::Layout::Krl(layout) => Some(layout),
+        _ => None,
+    }
+}
+
+/// A program without anything.
+fn empty(dialect: &'static str) -> Program {
+    Program {
+        sources: Vec::new(),
+        written: 1,
+        language: Language::Krl,
+        dialect,
+        tools: Vec::new(),
+        wobjs: Vec::new(),
+        targets: Vec::new(),
+        actions: Vec::new(),
+        kept: Vec::new(),
+        literal_targets: 0,
+        arcs: 0,
+        cutter: None,
+        diagnostics: Vec::new(),
+        layout: crate::program::Layout::Krl(Layout::default()),
+    }
+}
+
+fn is_motion(line: &[u8]) -> bool {
+    lex::is_line_of(line, b"LIN") || lex::is_line_of(line, b"SLIN")
+}
+
+/// The line at the start of `bytes`, with its end.
+fn next_line(bytes: &[u8]) -> Option<&[u8]> {
+    let end = memchr::memchr(b'\n', bytes).map_or(bytes.len(), |end| end + 1);
+    Some(&bytes[..end]).filter(|line| !line.is_empty())
+}

@@ -1,0 +1,215 @@
+//! Long KRL programs in chunks: the bytes, the report and the words of the whole.
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_chunks};
+use deflex::program::krl::{self, Chunks};
+use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
+use deflex::text::{Diagnostic, Source, apply};
+use proptest::prelude::*;
+use std::fmt::Write;
+
+const CELL: &str = r#"
+[robot]
+model = "irb6660-205-1.9"
+[robot.stiffness]
+joint_nm_per_rad = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
+[tools."TOOL_DATA[3]"]
+tcp_mm = [321.5, 0.0, 148.25]
+tcp_quat = [0.70710678118654757, 0.0, 0.70710678118654757, 0.0]
+mass_kg = 38.0
+cog_mm = [90.0, 0.0, 60.0]
+[wobjs."BASE_DATA[2]"]
+uframe_mm = [1600.0, -200.0, 600.0]
+uframe_quat = [1.0, 0.0, 0.0, 0.0]
+[cut]
+force = "constant"
+force_n = [310.0, -120.0, 260.0]
+frame = "feed"
+[limits]
+max_correction_mm = 5.0
+max_step_mm = 5.0
+[[effect]]
+kind = "gravity"
+mass_kg = [0, 200, 150, 60, 30, 10]
+first_moment_kg_m = [[0, 0, 0], [100, 0, 0], [30, 60, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+tool = true
+"#;
+
+const HEAD: &str = "&ACCESS RVP
+DEF part( )
+  ;FOLD INI
+  BAS(#INITMOV,0)
+  ;ENDFOLD
+  $BASE=BASE_DATA[2]
+  $TOOL=TOOL_DATA[3]
+  $VEL.CP=0.05
+  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+";
+
+const TAIL: &str = "  $VEL.CP=0.2
+  LIN {X 0,Y 0,Z 120,A 0,B 0,C 0}
+  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+END
+";
+
+fn cell() -> Cell {
+    Cell::read(&Source::new("cell.toml", CELL)).unwrap()
+}
+
+type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<String>), Vec<String>>;
+
+fn words(said: &[Diagnostic]) -> Vec<String> {
+    said.iter().map(|said| format!("{said} {:?}", said.snippet)).collect()
+}
+
+fn whole(text: &str, cell: &Cell) -> Came {
+    let program = krl::read(vec![Source::new("part.src", text)], Vec::new()).map_err(|errors| words(&errors))?;
+    let corrected = compensate(&program, cell, &Options::default()).map_err(|errors| words(&errors))?;
+    if !corrected.failures.is_empty() {
+        return Err(words(&corrected.failures));
+    }
+    let (mut bytes, mut report) = (Vec::new(), Vec::new());
+    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
+    write_csv(&corrected.rows, &mut report).unwrap();
+    Ok((bytes, report, summary_line(&FileSummary::new("", &program, &corrected)), words(&corrected.notes)))
+}
+
+/// `None` where the program is read whole.
+fn streamed(text: &str, cell: &Cell, chunk: usize, threads: usize) -> Option<Came> {
+    let chunks = Chunks::sized("part.src", text.as_bytes(), &[], chunk).unwrap()?;
+    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
+    let mut sinks =
+        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+    Some(match compensate_chunks(chunks, cell, &Options::default(), threads, &mut program, &mut sinks) {
+        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
+            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), words(&notes)))
+        }
+        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(words(&failures)),
+        Err(StreamError::NotStreamable) => return None,
+        Err(error) => panic!("{error:?}"),
+    })
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Line {
+    Cut,
+    Turned,
+    Smooth,
+    Blanks,
+    Spline,
+    Comment,
+    Empty,
+    Air,
+    MarkCut,
+    Speed(u8),
+}
+
+fn line() -> impl Strategy<Value = Line> {
+    prop_oneof![
+        12 => Just(Line::Cut),
+        4 => Just(Line::Turned),
+        3 => Just(Line::Smooth),
+        2 => Just(Line::Blanks),
+        1 => Just(Line::Spline),
+        1 => Just(Line::Comment),
+        1 => Just(Line::Empty),
+        1 => Just(Line::Air),
+        1 => Just(Line::MarkCut),
+        1 => (1..4_u8).prop_map(Line::Speed),
+    ]
+}
+
+fn program(lines: &[Line]) -> String {
+    let mut text = HEAD.to_owned();
+    for (i, line) in lines.iter().enumerate() {
+        let (x, y, z) = (0.5 * i as f64, 40.0 - 0.02 * i as f64, 0.01 * (i % 7) as f64);
+        match line {
+            Line::Cut => writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 0.000,C 0.000}} C_DIS"),
+            Line::Turned => {
+                writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A -{z:.4},B {z:.4},C 0.500}} C_DIS ; turned")
+            }
+            Line::Smooth => writeln!(text, "LIN {{X {x:.1},Y {y:.2},Z {z:.2},A 0,B 0,C 0}} C_VEL"),
+            Line::Blanks => {
+                writeln!(text, "  LIN {{X   {x:.3}, Y  {y:.3}, Z {z:.3}, A 0.000, B 0.000, C 0.000}} C_DIS")
+            }
+            Line::Spline => writeln!(text, "  SLIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 0.000,C 0.000}}"),
+            Line::Comment => writeln!(text, "  ; LIN {{X 1,Y 2}} is no motion"),
+            Line::Empty => writeln!(text),
+            Line::Air => writeln!(text, " ; deflex air"),
+            Line::MarkCut => writeln!(text, ";deflex cut"),
+            Line::Speed(tenths) => writeln!(text, "  $VEL.CP=0.0{tenths}"),
+        }
+        .unwrap();
+    }
+    text + TAIL
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_program_gives_the_same_in_chunks(
+        mut lines in prop::collection::vec(line(), 20..120),
+        crlf in any::<bool>(),
+        chunk in 200..4000_usize,
+    ) {
+        // The direction out of the first target has to be told by the first chunk.
+        lines.splice(0..0, [Line::Cut; 4]);
+        let text = program(&lines);
+        let text = if crlf { text.replace('\n', "\r\n") } else { text };
+        let cell = cell();
+        let expected = whole(&text, &cell);
+        for threads in [1, 3] {
+            let Some(came) = streamed(&text, &cell, chunk, threads) else {
+                return Err(TestCaseError::fail("the program goes in chunks"));
+            };
+            match (&came, &expected) {
+                (Ok(came), Ok(expected)) => {
+                    prop_assert!(came.0 == expected.0, "the programs differ");
+                    prop_assert_eq!(String::from_utf8_lossy(&came.1), String::from_utf8_lossy(&expected.1));
+                    prop_assert_eq!((&came.2, &came.3), (&expected.2, &expected.3));
+                }
+                _ => prop_assert_eq!(&came, &expected),
+            }
+        }
+    }
+}
+
+/// Whatever stands in the middle or behind: read whole, or the same in chunks.
+#[test]
+fn what_only_the_whole_tells_is_read_whole() {
+    let lines = [Line::Cut; 60];
+    let text = program(&lines);
+    assert!(streamed(&text, &cell(), 600, 1).is_some());
+    let in_the_middle = |line: &str| {
+        let at = text.match_indices("  LIN").nth(40).unwrap().0;
+        format!("{}{line}\n{}", &text[..at], &text[at..])
+    };
+    let behind = |line: &str| text.replace("END\n", &format!("{line}\nEND\n"));
+    let mut held = 0;
+    for other in [
+        // Other statements, partial positions, named points, axes, status.
+        in_the_middle("  $TOOL=TOOL_DATA[4]"),
+        in_the_middle("  LIN {X 3}"),
+        in_the_middle("  LIN XP1 C_DIS"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0,E1 10}"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0,S 2,T 3}"),
+        in_the_middle("  CIRC {X 1,Y 2,Z 3},{X 20,Y 40,Z 0,A 0,B 0,C 0}"),
+        in_the_middle("  FOR i=1 TO 3"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0} ; deflex air"),
+        in_the_middle("  ; one\r  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0}"),
+        in_the_middle("END\nDEF other( )"),
+        // What goes back, or takes numbers of the last line.
+        behind("  GOTO again"),
+        text.replace("  LIN {X 0,Y 0,Z 120,A 0,B 0,C 0}", "  LIN {Z 120}"),
+        text.replace("  $BASE=", "again:\n  $BASE="),
+        text.replace("END\n", "END\nDEF other( )\nEND\n"),
+        text.replace("  PTP {A1 0", "  PTP {E1 100,A1 0"),
+    ] {
+        match streamed(&other, &cell(), 600, 1) {
+            Some(came) => assert!(came == whole(&other, &cell()), "{other}"),
+            None => held += 1,
+        }
+    }
+    assert!(held > 8, "{held}");
+}
