@@ -1,23 +1,22 @@
 //! `--against`: the programs as they were before a correction.
 
-use super::args::Format;
 use super::job::{Job, jobs};
 use super::setup::Setup;
-use deflex::program::Program;
+use deflex::program::{Language, Program};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
 
 /// `--against`: one original, or a folder with an original of each program's name.
 pub(super) struct Originals<'a> {
     against: Option<&'a Path>,
-    format: Option<Format>,
+    format: Option<Language>,
 }
 
 impl<'a> Originals<'a> {
     pub(super) fn new(
         against: Option<&'a Path>,
         jobs: &[Job],
-        format: Option<Format>,
+        format: Option<Language>,
     ) -> Result<Self, Vec<Diagnostic>> {
         if against.is_some_and(|path| !path.is_dir()) && jobs.len() > 1 {
             let message = "--against is one program, but there are several inputs";

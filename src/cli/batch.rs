@@ -59,7 +59,7 @@ pub(super) fn post_options(args: &Compensate, file: &Path) -> PostOptions {
         max_targets: args.max_targets.map(|most| most as usize),
         rapid_mm_s: args.rapid_speed,
         feed_mm_s: args.feed,
-        language: args.post.into(),
+        language: args.post,
         ..posted_from(file, named)
     }
 }

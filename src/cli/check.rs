@@ -1,7 +1,7 @@
 //! `check`: is each target within tolerance, reachable and convergent?
 
 use super::against::Originals;
-use super::args::{Check, CheckFormat, Format};
+use super::args::{Check, CheckFormat, Form};
 use super::files::both;
 use super::foresee::{self, Batch, Foreseen, Question};
 use super::input::Context;
@@ -13,7 +13,7 @@ use super::run::each;
 use super::setup::Setup;
 use super::{Answer, Outcome, message};
 use deflex::correct::{Judged, Messages, Row, Summary, compensate, contradictions, predict};
-use deflex::program::{Program, Role, Target};
+use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif};
 use deflex::text::{Diagnostic, Severity};
@@ -61,9 +61,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
 
     let text = match form {
-        CheckFormat::Json => report::pretty(&told(&setup, &files))?,
-        CheckFormat::Junit => junit(&files),
-        CheckFormat::Sarif => report::pretty(&sarif(&files))?,
+        Form::Json => report::pretty(&told(&setup, &files))?,
+        Form::Junit => junit(&files),
+        Form::Sarif => report::pretty(&sarif(&files))?,
         _ => text(&files),
     };
     outputs.add(Path::new("-"), text.as_bytes())?;
@@ -94,15 +94,12 @@ fn told(setup: &Setup, files: &[CheckFile]) -> serde_json::Value {
 }
 
 /// `--format` names the form of the answer, and the kind of the input as everywhere else.
-fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<Diagnostic>> {
-    let (mut form, mut kind) = (None, None);
+fn formats(given: &[CheckFormat]) -> Result<(Form, Option<Language>), Vec<Diagnostic>> {
+    let (mut form, mut input) = (None, None);
     for format in given {
         let taken = match format {
-            CheckFormat::Rapid => kind.replace(Format::Rapid).is_some(),
-            CheckFormat::Cl => kind.replace(Format::Cl).is_some(),
-            CheckFormat::Krl => kind.replace(Format::Krl).is_some(),
-            CheckFormat::Ls => kind.replace(Format::Ls).is_some(),
-            form_of => form.replace(*form_of).is_some(),
+            CheckFormat::Input(language) => input.replace(*language).is_some(),
+            CheckFormat::Form(of) => form.replace(*of).is_some(),
         };
         if taken {
             return Err(Diagnostic::error("usage.format", "", "--format is given twice")
@@ -110,7 +107,7 @@ fn formats(given: &[CheckFormat]) -> Result<(CheckFormat, Option<Format>), Vec<D
                 .into());
         }
     }
-    Ok((form.unwrap_or_default(), kind))
+    Ok((form.unwrap_or_default(), input))
 }
 
 /// One program, judged.
@@ -128,7 +125,9 @@ struct Checked {
 
 fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
     let findings = |judged: Judged<'_>| findings(args, judged);
-    let named = args.reports.json.is_some() || args.reports.html.is_some() || args.format.contains(&CheckFormat::Json);
+    let named = args.reports.json.is_some()
+        || args.reports.html.is_some()
+        || args.format.contains(&CheckFormat::Form(Form::Json));
     let origins = if named { job.origins()? } else { Vec::new() };
     job.marked()?;
     let question = Question { corrects: corrects(args), findings: &findings };

@@ -1,7 +1,7 @@
 //! `compensate`: programs with the correction in them.
 
 use super::Outcome;
-use super::args::{Compensate, PostIn};
+use super::args::Compensate;
 use super::batch::{self, Batch, in_one_file, post_options, report_beside};
 use super::files::both;
 use super::input::Context;
@@ -25,7 +25,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
-    setup.options.post = Some(args.post.into());
+    setup.options.post = Some(args.post);
     one_stdout(args, &jobs)?;
     named_as_written(args, &jobs)?;
     let outputs = outputs(args, &jobs);
@@ -114,13 +114,13 @@ fn one_stdout(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
 fn named_as_written(args: &Compensate, jobs: &[Job]) -> Result<(), Vec<Diagnostic>> {
     let Some(output) = args.output.as_deref().filter(|path| !is_stdout(path)) else { return Ok(()) };
     let ending = output.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_ascii_lowercase());
-    if args.post == PostIn::Cl
+    if args.post == Language::Cl
         || !Language::Cl.endings().contains(&&*ending)
         || !jobs.iter().any(|job| job.language == Language::Cl)
     {
         return Ok(());
     }
-    let posted = Language::from(args.post);
+    let posted = args.post;
     let message = format!("is not written: `.{ending}` is for CL data, but what is posted is {}", posted.name());
     let help = format!("write it to {}", output.with_extension(posted.endings()[0]).display());
     Err(Diagnostic::error("usage.output", &output.display().to_string(), message).help(help).into())

@@ -1,6 +1,6 @@
 //! `inspect`: what is understood of programs.
 
-use super::args::{Format, Inspect};
+use super::args::Inspect;
 use super::files::all;
 use super::input::{self, Context};
 use super::job::{Job, belongs_to_another};
@@ -84,7 +84,7 @@ fn says_so(path: &Path) -> bool {
 /// What is understood of one file. A file that is refused is an answer; one that cannot be opened is none.
 fn one(
     path: &Path,
-    format: Option<Format>,
+    format: Option<Language>,
     context: &Context,
 ) -> Result<(InspectFile, Vec<Diagnostic>), Vec<Diagnostic>> {
     let refused = |language: Option<Language>, errors: Vec<Diagnostic>| {

@@ -1,6 +1,6 @@
 //! Which files are one program, and in which language; not yet parsed.
 
-use super::args::{Format, Reports};
+use super::args::Reports;
 use super::files::{all, cannot_read, parted, source};
 use super::watch::watch;
 use deflex::program::{Language, ModuleNames, detect, group_modules, unknown_marks};
@@ -31,7 +31,7 @@ pub(super) struct Job {
 
 impl Job {
     /// Looks into one input.
-    pub(super) fn of(path: &Path, format: Option<Format>) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn of(path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pgf")) {
             return Self::listed(path);
         }
@@ -94,14 +94,14 @@ impl Job {
     }
 
     /// One input whose text is at hand.
-    pub(super) fn of_text(text: Text, path: &Path, format: Option<Format>) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn of_text(text: Text, path: &Path, format: Option<Language>) -> Result<Self, Vec<Diagnostic>> {
         let head = text.head()?;
         let unknown = || unknown_language(&Source::new(text.name(), head.clone()));
         if head.iter().all(u8::is_ascii_whitespace) {
             return Err(unknown());
         }
         let language = match format {
-            Some(format) => format.into(),
+            Some(format) => format,
             None => detect(text.name(), &head).ok_or_else(unknown)?,
         };
         let mut job = Self {
@@ -263,12 +263,12 @@ impl Text {
 }
 
 /// Looks into inputs and finds out which belong to one program.
-pub(super) fn jobs(inputs: &[PathBuf], format: Option<Format>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+pub(super) fn jobs(inputs: &[PathBuf], format: Option<Language>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     grouped(all(inputs.iter().map(|path| Job::of(path, format)))?)
 }
 
 /// The same for the inputs that can be looked into, and what is wrong with the others.
-pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Format>) -> Result<Looked, Vec<Diagnostic>> {
+pub(super) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Language>) -> Result<Looked, Vec<Diagnostic>> {
     let (jobs, failed) = parted(inputs.iter().map(|path| Job::of(path, format)));
     Ok((grouped(jobs)?, failed))
 }

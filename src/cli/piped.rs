@@ -1,9 +1,9 @@
 //! A program that comes through a pipe, and can be read once only.
 
-use super::args::Format;
 use super::files::cannot_read;
 use super::job::{self, Job, Looked, Text};
 use super::output::{Temporary, is_stdout};
+use deflex::program::Language;
 use deflex::text::Diagnostic;
 use std::fs::{self, File};
 use std::io;
@@ -36,7 +36,7 @@ impl Piped {
         spooled.map(Some).map_err(|error| cannot_read(&path.display().to_string(), &error))
     }
 
-    fn job(&self, format: Option<Format>) -> Result<Job, Vec<Diagnostic>> {
+    fn job(&self, format: Option<Language>) -> Result<Job, Vec<Diagnostic>> {
         let path = self.spooled.path().to_owned();
         Job::of_text(Text::File { name: self.path.display().to_string(), path }, &self.path, format)
     }
@@ -46,7 +46,7 @@ impl Piped {
 pub(super) fn jobs(
     piped: Option<&Piped>,
     inputs: &[PathBuf],
-    format: Option<Format>,
+    format: Option<Language>,
     keep_going: bool,
 ) -> Result<Looked, Vec<Diagnostic>> {
     match piped {

@@ -1,6 +1,5 @@
 //! `compensate` on long programs: from file to file in constant memory.
 
-use super::args::PostIn;
 use super::batch::{Batch, in_one_file, place, post_options, report_beside};
 use super::files::{cannot_read, cannot_write};
 use super::job::{Job, Text};
@@ -37,7 +36,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
         Language::Rapid => long.edit(),
         Language::Krl => long.edit_krl(),
         // The positions of a TP program stand behind all its motions: it is held as a whole.
-        Language::Cl if batch.args.post == PostIn::Rapid => long.post(),
+        Language::Cl if batch.args.post == Language::Rapid => long.post(),
         _ => Ok(None),
     }
 }

@@ -1,9 +1,7 @@
 use super::CellFile;
-use crate::cli::args::Format;
 use crate::cli::files::all;
 use crate::cli::input::{self, Context};
 use crate::cli::job::{Job, Text};
-use clap::ValueEnum;
 use deflex::program::{Language, Program};
 use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
@@ -88,15 +86,10 @@ impl ProgramFiles {
     }
 }
 
-fn known(format: &str) -> Result<Format, Vec<Diagnostic>> {
-    Format::from_str(format, false).map_err(|_| {
-        let known: Vec<String> = Format::value_variants()
-            .iter()
-            .filter_map(Format::to_possible_value)
-            .map(|value| value.get_name().to_owned())
-            .collect();
+fn known(format: &str) -> Result<Language, Vec<Diagnostic>> {
+    Language::ALL.into_iter().find(|language| language.word() == format).ok_or_else(|| {
         Diagnostic::error("usage.format", "", format!("`{format}` is no format of programs"))
-            .help(format!("give one of {}", known.join(", ")))
+            .help(format!("give one of {}", Language::ALL.map(Language::word).join(", ")))
             .into()
     })
 }

@@ -129,7 +129,7 @@ impl Runner<'_> {
 
     /// What an instruction leaves, as far as nothing else changes it at any moment.
     fn only_here<T>(&self, left: Option<T>) -> Option<T> {
-        let others = self.symbols.known.at_any_moment.axes || self.jumping[1] > 0;
+        let others = self.others_switch().axes;
         left.filter(|_| !others)
     }
 

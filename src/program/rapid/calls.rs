@@ -1,10 +1,10 @@
 //! Calls of procedures: what parameters stand for while a routine runs, and what it leaves, at its end or by an error.
 
-use super::axes::Axes;
 use super::eval::{RUN_TIME, Scope};
 use super::memory::Left;
 use super::motion::Call;
-use super::run::{Flow, Frame, Mode, Runner, Switch};
+use super::run::{Flow, Frame, Mode, Runner};
+use super::state::Switches;
 use super::symbols::{Content, Names, Part, RoutineId, Upper, declared, first_word};
 use super::tree::{Param, Statement, any, simple_statements};
 use super::value::Value;
@@ -48,6 +48,13 @@ struct Handler {
     again: bool,
     /// RAISE: hands it on to the caller.
     hands_on: bool,
+}
+
+/// What was known before a routine with labels was entered.
+struct Loosened {
+    /// Data and why each was not known.
+    data: Vec<(usize, Option<&'static str>)>,
+    jumping: Switches,
 }
 
 impl<'a> Runner<'a> {
@@ -243,8 +250,7 @@ impl<'a> Runner<'a> {
             self.pin_value(&value);
             self.forget_argument(scope, argument, UNDECLARED);
         }
-        self.state.displacement = Switch::Unknown;
-        self.state.axes = Axes::UNKNOWN;
+        self.state.lose(Switches::FOREIGN);
     }
 
     /// What a routine changes that is not followed.
@@ -254,15 +260,7 @@ impl<'a> Runner<'a> {
         let own = changes.own.clone();
         let here = super::changes::Changes { own: Default::default(), ..changes };
         self.forget(&here, CALLS_ITSELF);
-        if here.displacement {
-            self.state.displacement = Switch::Unknown;
-        }
-        if here.axes {
-            self.state.axes = Axes::UNKNOWN;
-        }
-        if here.marks {
-            self.state.mark_unknown = true;
-        }
+        self.state.lose(here.switches);
         let routine = self.symbols.routine(id);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
@@ -318,11 +316,9 @@ impl<'a> Runner<'a> {
         self.frames.push(Frame { routine: id, module, names, layer, returns, raises, jumps, noted });
         self.epoch += 1;
         self.guards += usize::from(routine.error.is_some());
-        let loosened = if jumps { self.loosen(id) } else { Vec::new() };
+        let loosened = jumps.then(|| self.loosen(id));
         let flow = self.block(&routine.body);
-        if jumps {
-            self.tighten(id, loosened);
-        }
+        loosened.into_iter().for_each(|loosened| self.tighten(loosened));
         self.guards -= usize::from(routine.error.is_some());
         let frame = self.frames.pop();
         self.epoch += 1;
@@ -341,7 +337,7 @@ impl<'a> Runner<'a> {
     }
 
     /// A routine with labels may run any of its statements after any other: what it changes is not known in all of it.
-    fn loosen(&mut self, id: RoutineId) -> Vec<(usize, Option<&'static str>)> {
+    fn loosen(&mut self, id: RoutineId) -> Loosened {
         let changes = self.symbols.changed_by(id).clone();
         let mut all: Vec<usize> = changes.data.iter().copied().collect();
         if changes.anything {
@@ -358,27 +354,15 @@ impl<'a> Runner<'a> {
             before.push((at, self.symbols.variables[at].volatile));
             self.symbols.variables[at].volatile.get_or_insert(JUMPS);
         }
-        let flags = [changes.displacement, changes.axes, changes.marks];
-        for (count, flag) in self.jumping.iter_mut().zip(flags) {
-            *count += usize::from(flag);
-        }
-        if changes.displacement {
-            self.state.displacement = Switch::Unknown;
-        }
-        if changes.axes {
-            self.state.axes = Axes::UNKNOWN;
-        }
-        self.state.mark_unknown |= changes.marks;
-        before
+        let loosened = Loosened { data: before, jumping: self.jumping };
+        self.jumping |= changes.switches;
+        self.state.lose(changes.switches);
+        loosened
     }
 
-    fn tighten(&mut self, id: RoutineId, before: Vec<(usize, Option<&'static str>)>) {
-        let changes = self.symbols.changed_by(id);
-        let flags = [changes.displacement, changes.axes, changes.marks];
-        for (count, flag) in self.jumping.iter_mut().zip(flags) {
-            *count -= usize::from(flag);
-        }
-        for (at, why) in before {
+    fn tighten(&mut self, loosened: Loosened) {
+        self.jumping = loosened.jumping;
+        for (at, why) in loosened.data {
             self.symbols.variables[at].volatile = why;
         }
     }
@@ -436,13 +420,7 @@ impl<'a> Runner<'a> {
         }
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, HANDLED);
-        if changes.displacement {
-            self.state.displacement = Switch::Unknown;
-        }
-        if changes.axes {
-            self.state.axes = Axes::UNKNOWN;
-        }
-        self.state.mark_unknown |= changes.marks;
+        self.state.lose(changes.switches);
     }
 
     /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.

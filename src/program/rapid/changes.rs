@@ -3,6 +3,7 @@
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call, Simple};
 use super::predefined::{self, Function, Instruction};
+use super::state::Switches;
 use super::symbols::{RoutineId, Symbols, Upper, first_word};
 use super::tree::{Param, RoutineKind, Statement, Storage};
 use crate::text::Span;
@@ -24,12 +25,8 @@ pub(super) struct Changes {
     pub(super) foreign: BTreeSet<Name>,
     /// Whatever a routine can that is not in the files.
     pub(super) anything: bool,
-    /// Program displacement may be switched on.
-    pub(super) displacement: bool,
-    /// Offsets of external axes may be changed, or mechanical units activated.
-    pub(super) axes: bool,
-    /// `! deflex …` stands among them.
-    pub(super) marks: bool,
+    /// What besides data.
+    pub(super) switches: Switches,
 }
 
 /// Where a name leads.
@@ -80,14 +77,12 @@ impl Changes {
         own: BTreeSet::new(),
         foreign: BTreeSet::new(),
         anything: false,
-        displacement: false,
-        axes: false,
-        marks: false,
+        switches: Switches::NONE,
     };
 
     /// What a routine may change of which nothing is known.
     pub(super) fn anything() -> Self {
-        Self { anything: true, displacement: true, axes: true, ..Self::NOTHING }
+        Self { anything: true, switches: Switches::FOREIGN, ..Self::NOTHING }
     }
 
     fn add(&mut self, found: &Found) {
@@ -104,14 +99,12 @@ impl Changes {
         self.data.extend(&callee.data);
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
-        self.displacement |= callee.displacement;
-        self.axes |= callee.axes;
-        self.marks |= callee.marks;
+        self.switches |= callee.switches;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
-    fn flags(&self) -> [bool; 4] {
-        [self.anything, self.displacement, self.axes, self.marks]
+    fn flags(&self) -> (bool, Switches) {
+        (self.anything, self.switches)
     }
 }
 
@@ -199,8 +192,7 @@ impl<'a> Symbols<'a> {
         everything.extend(&assigned);
         if at_any_moment.anything {
             at_any_moment.data.extend(&everything);
-            at_any_moment.displacement = true;
-            at_any_moment.axes = true;
+            at_any_moment.switches |= Switches::FOREIGN;
         }
         for id in &ids {
             self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
@@ -324,7 +316,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                 }
                 Statement::Return(value) => self.expression(*value),
                 Statement::Connect(span) => self.connect(*span),
-                Statement::Mark(_) => self.out.changes.marks = true,
+                Statement::Mark(_) => self.out.changes.switches.marks = true,
                 Statement::Exit | Statement::Raise | Statement::Retry | Statement::TryNext | Statement::Goto(_) => {}
             }
         }
@@ -430,8 +422,7 @@ impl<'s, 'a> Scan<'s, 'a> {
 
     fn unknown(&mut self, call: &Call) {
         self.out.changes.anything = true;
-        self.out.changes.displacement = true;
-        self.out.changes.axes = true;
+        self.out.changes.switches |= Switches::FOREIGN;
         call.given().for_each(|argument| self.change(argument));
     }
 
@@ -441,14 +432,17 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Arguments | Instruction::Steps) => {
                 call.given().for_each(|argument| self.change(argument));
             }
-            Some(Instruction::DisplacementOn) => self.out.changes.displacement = true,
+            Some(Instruction::Options) => call.optional().iter().for_each(|(_, argument)| self.change(*argument)),
+            Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
+            Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
+            Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
             Some(
                 Instruction::AxisOffsetSet
                 | Instruction::AxisOffsetOn
                 | Instruction::UnitOn
                 | Instruction::UnitOff
                 | Instruction::MovesAxes,
-            ) => self.out.changes.axes = true,
+            ) => self.out.changes.switches.axes = true,
             Some(Instruction::DataByName) => {
                 let text = call.positional().first().map(|text| &self.bytes[text.range()]);
                 let literal = text.and_then(|text| text.strip_prefix(b"\"")?.strip_suffix(b"\""));
@@ -458,6 +452,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(
                 Instruction::Nothing
                 | Instruction::DisplacementOff
+                | Instruction::SoftOff
                 | Instruction::AxisOffsetOff
                 | Instruction::Moves
                 | Instruction::Ends

@@ -290,7 +290,7 @@ impl<R: Read> Chunks<R> {
                         }
                         behind_motion = is_motion(word);
                         // A statement over several lines, or a comment behind one, is not worth a closer look.
-                        if !text.ends_with(b";") || !behind_motion && !harmless(word) {
+                        if !text.ends_with(b";") || !behind_motion && !harmless(text) {
                             return None;
                         }
                         if behind_motion {

@@ -1,11 +1,11 @@
 //! Branches and loops: followed where their conditions are known; else every branch is run and what they leave is joined.
 
-use super::axes::Axes;
 use super::eval::Scope;
 use super::lex::{Cursor, Kind};
 use super::memory::Left;
 use super::motion::{self, Call};
-use super::run::{Flow, Mode, Runner, Switch};
+use super::run::{Flow, Mode, Runner};
+use super::state::Switches;
 use super::symbols::{Content, Upper};
 use super::tree::{Statement, any};
 use super::value::Value;
@@ -203,14 +203,14 @@ impl<'a> Runner<'a> {
         self.state.axes.lose_positions();
         // An error in a round before may have gone to the handler.
         self.run_handler();
-        if changes.displacement || changes.axes || changes.marks {
+        if changes.switches != Switches::NONE {
             self.settle(body);
         }
         let mut before = self.standing.clone();
         self.open();
         let flow = self.block(body);
         let left = self.take();
-        if changes.displacement {
+        if changes.switches.displacement {
             // The next round may count from where this one ends.
             self.hold_where_it_stands();
         }
@@ -226,9 +226,7 @@ impl<'a> Runner<'a> {
     /// What is switched on where any round of a loop begins.
     fn settle(&mut self, body: &'a [Statement]) {
         if self.dry == DRY_DEPTH {
-            self.state.displacement = Switch::Unknown;
-            self.state.axes = Axes::UNKNOWN;
-            self.state.mark_unknown = true;
+            self.state.lose(Switches::ALL);
             return;
         }
         self.dry += 1;

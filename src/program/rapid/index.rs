@@ -141,7 +141,7 @@ impl Scan {
         let routine = self.routines.last_mut()?;
         let word = first_word(text);
         let moves = is_motion(word);
-        if is_comment(text) || moves || harmless(word) {
+        if is_comment(text) || moves || harmless(text) {
             routine.moves |= moves;
             routine.line(start, len, lines_before);
             if moves && let Some(name) = target(text) {

@@ -2,7 +2,8 @@
 
 use super::changes::Changes;
 use super::lex::{Cursor, Kind};
-use super::run::{Runner, State};
+use super::run::Runner;
+use super::state::State;
 use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};

@@ -37,6 +37,7 @@ mod routines;
 mod run;
 mod sample;
 mod shape;
+mod state;
 mod statement;
 mod streamable;
 mod symbols;

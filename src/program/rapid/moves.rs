@@ -1,13 +1,13 @@
 //! Executed motions: their targets, tools, work objects and speeds, and what of them may be edited.
 
-use super::axes::Axes;
 use super::calls::ABSENT;
 use super::changes::{Changes, is_synchronised};
 use super::eval::{RUN_TIME, Scope};
 use super::literal::Literal;
 use super::motion::{Call, Shape, ToolAt, Zone};
 use super::predefined::Instruction;
-use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner, Switch};
+use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner};
+use super::state::{Switch, Switches, Velocity};
 use super::symbols::{Upper, first_word};
 use super::value::{Place, Pose, Value, predefined, unit};
 use super::{Offset, Site};
@@ -20,6 +20,7 @@ use std::sync::Arc;
 
 const BY_SYNCHRONISED: &str = "may be changed by the procedure of a synchronised motion";
 const MANY_FRAMES: &str = "the program has more than 65,536 tools or work objects";
+const SHIFTED: &str = "its path is shifted at run time (\\Corr)";
 const CONTEXT: &str = "declared in a context module";
 
 impl<'a> Runner<'a> {
@@ -31,10 +32,11 @@ impl<'a> Runner<'a> {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
         }
-        if known == Instruction::Nothing {
+        if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
         }
-        self.events += 1;
+        // Speeds are set in a program's head, which each of its chunks has.
+        self.events += u64::from(known != Instruction::Velocity);
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -50,14 +52,31 @@ impl<'a> Runner<'a> {
                     self.forget_argument(scope, argument, RUN_TIME);
                 }
             }
+            Instruction::Options => {
+                for (_, argument) in call.optional().iter().copied().collect::<SmallVec<[(Span, Span); 4]>>() {
+                    self.forget_argument(scope, argument, RUN_TIME);
+                }
+            }
             Instruction::Steps => self.step_variable(scope, call, &Upper::new(&bytes[call.name.range()])),
             Instruction::DisplacementOn => {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
                     self.hold_where_it_stands();
                 }
-                self.state.displacement = self.switched(Switch::On);
+                self.state.displacement = Switch::On;
+                self.state.lose(self.others_switch());
             }
-            Instruction::DisplacementOff => self.state.displacement = self.switched(Switch::Off),
+            Instruction::DisplacementOff => {
+                self.state.displacement = Switch::Off;
+                self.state.lose(self.others_switch());
+            }
+            Instruction::SoftOn | Instruction::SoftOff => {
+                self.state.soft = if known == Instruction::SoftOn { Switch::On } else { Switch::Off };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Velocity => {
+                self.state.velocity = self.velocity(scope, call);
+                self.state.lose(self.others_switch());
+            }
             Instruction::AxisOffsetSet
             | Instruction::AxisOffsetOn
             | Instruction::AxisOffsetOff
@@ -94,10 +113,18 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Displacement as an instruction leaves it, as far as nothing else switches it at any moment.
-    fn switched(&self, to: Switch) -> Switch {
-        let others = self.symbols.known.at_any_moment.displacement;
-        if others || self.jumping[0] > 0 { Switch::Unknown } else { to }
+    /// What something else may switch at any moment.
+    pub(super) fn others_switch(&self) -> Switches {
+        let mut others = Switches { marks: false, ..self.symbols.known.at_any_moment.switches };
+        others |= self.jumping;
+        others
+    }
+
+    /// What becomes of programmed speeds behind `VelSet`; `None` where its numbers are not known, and behind `SpeedRefresh`.
+    fn velocity(&mut self, scope: Scope, call: &Call) -> Option<Velocity> {
+        let [percent, most] = call.positional() else { return None };
+        let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, *argument).num());
+        Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
     }
 
     /// One executed motion.
@@ -135,7 +162,9 @@ impl<'a> Runner<'a> {
             self.evaluate(scope, to);
             return self.found_by_search(scope, arguments, shape);
         }
-        let frames = match self.frames_of(scope, call, tool) {
+        let shifted = call.option(bytes, b"Corr").is_some();
+        let frames = if shifted { Err(SHIFTED) } else { self.frames_of(scope, call, tool) };
+        let frames = match frames {
             Ok(frames) => frames,
             Err(reason) => {
                 self.hold(scope, via.map(|via| via.1).into_iter().chain([to]));
@@ -220,14 +249,8 @@ impl<'a> Runner<'a> {
             self.symbols.variables[*at].volatile.get_or_insert(BY_SYNCHRONISED);
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
-        at_any_moment.displacement |= changes.displacement;
-        at_any_moment.axes |= changes.axes;
-        if changes.displacement {
-            self.state.displacement = Switch::Unknown;
-        }
-        if changes.axes {
-            self.state.axes = Axes::UNKNOWN;
-        }
+        at_any_moment.switches |= changes.switches;
+        self.state.lose(Switches { marks: false, ..changes.switches });
     }
 
     /// Tool and work object of a motion, or why they are not known.
@@ -355,6 +378,8 @@ impl<'a> Runner<'a> {
         match self.state.displacement {
             Switch::On => Some("program displacement is active"),
             Switch::Unknown => Some("program displacement is known only at run time"),
+            Switch::Off if self.state.soft == Switch::On => Some("soft servo is active: the axes yield"),
+            Switch::Off if self.state.soft == Switch::Unknown => Some("soft servo is known only at run time"),
             Switch::Off if misfit => Some("tool and work object are both held by the robot, or neither is"),
             Switch::Off => self.axes_unknown(&pose.written.external),
         }
@@ -505,16 +530,21 @@ impl<'a> Runner<'a> {
         (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument), true)
     }
 
-    /// Programmed TCP speed, mm/s.
+    /// TCP speed of a motion, mm/s.
     pub(super) fn speed(&mut self, scope: Scope, call: &Call, argument: Option<Span>) -> Option<f64> {
         let bytes = self.bytes(scope.source as usize);
         if call.option(bytes, b"T").is_some() {
             return None;
         }
-        if let Some(own) = call.option(bytes, b"V") {
-            return self.evaluate(scope, own).num();
-        }
-        let argument = argument?;
+        let programmed = match call.option(bytes, b"V") {
+            Some(own) => self.evaluate(scope, own).num(),
+            None => self.speeddata(scope, argument?),
+        };
+        programmed.zip(self.state.velocity).map(|(programmed, velocity)| velocity.of(programmed))
+    }
+
+    /// The TCP speed of a speeddata, mm/s.
+    fn speeddata(&mut self, scope: Scope, argument: Span) -> Option<f64> {
         let place = Place { source: scope.source, span: argument };
         if !self.fresh(self.speed.0, place) {
             let value = self.evaluate(scope, argument);

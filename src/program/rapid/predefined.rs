@@ -11,12 +11,20 @@ pub(super) enum Instruction {
     Nothing,
     /// The data that it is given, and no other.
     Arguments,
+    /// The data that its optional arguments name (`\\TimeFlag`), and no other.
+    Options,
     /// `Incr`, `Decr`, `Add`, `Clear`: its first argument, by a number.
     Steps,
     /// Switches program displacement on.
     DisplacementOn,
     /// Switches it off.
     DisplacementOff,
+    /// Lets axes yield to forces.
+    SoftOn,
+    /// Makes them stiff again.
+    SoftOff,
+    /// Makes other speeds of the programmed ones.
+    Velocity,
     /// Sets the offset of external axes.
     AxisOffsetSet,
     /// Sets it from where they stand.
@@ -46,6 +54,9 @@ impl Instruction {
             self,
             Self::DisplacementOn
                 | Self::DisplacementOff
+                | Self::SoftOn
+                | Self::SoftOff
+                | Self::Velocity
                 | Self::AxisOffsetSet
                 | Self::AxisOffsetOn
                 | Self::AxisOffsetOff
@@ -59,17 +70,12 @@ pub(super) const NOTHING: &[&str] = &[
     "AccSet",
     "ActEventBuffer",
     "AliasIOReset",
-    "BookErrNo",
     "Break",
     "CamFlush",
-    "CancelLoad",
     "CheckProgRef",
     "CirPathMode",
     "ClearIOBuff",
     "ClearPath",
-    "ClkReset",
-    "ClkStart",
-    "ClkStop",
     "Close",
     "CloseDir",
     "ConfJ",
@@ -127,11 +133,8 @@ pub(super) const NOTHING: &[&str] = &[
     "SocketListen",
     "SocketSend",
     "SocketSendTo",
-    "SoftAct",
-    "SoftDeact",
     "SpeedLimAxis",
     "SpeedLimCheckPoint",
-    "SpeedRefresh",
     "SpyStart",
     "SpyStop",
     "StartMove",
@@ -149,21 +152,12 @@ pub(super) const NOTHING: &[&str] = &[
     "TPWrite",
     "TuneReset",
     "TuneServo",
-    "UIMsgBox",
     "UIMsgWrite",
     "UIShow",
     "UnLoad",
-    "VelSet",
-    "WaitAI",
-    "WaitAO",
-    "WaitDI",
-    "WaitDO",
-    "WaitGI",
-    "WaitGO",
     "WaitRob",
     "WaitSyncTask",
     "WaitTime",
-    "WaitUntil",
     "WorldAccLim",
     "Write",
     "WriteAnyBin",
@@ -181,7 +175,12 @@ pub(super) const ARGUMENTS: &[&str] = &[
     "AliasIO",
     "BitClear",
     "BitSet",
+    "BookErrNo",
+    "CancelLoad",
     "ClearRawBytes",
+    "ClkReset",
+    "ClkStart",
+    "ClkStop",
     "CopyRawBytes",
     "FitCircle",
     "GetDataVal",
@@ -246,6 +245,10 @@ pub(super) const ARGUMENTS: &[&str] = &[
     "WZSphDef",
 ];
 
+/// Change what they are given by optional arguments, and no other data.
+pub(super) const OPTIONS: &[&str] =
+    &["UIMsgBox", "WaitAI", "WaitAO", "WaitDI", "WaitDO", "WaitGI", "WaitGO", "WaitUntil"];
+
 /// Those with a meaning of their own.
 const OWN: &[(&str, Instruction)] = &[
     ("ActUnit", Instruction::UnitOn),
@@ -268,6 +271,10 @@ const OWN: &[(&str, Instruction)] = &[
     ("RaiseToUser", Instruction::Raises),
     ("SetAllDataVal", Instruction::DataByName),
     ("SetDataVal", Instruction::DataByName),
+    ("SoftAct", Instruction::SoftOn),
+    ("SoftDeact", Instruction::SoftOff),
+    ("SpeedRefresh", Instruction::Velocity),
+    ("VelSet", Instruction::Velocity),
 ];
 
 /// Functions that change nothing.
@@ -430,21 +437,27 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "Trunc",
     "TruncDnum",
     "Type",
-    "UIAlphaEntry",
     "UIClientExist",
-    "UIDnumEntry",
-    "UIDnumTune",
-    "UIListView",
-    "UIMessageBox",
-    "UINumEntry",
-    "UINumTune",
     "ValidIO",
     "ValToStr",
     "VectMagn",
 ];
 
 /// Functions that hand back more than their value, through an argument, and change nothing else.
-pub(super) const WRITING_FUNCTIONS: &[&str] = &["GetNextMechUnit", "GetNextSym", "ReadDir", "StrToVal", "TestAndSet"];
+pub(super) const WRITING_FUNCTIONS: &[&str] = &[
+    "GetNextMechUnit",
+    "GetNextSym",
+    "ReadDir",
+    "StrToVal",
+    "TestAndSet",
+    "UIAlphaEntry",
+    "UIDnumEntry",
+    "UIDnumTune",
+    "UIListView",
+    "UIMessageBox",
+    "UINumEntry",
+    "UINumTune",
+];
 
 /// Whether a list that is sorted without regard to case has a name.
 fn has(sorted: &[&str], name: &[u8]) -> bool {
@@ -464,12 +477,16 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
     if has(ARGUMENTS, name) {
         return Some(Instruction::Arguments);
     }
+    if has(OPTIONS, name) {
+        return Some(Instruction::Options);
+    }
     OWN.iter().find(|(own, _)| own.as_bytes().eq_ignore_ascii_case(name)).map(|own| own.1)
 }
 
-/// Instructions that change nothing.
-pub(super) fn harmless(name: &[u8]) -> bool {
-    has(NOTHING, name)
+/// Whether a statement is an instruction that changes nothing.
+pub(super) fn harmless(statement: &[u8]) -> bool {
+    let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
+    has(NOTHING, name) || has(OPTIONS, name) && !statement.contains(&b'\\')
 }
 
 /// What a predefined function may change besides its value.
@@ -494,7 +511,7 @@ mod tests {
 
     #[test]
     fn lists_are_sorted_and_found_whatever_the_case() {
-        for list in [NOTHING, ARGUMENTS, FUNCTIONS, WRITING_FUNCTIONS] {
+        for list in [NOTHING, ARGUMENTS, OPTIONS, FUNCTIONS, WRITING_FUNCTIONS] {
             let wrong = list.windows(2).find(|pair| order(pair[0].as_bytes(), pair[1].as_bytes()).is_ge());
             assert_eq!(wrong, None);
         }
@@ -513,6 +530,7 @@ mod tests {
         for (title, list) in [
             ("Instructions that change nothing", NOTHING),
             ("Instructions that change only what they are given", ARGUMENTS),
+            ("Instructions that change only what their optional arguments name", OPTIONS),
             ("Functions that change nothing", FUNCTIONS),
             ("Functions that change only what they are given", WRITING_FUNCTIONS),
         ] {

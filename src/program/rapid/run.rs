@@ -1,18 +1,18 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::axes::Axes;
 use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
 use super::memory::{Layer, Left};
 use super::motion::{self, Simple};
 use super::outcome::Outcome;
 use super::predefined;
+use super::state::{State, Switches};
 use super::symbols::{Names, RoutineId, Symbols};
 use super::tree::{File, RoutineKind, Statement};
 use super::uses::{Ran, Use};
 use super::value::Place;
 use super::{Offset, Site};
-use crate::program::{ExternalAxes, InactiveUnit, Kept, Mark, Target, Tool, Wobj};
+use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -54,42 +54,6 @@ pub(super) struct Frame {
     pub(super) noted: Option<(u64, State)>,
 }
 
-/// Whether something is switched on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Switch {
-    #[default]
-    Off,
-    On,
-    Unknown,
-}
-
-impl Switch {
-    fn join(self, other: Self) -> Self {
-        if self == other { self } else { Self::Unknown }
-    }
-}
-
-/// What the instructions before leave in force.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct State {
-    pub(super) mark: Option<Mark>,
-    /// Which mark holds is known only at run time.
-    pub(super) mark_unknown: bool,
-    pub(super) displacement: Switch,
-    pub(super) axes: Axes,
-}
-
-impl State {
-    pub(super) fn join(self, other: Self) -> Self {
-        Self {
-            mark: self.mark,
-            mark_unknown: self.mark_unknown || other.mark_unknown || self.mark != other.mark,
-            displacement: self.displacement.join(other.displacement),
-            axes: self.axes.join(other.axes),
-        }
-    }
-}
-
 /// What comes of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Mode {
@@ -119,7 +83,7 @@ pub(super) struct Runner<'a> {
     /// Routines on the way that catch errors.
     pub(super) guards: usize,
     /// Routines with a GOTO on the way that may switch displacement or axis offsets on, or mark, at any of their statements.
-    pub(super) jumping: [usize; 3],
+    pub(super) jumping: Switches,
     /// Loops within one another that are run for what holds when their rounds begin.
     pub(super) dry: usize,
     pub(super) steps: usize,
@@ -203,7 +167,7 @@ impl<'a> Runner<'a> {
             state: State::default(),
             mode: Mode::Real,
             guards: 0,
-            jumping: [0; 3],
+            jumping: Switches::NONE,
             dry: 0,
             steps: 0,
             most_steps: STEPS + STEPS_PER_BYTE * bytes,
@@ -255,13 +219,8 @@ impl<'a> Runner<'a> {
             }
         }
         runner.state.mark = files.iter().take(written).find_map(|f| f.mark);
-        let at_any_moment = &runner.symbols.known.at_any_moment;
-        if at_any_moment.displacement {
-            runner.state.displacement = Switch::Unknown;
-        }
-        if at_any_moment.axes {
-            runner.state.axes = Axes::UNKNOWN;
-        }
+        let at_any_moment = runner.symbols.known.at_any_moment.switches;
+        runner.state.lose(Switches { marks: false, ..at_any_moment });
         runner
     }
 
@@ -337,7 +296,7 @@ impl<'a> Runner<'a> {
                 }
                 Statement::Mark(mark) => {
                     self.state.mark = Some(*mark);
-                    self.state.mark_unknown = self.jumping[2] > 0;
+                    self.state.mark_unknown = self.jumping.marks;
                     Flow::Next
                 }
                 Statement::If { arms, otherwise, at } => self.condition(arms, otherwise, *at),

@@ -1,10 +1,10 @@
 //! Who else uses the numbers of a target: routines that nothing runs, traps, handlers and functions. A number is edited only if
 //! all who use it are known and want the same.
 
-use super::axes::Axes;
 use super::lex::{Cursor, Kind};
 use super::motion;
-use super::run::{Mode, Runner, Switch};
+use super::run::{Mode, Runner};
+use super::state::{State, Switches};
 use super::symbols::{RoutineId, Upper, first_word};
 use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
 use super::value::{Place, Pose, axes_in_use};
@@ -80,13 +80,11 @@ impl<'a> Runner<'a> {
             variable.assigned && variable.storage != Storage::Const
         };
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
-        let anywhere =
-            |flag: fn(&super::changes::Changes) -> bool| self.symbols.all().any(|id| flag(self.symbols.changed_by(id)));
-        let displaced = anywhere(|changes| changes.displacement);
-        self.state.displacement = if displaced { Switch::Unknown } else { Switch::Off };
-        self.state.axes = if anywhere(|changes| changes.axes) { Axes::UNKNOWN } else { Axes::default() };
+        let mut anywhere = Switches::NONE;
+        self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
+        self.state = State { mark: self.state.mark, ..State::default() };
         self.state.axes.lose_positions();
-        self.state.mark_unknown = anywhere(|changes| changes.marks);
+        self.state.lose(anywhere);
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
         let first = waiting.iter().filter(|id| roots.contains(*id));
         let rest = waiting.iter().filter(|id| !roots.contains(*id));

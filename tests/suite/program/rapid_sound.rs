@@ -255,6 +255,50 @@ fn traps_and_handlers_change_at_any_moment_what_they_change() {
 }
 
 #[test]
+fn optional_arguments_may_hand_something_back() {
+    for instruction in [
+        "WaitUntil di1=1\\MaxTime:=5\\TimeFlag:=b;",
+        "WaitDI di1,1\\MaxTime:=5\\TimeFlag:=b;",
+        "WaitAI ai1\\GT,5\\MaxTime:=3\\ValueAtTimeout:=n;",
+        "UIMsgBox s\\Result:=n;",
+        "nIn:=UINumEntry(\\Header:=s\\BreakFlag:=n);",
+    ] {
+        check(
+            &format!(
+                "VAR bool b:=FALSE;\n{instruction}\nIF b OR n>0 THEN\n{DISPLACE}\nENDIF\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay"
+            ),
+            "",
+        );
+    }
+    check(
+        "VAR bool b:=FALSE;\nWaitUntil di1=1;\nIF b THEN\nPDispOff;\nENDIF\nMoveL p1,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+}
+
+#[test]
+fn axes_that_yield_are_not_corrected() {
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nSoftAct 3,50;\nMoveL p2,v50,fine,t1\\WObj:=w1; ! stay\nSoftDeact;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! edit",
+        "",
+    );
+    check("IF di1=1 SoftAct 3,50;\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay", "");
+    check("MoveL p1,v50,fine,t1\\WObj:=w1\\Corr; ! stay\nMoveL p2,v50,fine,t1\\WObj:=w1; ! edit", "");
+}
+
+#[test]
+fn speeds_are_those_that_are_driven() {
+    let speeds = |main: &str| -> Vec<Option<f64>> {
+        read(&module(main, "")).targets.iter().map(|target| target.feed_mm_s).collect()
+    };
+    let to = "MoveL p1,v50,fine,t1\\WObj:=w1;\nMoveL p2,v100\\V:=30,fine,t1\\WObj:=w1;";
+    assert_eq!(speeds(to), [Some(50.0), Some(30.0)]);
+    assert_eq!(speeds(&format!("VelSet 50,20;\n{to}")), [Some(20.0), Some(15.0)]);
+    assert_eq!(speeds(&format!("IF di1=1 VelSet 50,800;\n{to}")), [None, None]);
+    assert_eq!(speeds(&format!("VelSet nIn,800;\nSpeedRefresh 50;\n{to}")), [None, None]);
+}
+
+#[test]
 fn parameters_are_copies_or_places() {
     for given in ["wSet.oframe", "wArr{1}.oframe"] {
         let of = given.split('.').next().unwrap();

@@ -1,0 +1,99 @@
+//! Options that several commands have.
+
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum, ValueHint};
+use deflex::program::Language;
+use std::path::PathBuf;
+
+impl ValueEnum for Language {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.word()).help(self.name()))
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum Corrected {
+    /// Position and orientation
+    #[default]
+    Pose,
+    /// Position only: orientation tokens stay, and the TCP is landed all the same
+    Position,
+}
+
+/// How inputs are read.
+#[derive(Clone, Debug, Args)]
+pub(in crate::cli) struct Reading {
+    /// Modules that declare tools, work objects and targets; never written
+    #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) context: Vec<PathBuf>,
+    /// Kind of the input, where content and ending do not tell
+    #[arg(long, value_enum, value_name = "KIND")]
+    pub(in crate::cli) format: Option<Language>,
+}
+
+/// Options that every run has.
+#[derive(Clone, Debug, Args)]
+pub(in crate::cli) struct Common {
+    /// Threads; all cores without it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(in crate::cli) jobs: Option<u16>,
+    /// No progress, notes or summary on stderr
+    #[arg(long, short)]
+    pub(in crate::cli) quiet: bool,
+}
+
+/// What of the cell and the cut a run takes.
+#[derive(Clone, Debug, Args)]
+pub(in crate::cli) struct Model {
+    /// Cell file
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) cell: PathBuf,
+    /// Forces by target (fx_n, fy_n, fz_n; also time_s, temperature_c, payload_kg); overrides [cut]
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) forces: Option<PathBuf>,
+    /// Tool of the cell for every target, instead of the program's
+    #[arg(long, value_name = "NAME")]
+    pub(in crate::cli) tool: Option<String>,
+    /// Choose the turn about the tool axis of RAPID targets for the least predicted error (CL: `[cl] spin = "stiffest"`)
+    #[arg(long)]
+    pub(in crate::cli) free_spin: bool,
+}
+
+/// Where reports go.
+#[derive(Clone, Debug, Args)]
+pub(in crate::cli) struct Reports {
+    /// Report, one row a target; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) report: Option<PathBuf>,
+    /// Summary as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    /// Page with the toolpath in 3-D and the errors along it, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) html: Option<PathBuf>,
+    /// Several programs: do those that can be done, name the others, and end with exit code 2 where there is one
+    #[arg(long)]
+    pub(in crate::cli) keep_going: bool,
+}
+
+impl Reports {
+    /// How many of them go to stdout.
+    pub(in crate::cli) fn to_stdout(&self) -> usize {
+        [&self.report, &self.json, &self.html].into_iter().flatten().filter(|path| path.as_os_str() == "-").count()
+    }
+}
+
+/// Rapid travel of posted programs: as fast as a milling robot is let go near a part.
+pub(in crate::cli) const RAPID_MM_S: f64 = 200.0;
+
+/// A finite number above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}

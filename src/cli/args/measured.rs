@@ -1,0 +1,75 @@
+//! Commands on measured data.
+
+use super::groups::{Common, Reading, positive};
+use clap::{Args, ValueHint};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Identify {
+    /// A program and what was measured on it; any number
+    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present = "poses", conflicts_with = "poses", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) run: Vec<PathBuf>,
+    /// Measured rows that carry their own motor angles; any number, no program needed
+    #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) poses: Vec<PathBuf>,
+    /// How the file calls its columns, where otherwise; others are then not looked at: "target=Punkt Nr,x_mm=X Ist"
+    #[arg(long, value_name = "NAME=COLUMN,…")]
+    pub(in crate::cli) columns: Option<String>,
+    /// How far from the path a row with nominal_x_mm, nominal_y_mm, nominal_z_mm and no target may lie
+    #[arg(long, value_name = "MM", default_value_t = deflex::measured::MATCH_MM, value_parser = positive)]
+    pub(in crate::cli) match_mm: f64,
+    /// Cell file
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) cell: PathBuf,
+    /// The cell file with the effects found; `-` for stdout
+    #[arg(long, short, value_name = "CELL2", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) output: Option<PathBuf>,
+    /// Tool of the cell that the rows are about
+    #[arg(long, value_name = "NAME")]
+    pub(in crate::cli) tool: Option<String>,
+    /// Residuals row by row: before, after, whitened, block, outlier
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) report: Option<PathBuf>,
+    /// The answer as JSON; `-` or nothing for stdout
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    /// Page with residuals before and after, the ranking and what is left, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) html: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Plan {
+    /// Cell file with [plan]
+    #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) cell: PathBuf,
+    /// Rows to measure
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(8..=500))]
+    pub(in crate::cli) rows: u16,
+    /// The program: each motion ends where a row is measured; `-` for stdout
+    #[arg(long, short, value_name = "PLAN.mod", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) output: PathBuf,
+    /// The table to fill in: target, load and time of each row, measured columns empty; `-` for stdout
+    #[arg(long, value_name = "PLAN.csv", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) measured: Option<PathBuf>,
+    /// What the rows will tell as JSON: d' of each pair of effects, the chance to be named rightly; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    /// The same as a page, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) html: Option<PathBuf>,
+    /// Programs whose targets are the places to choose from, instead of the box of [plan]
+    #[arg(long, value_name = "PROGRAM", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) pool: Vec<PathBuf>,
+    /// JSON of an identification: the rows are to settle what it left undecided
+    #[arg(long, value_name = "ID.json", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) after: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}

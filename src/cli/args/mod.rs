@@ -1,0 +1,145 @@
+//! What was typed.
+
+mod cell;
+mod groups;
+mod measured;
+mod programs;
+
+use clap::{Parser, Subcommand};
+
+pub(super) use cell::{Generate, Generated, Init, Pose};
+pub(super) use groups::{Common, Corrected, Model, RAPID_MM_S, Reading, Reports};
+pub(super) use measured::{Identify, Plan};
+pub(super) use programs::{Check, CheckFormat, Compensate, Diff, Form, Inspect, Predict, Simulate};
+
+/// Makes a robot mill where the program says, and finds out why it does not.
+#[derive(Debug, Parser)]
+#[command(name = "deflex", version, propagate_version = true, max_term_width = 100, after_help = EXAMPLES, disable_help_subcommand = true)]
+pub(super) struct Cli {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  deflex init --robot irb6660-205-1.9 > cell.toml          a cell file to start from
+  deflex inspect part.mod                                  what is understood of a program
+  deflex predict part.mod --cell cell.toml                 the error that the cell would cut
+  deflex compensate part.mod --cell cell.toml -o out.mod   the program that cuts true
+  deflex diff part.mod out.mod                             what changed
+  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv
+                                                           what to measure to find that out
+  deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
+                                                           which effect the cell lacks
+
+Exit codes: 0 done; 1 done, and the answer is no (check, diff); 2 could not do it, nothing was written.";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Correct programs so that the loaded tool lands where they say
+    #[command(after_help = COMPENSATE)]
+    Compensate(Compensate),
+    /// Report what the cell would cut, without a correction
+    #[command(after_help = PREDICT)]
+    Predict(Predict),
+    /// Cut the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation
+    #[command(after_help = SIMULATE)]
+    Simulate(Simulate),
+    /// Say what changed between two programs, target by target
+    #[command(
+        after_help = "Exit code 1 where anything differs. Quaternions of opposite sign are the same orientation."
+    )]
+    Diff(Diff),
+    /// For CI: is each target within tolerance, reachable and convergent?
+    #[command(after_help = CHECK)]
+    Check(Check),
+    /// Find the effect that the cell lacks from measured data, and extend the cell with it
+    #[command(after_help = IDENTIFY)]
+    Identify(Identify),
+    /// Plan what to measure, so that effects can be told apart: the program and the table to fill in
+    #[command(after_help = PLAN)]
+    Plan(Plan),
+    /// Say what is understood of programs; no cell needed
+    #[command(after_help = INSPECT)]
+    Inspect(Inspect),
+    /// Print a commented cell file to start from
+    #[command(
+        after_help = "Put your own values in where `# <<` stands behind one; as long as one is left, each run says so."
+    )]
+    Init(Init),
+    /// Joints to TCP and back: a check of the cell's robot against the pendant
+    #[command(after_help = POSE)]
+    Pose(Pose),
+    /// Completions for a shell, and manual pages
+    #[command(after_help = GENERATE)]
+    Generate(Generate),
+}
+
+const COMPENSATE: &str = "\
+Examples:
+  deflex compensate part.mod --cell cell.toml -o out.mod --report out.csv
+  deflex compensate blade.apt --cell cell.toml -o blade.mod     CL in, RAPID out
+  deflex compensate *.mod --cell cell.toml --out-dir corrected  modules that use each other are one program
+  cat part.mod | deflex compensate - --cell cell.toml > out.mod
+
+Nothing is written unless every target is solved and within the cell's [limits].";
+
+const PREDICT: &str = "\
+Examples:
+  deflex predict part.mod --cell cell.toml                       report on stdout
+  deflex predict out.mod --cell cell.toml --against part.mod     judges a corrected program";
+
+const SIMULATE: &str = "\
+Examples:
+  deflex simulate part.mod --cell cell.toml --html part.html                    where the part will be off
+  deflex simulate out.mod --cell cell.toml --against part.mod --html part.html  before and after a correction
+  deflex simulate part.mod --cell cell.toml --probe points.csv                  a virtual CMM
+
+The cell needs [stock], and a cutter for each tool that cuts it. Points are in the axes of the stock's work object.";
+
+const CHECK: &str = "\
+Examples:
+  deflex check part.mod --cell cell.toml --max-error 0.1
+  deflex check corrected/*.mod --cell cell.toml --against original --max-error 0.02 --format sarif > check.sarif
+
+Exit code 1 where a target is out of tolerance, not reached, over a limit or without equilibrium.";
+
+const IDENTIFY: &str = "\
+Examples:
+  deflex identify --run part.mod measured.csv --cell cell.toml -o cell2.toml
+  deflex identify --run a.mod a.csv --run b.mod b.csv --cell cell.toml --json found.json
+  deflex identify --poses tracker.csv --cell cell.toml           rows with their own motor angles
+
+Errors before and after are those of held-out rows, which no fit has seen.";
+
+const PLAN: &str = "\
+Examples:
+  deflex plan --cell cell.toml --rows 24 -o plan.mod --measured plan.csv      then run, measure, fill in, and
+  deflex identify --run plan.mod plan.csv --cell cell.toml
+  deflex plan --cell cell.toml --rows 12 -o part.mod --pool production.mod    places of a production program only
+  deflex plan --cell cell.toml --rows 12 -o next.mod --after found.json       what an identification left undecided
+
+The cell's [plan] says where the tool may go, which loads can be applied and what is measured with (docs/formats.md).";
+
+const INSPECT: &str = "\
+Examples:
+  deflex inspect part.mod
+  deflex inspect programs/ --json found.json     every program of a folder
+  deflex inspect part.mod --json                 JSON on stdout";
+
+const POSE: &str = "\
+Examples:
+  deflex pose --cell cell.toml --joints 0,0,0,0,30,0 --tool tMill
+  deflex pose --cell cell.toml --target 1200,0,900,0,0,1,0 --tool tMill   every way to reach it
+  deflex pose --cell cell.toml --target 1200,0,900,90,0,180               x, y, z, A, B, C as KUKA counts them
+
+Angles are those of the pendant (axis signs and couplings of the maker), poses those of the TCP in the world, or in --wobj.";
+
+const GENERATE: &str = "\
+Where shells and man look (make the folders first):
+  deflex generate completions bash > ~/.local/share/bash-completion/completions/deflex
+  deflex generate completions zsh > ~/.zfunc/_deflex
+  deflex generate completions fish > ~/.config/fish/completions/deflex.fish
+  deflex generate man ~/.local/share/man/man1
+
+For zsh, ~/.zshrc says `fpath+=~/.zfunc` before `compinit`. Then: man deflex-compensate";

@@ -1,0 +1,220 @@
+//! Commands on programs.
+
+use super::groups::{Common, Corrected, Model, RAPID_MM_S, Reading, Reports, positive};
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum, ValueHint};
+use deflex::program::Language;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Compensate {
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) model: Model,
+    /// Corrected program; `-` or nothing for stdout
+    #[arg(long, short, value_name = "FILE", conflicts_with = "out_dir", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) output: Option<PathBuf>,
+    /// Folder for corrected programs and their reports (NAME.report.csv); made where missing
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(in crate::cli) out_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reports: Reports,
+    /// What is corrected
+    #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
+    pub(in crate::cli) correct: Corrected,
+    /// Insert targets until no more than this is left on the way between two
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) subdivide: Option<f64>,
+    /// Give a declared target that is used with different corrections a clone for each
+    #[arg(long)]
+    pub(in crate::cli) allow_clones: bool,
+    /// Correct a program that `compensate` has written once more; without it, such a program is refused
+    #[arg(long)]
+    pub(in crate::cli) again: bool,
+    /// CL input: language of the corrected program; `cl` for a post of your own, `ls` takes frames by the numbers in their names
+    #[arg(long, value_enum, default_value_t = Language::Rapid, value_name = "LANGUAGE")]
+    pub(in crate::cli) post: Language,
+    /// CL input: split into modules of at most this many targets, loaded one after the other
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(in crate::cli) max_targets: Option<u32>,
+    /// CL input: speed of rapid travel in the posted program
+    #[arg(long, value_name = "MM_S", default_value_t = RAPID_MM_S, value_parser = positive)]
+    pub(in crate::cli) rapid_speed: f64,
+    /// CL input without a feed: speed of its moves
+    #[arg(long, value_name = "MM_S", value_parser = positive)]
+    pub(in crate::cli) feed: Option<f64>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Predict {
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) model: Model,
+    /// The original of a corrected program (or the folder of originals): errors are counted from its targets
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(in crate::cli) against: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reports: Reports,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+    /// Taken for the sake of scripts that share options; a prediction corrects nothing
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub(in crate::cli) correct: Corrected,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Simulate {
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) model: Model,
+    /// The original of a corrected program (or the folder of originals): the part is held against what it programs
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(in crate::cli) against: Option<PathBuf>,
+    /// The part as it will be cut, as binary STL; `-` for stdout
+    #[arg(long, value_name = "OUT.stl", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) stl: Option<PathBuf>,
+    /// Page with the part in 3-D, coloured by its deviation, complete in one file; `-` for stdout
+    #[arg(long, value_name = "OUT.html", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) html: Option<PathBuf>,
+    /// Points of the surface with their deviation; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) report: Option<PathBuf>,
+    /// Figures as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    /// Nominal points (x_mm, y_mm, z_mm; nx, ny, nz for their normals) to tell the deviation at, in --report or on stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) probe: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
+
+impl Simulate {
+    /// None of them is one row a target.
+    pub(in crate::cli) fn reports(&self) -> Reports {
+        Reports { report: None, json: None, html: None, keep_going: false }
+    }
+}
+
+/// Form of the answer of `check`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum Form {
+    #[default]
+    Text,
+    Json,
+    Junit,
+    Sarif,
+}
+
+/// `--format` of `check`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::cli) enum CheckFormat {
+    /// Form of the answer.
+    Form(Form),
+    /// Kind of the input, as in other commands.
+    Input(Language),
+}
+
+impl ValueEnum for CheckFormat {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: LazyLock<Vec<CheckFormat>> = LazyLock::new(|| {
+            let forms = Form::value_variants().iter().map(|form| CheckFormat::Form(*form));
+            forms.chain(Language::ALL.map(CheckFormat::Input)).collect()
+        });
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        match self {
+            Self::Form(form) => form.to_possible_value(),
+            Self::Input(language) => language.to_possible_value().map(|value| value.hide(true)),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Check {
+    /// Programs: RAPID modules, .pgf lists, KRL, FANUC TP, CL/APT files; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) model: Model,
+    /// Largest error of a target, and of the way into it
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) max_error: f64,
+    /// Judge the targets alone, not the ways between them
+    #[arg(long)]
+    pub(in crate::cli) at_targets: bool,
+    /// Largest correction of a target
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) max_correction: Option<f64>,
+    /// The original of a corrected program (or the folder of originals): errors are counted from its targets
+    #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
+    pub(in crate::cli) against: Option<PathBuf>,
+    /// Form of the answer on stdout: text, json, junit, sarif (rapid, cl, krl, ls: kind of the input)
+    #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append)]
+    pub(in crate::cli) format: Vec<CheckFormat>,
+    /// Modules that declare tools, work objects and targets
+    #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) context: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reports: Reports,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+    /// What a correction would change, for --max-correction
+    #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
+    pub(in crate::cli) correct: Corrected,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Diff {
+    /// Program before
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) original: PathBuf,
+    /// Program after
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) corrected: PathBuf,
+    /// Every target that moved as CSV; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) report: Option<PathBuf>,
+    /// All of it as JSON; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    /// Page with the toolpath in 3-D and the shifts along it, complete in one file; `-` for stdout
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) html: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    /// Only the exit code tells
+    #[arg(long, short)]
+    pub(in crate::cli) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Inspect {
+    /// Programs or folders of programs; `-` for stdin
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
+    pub(in crate::cli) inputs: Vec<PathBuf>,
+    /// What was found as JSON; `-` or nothing for stdout
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "-", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) json: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) reading: Reading,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
