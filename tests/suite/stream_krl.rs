@@ -14,12 +14,12 @@ model = "irb6660-205-1.9"
 [robot.stiffness]
 joint_nm_per_rad = [3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5]
 [tools."TOOL_DATA[3]"]
-tcp_mm = [321.5, 0.0, 148.25]
-tcp_quat = [0.70710678118654757, 0.0, 0.70710678118654757, 0.0]
+tcp_mm = [10.0, -20.0, 200.0]
+tcp_quat = [1.0, 0.0, 0.0, 0.0]
 mass_kg = 38.0
 cog_mm = [90.0, 0.0, 60.0]
 [wobjs."BASE_DATA[2]"]
-uframe_mm = [1600.0, -200.0, 600.0]
+uframe_mm = [1100.0, -150.0, 300.0]
 uframe_quat = [1.0, 0.0, 0.0, 0.0]
 [cut]
 force = "constant"
@@ -43,12 +43,12 @@ DEF part( )
   $BASE=BASE_DATA[2]
   $TOOL=TOOL_DATA[3]
   $VEL.CP=0.05
-  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+  PTP {A1 0,A2 0,A3 0,A4 0,A5 30,A6 0}
 ";
 
 const TAIL: &str = "  $VEL.CP=0.2
-  LIN {X 0,Y 0,Z 120,A 0,B 0,C 0}
-  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
+  LIN {X 0,Y 0,Z 120,A 0,B 180,C 0}
+  PTP {A1 0,A2 0,A3 0,A4 0,A5 30,A6 0}
 END
 ";
 
@@ -62,9 +62,9 @@ fn words(said: &[Diagnostic]) -> Vec<String> {
     said.iter().map(|said| format!("{said} {:?}", said.snippet)).collect()
 }
 
-fn whole(text: &str, cell: &Cell) -> Came {
+fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let program = krl::read(vec![Source::new("part.src", text)], Vec::new()).map_err(|errors| words(&errors))?;
-    let corrected = compensate(&program, cell, &Options::default()).map_err(|errors| words(&errors))?;
+    let corrected = compensate(&program, cell, options).map_err(|errors| words(&errors))?;
     if !corrected.failures.is_empty() {
         return Err(words(&corrected.failures));
     }
@@ -75,12 +75,12 @@ fn whole(text: &str, cell: &Cell) -> Came {
 }
 
 /// `None` where the program is read whole.
-fn streamed(text: &str, cell: &Cell, chunk: usize, threads: usize) -> Option<Came> {
+fn streamed(text: &str, cell: &Cell, options: &Options, chunk: usize, threads: usize) -> Option<Came> {
     let chunks = Chunks::sized("part.src", text.as_bytes(), &[], chunk).unwrap()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    Some(match compensate_chunks(chunks, cell, &Options::default(), threads, &mut program, &mut sinks) {
+    Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), words(&notes)))
         }
@@ -124,15 +124,15 @@ fn program(lines: &[Line]) -> String {
     for (i, line) in lines.iter().enumerate() {
         let (x, y, z) = (0.5 * i as f64, 40.0 - 0.02 * i as f64, 0.01 * (i % 7) as f64);
         match line {
-            Line::Cut => writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 0.000,C 0.000}} C_DIS"),
+            Line::Cut => writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 180.000,C 0.000}} C_DIS"),
             Line::Turned => {
-                writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A -{z:.4},B {z:.4},C 0.500}} C_DIS ; turned")
+                writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A -{z:.4},B 179.{i:03},C 0.500}} C_DIS ; turned")
             }
-            Line::Smooth => writeln!(text, "LIN {{X {x:.1},Y {y:.2},Z {z:.2},A 0,B 0,C 0}} C_VEL"),
+            Line::Smooth => writeln!(text, "LIN {{X {x:.1},Y {y:.2},Z {z:.2},A 0,B 180,C 0}} C_VEL"),
             Line::Blanks => {
-                writeln!(text, "  LIN {{X   {x:.3}, Y  {y:.3}, Z {z:.3}, A 0.000, B 0.000, C 0.000}} C_DIS")
+                writeln!(text, "  LIN {{X   {x:.3}, Y  {y:.3}, Z {z:.3}, A 0.000, B 180.000, C 0.000}} C_DIS")
             }
-            Line::Spline => writeln!(text, "  SLIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 0.000,C 0.000}}"),
+            Line::Spline => writeln!(text, "  SLIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 180.000,C 0.000}}"),
             Line::Comment => writeln!(text, "  ; LIN {{X 1,Y 2}} is no motion"),
             Line::Empty => writeln!(text),
             Line::Air => writeln!(text, " ; deflex air"),
@@ -152,15 +152,18 @@ proptest! {
         mut lines in prop::collection::vec(line(), 20..120),
         crlf in any::<bool>(),
         chunk in 200..4000_usize,
+        subdivide in prop::option::of(Just(5e-6)),
     ) {
+        let options = Options { subdivide, ..Options::default() };
         // The direction out of the first target has to be told by the first chunk.
         lines.splice(0..0, [Line::Cut; 4]);
         let text = program(&lines);
         let text = if crlf { text.replace('\n', "\r\n") } else { text };
         let cell = cell();
-        let expected = whole(&text, &cell);
+        let expected = whole(&text, &cell, &options);
+        prop_assert!(expected.is_ok(), "{expected:?}");
         for threads in [1, 3] {
-            let Some(came) = streamed(&text, &cell, chunk, threads) else {
+            let Some(came) = streamed(&text, &cell, &options, chunk, threads) else {
                 return Err(TestCaseError::fail("the program goes in chunks"));
             };
             match (&came, &expected) {
@@ -180,7 +183,8 @@ proptest! {
 fn what_only_the_whole_tells_is_read_whole() {
     let lines = [Line::Cut; 60];
     let text = program(&lines);
-    assert!(streamed(&text, &cell(), 600, 1).is_some());
+    let options = Options::default();
+    assert!(streamed(&text, &cell(), &options, 600, 1).is_some_and(|came| came.is_ok()));
     let in_the_middle = |line: &str| {
         let at = text.match_indices("  LIN").nth(40).unwrap().0;
         format!("{}{line}\n{}", &text[..at], &text[at..])
@@ -192,22 +196,22 @@ fn what_only_the_whole_tells_is_read_whole() {
         in_the_middle("  $TOOL=TOOL_DATA[4]"),
         in_the_middle("  LIN {X 3}"),
         in_the_middle("  LIN XP1 C_DIS"),
-        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0,E1 10}"),
-        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0,S 2,T 3}"),
-        in_the_middle("  CIRC {X 1,Y 2,Z 3},{X 20,Y 40,Z 0,A 0,B 0,C 0}"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 180,C 0,E1 10}"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 180,C 0,S 2,T 3}"),
+        in_the_middle("  CIRC {X 1,Y 2,Z 3},{X 20,Y 40,Z 0,A 0,B 180,C 0}"),
         in_the_middle("  FOR i=1 TO 3"),
-        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0} ; deflex air"),
-        in_the_middle("  ; one\r  LIN {X 20,Y 40,Z 0,A 0,B 0,C 0}"),
+        in_the_middle("  LIN {X 20,Y 40,Z 0,A 0,B 180,C 0} ; deflex air"),
+        in_the_middle("  ; one\r  LIN {X 20,Y 40,Z 0,A 0,B 180,C 0}"),
         in_the_middle("END\nDEF other( )"),
         // What goes back, or takes numbers of the last line.
         behind("  GOTO again"),
-        text.replace("  LIN {X 0,Y 0,Z 120,A 0,B 0,C 0}", "  LIN {Z 120}"),
+        text.replace("  LIN {X 0,Y 0,Z 120,A 0,B 180,C 0}", "  LIN {Z 120}"),
         text.replace("  $BASE=", "again:\n  $BASE="),
         text.replace("END\n", "END\nDEF other( )\nEND\n"),
         text.replace("  PTP {A1 0", "  PTP {E1 100,A1 0"),
     ] {
-        match streamed(&other, &cell(), 600, 1) {
-            Some(came) => assert!(came == whole(&other, &cell()), "{other}"),
+        match streamed(&other, &cell(), &options, 600, 1) {
+            Some(came) => assert!(came == whole(&other, &cell(), &options), "{other}"),
             None => held += 1,
         }
     }

@@ -8,7 +8,7 @@
 //! | `run`, `calls`, `motion` | statements | targets |
 //! | `chunks`, `like` | a long file | the same in constant memory |
 //! | `changes`, `names` | statements | what they could change |
-//! | `rewrite` | corrected poses | edits on number tokens |
+//! | `rewrite`, `insert` | corrected poses | edits on number tokens, lines between |
 //!
 //! A mark `; deflex air` or `; deflex cut` holds from the next statement on, in the order in which statements run.
 
@@ -16,6 +16,7 @@ mod calls;
 mod changes;
 mod chunks;
 mod eval;
+mod insert;
 mod lex;
 mod like;
 mod motion;

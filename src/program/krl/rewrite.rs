@@ -1,8 +1,8 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
-use super::Layout;
 use super::run::Site;
 use super::value::Place;
+use super::{Layout, insert};
 use crate::program::language::FrontEnd;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::token::{New, signed};
@@ -11,9 +11,9 @@ use crate::text::{Content, Edit, Token};
 use std::collections::{HashMap, HashSet};
 
 /// Least decimals of a position, mm: half of the last digit is below what a robot repeats by two orders.
-const POSITION_DECIMALS: usize = 3;
+pub(super) const POSITION_DECIMALS: usize = 3;
 /// Least decimals of an angle, degrees: single precision, in which the controller counts, holds no more at 180.
-const ANGLE_DECIMALS: usize = 5;
+pub(super) const ANGLE_DECIMALS: usize = 5;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 const STATUS: &str = "joint motion whose status or turn (S, T) would be another, or is not that of the arm";
@@ -35,10 +35,6 @@ impl FrontEnd for Layout {
         _: &RewriteOptions,
     ) -> Rewritten {
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
-        out.inserted = vec![None; inserts.len()];
-        let mut at: Vec<usize> = inserts.iter().map(|insert| insert.before).collect();
-        at.dedup();
-        out.not_inserted = at.into_iter().map(|at| (at, "points are not inserted into KRL")).collect();
         let wishes: Vec<Wish> =
             (0..changes.len()).map(|i| wish(program, &self.sites[i], i, changes[i].as_ref())).collect();
         let frozen = self.frozen(program, &wishes, changes);
@@ -69,8 +65,9 @@ impl FrontEnd for Layout {
                 }
             }
         }
+        insert::write(program, self, inserts, &mut out);
         for edits in &mut out.edits {
-            edits.sort_by_key(|edit| edit.span.start);
+            edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
         }
         out
     }
@@ -130,7 +127,7 @@ impl Layout {
     }
 }
 
-fn bytes(program: &Program, place: Place) -> &[u8] {
+pub(super) fn bytes(program: &Program, place: Place) -> &[u8] {
     program.sources[usize::from(place.source)].slice(place.span())
 }
 
@@ -172,7 +169,7 @@ fn wish(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> Wi
 }
 
 /// Of the two triples of angles that are one rotation the one nearer to another, within half a turn either way.
-fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
+pub(super) fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
     let wrap = |angle: f64| {
         let turns = (angle / 360.0).round();
         angle - 360.0 * turns

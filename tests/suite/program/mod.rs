@@ -5,6 +5,7 @@ mod cl_corpus;
 mod cl_sound;
 mod cl_written;
 mod krl;
+mod krl_insert;
 mod krl_sound;
 mod rapid;
 mod rapid_sound;

@@ -1,0 +1,212 @@
+//! Points between two targets: motions of their own before the statement, in the file's layout.
+
+use super::Layout;
+use super::lex::{Cursor, lines};
+use super::rewrite::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
+use super::value::{EXTERNAL, POSE, upper};
+use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::token::signed;
+use crate::program::{Editable, Insert, Motion, Program, Rewritten, Role, Target};
+use crate::text::{Edit, Source, Span, number};
+use std::ops::Range;
+
+/// Words that begin what the controller does at the end of a motion.
+const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
+
+const SPLINE: &str = "in a spline block: a point between would make it another curve";
+const FORM: &str = "in an inline form, which the controller would write anew without it";
+const TRIGGERED: &str = "a TRIGGER before it counts from this motion";
+
+/// Writes the inserts into `out`; gives each as the controller will hold it, where it could be written.
+pub(super) fn write(program: &Program, layout: &Layout, inserts: &[Insert], out: &mut Rewritten) {
+    if inserts.is_empty() {
+        return;
+    }
+    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
+    for insert in inserts {
+        match line(program, layout, insert, &barred) {
+            Ok((source, at, text, pose)) => {
+                let edits = &mut out.edits[source];
+                // Several points before one statement, in their order: one edit.
+                match edits.iter_mut().find(|edit| edit.span == at) {
+                    Some(edit) => edit.content.extend_from_slice(&text),
+                    None => edits.push(Edit { span: at, content: text.into() }),
+                }
+                out.inserted.push(Some(pose));
+            }
+            Err(why) => {
+                out.inserted.push(None);
+                out.not_inserted.push((insert.before, why));
+            }
+        }
+    }
+    out.not_inserted.dedup();
+}
+
+/// Where nothing may be inserted.
+struct Barred {
+    /// Blocks of splines.
+    splines: Vec<Range<usize>>,
+    /// Folds of inline forms.
+    forms: Vec<Range<usize>>,
+    /// Starts of statements behind a TRIGGER.
+    triggered: Vec<u32>,
+}
+
+impl Barred {
+    fn of(source: &Source) -> Self {
+        let (mut splines, mut triggered, mut open, mut behind) = (Vec::new(), Vec::new(), None, false);
+        for line in lines(&source.bytes).filter(|line| !line.code.is_empty()) {
+            let cursor = Cursor::new(&source.bytes, 0, line.code);
+            match &upper(cursor.text(cursor.peek()))[..] {
+                b"SPLINE" | b"PTP_SPLINE" => open = Some(line.code.range().start),
+                b"ENDSPLINE" => splines.extend(open.take().map(|start| start..line.code.range().end)),
+                b"TRIGGER" => {
+                    behind = true;
+                    continue;
+                }
+                _ => {}
+            }
+            if std::mem::take(&mut behind) {
+                triggered.push(line.code.start);
+            }
+        }
+        Self { splines, forms: forms(&source.bytes), triggered }
+    }
+
+    fn why(&self, target: &Target) -> Option<&'static str> {
+        let at = target.span.range().start;
+        let within = |ranges: &[Range<usize>]| ranges.iter().any(|range| range.contains(&at));
+        match () {
+            () if within(&self.splines) => Some(SPLINE),
+            // Forms go to named points alone.
+            () if target.name.is_some() && within(&self.forms) => Some(FORM),
+            () if self.triggered.contains(&target.span.start) => Some(TRIGGERED),
+            () => None,
+        }
+    }
+}
+
+/// Folds that the controller writes: their first line holds the parameters of a form (`;%{PE}`).
+fn forms(bytes: &[u8]) -> Vec<Range<usize>> {
+    let (mut found, mut open) = (Vec::new(), Vec::new());
+    for at in memchr::memchr_iter(b';', bytes) {
+        let rest = &bytes[at + 1..];
+        let line = &rest[..memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len())];
+        let begins = |word: &[u8]| line.len() >= word.len() && line[..word.len()].eq_ignore_ascii_case(word);
+        if begins(b"FOLD") {
+            open.push((at, memchr::memmem::find(line, b"%{").is_some()));
+        } else if begins(b"ENDFOLD")
+            && let Some((start, true)) = open.pop()
+        {
+            found.push(start..at);
+        }
+    }
+    found
+}
+
+type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));
+
+fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) -> Result<Written, &'static str> {
+    let target = program.targets.get(insert.before).ok_or("no such target")?;
+    let source = usize::from(target.source);
+    let text = program.sources[source].bytes.get(target.span.range()).ok_or("no such statement")?;
+    let barred = barred.get(source).ok_or("in a context file")?;
+    if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End {
+        return Err("only lines and arcs can be subdivided");
+    }
+    if let Some(why) = barred.why(target) {
+        return Err(why);
+    }
+    let site = &layout.sites[insert.before];
+    let [_, _, _, Some(a), Some(b), Some(c)] = site.tokens else {
+        return Err("its position leaves components to the motion before");
+    };
+    if target.editable != Editable::Pose {
+        return Err("its position leaves components to the motion before");
+    }
+    let same = |other: &&Target| (other.source, other.span, other.role) == (target.source, target.span, Role::End);
+    if program.targets.iter().filter(same).take(2).count() != 1 {
+        return Err("motion runs more than once: a point before it would too");
+    }
+    let mut cursor = Cursor::new(&program.sources[source].bytes, 0, target.span);
+    let word = cursor.next();
+    let spline = match &upper(cursor.text(word))[..] {
+        b"LIN" | b"CIRC" => false,
+        b"SLIN" | b"SCIRC" => true,
+        _ => return Err("motion is not understood"),
+    };
+    // What it does at its end, the point does too.
+    let (point, _) = cursor.until(&APPROXIMATE);
+    let behind = text.get(point.range().end - target.span.range().start..).unwrap_or_default();
+    let old = [a, b, c].map(|place| signed(bytes(program, place)).unwrap_or(0.0));
+    let mut content = Vec::new();
+    let mut held = [0.0; 6];
+    let names: [&[u8]; 2] = if spline { [b"SLIN ", b"SCIRC "] } else { [b"LIN ", b"CIRC "] };
+    content.extend_from_slice(names[usize::from(insert.via.is_some())]);
+    if let Some((position_mm, _)) = insert.via {
+        // Its angles count for nothing.
+        put(&mut content, POSE.iter().zip(position_mm), POSITION_DECIMALS);
+        content.extend_from_slice(b"},");
+    }
+    for (to, value) in held.iter_mut().zip(put(&mut content, POSE.iter().zip(insert.position_mm), POSITION_DECIMALS)) {
+        *to = value;
+    }
+    content.push(b',');
+    let angles = near(zyx_deg(&rotation(insert.quat)), old);
+    let open = content.len();
+    let printed = put(&mut content, POSE[3..].iter().zip(angles), ANGLE_DECIMALS);
+    content.remove(open);
+    for (to, value) in held[3..].iter_mut().zip(printed) {
+        *to = value;
+    }
+    let own = target.external.as_ref().map(|external| external.written);
+    for (name, axis) in EXTERNAL.iter().zip(insert.external.or(own).unwrap_or_default()) {
+        let Some(position) = axis else { continue };
+        content.push(b',');
+        let open = content.len();
+        put(&mut content, [(name, position)].into_iter(), POSITION_DECIMALS);
+        content.remove(open);
+    }
+    content.push(b'}');
+    if !behind.is_empty() {
+        content.push(b' ');
+        content.extend_from_slice(behind);
+    }
+    let (indent, line_end) = around(&program.sources[source].bytes, target.span);
+    content.extend_from_slice(line_end);
+    content.extend_from_slice(indent);
+    let [x, y, z, a, b, c] = held;
+    let pose = ([x, y, z], quaternion(&from_zyx_deg([a, b, c])));
+    Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
+}
+
+/// `{X 1.000,Y 2.000`, and what single precision makes of the numbers.
+fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f64)>, decimals: usize) -> Vec<f64> {
+    out.push(b'{');
+    let mut held = Vec::new();
+    for (name, value) in components {
+        if !held.is_empty() {
+            out.push(b',');
+        }
+        out.extend_from_slice(name);
+        out.push(b' ');
+        let from = out.len();
+        number::write_fixed(out, value, decimals);
+        #[allow(clippy::cast_possible_truncation)] // as the controller holds it
+        held.push(f64::from(number::read(&out[from..]).unwrap_or(value) as f32));
+    }
+    held
+}
+
+/// The blanks before a statement, and how its line ends.
+fn around(bytes: &[u8], statement: Span) -> (&[u8], &[u8]) {
+    let Range { start, end } = statement.range();
+    let blanks = bytes[..start].iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+    let at = end + memchr::memchr2(b'\n', b'\r', &bytes[end..]).unwrap_or(bytes.len() - end);
+    let len = bytes[at..].iter().take_while(|byte| **byte == b'\r').count();
+    let len = len + usize::from(bytes.get(at + len) == Some(&b'\n'));
+    // A return alone ends one line, and the next is empty.
+    let len = if bytes.get(at + len.saturating_sub(1)) == Some(&b'\n') { len } else { len.min(1) };
+    (&bytes[start - blanks..start], if len == 0 { b"\n" } else { &bytes[at..at + len] })
+}
