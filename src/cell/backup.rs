@@ -26,6 +26,9 @@ const ROBOT_AXES: usize = 6;
 /// Limits closer than this to the built-in robot's are its own, degrees: they are printed with six digits.
 const SAME_DEG: f64 = 0.05;
 
+/// A unit's bound from which on it is none, rad or m: turntables and conveyors without an end have 10⁶.
+const UNBOUNDED: f64 = 1e5;
+
 /// The cell file of a backup: what it does not tell is marked as in [`template`](super::template).
 ///
 /// `model` names the built-in robot where the backup's type is not one of them.
@@ -62,7 +65,16 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
     let units = cfg.units(robot);
     let under = units.iter().find(|unit| unit.carries_robot);
     let base = under.map_or_else(Pose::identity, |unit| unit.frame) * frame(robot);
-    head += &place("base_mm", "base_quat", &base, under.is_some());
+    let stands_on = robot.get("base_frame_coordinated").filter(|on| under.is_none() && !on.is_empty());
+    if let Some(on) = stands_on {
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            head,
+            "# << the robot stands on {}, which is not taken: add [[unit]] for each of its axes, and the base with these at zero",
+            comment(on)
+        );
+    }
+    head += &place("base_mm", "base_quat", &base, under.is_some() || stands_on.is_some());
     head += &cfg.limits(robot, builtin);
     for unit in &units {
         unit.write(&mut head);
@@ -271,10 +283,24 @@ fn of_type(kind: &str) -> (Option<&'static Builtin>, bool) {
     };
     let wanted = format!("irb{}-{payload}-{reach:.2}", family.to_ascii_lowercase());
     let same = |robot: &&Builtin| robot.model == wanted || format!("{}0", robot.model) == wanted;
-    match of_family().find(same) {
-        Some(robot) => (Some(robot), !odd),
-        None => (of_family().next(), false),
+    if let Some(robot) = of_family().find(same) {
+        return (Some(robot), !odd);
     }
+    // The one that is most like it: reach first.
+    let size = |robot: &Builtin| {
+        let mut parts = robot.model.rsplit('-').map(|part| part.parse().unwrap_or(f64::INFINITY));
+        [parts.next(), parts.next()].map(|part: Option<f64>| part.unwrap_or(f64::INFINITY))
+    };
+    let payload: f64 = payload.parse().unwrap_or(f64::INFINITY);
+    let off = |robot: &Builtin| {
+        let [own_reach, own_payload] = size(robot);
+        ((own_reach - reach).abs(), (own_payload - payload).abs())
+    };
+    let nearest = of_family().min_by(|a, b| {
+        let (a, b) = (off(a), off(b));
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+    });
+    (nearest, false)
 }
 
 /// A single axis of the backup.
@@ -310,7 +336,7 @@ impl FoundUnit {
         if let Some(on) = &self.on {
             let _ = writeln!(out, "on = {on:?}");
         }
-        if let Some(bounds) = self.bounds {
+        if let Some(bounds) = self.bounds.filter(|bounds| bounds.iter().all(|bound| bound.abs() < UNBOUNDED)) {
             let [min, max] = bounds.map(|bound| tidy(if linear { 1e3 * bound } else { bound.to_degrees() }));
             let _ = writeln!(out, "min = {min:?}\nmax = {max:?}");
         }
@@ -406,6 +432,22 @@ mod tests {
         assert_eq!(of("ROB1_1200_0.9_5_TypeB"), Some(("irb1200-5-0.90", false)));
         assert_eq!(of("ROB1_6700_LeanID_2.65_220").map(|found| found.1), Some(false));
         assert_eq!(of("ROB1_9999_1.0_5"), None);
+        assert_eq!(of("ROB1_6700_2.80_205"), Some(("irb6700-235-2.65", false)));
+    }
+
+    /// On a gantry that is a robot of its own, beside a conveyor without an end.
+    #[test]
+    fn what_is_not_taken_is_marked() {
+        let moc = MOC
+            .replace("-base_frame_coordinated \"TRACK1\" -gravity", "-base_frame_coordinated \"IRBP\" -gravity")
+            .replace("-name \"A7\" -upper_joint_bound 3.5", "-name \"A7\" -upper_joint_bound 1256640");
+        let text = backup_template(&source("MOC.cfg", &moc), &[], None).unwrap();
+        let cell = Cell::read(&source("cell.toml", &text)).unwrap_or_else(|errors| panic!("{errors:?}\n{text}"));
+        assert_eq!((cell.units.under_robot(), cell.units.all()[0].max), (None, f64::INFINITY));
+        assert!(
+            text.contains("# << the robot stands on IRBP") && text.contains("base_mm = [0.0, 0.0, 500.0]   # <<"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -1,13 +1,16 @@
 //! `[cl]`: what only the cell knows about CL data.
 
 use super::check::Check;
+use super::unit::AXES;
 use super::{Cl, Spin, SpinRule, nearest, raw};
 use crate::correct::SINGULAR_MARGIN;
+use crate::program::ExternalAxes;
 use crate::program::cl::{ClOptions, Point, Units, may_be_declared_harmless};
 use crate::program::post::{TEMPLATES, Templates};
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
 
 /// Reads `[cl]`; corner radii (mm) are those of `[cut.cutter]` and of the tools' own cutters, by name in upper case.
 pub(super) fn cl(
@@ -15,6 +18,7 @@ pub(super) fn cl(
     raw: &raw::Cl,
     corner_radius_mm: Option<f64>,
     corner_radii_mm: BTreeMap<String, f64>,
+    mechanical: &crate::robot::Units,
 ) -> Option<Cl> {
     let units = match &raw.units {
         Some(units) => Some(check.word("cl.units", units, &[("mm", Units::Millimetre), ("inch", Units::Inch)])?),
@@ -69,6 +73,7 @@ pub(super) fn cl(
         corner_radius_mm,
         corner_radii_mm,
         arc_tolerance_mm,
+        external: external(check, &raw.external, mechanical),
     };
     Some(Cl {
         options,
@@ -76,6 +81,29 @@ pub(super) fn cl(
         spin: Spin { rule, turn: turn.to_radians() },
         singular_margin,
     })
+}
+
+/// `[cl] external`: where the mechanical units stand.
+fn external(check: &mut Check, raw: &BTreeMap<String, f64>, units: &crate::robot::Units) -> Option<Arc<ExternalAxes>> {
+    let mut axes = ExternalAxes::default();
+    for (name, position) in raw {
+        let key = format!("cl.external.{name}");
+        let unit = AXES.iter().position(|axis| axis == name);
+        let unit = unit.and_then(|axis| units.all().iter().find(|unit| unit.axis == axis));
+        let Some(unit) = unit else {
+            let message = format!("`{name}` moves no unit of the cell");
+            check.error(&key, message, "name an axis of a [[unit]]: eax_a … eax_f");
+            continue;
+        };
+        check.finite(&key, &[*position]);
+        if !(unit.min..=unit.max).contains(position) {
+            let message =
+                format!("unit `{}` cannot stand at {position}: its limits are {} to {}", unit.name, unit.min, unit.max);
+            check.error(&key, message, "mm of linear units, degrees of rotary ones");
+        }
+        axes.written[unit.axis] = Some(*position);
+    }
+    (!raw.is_empty()).then(|| axes.into())
 }
 
 /// `[cl] tools`: numbers as CL data write them, `2` and `2.` being one.

@@ -56,6 +56,8 @@ pub struct Cell {
     pub tool_milling: BTreeMap<String, MillingParts>,
     /// Work objects by name, upper case: the object frame in the world.
     pub wobjs: BTreeMap<String, Pose>,
+    /// Index of the mechanical unit that is the user frame of a work object, by its name in upper case: the pose is then in that.
+    pub wobj_units: BTreeMap<String, usize>,
     /// `[limits]`.
     pub limits: CorrectionLimits,
     /// `[controller] compensates`: effects covered by it are left out of `arm.effects`; this says which.

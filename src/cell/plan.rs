@@ -44,7 +44,7 @@ pub enum Instrument {
     Distance,
 }
 
-/// Reads `[plan]`; `tools` and `wobjs` are the names that the cell declares, in upper case.
+/// Reads `[plan]`; `tools` and `wobjs` are the names that the cell declares, in upper case, work objects on no mechanical unit.
 pub(super) fn plan<'a>(
     check: &mut Check,
     raw: &raw::Plan,
@@ -56,7 +56,7 @@ pub(super) fn plan<'a>(
         check.error("plan.tool", message, format!("add [tools.{}] with tcp_mm and tcp_quat", raw.tool));
     }
     if !wobjs.any(|name| name.eq_ignore_ascii_case(&raw.wobj)) {
-        let message = format!("plan.wobj = \"{}\": the cell declares no such work object", raw.wobj);
+        let message = format!("plan.wobj = \"{}\": the cell declares no such work object that stands still", raw.wobj);
         check.error("plan.wobj", message, format!("add [wobjs.{}] with uframe_mm and uframe_quat", raw.wobj));
     }
     for corner in raw.box_mm {

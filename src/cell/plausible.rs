@@ -164,7 +164,9 @@ fn frames(check: &mut Check, raw: &raw::Cell) {
         units: &[("m", 1e-3), ("µm", 1e3)],
     };
     for (name, wobj) in &raw.wobjs {
-        usual.look(check, &format!("wobjs.{name}.uframe_mm"), rounded(norm(wobj.uframe_mm)), true);
+        if let Some(mm) = wobj.uframe_mm {
+            usual.look(check, &format!("wobjs.{name}.uframe_mm"), rounded(norm(mm)), true);
+        }
     }
 }
 

@@ -108,10 +108,11 @@ pub(super) struct Tool {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Wobj {
-    pub(super) uframe_mm: [f64; 3],
-    pub(super) uframe_quat: [f64; 4],
+    pub(super) uframe_mm: Option<[f64; 3]>,
+    pub(super) uframe_quat: Option<[f64; 4]>,
     pub(super) oframe_mm: Option<[f64; 3]>,
     pub(super) oframe_quat: Option<[f64; 4]>,
+    pub(super) unit: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -132,6 +133,8 @@ pub(super) struct Cl {
     pub(super) singular_margin_deg: Option<f64>,
     pub(super) towards_mm: Option<[f64; 3]>,
     pub(super) arc_tolerance_mm: Option<f64>,
+    #[serde(default)]
+    pub(super) external: BTreeMap<String, f64>,
 }
 
 #[derive(Deserialize)]

@@ -64,9 +64,13 @@ impl Cell {
                 tool_milling.insert(name.to_ascii_uppercase(), parts);
             }
         }
-        let wobjs =
-            raw.wobjs.iter().map(|(name, wobj)| (name.to_ascii_uppercase(), self::wobj(&mut check, name, wobj)));
-        let wobjs: BTreeMap<String, Pose> = wobjs.collect();
+        let units: Arc<Units> = super::unit::units(&mut check, &raw.unit).into();
+        let (mut wobjs, mut wobj_units) = (BTreeMap::new(), BTreeMap::new());
+        for (name, keys) in &raw.wobjs {
+            let (frame, unit) = self::wobj(&mut check, name, keys, &units);
+            wobjs.insert(name.to_ascii_uppercase(), frame);
+            wobj_units.extend(unit.map(|unit| (name.to_ascii_uppercase(), unit)));
+        }
         one_name(&mut check, "tools", raw.tools.keys());
         one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
@@ -77,10 +81,10 @@ impl Cell {
             Some((name.to_ascii_uppercase(), tool.cutter.as_ref()?.corner_radius_mm))
         };
         let own = raw.tools.iter().filter_map(own).collect();
-        let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own));
+        let cl = raw.cl.as_ref().and_then(|keys| cl(&mut check, keys, shared, own, &units));
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
-        let units: Arc<Units> = super::unit::units(&mut check, &raw.unit).into();
-        let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), wobjs.keys()));
+        let still = || wobjs.keys().filter(|name| !wobj_units.contains_key(*name));
+        let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), still()));
         let (effects, covariances) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
@@ -98,6 +102,7 @@ impl Cell {
                 tools,
                 tool_milling,
                 wobjs,
+                wobj_units,
                 limits,
                 controller,
                 cl,
@@ -247,11 +252,35 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
     })
 }
 
-fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj) -> Pose {
+/// Its frame: in the world, or in the unit that is its user frame.
+fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj, units: &Units) -> (Pose, Option<usize>) {
+    const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let key = format!("wobjs.{name}");
-    let user = check.frame(&key, ["uframe_mm", "uframe_quat"], raw.uframe_mm, raw.uframe_quat);
-    let quat = raw.oframe_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-    user * check.frame(&key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat)
+    let quat = raw.oframe_quat.unwrap_or(UPRIGHT);
+    let object = check.frame(&key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat);
+    let Some(unit) = &raw.unit else {
+        let missing = (raw.uframe_mm.is_none(), raw.uframe_quat.is_none());
+        let why = "the user frame in the world, or `unit`, the mechanical unit that it is on";
+        if missing.0 {
+            check.need::<()>(&key, "uframe_mm", None, why);
+        }
+        if missing.1 {
+            check.need::<()>(&key, "uframe_quat", None, why);
+        }
+        let (mm, quat) = (raw.uframe_mm.unwrap_or_default(), raw.uframe_quat.unwrap_or(UPRIGHT));
+        return (check.frame(&key, ["uframe_mm", "uframe_quat"], mm, quat) * object, None);
+    };
+    if raw.uframe_mm.is_some() || raw.uframe_quat.is_some() {
+        let message = format!("{key}: the user frame is that of unit `{unit}`");
+        check.error(&format!("{key}.unit"), message, "remove uframe_mm and uframe_quat, or `unit`");
+    }
+    let found = units.named(unit);
+    if found.is_none() {
+        let near = nearest(unit, units.all().iter().map(|unit| unit.name.as_str()));
+        let help = near.map_or("declare it with [[unit]]".to_owned(), |near| format!("did you mean `{near}`?"));
+        check.error(&format!("{key}.unit"), format!("unit `{unit}` is not declared"), help);
+    }
+    (object, found)
 }
 
 /// RAPID names are case-insensitive: two that differ in case only are one.

@@ -148,6 +148,7 @@ point = "tip"                   # << what GOTO names: tip | centre
 spin = "fixed"                  # the TCP's x axis: fixed | feed | towards | stiffest (chosen along the path)
 spin_deg = 0.0
 # singular_margin_deg = 10.0      # stiffest: how far axis 5 stays from 0
+# external = {{ eax_a = 0.0 }}      # where the mechanical units ([[unit]]) stand, mm or degrees
 # harmless = ["RETRCT"]           # words that do nothing on your machine: listed instead of refused
 # [cl.post]                       # lines of the posted program; what has no line is listed, a tool change is an error
 # tool_change = "rToolChange {{number}};"

@@ -20,11 +20,17 @@ pub(super) fn run(args: &Arguments) -> Outcome {
         Some(name) => named("tool", name, &cell.tools)?.flange_from_tcp,
         None => Pose::identity(),
     };
+    let external = external(&cell, &args.external)?;
     let world_from_wobj = match &args.wobj {
-        Some(name) => *named("wobj", name, &cell.wobjs)?,
+        Some(name) => {
+            let frame = named("wobj", name, &cell.wobjs)?;
+            match cell.wobj_units.get(&name.to_ascii_uppercase()) {
+                Some(unit) => cell.units.world_from_unit(*unit, &external) * frame,
+                None => *frame,
+            }
+        }
         None => Pose::identity(),
     };
-    let external = external(&cell, &args.external)?;
     let world_from_base = cell.units.world_from_base(&cell.arm.robot.world_from_base, &external);
     let base_from_wobj = world_from_base.inv_mul(&world_from_wobj);
     let frames = Frames { cell: &cell, base_from_wobj, flange_from_tcp };

@@ -85,9 +85,10 @@ impl Ahead {
             self.posed = true;
             self.stretch = before.is_some() && targets.iter().all(is_pose);
         } else if let Some(before) = before
+            && (1..targets.len()).all(|lane| setting(lane) == setting(0))
             && self.turn(targets, before, carried.spun).is_some()
         {
-            let Setting { base_from_wobj, tool, .. } = &carried.settings[before.setting as usize].setting;
+            let Setting { base_from_wobj, tool, .. } = setting(0);
             robot.find_posed((base_from_wobj, &tool.flange_from_tcp), &near, &mut self.found);
             (self.posed, self.stretch) = (true, true);
         }

@@ -108,10 +108,17 @@ impl WobjFrame {
 /// A work object that is declared; `Err` where a unit moves it that the cell does not declare, and why it is not solved.
 pub(super) type Declared = Result<WobjFrame, &'static str>;
 
+/// A work object of the cell.
+fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
+    let name = name.to_ascii_uppercase();
+    let frame = *cell.wobjs.get(&name)?;
+    Some(WobjFrame { unit: cell.wobj_units.get(&name).copied(), frame })
+}
+
 /// A work object of the program, as program or cell declare it.
 fn declared(wobj: &Wobj, cell: &Cell) -> Option<Declared> {
     let Some(data) = &wobj.data else {
-        return cell.wobjs.get(&wobj.name.to_ascii_uppercase()).map(|frame| Ok(WobjFrame::fixed(*frame)));
+        return of_cell(cell, &wobj.name).map(Ok);
     };
     Some(match &wobj.unit {
         None => Ok(WobjFrame::fixed(object_frame(data))),
@@ -150,7 +157,7 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
 pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<WobjFrame> {
     let of_program = program.wobjs.iter().find(|wobj| wobj.name.eq_ignore_ascii_case(name));
     let of_program = of_program.and_then(|wobj| declared(wobj, cell)?.ok());
-    of_program.or_else(|| cell.wobjs.get(&name.to_ascii_uppercase()).copied().map(WobjFrame::fixed))
+    of_program.or_else(|| of_cell(cell, name))
 }
 
 /// A maker of diagnostics at the first target that uses something; `None` where nothing does.

@@ -9,7 +9,7 @@ use super::point::{Point, tool_axis};
 use super::spin;
 use super::travel::{CHORD, travel};
 use super::{Options, Prepared};
-use crate::cell::Cell;
+use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
@@ -133,16 +133,28 @@ pub(super) fn prepare(
     }
 }
 
-/// CL data do not say where units stand: a cell whose robot stands on one cannot run them.
+/// CL data do not say where units stand: the cell has to, of those that carry the robot or the work object.
 fn unsaid_units(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
-    match (program.language, cell.units.under_robot(), program.sources.first()) {
-        (Language::Cl, Some(unit), Some(source)) => {
-            let name = &cell.units.all()[unit].name;
-            let message = format!("CL data do not say where unit `{name}` of the cell stands, which carries the robot");
-            let help = "put [robot] base_mm where the robot stands for this program, and leave the [[unit]] out";
+    let (Language::Cl, Some(source), Some(target)) =
+        (program.language, program.sources.first(), program.targets.first())
+    else {
+        return Ok(());
+    };
+    let wobj = program.wobjs.get(usize::from(target.wobj));
+    let under_wobj = wobj.and_then(|wobj| cell.wobj_units.get(&wobj.name.to_ascii_uppercase()).copied());
+    let mut carrying = [cell.units.under_robot(), under_wobj].into_iter().flat_map(|top| cell.units.chain(top));
+    let unsaid = |unit: &usize| {
+        let said = target.external.as_ref().and_then(|external| external.position(cell.units.all()[*unit].axis));
+        said.is_none()
+    };
+    match carrying.find(unsaid) {
+        Some(unit) => {
+            let unit = &cell.units.all()[unit];
+            let message = format!("CL data do not say where unit `{}` of the cell stands", unit.name);
+            let help = format!("say it in the cell: [cl] external = {{ {} = 0.0 }}", EXTERNAL_AXIS_NAMES[unit.axis]);
             Err(vec![Diagnostic::error("cell.unit", &source.name, message).help(help)])
         }
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 

@@ -9,7 +9,7 @@ use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
 use crate::program::post::{krl, tp};
 use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
-use crate::robot::{Pose, turn_numbers};
+use crate::robot::{EXTERNAL_AXES, Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 use smallvec::SmallVec;
@@ -53,6 +53,8 @@ pub struct Outline {
     asked: Asked,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
+    /// Where the external axes stand.
+    external: [Option<f64>; EXTERNAL_AXES],
     /// What was noticed in the text.
     pub(super) warnings: Vec<Diagnostic>,
 }
@@ -112,6 +114,9 @@ impl Outline {
         }
         if self.wobjs.is_empty() {
             self.wobjs.clone_from(&program.wobjs);
+        }
+        if let Some(external) = program.targets.first().and_then(|target| target.external.as_ref()) {
+            self.external = std::array::from_fn(|axis| external.position(axis));
         }
     }
 
@@ -225,6 +230,7 @@ impl Poster {
     /// # Errors
     /// No feed is known.
     pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
+        moved(&outline, cell, options.language)?;
         let first_feed = outline.first_feed.or(options.feed_mm_s);
         let templates = cell.cl.as_ref().map(|cl| cl.post.clone()).unwrap_or_default();
         let mut notes = outline.asked.unwritten(&templates)?;
@@ -241,6 +247,8 @@ impl Poster {
             title: options.title.clone(),
             tools: outline.tools.iter().map(|tool| (tool.name.to_string(), tool_data(cell, &tool.name))).collect(),
             wobjs: outline.wobjs.iter().map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name))).collect(),
+            units: outline.wobjs.iter().map(|wobj| unit_of(cell, &wobj.name).map(str::to_owned)).collect(),
+            external: outline.external,
             speeds: outline.feeds,
             points: outline.points,
             max_points: options.max_targets.or((options.language == Language::Krl).then_some(krl::MOST_POINTS)),
@@ -336,9 +344,48 @@ fn tool_data(cell: &Cell, name: &str) -> ToolData {
     }
 }
 
+/// The unit that a work object of the cell is on.
+fn unit_of<'a>(cell: &'a Cell, name: &str) -> Option<&'a str> {
+    cell.wobj_units.get(&name.to_ascii_uppercase()).map(|unit| cell.units.all()[*unit].name.as_str())
+}
+
+/// What mechanical units cannot be posted in a language.
+fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<Diagnostic>> {
+    let message = match language {
+        Language::Ls if outline.external.iter().any(Option::is_some) => {
+            "FANUC TP is posted without external axes: their motion group is not known".to_owned()
+        }
+        Language::Krl => match outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some()) {
+            Some(wobj) => format!("KRL is posted with bases that stand still: `{}` is on a mechanical unit", wobj.name),
+            None => return Ok(()),
+        },
+        _ => return Ok(()),
+    };
+    let help = "post RAPID, or put the work object where it is for this program and leave the [[unit]] out";
+    Err(vec![Diagnostic::error("post.unit", "", message).help(help)])
+}
+
 fn wobj_data(cell: &Cell, name: &str) -> WobjData {
+    const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let pose = cell.wobjs.get(&name.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
-    let (uframe_mm, uframe_quat) = frames::millimetres(&pose);
-    let oframe_quat = [1.0, 0.0, 0.0, 0.0];
-    WobjData { robhold: false, fixed: true, uframe_mm, uframe_quat, oframe_mm: [0.0; 3], oframe_quat }
+    let (mm, quat) = frames::millimetres(&pose);
+    if unit_of(cell, name).is_some() {
+        // The user frame is the unit's own.
+        return WobjData {
+            robhold: false,
+            fixed: false,
+            uframe_mm: [0.0; 3],
+            uframe_quat: UPRIGHT,
+            oframe_mm: mm,
+            oframe_quat: quat,
+        };
+    }
+    WobjData {
+        robhold: false,
+        fixed: true,
+        uframe_mm: mm,
+        uframe_quat: quat,
+        oframe_mm: [0.0; 3],
+        oframe_quat: UPRIGHT,
+    }
 }

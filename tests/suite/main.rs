@@ -37,3 +37,4 @@ mod stream_cl;
 mod stream_declared;
 mod stream_krl;
 mod units;
+mod units_cl;

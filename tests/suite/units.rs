@@ -38,7 +38,7 @@ kind = "backlash"
 half_gap_rad = [2e-5, 3e-5, 2e-5, 1e-5, 1e-5, 4e-5]
 "#;
 
-const TRACK: &str = r#"
+pub(crate) const TRACK: &str = r#"
 [[unit]]
 name = "TRACK1"
 axis = "eax_a"
@@ -49,7 +49,7 @@ min = -2000.0
 max = 2000.0
 "#;
 
-const TABLE: &str = r#"
+pub(crate) const TABLE: &str = r#"
 [[unit]]
 name = "STN1"
 axis = "eax_b"
@@ -61,7 +61,7 @@ min = -360.0
 max = 360.0
 "#;
 
-fn cell(base_mm: [f64; 3], units: &str) -> Cell {
+pub(crate) fn cell(base_mm: [f64; 3], units: &str) -> Cell {
     let text = CELL.replace("BASE", &format!("{base_mm:?}")) + units;
     Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap()
 }
@@ -110,7 +110,7 @@ fn corrected(program: &Program, cell: &Cell) -> Corrected {
 }
 
 /// Both come to the same, to 1e-9 mm.
-fn same(a: &Corrected, b: &Corrected) {
+pub(crate) fn same(a: &Corrected, b: &Corrected) {
     assert_eq!(a.rows.len(), b.rows.len());
     for (a, b) in a.rows.iter().zip(&b.rows) {
         assert!(a.is_solved() && a.error_norm_mm() > 1e-3);

@@ -63,6 +63,8 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, name: &str) -> String {
     speeds.sort_by(f64::total_cmp);
     speeds.dedup();
     let post = RapidPost::new(RapidPlan {
+        units: Vec::new(),
+        external: [None; crate::robot::EXTERNAL_AXES],
         name: name.to_owned(),
         title: vec![
             "Measurement plan: stop at each target, measure, go on.".to_owned(),

@@ -42,9 +42,10 @@ pub(crate) use layout::Layout;
 pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;
 
-use super::Program;
+use super::{ExternalAxes, Program};
 use crate::text::{Diagnostic, Source, Span};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// What the cell file says about CL input (`[cl]`), in the file's own units.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +70,8 @@ pub struct ClOptions {
     pub corner_radii_mm: BTreeMap<String, f64>,
     /// Largest distance between an arc and its chords, mm.
     pub arc_tolerance_mm: f64,
+    /// Where the mechanical units stand, which CL data do not say.
+    pub external: Option<Arc<ExternalAxes>>,
 }
 
 /// Chords of arcs, mm: a tenth of what a robot repeats.
@@ -88,6 +91,7 @@ impl Default for ClOptions {
             corner_radius_mm: None,
             corner_radii_mm: BTreeMap::new(),
             arc_tolerance_mm: ARC_TOLERANCE_MM,
+            external: None,
         }
     }
 }

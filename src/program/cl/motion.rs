@@ -321,7 +321,7 @@ impl Reader {
             mark: self.modal.mark,
             editable: Editable::Pose,
             located: true,
-            external: None,
+            external: self.options.external.clone(),
             name: None,
             source: 0,
             span: record.span,

@@ -2,6 +2,7 @@
 
 use super::names::predefined_speed;
 use crate::program::{Confdata, ToolData, WobjData};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::number::{Digits, Fixed, Row, write_fixed, write_whole};
 
 /// Decimals of millimetres: below the spacing of single precision at 1 m (1.2e-4 mm).
@@ -33,7 +34,13 @@ fn frame(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4]) {
 }
 
 /// A robtarget: `[[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[9E9,…]]`
-pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf: Confdata) {
+pub(super) fn robtarget(
+    out: &mut Vec<u8>,
+    mm: &[f64; 3],
+    quat: &[f64; 4],
+    conf: Confdata,
+    external: &[Option<f64>; EXTERNAL_AXES],
+) {
     const ROW: Row<1> = Row::new(&[MM, MM, MM, QUAT, QUAT, QUAT, QUAT]);
     let ([x, y, z], [q1, q2, q3, q4]) = (*mm, *quat);
     let mut digits = [Digits::default()];
@@ -56,7 +63,17 @@ pub(super) fn robtarget(out: &mut Vec<u8>, mm: &[f64; 3], quat: &[f64; 4], conf:
     }
     out.push(b',');
     quarters(out, conf);
-    out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    if external.iter().all(Option::is_none) {
+        return out.extend_from_slice(b",[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    }
+    for (i, position) in external.iter().enumerate() {
+        out.extend_from_slice(if i == 0 { b",[" } else { b"," });
+        match position {
+            Some(position) => write_fixed(out, *position, MM),
+            None => out.extend_from_slice(b"9E9"),
+        }
+    }
+    out.extend_from_slice(b"]]");
 }
 
 /// `[cf1,cf4,cf6,cfx]`
@@ -90,9 +107,10 @@ pub(super) fn tooldata(out: &mut Vec<u8>, name: &str, data: &ToolData) {
     out.extend_from_slice(b",[1,0,0,0],0,0,0]];\n");
 }
 
-pub(super) fn wobjdata(out: &mut Vec<u8>, name: &str, data: &WobjData) {
+/// `unit`: the mechanical unit that is its user frame, or nothing.
+pub(super) fn wobjdata(out: &mut Vec<u8>, name: &str, data: &WobjData, unit: &str) {
     out.extend_from_slice(
-        format!("  PERS wobjdata {name}:=[{},{},\"\",", truth(data.robhold), truth(data.fixed)).as_bytes(),
+        format!("  PERS wobjdata {name}:=[{},{},\"{unit}\",", truth(data.robhold), truth(data.fixed)).as_bytes(),
     );
     frame(out, &data.uframe_mm, &data.uframe_quat);
     out.push(b',');

@@ -102,6 +102,7 @@ impl RapidPost {
         if place.is_first() || point.joint {
             text.extend_from_slice(b"PTP {");
             components(text, [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"], axes_deg, [DEG; 6]);
+            externals(text, &self.plan.external);
             text.extend_from_slice(b"}\r\n");
             return;
         }
@@ -122,6 +123,11 @@ impl RapidPost {
         }
         text.extend_from_slice(b"LIN ");
         frame(text, &point.position_mm, point.quat);
+        if self.plan.external.iter().any(Option::is_some) {
+            text.pop();
+            externals(text, &self.plan.external);
+            text.push(b'}');
+        }
         text.extend_from_slice(if zone.is_some() { b" C_DIS\r\n" } else { b"\r\n" });
     }
 }
@@ -153,6 +159,15 @@ fn components(text: &mut Vec<u8>, names: [&[u8]; 6], values: &[f64; 6], decimals
         text.extend_from_slice(name);
         text.push(b' ');
         write_fixed(text, *value, decimals[i]);
+    }
+}
+
+/// `,E1 …` of those in use.
+fn externals(text: &mut Vec<u8>, external: &[Option<f64>; crate::robot::EXTERNAL_AXES]) {
+    for (number, position) in (1_u32..).zip(external) {
+        let Some(position) = position else { continue };
+        text.extend_from_slice(format!(",E{number} ").as_bytes());
+        write_fixed(text, *position, MM);
     }
 }
 
@@ -224,6 +239,8 @@ mod tests {
             title: vec!["from a test".to_owned()],
             tools: vec![("tMill".to_owned(), tool)],
             wobjs: vec![("BASE_DATA[4]".to_owned(), wobj)],
+            units: Vec::new(),
+            external: [None; crate::robot::EXTERNAL_AXES],
             speeds: Vec::new(),
             points: 5,
             max_points,

@@ -4,6 +4,7 @@ use super::data::{held_pose, robtarget, speeddata, speeds, tooldata, wobjdata};
 use super::names::{SAME_SPEED, identifier, predefined_speed};
 use super::zone::{FINE, zone};
 use crate::program::{Confdata, Mark, ToolData, WobjData};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::number::write_whole;
 use std::sync::Arc;
 
@@ -18,6 +19,10 @@ pub struct RapidPlan {
     pub tools: Vec<(String, ToolData)>,
     /// Work objects, as [`PostedPoint::wobj`] indexes them; `wobj0` is not declared.
     pub wobjs: Vec<(String, WobjData)>,
+    /// The mechanical unit that is the user frame of each work object, where one is.
+    pub units: Vec<Option<String>>,
+    /// Where the external axes stand, mm or degrees; `None` where one is not in use.
+    pub external: [Option<f64>; EXTERNAL_AXES],
     /// Cutting speeds that occur, mm/s: declared where no predefined name has them. Others are written in place.
     pub speeds: Vec<f64>,
     /// Number of points.
@@ -189,8 +194,11 @@ impl RapidPost {
         for (name, data) in self.plan.tools.iter().filter(|(n, _)| !n.eq_ignore_ascii_case("tool0")) {
             tooldata(&mut text.bytes, name, data);
         }
-        for (name, data) in self.plan.wobjs.iter().filter(|(n, _)| !n.eq_ignore_ascii_case("wobj0")) {
-            wobjdata(&mut text.bytes, name, data);
+        for (i, (name, data)) in
+            self.plan.wobjs.iter().enumerate().filter(|(_, (n, _))| !n.eq_ignore_ascii_case("wobj0"))
+        {
+            let unit = self.plan.units.get(i).and_then(Option::as_deref);
+            wobjdata(&mut text.bytes, name, data, unit.unwrap_or_default());
         }
         let all = [&self.plan.speeds[..], &[self.plan.rapid_mm_s]].concat();
         self.speeds = speeds(&mut text.bytes, &all);
@@ -245,7 +253,7 @@ impl RapidPost {
         // The way to the first point is unknown: joints, not a straight line.
         let joint = place.before.is_none() || point.joint;
         line.extend_from_slice(if joint { b"    MoveJ " } else { b"    MoveL " });
-        robtarget(line, &point.position_mm, &point.quat, point.conf);
+        robtarget(line, &point.position_mm, &point.quat, point.conf, &self.plan.external);
         line.push(b',');
         self.speed(line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
         line.push(b',');
@@ -339,6 +347,8 @@ mod tests {
             title: vec!["from 2 blade.apt".into()],
             tools: vec![("tMill".into(), tool)],
             wobjs: vec![("wPart".into(), wobj)],
+            units: Vec::new(),
+            external: [None; EXTERNAL_AXES],
             speeds: vec![27.432, 50.0],
             points: points.len(),
             max_points,
