@@ -52,6 +52,20 @@ pub fn from_zyx_deg([a, b, c]: [f64; 3]) -> Rotation3<f64> {
     about(Vector3::z(), a) * about(Vector3::y(), b) * about(Vector3::x(), c)
 }
 
+/// The quaternion of [`from_zyx_deg`], scalar first, scalar not negative, by its half angles (Diebel 2006, *Representing
+/// Attitude*, equation 297).
+#[must_use]
+pub fn quaternion_of_zyx_deg(angles: [f64; 3]) -> [f64; 4] {
+    let [(sa, ca), (sb, cb), (sc, cc)] = angles.map(|deg| (0.5 * deg).to_radians().sin_cos());
+    let quat = [
+        ca * cb * cc + sa * sb * sc,
+        ca * cb * sc - sa * sb * cc,
+        ca * sb * cc + sa * cb * sc,
+        sa * cb * cc - ca * sb * sc,
+    ];
+    if quat[0] < 0.0 { quat.map(|component| -component) } else { quat }
+}
+
 /// Angles [Rx, Ry, Rz] about x, the turned y, the turned z: `Rx Ry Rz`, degrees: Stäubli's.
 #[must_use]
 pub fn xyz_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
@@ -64,6 +78,16 @@ pub fn xyz_deg(rotation: &Rotation3<f64>) -> [f64; 3] {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn half_angles_give_the_same_quaternion(angles in prop::array::uniform3(-360.0..360.0_f64)) {
+            let (a, b) = (quaternion_of_zyx_deg(angles), quaternion(&from_zyx_deg(angles)));
+            // A half turn has two signs.
+            let same = |sign: f64| a.iter().zip(b).all(|(a, b)| (a - sign * b).abs() < 1e-14);
+            prop_assert!(same(1.0) || a[0] < 1e-12 && same(-1.0), "{a:?} {b:?}");
+        }
+    }
 
     #[test]
     fn a_quarter_turn_about_each_axis_is_its_angle() {

@@ -60,6 +60,7 @@ pub struct Chunk {
     /// Lines of the file before them.
     lines_before: usize,
     motions_before: u32,
+    motions: u32,
     /// The targets behind the last line.
     tail: Option<Program>,
     last: bool,
@@ -176,7 +177,19 @@ impl<R: Read> Chunks<R> {
         source.lines_before = if first { 0 } else { lines_before };
         let kinds = cut.kinds.into_iter().map(|(at, like)| (start + at, like)).collect();
         let (dialect, last) = (self.dialect, cut.last);
-        Ok(Next::Chunk(Chunk { source, dialect, head, lines, kinds, lines_before, motions_before, tail, last }))
+        let motions = self.motions - motions_before;
+        Ok(Next::Chunk(Chunk {
+            source,
+            dialect,
+            head,
+            lines,
+            kinds,
+            lines_before,
+            motions_before,
+            motions,
+            tail,
+            last,
+        }))
     }
 
     /// Where the stretch ends that begins at `rest`: behind a line of a kind. `None` where a line never ends, or is of one kind
@@ -275,6 +288,8 @@ impl Chunk {
         let bytes = &self.source.bytes[..self.lines.end];
         let Layout { sites, .. } = layout(&mut program)?;
         let mut sites = std::mem::take(sites);
+        program.targets.reserve(self.motions as usize);
+        sites.reserve(self.motions as usize);
         while let Some(line) = next_line(&bytes[at..]) {
             number += 1;
             if let Some((_, next)) = kinds.next_if(|(start, _)| *start <= at) {

@@ -4,7 +4,7 @@ use super::Layout;
 use super::lex::{Cursor, lines};
 use super::rewrite::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::value::{EXTERNAL, POSE, upper};
-use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::signed;
 use crate::program::{Editable, Insert, Motion, Program, Rewritten, Role, Target};
 use crate::text::{Edit, Source, Span, number};
@@ -177,7 +177,7 @@ fn line(program: &Program, layout: &Layout, insert: &Insert, barred: &[Barred]) 
     content.extend_from_slice(line_end);
     content.extend_from_slice(indent);
     let [x, y, z, a, b, c] = held;
-    let pose = ([x, y, z], quaternion(&from_zyx_deg([a, b, c])));
+    let pose = ([x, y, z], quaternion_of_zyx_deg([a, b, c]));
     Ok((source, Span { start: target.span.start, end: target.span.start }, content, pose))
 }
 

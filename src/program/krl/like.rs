@@ -5,7 +5,7 @@ use super::chunks::layout;
 use super::lex;
 use super::run::Site;
 use super::value::Place;
-use crate::program::orientation::{from_zyx_deg, quaternion};
+use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
 use crate::text::{Source, Span, number};
 
@@ -225,7 +225,7 @@ impl Like {
             site.tokens[component] = Place::new(0, Span::new(at, at + number.len()));
         })?;
         let [x, y, z, a, b, c] = numbers;
-        let quat = quaternion(&from_zyx_deg([a, b, c]));
+        let quat = quaternion_of_zyx_deg([a, b, c]);
         Some((Goal::Pose { position_mm: [x, y, z], quat, conf: None }, site, start + end + self.code))
     }
 

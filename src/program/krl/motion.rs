@@ -6,7 +6,7 @@ use super::run::{Runner, Site};
 use super::state::Id;
 use super::symbols::spans;
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
-use crate::program::orientation::{from_zyx_deg, halfway, quaternion};
+use crate::program::orientation::{halfway, quaternion_of_zyx_deg};
 use crate::program::{
     Conf, Editable, ExternalAxes, Goal, Mark, Motion, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
 };
@@ -28,7 +28,7 @@ struct Position {
 impl Position {
     fn quat(&self) -> [f64; 4] {
         let [.., a, b, c] = self.numbers;
-        quaternion(&from_zyx_deg([a, b, c]))
+        quaternion_of_zyx_deg([a, b, c])
     }
 }
 

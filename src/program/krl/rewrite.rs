@@ -4,7 +4,7 @@ use super::run::Site;
 use super::value::Place;
 use super::{Layout, insert};
 use crate::program::language::FrontEnd;
-use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
@@ -35,14 +35,21 @@ impl FrontEnd for Layout {
         _: &RewriteOptions,
     ) -> Rewritten {
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
-        let wishes: Vec<Wish> =
-            (0..changes.len()).map(|i| wish(program, &self.sites[i], i, changes[i].as_ref())).collect();
-        let frozen = self.frozen(program, &wishes, changes);
+        let apart = self.are_apart();
+        let wished = |i: usize| wish(program, &self.sites[i], i, changes[i].as_ref());
+        // Where no number is used twice, nobody has to agree with anybody.
+        let wishes: Vec<Wish> = if apart { Vec::new() } else { (0..changes.len()).map(wished).collect() };
+        let frozen = self.frozen(program, &wishes, changes, apart);
+        let mut wishes = wishes.into_iter();
         let mut done = HashSet::new();
-        let shared = !self.are_apart();
-        for (i, wish) in wishes.into_iter().enumerate() {
+        out.written.reserve(changes.len());
+        if let Some(edits) = out.edits.first_mut() {
+            edits.reserve(6 * changes.len());
+        }
+        for i in 0..changes.len() {
+            let wish = wishes.next().unwrap_or_else(|| wished(i));
             let site = &self.sites[i];
-            let stays = site.tokens.iter().flatten().any(|place| frozen.contains(place));
+            let stays = !frozen.is_empty() && site.tokens.iter().flatten().any(|place| frozen.contains(place));
             let untrue = changes[i].as_ref().is_some_and(|change| change.conf.is_some());
             if stays || site.tokens.iter().all(Option::is_none) {
                 if changes[i].as_ref().is_some_and(|change| differs(program, i, change)) {
@@ -59,7 +66,7 @@ impl FrontEnd for Layout {
             out.written.push(written(program, site, i, &wish));
             for (place, token) in site.tokens.iter().zip(wish.tokens) {
                 let (Some(place), Some(token)) = (place, token) else { continue };
-                if !shared || done.insert(*place) {
+                if apart || done.insert(*place) {
                     let edit = Edit { span: place.span(), content: Content::from_slice(&token) };
                     out.edits[usize::from(place.source)].push(edit);
                 }
@@ -89,13 +96,13 @@ impl Layout {
     }
 
     /// Numbers that stay because those who use them do not want the same, and all that moves with them.
-    fn frozen(&self, program: &Program, wishes: &[Wish], changes: &[Option<Change>]) -> HashSet<Place> {
+    fn frozen(&self, program: &Program, wishes: &[Wish], changes: &[Option<Change>], apart: bool) -> HashSet<Place> {
         // A joint motion whose status or turn would be untrue stays with its numbers.
         let changed = self.sites.iter().zip(changes);
         let untrue = changed.filter(|(_, change)| change.as_ref().is_some_and(|change| change.conf.is_some()));
         let untrue: Vec<Place> = untrue.flat_map(|(site, _)| site.tokens.into_iter().flatten()).collect();
         let mut frozen = HashSet::new();
-        if self.are_apart() {
+        if apart {
             frozen.extend(untrue);
             return frozen;
         }
@@ -196,7 +203,7 @@ fn written(program: &Program, site: &Site, i: usize, wish: &Wish) -> ([f64; 3], 
     let position = std::array::from_fn(|axis| value(axis).unwrap_or(position_mm[axis]));
     let angles = [3, 4, 5].map(value);
     let quat = match angles {
-        [Some(a), Some(b), Some(c)] => quaternion(&from_zyx_deg([a, b, c])),
+        [Some(a), Some(b), Some(c)] => quaternion_of_zyx_deg([a, b, c]),
         _ => quat,
     };
     (position, quat)
@@ -205,6 +212,7 @@ fn written(program: &Program, site: &Site, i: usize, wish: &Wish) -> ([f64; 3], 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::orientation::from_zyx_deg;
     use proptest::prelude::*;
 
     proptest! {
