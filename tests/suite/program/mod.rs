@@ -7,6 +7,7 @@ mod cl_written;
 mod krl;
 mod krl_insert;
 mod krl_sound;
+mod post_limits;
 mod rapid;
 mod rapid_sound;
 mod tp;
