@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Makes the programs of samples/slot and samples/blade: `python3 samples/make_paths.py` (needs NumPy).
+"""Makes the programs of samples/slot, samples/blade and samples/units: `python3 samples/make_paths.py` (needs NumPy).
 
 The slot is the paper's (Tang et al., Section 3) in the one pose that reproduces its Tables 3 and 5; the blade is a
-patch of a propeller's pressure side, milled in zig-zag with 8 degrees of lead.
+patch of a propeller's pressure side, milled in zig-zag with 8 degrees of lead; on units a turntable carries a ring under the
+tool, and a track the robot along a beam.
 """
 import os
 import numpy as np
@@ -91,5 +92,37 @@ def blade():
         out.write(f"RAPID\nGOTO/{f(p + 50 * a, 5)},{f(a, 7)}\nFINI\n")
 
 
+def units():
+    down, lines = [0, 1, 0, 0], []
+
+    def move(kind, place, quat, wobj, track, table, speed):
+        lines.append(f"    {kind} [[{f(place, 3)}],[{f(quat, 8)}],[0,0,0,0],[{f([track, table], 3)},9E9,9E9,9E9,9E9]],"
+                     f"{speed},z0,tMill\\WObj:={wobj};\n")
+
+    for k in range(73):
+        e = np.radians(5 * k)
+        # The tool stays where it is, the table turns the ring under it.
+        place = [-250 * np.cos(e), 250 * np.sin(e), 0]
+        quat = [0, np.cos(e / 2), -np.sin(e / 2), 0]
+        if k == 0:
+            move("MoveJ", np.add(place, [0, 0, 50]), quat, "wRing", 300, 0, "v200")
+        move("MoveL", place, quat, "wRing", 300, 5 * k, "v20")
+    move("MoveL", np.add(place, [0, 0, 50]), quat, "wRing", 300, 360, "v200")
+    move("MoveJ", [0, 0, 50], down, "wBeam", 0, 360, "v200")
+    for y in np.linspace(0, 1500, 76):
+        move("MoveL", [0, y, 0], down, "wBeam", y, 360, "v20")
+    move("MoveL", [0, 1500, 50], down, "wBeam", 1500, 360, "v200")
+    with open(f"{HERE}/units/units.mod", "w") as out:
+        out.write("%%%\n  VERSION:1\n  LANGUAGE:ENGLISH\n%%%\nMODULE Units\n  ! A ring on a turntable, then a groove in a beam from the track\n")
+        out.write("  PERS tooldata tMill:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n")
+        out.write('  PERS wobjdata wRing:=[FALSE,FALSE,"STN1",[[0,0,0],[1,0,0,0]],[[0,0,150],[1,0,0,0]]];\n')
+        out.write('  PERS wobjdata wBeam:=[FALSE,TRUE,"",[[1250,0,650],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n')
+        out.write("  PROC main()\n    ConfL\\Off;\n")
+        out.write("    MoveAbsJ [[0,0,20,0,70,0],[300,0,9E9,9E9,9E9,9E9]]\\NoEOffs,v200,fine,tMill;\n")
+        out.writelines(lines)
+        out.write("  ENDPROC\nENDMODULE\n")
+
+
 slot()
 blade()
+units()

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Corrects the slot and the blade (as RAPID and as CL data), a contour in FANUC TP, closes the loop on the measured sample, and judges each
+# Corrects the slot and the blade (as RAPID and as CL data), a contour in FANUC TP, a part on a turntable and along a track, closes the loop on the measured sample, and judges each
 # corrected program against its original. Programs, reports and pages are left in samples/out/.
 set -eu
 cd "$(dirname "$0")"
@@ -30,6 +30,11 @@ echo
 echo "== kuka/ring.src: KRL, with the points of ring.dat"
 "$deflex" compensate kuka/ring.src --cell kuka/cell.toml --out-dir out/kuka --report out/kuka.report.csv
 "$deflex" check out/kuka/ring.src --cell kuka/cell.toml --against kuka/ring.src --at-targets --max-error 0.002
+
+echo
+echo "== units/units.mod: a ring on a turntable, a beam along a track"
+"$deflex" compensate units/units.mod --cell units/cell.toml -o out/units.corrected.mod --report out/units.report.csv
+"$deflex" check out/units.corrected.mod --cell units/cell.toml --against units/units.mod --at-targets --max-error 0.001
 
 echo
 echo "== stock/part.mod: from the block, with two tools"

@@ -47,6 +47,16 @@ fn the_slot_lands() {
     );
 }
 
+/// On a turntable and along a track.
+#[test]
+fn the_units_land() {
+    lands(
+        &rapid::read(vec![source("units/units.mod")], Vec::new()).unwrap(),
+        &cell("units/cell.toml"),
+        &Options::default(),
+    );
+}
+
 /// The practice cell whose model is complete.
 #[test]
 #[ignore = "needs the practice cells: DEFLEX_SHARED=folder cargo test --test suite -- --ignored samples::"]
