@@ -17,6 +17,9 @@ const FLIP: f64 = PI;
 /// Cost of a turn, m² a rad²: a micrometre's for a right angle decides only between ways that are as good.
 const TURNING: f64 = 1e-12;
 
+/// Targets after which it is looked whether all ways that are left begin alike.
+const SETTLE: usize = 256;
+
 /// What of one way is kept for the way back.
 #[derive(Clone, Copy, Debug)]
 struct Step {
@@ -42,7 +45,10 @@ pub(super) struct Move {
 #[derive(Debug, Default)]
 pub(super) struct Search {
     reached: Vec<(State, f64)>,
+    /// Steps of the targets behind those that are settled.
     back: Vec<Vec<Step>>,
+    /// States of the first targets, by their index: those of every way that is left.
+    settled: Vec<u32>,
 }
 
 impl Search {
@@ -82,26 +88,49 @@ impl Search {
         }
         self.reached = reached;
         self.back.push(steps);
+        if self.back.len().is_multiple_of(SETTLE) {
+            self.settle();
+        }
         !self.reached.is_empty()
+    }
+
+    /// Takes the beginning that all ways have in common out of what is kept for the way back: so memory does not grow with the path.
+    fn settle(&mut self) {
+        let mut live: Vec<u32> = (0..self.reached.len()).map(narrow).collect();
+        for at in (1..self.back.len()).rev() {
+            let steps = &self.back[at];
+            live = live.iter().map(|index| steps[*index as usize].before).collect();
+            live.sort_unstable();
+            live.dedup();
+            if let [only] = live[..] {
+                let states = way_back(&self.back[..at], only as usize);
+                self.settled.extend(states);
+                self.back.drain(..at);
+                return;
+            }
+        }
     }
 
     /// Index of the best way's state among those of each target.
     pub(super) fn best(self) -> Vec<usize> {
         let least = self.reached.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1));
-        let Some((mut at, _)) = least else { return Vec::new() };
-        let mut chosen: Vec<usize> = self
-            .back
-            .iter()
-            .rev()
-            .map(|steps| {
-                let step = steps[at];
-                at = step.before as usize;
-                step.state as usize
-            })
-            .collect();
-        chosen.reverse();
-        chosen
+        let Some((at, _)) = least else { return Vec::new() };
+        let mut chosen = self.settled;
+        chosen.extend(way_back(&self.back, at));
+        chosen.into_iter().map(|state| state as usize).collect()
     }
+}
+
+/// The states of the way that ends with a step, by its index.
+fn way_back(back: &[Vec<Step>], mut at: usize) -> Vec<u32> {
+    let step = |steps: &Vec<Step>| {
+        let step = steps[at];
+        at = step.before as usize;
+        step.state
+    };
+    let mut states: Vec<u32> = back.iter().rev().map(step).collect();
+    states.reverse();
+    states
 }
 
 #[allow(clippy::cast_possible_truncation)] // states of a target are some thousand
@@ -161,4 +190,35 @@ fn cell(turn: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let cell = (turn.rem_euclid(TAU) / STEP).round() as usize;
     cell % TURNS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of three turns one is cheap for a while, then another: as the whole table of all ways has it, with and without settling.
+    #[test]
+    fn a_long_path_is_settled_and_ends_as_the_whole_table_has_it() {
+        const LENGTH: usize = 3 * SETTLE + 17;
+        let state = |index: usize| State { turn: index as f64 * STEP, branch: 0, motor: Joints::zeros() };
+        let cost = |at: usize, index: usize| ((at * (index + 2) * 7919) % 101) as f64;
+        let way = Move { length: 1e-3, time: None, free: false, fixed: false };
+        let mut search = Search::default();
+        let mut table = vec![[0.0_f64; 3]];
+        for at in 0..LENGTH {
+            let states: Vec<(State, f64)> = (0..3).map(|index| (state(index), cost(at, index))).collect();
+            assert!(search.advance(&way, None, &states));
+            let before = table[at];
+            // A cell of the grid a millimetre.
+            let from = |index: usize| (0..3).filter(move |k: &usize| k.abs_diff(index) <= 1 || at == 0);
+            let least = |index: usize| from(index).map(|k| before[k]).fold(f64::INFINITY, f64::min);
+            table.push(std::array::from_fn(|index| least(index) + cost(at, index)));
+        }
+        assert!(search.back.len() < 2 * SETTLE && search.settled.len() + search.back.len() == LENGTH);
+        let chosen = search.best();
+        let total: f64 = chosen.iter().enumerate().map(|(at, index)| cost(at, *index)).sum();
+        assert!(chosen.windows(2).all(|pair| pair[0].abs_diff(pair[1]) <= 1));
+        let least = table[LENGTH].iter().copied().fold(f64::INFINITY, f64::min);
+        assert!((total - least).abs() < 1e-6, "{total} {least}");
+    }
 }
