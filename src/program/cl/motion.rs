@@ -60,6 +60,9 @@ impl Reader {
         match numbers.count() {
             0..3 => return Err("position without three numbers".into()),
             n if n % 3 != 0 => return Err("position with a wrong count of numbers".into()),
+            _ if s.items.windows(2).any(|two| two.iter().all(|item| item.kind == Kind::Comma)) => {
+                return Err("position that leaves a number out".into());
+            }
             _ => {}
         }
         self.ensure_units(record, s)?;

@@ -10,7 +10,7 @@ use super::symbols::{Content, Upper};
 use super::tree::{Statement, any};
 use super::value::Value;
 use crate::text::Span;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 const MAX_ROUNDS: usize = 100_000;
@@ -64,7 +64,7 @@ impl<'a> Runner<'a> {
     pub(super) fn branches(&mut self, branches: impl Iterator<Item = &'a [Statement]>) -> Flow {
         self.events += 1;
         let mut ways: Option<Left> = None;
-        let (before, mut behind) = (self.standing.clone(), Vec::new());
+        let (before, mut behind) = (self.standing.clone(), BTreeSet::new());
         for branch in branches {
             self.open();
             self.standing.clone_from(&before);
@@ -78,8 +78,6 @@ impl<'a> Runner<'a> {
                 });
             }
         }
-        behind.sort_unstable();
-        behind.dedup();
         self.standing = behind;
         match ways {
             Some(left) => {

@@ -305,6 +305,8 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
                         lex::Key::Module
                             | lex::Key::Proc
                             | lex::Key::Func
+                            | lex::Key::Trap
+                            | lex::Key::Record
                             | lex::Key::Pers
                             | lex::Key::Const
                             | lex::Key::Var

@@ -352,7 +352,7 @@ impl<'a> Runner<'a> {
             return;
         }
         self.standing.clear();
-        self.standing.push(self.targets.len());
+        self.standing.insert(self.targets.len());
         self.targets.push(target);
         self.sites.push(site);
     }

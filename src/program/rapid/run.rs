@@ -127,7 +127,7 @@ pub(super) struct Runner<'a> {
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
     /// Targets that the robot may stand at.
-    pub(super) standing: Vec<usize>,
+    pub(super) standing: BTreeSet<usize>,
     pub(super) offsets: Vec<Offset>,
     /// Statements that were run.
     pub(super) ran: Ran,
@@ -198,7 +198,7 @@ impl<'a> Runner<'a> {
             wobj_numbers: HashMap::new(),
             targets: Vec::new(),
             sites: Vec::new(),
-            standing: Vec::new(),
+            standing: BTreeSet::new(),
             offsets: Vec::new(),
             ran: Ran::new(sources),
             aside: Vec::new(),

@@ -99,6 +99,7 @@ fn what_moves_the_tool_or_changes_positions_and_is_not_understood_is_refused_at_
         "FROM/P1",
         "GOTO/P1",
         "GOTO/1,2",
+        "GOTO/1,,2,3",
         "GOTO/1,2,3,4",
         "GOTO/1,2,3,0,0,2",
         "GOTO/1,2,3,0,0,1,5,6,7",

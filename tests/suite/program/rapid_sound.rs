@@ -501,6 +501,14 @@ fn many_frames_are_told_apart() {
 }
 
 #[test]
+fn a_routine_that_always_calls_itself_takes_no_more_memory_than_it_has_targets() {
+    check(
+        "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit",
+        "PROC rAgain()\nWHILE di1=1 DO\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay\nENDWHILE\nIF n<5 THEN\nrAgain;\nENDIF\nENDPROC",
+    );
+}
+
+#[test]
 fn what_no_controller_runs_is_refused_with_its_line() {
     let refused = |body: &str, data: &str| {
         let text = format!("MODULE M\n{data}\nPROC main()\n{body}\nENDPROC\nENDMODULE\n");
