@@ -91,10 +91,23 @@ class Arm:
         out += "</body>" * 9
         # The part gives way along one axis, which is turned to the surface normal at every target.
         out += body("part", Frame(np.eye(3), np.zeros(3)), '<joint name="fixture" type="slide" axis="0 0 1" stiffness="1e12"/>') + "</body>"
+        # A hose pulls where it is longer than at rest.
+        hoses = [e for e in fx if e["kind"] == "cable_pull"]
+        for n, e in enumerate(hoses):
+            for end, link in (("from", e["from_link"]), ("to", e["to_link"])):
+                at = " ".join(repr(float(v) * MM) for v in e[f"{end}_mm"])
+                body_start = f'<body name="{"base" if link == 0 else f"link{link}"}"'
+                before, behind = out.split(body_start)
+                inertia, rest = behind.split("/>", 1)
+                out = before + body_start + inertia + f'/><site name="{end}{n}" pos="{at}"/>' + rest
         # A motor is a fixed tendon over the joints that it turns; its length is the motor angle.
         b = self.cell.motor_from_serial
         tendons = "".join(
             f'<fixed name="m{i + 1}">' + "".join(f'<joint joint="q{j + 1}" coef="{b[i, j]}"/>' for j in range(6) if b[i, j]) + "</fixed>" for i in range(6)
+        )
+        tendons += "".join(
+            f'<spatial name="hose{n}" stiffness="{float(e["stiffness_n_per_m"])!r}" springlength="0 {float(e["rest_mm"]) * MM!r}">'
+            f'<site site="from{n}"/><site site="to{n}"/></spatial>' for n, e in enumerate(hoses)
         )
         gravity = -9.81 if weights else 0.0
         return (f'<mujoco><compiler angle="radian"/><option gravity="0 0 {gravity}"/>'
@@ -153,7 +166,7 @@ class Arm:
             load = jac.T @ force - part_jac.T @ force - d.qfrc_bias
             on_motors = np.linalg.solve(self.b.T, load[self.motors]) + drag
             friction = -travel * self.fraction * np.abs(on_motors)
-            twist = unloaded - d.ten_length
+            twist = unloaded - d.ten_length[:6]
             torque, slope = self.spring(twist)
             balance = load + d.qfrc_passive
             balance[self.motors] += self.b.T @ (torque + friction + drag)

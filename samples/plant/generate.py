@@ -122,6 +122,18 @@ def tracking_lag(rng, robot, span, s):
     return {"time_s": rng.uniform(0.001, 0.005) * s}
 
 
+def joint_coupling(rng, robot, span, s):
+    pairs = [(5, 4), (6, 4), (6, 5)]
+    return {"terms": [{"joint": joint, "on": on, "ratio": float(s * rng.normal() * 1e-3)} for joint, on in pairs]}
+
+
+def cable_pull(rng, robot, span, s):
+    """A hose from behind the column to the elbow, a third longer or shorter than at rest over the work."""
+    reach = robot.links[3][2]
+    return {"stiffness_n_per_m": 300 * s, "rest_mm": rng.uniform(0.5, 0.8) * reach, "from_mm": [-0.3 * reach, rng.uniform(-150, 150), 100], "from_link": 1,
+            "to_mm": [rng.uniform(50, 150), 0.2 * reach, 80], "to_link": 3}
+
+
 def space_field(rng, robot, span, s):
     return {"amplitude_mm": rng.normal(0, 0.08, 3) * s, "wave_mm": rng.uniform(60, 160, 3), "phase_rad": rng.uniform(0, 6.3, 3)}
 
@@ -141,7 +153,7 @@ def cable_drag(rng, robot, span, s):
 # Each maker draws one effect: `span` is the run's length in s, `s` its size.
 LISTED = [joint_stiffness, stiffness_curve, gravity, backlash, hysteresis, gear_harmonic, joint_error_curve, zero_offset, link_geometry,
           tool_frame, work_object_frame, base_compliance, bearing_compliance, tool_compliance, workpiece_compliance, thermal_growth,
-          force_scale, tool_wear, tracking_lag]
+          force_scale, tool_wear, tracking_lag, joint_coupling]
 UNLISTED = [space_field, fixture_jump, temperature_cycle, cable_drag]
 # Pairs of different families, so that each of the two can be seen beside the other.
 PAIRS = [(gravity, backlash), (base_compliance, gear_harmonic), (thermal_growth, zero_offset), (stiffness_curve, tracking_lag), (tool_wear, tool_frame),

@@ -72,6 +72,9 @@ def gear_angles(effects, commanded, travel):
             for t in e["terms"]:
                 j = t["joint"] - 1
                 m[j] += t["cos_rad"] * np.cos(t["order"] * commanded[j]) + t["sin_rad"] * np.sin(t["order"] * commanded[j])
+        elif e["kind"] == "joint_coupling":
+            for t in e["terms"]:
+                m[t["joint"] - 1] += t["ratio"] * commanded[t["on"] - 1]
         elif e["kind"] == "joint_error_curve":
             for c in e["curves"]:
                 j = c["joint"] - 1

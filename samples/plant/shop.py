@@ -19,8 +19,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core a process; the matrice
 import numpy as np
 
 import plant
-from generate import (UNLISTED, backlash, base_compliance, bearing_compliance, force_scale, gear_harmonic, gravity, hysteresis,
-                      joint_stiffness, link_geometry, sized, stiffness_curve, thermal_growth, tool_compliance, tool_frame, tool_wear,
+from generate import (UNLISTED, backlash, base_compliance, bearing_compliance, cable_pull, force_scale, gear_harmonic, gravity, hysteresis,
+                      joint_coupling, joint_stiffness, link_geometry, sized, stiffness_curve, thermal_growth, tool_compliance, tool_frame, tool_wear,
                       tracking_lag, work_object_frame, workpiece_compliance, zero_offset)
 from plans import ROBOTS, designed, draw, plan_toml, planned, raster, transfer, zigzag
 from program import read_cell, read_program, rotvec_to_rot
@@ -96,6 +96,9 @@ CASES = {
     "sigma": dict(plan="designed", effects=[(), *ONE], sigma=True),
     "shuffled": dict(plan="designed", effects=ONE, shuffled=True),
     "partial": dict(plan="designed", effects=ONE, partial=True),
+    "coupling": dict(plan="designed", effects=[(joint_coupling,)]),
+    # Where a hose is fastened stands in the cell; what it pulls with is to be found.
+    "hose": dict(plan="designed", effects=[(cable_pull,)], declared=lambda e: {**e, "stiffness_n_per_m": 0.0, "rest_mm": round(0.9 * e["rest_mm"])}),
     "planned": dict(plan="planned", effects=FEW_ROWS),
     # The same effects and noise on rows that nobody planned.
     "unplanned": dict(plan="zigzag", effects=FEW_ROWS, draws_of="planned"),
@@ -147,6 +150,10 @@ def case(job):
     if rng.random() < 0.4:
         wander = 0.0
     faults, rows = [], {}
+    if "declared" in spec:
+        known = spec["declared"](effects[0])
+        with open(folder / "cell.toml", "a") as f:
+            f.write("\n[[effect]]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in known.items()))
     number = 0
     for clamping in range(runs):
         stem = stems[min(clamping, len(stems) - 1)]
