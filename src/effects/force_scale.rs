@@ -8,6 +8,8 @@ pub(super) const KIND: Kind = Kind {
     name: "force_scale",
     summary: "the cutting force is off by a factor",
     forms: &["factor = 1.2"],
+    // Where the joints' springs are all that yields.
+    nested_in: &[super::joint_stiffness::KIND.name],
     read: |table| checked(table.try_into::<ForceScale>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ForceScale { factor: 1.0 })] } else { vec![] },
     ..Kind::PLAIN

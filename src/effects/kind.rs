@@ -20,7 +20,7 @@ pub struct Kind {
     pub shape: Shape,
     /// Whether it turns loads into motion: it does nothing where nothing acts on the arm.
     pub bends_under_load: bool,
-    /// Kinds that have every effect of this kind among them, whatever the data.
+    /// Kinds that have every effect of this kind among them, whatever the data, where nothing else acts.
     pub nested_in: &'static [&'static str],
     /// Kinds that pass for this one where each joint was seen over a little of a turn only.
     pub locally_like: &'static [&'static str],

@@ -330,6 +330,20 @@ impl<R: Real> Deflection<R> {
         }
     }
 
+    /// Puts another target's into a lane.
+    pub(crate) fn set(&mut self, lane: usize, one: &Deflection<f64>) {
+        for i in 0..6 {
+            self.joints[i].set(lane, one.joints[i]);
+            self.lost[i].set(lane, one.lost[i]);
+            (0..2).for_each(|k| self.tilt[i][k].set(lane, one.tilt[i][k]));
+        }
+        self.base.shift.set(lane, &one.base.shift.lane(0));
+        self.base.turn.set(lane, &one.base.turn.lane(0));
+        self.flange.set(lane, &one.flange.lane(0));
+        self.tip.set(lane, &one.tip.lane(0));
+        self.part.set(lane, &one.part.lane(0));
+    }
+
     #[inline(always)]
     fn none() -> Self {
         let (zero, none) = (Vector::ZERO, [R::ZERO; 6]);

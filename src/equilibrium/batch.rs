@@ -8,7 +8,7 @@ use super::evaluation::{self, Evaluation};
 use super::forward::Forward;
 use super::inverse::{self, Inverse};
 use super::model::Model;
-use super::predict::{PRINTED, PredictedPose, WarmStart, Workspace};
+use super::predict::{EXACT, Equilibrium, PRINTED, PredictedPose, WarmStart, Workspace};
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, six, widest};
 use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
@@ -31,6 +31,17 @@ pub(crate) struct Given<'a, 'b> {
     /// Direction of travel into them.
     pub(crate) travel: &'b Joints,
     pub(crate) near: WarmStart,
+}
+
+/// A command near an equilibrium of an arm that differs from the batch's by little.
+#[derive(Clone, Copy)]
+pub(crate) struct Nearby<'a, 'b> {
+    pub(crate) site: Site<'a>,
+    /// Commanded motor angles, rad.
+    pub(crate) motor: &'b Joints,
+    /// Direction of travel into them.
+    pub(crate) travel: &'b Joints,
+    pub(crate) from: &'b Equilibrium,
 }
 
 /// What a batch is solved in, some kilobytes that are used again.
@@ -246,5 +257,30 @@ impl<'a> Batch<'a> {
                 put(lane, predicted);
             }
         }
+    }
+    /// The TCP in the actual work object, of up to eight commands near what is known of another arm.
+    ///
+    /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
+    pub(crate) fn nudged<'s>(&self, room: &mut Room<'s>, near: &[Nearby<'s, '_>], mut put: impl FnMut(Pose)) {
+        const ROUNDS: usize = 2;
+        let model = &self.model;
+        let Workspace { block, at, forward, .. } = &mut room.workspace;
+        for (lane, Nearby { site, motor, travel, from }) in near.iter().enumerate() {
+            block.set(lane, site);
+            set(&mut block.site.commanded, lane, motor);
+            set(&mut forward.travel, lane, travel);
+            forward.under.set(lane, &from.under);
+        }
+        block.first(near.len());
+        at.set_offsets(model, block);
+        forward.begin(model, block, at);
+        forward.close = LaneMask::first(WIDTH);
+        for _ in 0..ROUNDS {
+            forward.done = LaneMask::default();
+            forward.round(0, model, block, at, EXACT);
+        }
+        forward.place(model, block, at, EXACT);
+        let seen = at.wobj_from_tcp();
+        (0..near.len()).for_each(|lane| put(seen.lane(lane)));
     }
 }

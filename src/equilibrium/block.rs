@@ -39,7 +39,7 @@ pub(crate) struct Site<'a> {
 }
 
 impl Setting {
-    pub(super) fn of(situation: &Situation<'_>) -> Self {
+    pub(crate) fn of(situation: &Situation<'_>) -> Self {
         let Situation { base_from_wobj, gravity, tool, .. } = *situation;
         Self { base_from_wobj, gravity, tool, held: false }
     }
@@ -58,7 +58,7 @@ impl Setting {
 }
 
 impl<'a> Site<'a> {
-    pub(super) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
+    pub(crate) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
         let Situation {
             wobj_from_tcp, cutting, normal, velocity, cut_length, time, temperature, payload, units, ..
         } = situation;

@@ -130,7 +130,13 @@ impl<R: Number> Forward<R> {
         if !rules.far {
             self.close = close;
         } else if close.not().any() {
+            let near = at.joints;
             at.turn_to(model, &motor);
+            // A lane that is close comes to the same whatever the others do.
+            for (joint, near) in at.joints.iter_mut().zip(&near) {
+                joint.sin = close.select(near.sin, joint.sin);
+                joint.cos = close.select(near.cos, joint.cos);
+            }
         }
     }
 

@@ -22,7 +22,7 @@ pub struct Equilibrium {
     pub load: Load,
     /// Lost motion there, rad, not negative.
     pub(super) lost: Joints,
-    under: Deflection<f64>,
+    pub(super) under: Deflection<f64>,
 }
 
 /// What an arm carries.
@@ -47,7 +47,7 @@ impl Load {
 }
 
 /// 1e-9 mm at 3 m, seen by an evaluation.
-const EXACT: Rules = Rules { tolerance: 3e-13, warm_start: false, relaxation: 1.0, far: true };
+pub(super) const EXACT: Rules = Rules { tolerance: 3e-13, warm_start: false, relaxation: 1.0, far: true };
 
 /// 6e-9 mm at 3 m, less than a hundredth of the last printed digit.
 pub(super) const PRINTED: Rules = Rules { tolerance: 2e-12, warm_start: true, relaxation: 1.0, far: false };
@@ -193,31 +193,6 @@ impl Arm {
             mixing: forward.mixing,
             gain: 1.0,
         })
-    }
-
-    /// Where the TCP goes from an equilibrium of an arm that differs from this one by little, in the actual work object.
-    ///
-    /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
-    pub(crate) fn nudged(
-        &self,
-        situation: &Situation,
-        motor_commanded: &Joints,
-        travel: &Joints,
-        from: &Equilibrium,
-    ) -> Pose {
-        const ROUNDS: usize = 2;
-        let (model, setting) = (Model::new(self), Setting::of(situation));
-        let mut workspace = Workspace::at(&Site::of(situation, &setting));
-        workspace.command(&model, (motor_commanded, travel));
-        let Workspace { block, at, forward, .. } = &mut workspace;
-        (forward.under, forward.close) = (from.under, true);
-        forward.begin(&model, block, at);
-        for _ in 0..ROUNDS {
-            forward.round(0, &model, block, at, EXACT);
-            forward.done = false;
-        }
-        forward.place(&model, block, at, EXACT);
-        at.wobj_from_tcp().lane(0)
     }
 }
 

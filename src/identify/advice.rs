@@ -17,8 +17,16 @@ pub(super) fn advice(
     unexplained: &Unexplained,
     pairs: &[Separation],
     problem: &Problem,
+    noise_mm: f64,
 ) -> Vec<String> {
+    /// Noise that readings in steps can hide, in steps.
+    const HIDDEN: f64 = 0.5;
     let mut all = Vec::new();
+    if let Some(step) = problem.steps_mm.filter(|step| noise_mm < HIDDEN * step) {
+        all.push(format!(
+            "readings come in steps of {step} mm, more than they scatter: let the instrument write more digits, or what is smaller is lost"
+        ));
+    }
     for effect in added.iter().filter(|effect| !effect.not_told_apart_from.is_empty()) {
         all.push(format!(
             "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \

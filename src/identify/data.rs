@@ -4,13 +4,15 @@ use super::device::{self, Device};
 use super::noise::{OVER, Places, Series};
 use super::runs::at_line;
 use crate::correct::Prepared;
-use crate::effects::Cutting;
-use crate::equilibrium::{Arm, Equilibrium};
+use crate::effects::{Cutting, Situation};
+use crate::equilibrium::{Arm, Batch, Equilibrium, Nearby, Room, Setting, Site};
+use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
 use crate::robot::{Joints, Pose, Units};
 use crate::text::Diagnostic;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -118,6 +120,8 @@ pub(super) struct Problem {
     pub(super) declared_sigma_mm: Option<f64>,
     /// The cell's mechanical units.
     pub(super) units: Arc<Units>,
+    /// Steps that all readings come in, mm, where they are that coarse.
+    pub(super) steps_mm: Option<f64>,
 }
 
 /// A row whose arm finds no equilibrium.
@@ -138,6 +142,7 @@ impl Problem {
             turn_weight: 1.0,
             declared_sigma_mm: None,
             units: Arc::default(),
+            steps_mm: None,
         }
     }
 
@@ -186,26 +191,55 @@ impl Problem {
 
     /// As [`Problem::residual`], for an arm near the one that settled at `known`.
     pub(super) fn residual_near(&self, arm: &Arm, known: &[Option<Equilibrium>]) -> DVector<f64> {
-        let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
-            let situation = self.runs[row.run].situation(row.point);
-            let there = known.as_ref().map(|known| arm.nudged(&situation, &row.motor, &row.travel, known));
-            there.map_or(LOST, |there| self.gap(row, &self.runs[row.run].seen(row.point, there)))
+        /// Rows that share a workspace.
+        const TOGETHER: usize = 128;
+        let batch = Batch::new(arm);
+        let of = |(rows, known): (&[Observation], &[Option<Equilibrium>])| {
+            let situations: Vec<Situation> = rows.iter().map(|row| self.runs[row.run].situation(row.point)).collect();
+            // Neighbours share theirs, but where units move.
+            let mut settings: Vec<Setting> = Vec::new();
+            let setting = |situation: &Situation| {
+                let own = Setting::of(situation);
+                if settings.last() != Some(&own) {
+                    settings.push(own);
+                }
+                settings.len() - 1
+            };
+            let setting: Vec<usize> = situations.iter().map(setting).collect();
+            let mut room = Room::default();
+            let mut parts = vec![LOST; rows.len()];
+            let found: Vec<usize> = (0..rows.len()).filter(|&i| known[i].is_some()).collect();
+            for lanes in found.chunks(WIDTH) {
+                let near = |&i: &usize| {
+                    let Observation { motor, travel, .. } = &rows[i];
+                    let site = Site::of(&situations[i], &settings[setting[i]]);
+                    known[i].as_ref().map(|from| Nearby { site, motor, travel, from })
+                };
+                let near: SmallVec<[Nearby; WIDTH]> = lanes.iter().filter_map(near).collect();
+                let mut lane = lanes.iter();
+                batch.nudged(&mut room, &near, |there| {
+                    if let Some(&i) = lane.next() {
+                        parts[i] = self.gap(&rows[i], &self.runs[rows[i].run].seen(rows[i].point, there));
+                    }
+                });
+            }
+            parts
         };
-        self.stacked(self.rows.par_iter().zip(known).map(of).collect())
+        self.stacked(self.rows.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER)).flat_map_iter(of).collect())
     }
 
-    /// As [`Problem::residual`], under other forces than were read.
+    /// As [`Problem::residual`], under other forces than were read, by the row's index and what was read.
     pub(super) fn residual_under(
         &self,
         arm: &Arm,
         known: &[Option<Equilibrium>],
-        force: impl Fn(Vector3<f64>) -> Vector3<f64> + Sync,
+        force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
     ) -> DVector<f64> {
-        let of = |(row, known): (&Observation, &Option<Equilibrium>)| {
+        let of = |(i, (row, known)): (usize, (&Observation, &Option<Equilibrium>))| {
             let mut situation = self.runs[row.run].situation(row.point);
             match (situation.cutting, known) {
                 (Cutting::Constant(read), _) => {
-                    situation.cutting = Cutting::Constant(force(read));
+                    situation.cutting = Cutting::Constant(force(i, read));
                     let there = arm.predict(&situation, &row.motor, &row.travel).ok();
                     there.map_or(LOST, |there| self.gap(row, &self.seen(row, &there)))
                 }
@@ -213,7 +247,7 @@ impl Problem {
                 (_, None) => LOST,
             }
         };
-        self.stacked(self.rows.par_iter().zip(known).map(of).collect())
+        self.stacked(self.rows.par_iter().zip(known).enumerate().map(of).collect())
     }
 
     /// The TCP in the work object at an equilibrium of a row.
@@ -243,6 +277,23 @@ impl Problem {
             _ => [0.0; 3],
         };
         [moved, turned]
+    }
+
+    /// Takes each run's mean off, axis by axis: where its part is clamped.
+    pub(super) fn without_means(&self, of: &mut DVector<f64>) {
+        for series in self.series(|_| true) {
+            let scalars = || series.samples.iter().map(|sample| sample.0);
+            let mean = scalars().map(|k| of[k]).sum::<f64>() / series.samples.len() as f64;
+            scalars().for_each(|k| of[k] -= mean);
+        }
+    }
+
+    /// The force that a row was measured under, as read, N.
+    pub(super) fn force(&self, row: &Observation) -> Vector3<f64> {
+        match self.runs[row.run].situation(row.point).cutting {
+            Cutting::Constant(force) => force,
+            _ => Vector3::zeros(),
+        }
     }
 
     /// A stacked vector from its parts, row by row.
@@ -311,11 +362,7 @@ impl Problem {
 
     /// A row's coordinates in all that a field may be over.
     fn places(&self, row: &Observation) -> Places {
-        let force = match self.runs[row.run].situation(row.point).cutting {
-            Cutting::Constant(force) => force,
-            _ => Vector3::zeros(),
-        };
-        [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), force]
+        [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), self.force(row)]
     }
 
     /// Diagonals of the boxes around all of them.
@@ -359,7 +406,7 @@ impl Problem {
         Ok(())
     }
 
-    /// Sets rows aside, evenly along each run, until no more are left than a search needs; returns them.
+    /// Sets rows aside, as many along all of each run, until no more are left than a search needs; returns them.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
         /// Rows that are searched on at most: from one part, and over the whole robot with its hundreds of columns.
         const MOST: [usize; 2] = [4_000, 12_500];
@@ -368,8 +415,16 @@ impl Problem {
         if every < 2 {
             return Vec::new();
         }
+        // One of each so many, by the golden ratio: every so-many-th would be the same few targets of a program that repeats.
+        let kept = |row: &Observation| {
+            const GOLDEN: f64 = 0.618_033_988_749_894_9;
+            let share = ((row.order / every) as f64 * GOLDEN).fract();
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below `every`
+            let at = (share * every as f64) as usize;
+            row.order % every == at
+        };
         let rows = std::mem::take(&mut self.rows);
-        let (kept, aside) = rows.into_iter().partition(|row| row.order.is_multiple_of(every));
+        let (kept, aside) = rows.into_iter().partition(kept);
         self.rows = kept;
         self.number();
         aside

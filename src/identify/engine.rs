@@ -10,7 +10,7 @@ use super::map::Map;
 use super::moments::Moments;
 use super::noise;
 use super::outcome::{Identification, SetShare, Unexplained};
-use super::score::posterior;
+use super::score::{Columns, Score, posterior, score};
 use super::search::Search;
 use super::whole::Choice;
 use crate::cell::Cell;
@@ -21,6 +21,7 @@ use crate::program::Program;
 use crate::text::Diagnostic;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// What is identified from.
@@ -70,6 +71,8 @@ pub(super) struct Engine {
     pub(super) spread: f64,
     /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
     pub(super) refused_mm: Option<f64>,
+    /// What may be wrong with the table, in words.
+    pub(super) doubt: Option<String>,
     /// The last residual and what it is of: it is asked many times over.
     last: Mutex<Option<(Settled, DVector<f64>)>>,
 }
@@ -106,6 +109,9 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
     }
     let mut engine = Engine::new(declared, problem, &input.cell.covariances);
     let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
+    if !engine.problem.free_device {
+        engine.questioned(&before)?;
+    }
     Ok(engine.run(&before, input))
 }
 
@@ -154,6 +160,7 @@ impl Engine {
             sets: Vec::new(),
             spread: 1.0,
             refused_mm: None,
+            doubt: None,
             last: Mutex::new(None),
         }
     }
@@ -196,11 +203,53 @@ impl Engine {
             &mut self.reuse,
         );
         let data = self.pseudo(&design, base, wanted);
+        let moments = self.moments(&design, &data, shapes, None);
+        Linearised { moments, always, design, data }
+    }
+
+    /// Moments of the fitted rows under each of some noises, see [`Moments::on`].
+    fn moments(
+        &self,
+        design: &Design,
+        data: &DVector<f64>,
+        shapes: &[noise::Shape],
+        own: Option<&[Range<usize>]>,
+    ) -> Vec<Moments> {
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
-        let of = |&shape: &noise::Shape| Moments { declared, ..Moments::on(&design, &data, &series, shape) };
-        let moments = shapes.par_iter().map(of).collect();
-        Linearised { moments, always, design, data }
+        let moments = if shapes.iter().any(|shape| shape.field.is_some()) {
+            // A field is of one part: there are no curves whose columns are too many to be kept.
+            let stacked = stacked(design.kept(), data);
+            shapes.iter().map(|&shape| Moments::of(&stacked, &series, shape)).collect()
+        } else {
+            Moments::on(design, data, &series, shapes, own)
+        };
+        moments.into_iter().map(|moments| Moments { declared, ..moments }).collect()
+    }
+
+    /// Linearised under those of many noises that are best for a candidate alone: for that its own columns' products do.
+    fn linearise_narrowed(&mut self, wanted: &[usize], shapes: &[noise::Shape]) -> Linearised {
+        let linear = self.linearise(wanted, &[]);
+        let mut own: Vec<Range<usize>> = wanted.iter().map(|&c| self.candidates[c].columns()).collect();
+        own.sort_by_key(|columns| columns.start);
+        own.dedup();
+        let alone = self.moments(&linear.design, &linear.data, shapes, Some(&own));
+        let search = Search::new(&self.candidates, &alone, &linear.always);
+        search.narrow(wanted);
+        let worth_trying: Vec<noise::Shape> = search.active().into_iter().map(|s| shapes[s]).collect();
+        let moments = self.moments(&linear.design, &linear.data, &worth_trying, None);
+        Linearised { moments, ..linear }
+    }
+
+    /// Evidence of a set under the best of some noises.
+    fn score_of(&self, linear: &Linearised, columns: &Columns, shapes: &[noise::Shape]) -> Score {
+        let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
+        let stacked = stacked(&kept, &linear.data);
+        let series = self.problem.series(|row| !row.held_out);
+        let declared = self.problem.declared_sigma_mm;
+        let of = |&shape: &noise::Shape| Moments { declared, ..Moments::of(&stacked, &series, shape) };
+        let moments: Vec<Moments> = shapes.par_iter().map(of).collect();
+        score(&moments, &columns.numbered(), None)
     }
 
     /// The same columns about the numbers as they are now.
@@ -234,10 +283,10 @@ impl Engine {
         // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
         for _ in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
-            let now = self.linearise(&wanted, &shapes);
+            let now = self.linearise_narrowed(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
-            let set = search.best(&self.chosen, &stiff);
-            let score = search.full(&set);
+            let set = search.best_of(&self.chosen, &wanted);
+            let score = self.score_of(&now, &search.columns(&set), &shapes);
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
             let first = self.chosen.is_empty() && self.add_gear(&now);
             self.choose(set);
@@ -322,6 +371,7 @@ impl Engine {
         } else if self.is_unexplained() {
             self.withdraw(&mut posteriors);
             if self.is_unlisted() {
+                self.withdraw_doubtful(&mut posteriors);
                 self.add_map(&mut posteriors);
             }
         }
@@ -476,6 +526,13 @@ impl Engine {
     pub(super) fn patterns(&self) -> Vec<usize> {
         self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect()
     }
+}
+
+/// Columns with the data behind them.
+pub(super) fn stacked(columns: &DMatrix<f64>, data: &DVector<f64>) -> DMatrix<f64> {
+    let mut stacked = columns.clone().insert_column(columns.ncols(), 0.0);
+    stacked.set_column(columns.ncols(), data);
+    stacked
 }
 
 fn sorted(set: &[usize]) -> Vec<usize> {

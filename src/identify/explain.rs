@@ -194,7 +194,8 @@ impl Engine {
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
-        let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem);
+        let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
+        advice.extend(self.doubt.take());
         advice.extend(self.refused_mm.map(|error_mm| {
             format!(
                 "nothing is added: with what the fitted rows speak for, the error on held-out rows would be {error_mm:.4} mm instead of \

@@ -2,7 +2,7 @@
 
 use super::candidates::{self, Candidate, Home};
 use super::data::Observation;
-use super::engine::{Engine, Linearised, Posterior};
+use super::engine::{Engine, Linearised, Posterior, stacked};
 use super::moments::Moments;
 use super::noise;
 use super::pattern::{self, Pattern, Standing};
@@ -28,28 +28,31 @@ impl Engine {
         let price = search::UNLISTED + (fields.len() as f64).ln();
         let series = self.problem.series(|row| !row.held_out);
         let columns = search.columns(set);
-        let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
-        let renumbered = numbered(&columns);
-        stacked = stacked.insert_column(columns.list.len(), 0.0);
-        stacked.set_column(columns.list.len(), &linear.data);
+        let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
+        let (stacked, renumbered) = (stacked(&kept, &linear.data), columns.numbered());
         // The field takes the place of a drift or stands beside the one that was found.
         let mut beside = vec![noise::Shape { drift: 0.0, correlation: 0.0, field: None }];
         if self.shape.drift > 0.0 {
             beside.push(self.shape);
         }
-        let with =
-            |&field: &noise::Field| beside.iter().map(move |&shape| noise::Shape { field: Some(field), ..shape });
-        let shapes: Vec<noise::Shape> = fields.iter().flat_map(with).collect();
+        let with = |&field: &noise::Field| {
+            beside.iter().map(move |&shape| (noise::Shape { field: Some(field), ..shape }, field)).collect::<Vec<_>>()
+        };
+        let alike = |a: &noise::Field, b: &noise::Field| a.over == b.over && a.reach.total_cmp(&b.reach).is_eq();
+        let groups: Vec<Vec<(noise::Shape, noise::Field)>> =
+            fields.chunk_by(alike).map(|fields| fields.iter().flat_map(with).collect()).collect();
         let declared = self.problem.declared_sigma_mm;
-        let gains: Vec<f64> = shapes
+        let gains: Vec<f64> = groups
             .par_iter()
-            .map(|&shape| {
-                let moments = [Moments { declared, ..Moments::of(&stacked, &series, shape) }];
+            .flat_map_iter(|group| Moments::under_fields(&stacked, &series, group))
+            .map(|moments| {
+                let moments = [Moments { declared, ..moments }];
                 let alone = score(&moments, &Columns::default(), None).evidence;
                 let beside = score(&moments, &renumbered, None).evidence - set_price;
                 alone.max(beside) - price - value
             })
             .collect();
+        let shapes: Vec<noise::Shape> = groups.into_iter().flatten().map(|(shape, _)| shape).collect();
         let best = (0..shapes.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
         (gains[best] > 0.0).then_some(shapes[best])
     }
@@ -311,16 +314,27 @@ impl Engine {
         self.choose(set);
     }
 
+    /// Beside something that is in no list, withdraws what is rather something else even among the listed.
+    pub(super) fn withdraw_doubtful(&mut self, posteriors: &mut Vec<Posterior>) {
+        /// More likely wrong than right.
+        const EVEN: f64 = 0.5;
+        let before = posteriors.len();
+        posteriors.retain(|(_, (share, _))| *share >= EVEN);
+        if posteriors.len() < before {
+            let named = |c: &usize| posteriors.iter().any(|(p, _)| p == c);
+            self.choose(self.chosen.iter().copied().filter(|c| self.candidates[*c].is_pattern() || named(c)).collect());
+        }
+    }
+
     /// Sums of squares of each fitted block, predicted by columns that were fitted to the others.
     pub(super) fn block_errors(&self, linear: &Linearised, columns: &Columns) -> Vec<f64> {
         let of_row = |row: &Observation| self.problem.validation_block(row);
         let mut blocks: Vec<(usize, usize)> =
             self.problem.rows.iter().filter(|row| !row.held_out).map(of_row).collect();
         blocks.dedup();
-        let mut stacked = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
-        stacked = stacked.insert_column(columns.list.len(), 0.0);
-        stacked.set_column(columns.list.len(), &linear.data);
-        let local = numbered(columns);
+        let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
+        let stacked = stacked(&kept, &linear.data);
+        let local = columns.numbered();
         let in_cell: Vec<bool> = columns
             .list
             .iter()
@@ -451,12 +465,6 @@ fn student(rows: &[(f64, f64)], freedom: f64) -> (f64, f64) {
             - 0.5 * (freedom + size) * (square / (freedom * scale)).ln_1p()
     };
     (scale, rows.iter().map(of_row).sum::<f64>() - log_scale(scale))
-}
-
-/// The same columns as the first ones of a design of their own.
-fn numbered(columns: &Columns) -> Columns {
-    let list = columns.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
-    Columns { list, curves: columns.curves.clone(), means: columns.means.clone() }
 }
 
 /// Mean of some gains over its standard error.

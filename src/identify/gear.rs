@@ -5,7 +5,7 @@
 
 use super::candidates::{Candidate, Home, Shape};
 use super::data::Problem;
-use super::noise::{self, Series};
+use super::noise::{self, Series, Step};
 use super::search::PRICE;
 use crate::effects::gear_harmonic;
 use crate::robot::Joints;
@@ -60,8 +60,8 @@ pub(super) struct Comb<'a> {
     /// Change of the residual per `TYPICAL_RAD` of each joint's error, mm.
     along: [DVector<f64>; 6],
     series: Vec<Series>,
-    used: Vec<usize>,
-    shape: noise::Shape,
+    /// What whitens each, with the standard deviation in place of the variance.
+    steps: Vec<Vec<Step>>,
     precision: f64,
     /// Half of the angle that each joint is seen over, rad.
     half: Joints,
@@ -77,16 +77,18 @@ impl<'a> Comb<'a> {
         known: Option<Grid>,
     ) -> Self {
         let series = problem.series(|row| !row.held_out);
-        let used: Vec<usize> = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| row)).collect();
+        let rooted = |step: Step| Step { variance: step.variance.sqrt(), ..step };
+        let steps: Vec<Vec<Step>> =
+            series.iter().map(|series| noise::steps(series, shape).into_iter().map(rooted).collect()).collect();
         let along = std::array::from_fn(|j| design.column(zero.first + j) * (TYPICAL_RAD / zero.typical[j]));
         let mut range = (Joints::repeat(f64::INFINITY), Joints::repeat(f64::NEG_INFINITY));
         for row in problem.rows.iter().filter(|row| !row.held_out) {
             range = (range.0.inf(&row.motor), range.1.sup(&row.motor));
         }
         let widths = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, width)| width * (1 + row) as f64));
-        let key = (shape, used.len(), widths.sum::<f64>().to_bits());
+        let key = (shape, steps.iter().map(Vec::len).sum(), widths.sum::<f64>().to_bits());
         let half = 0.5 * (range.1 - range.0);
-        let mut comb = Self { grid: None, problem, along, series, used, shape, precision: sigma.powi(-2), half };
+        let mut comb = Self { grid: None, problem, along, series, steps, precision: sigma.powi(-2), half };
         comb.grid = Some(known.filter(|grid| grid.key == key).unwrap_or_else(|| comb.asked(key)));
         comb
     }
@@ -105,23 +107,24 @@ impl<'a> Comb<'a> {
         self.grid
     }
 
-    /// The best of the whole grid in what is left beside some terms, and its gain.
-    fn best_of_grid(&self, found: &[Term], left: &DMatrix<f64>) -> Option<(Term, f64)> {
+    /// The best of the whole grid in what is left beside some terms, fitted so, and its gain.
+    fn best_of_grid(&self, crosses: &mut Crosses, found: &Fitted) -> Option<(Term, f64)> {
         let grid = self.grid.as_ref()?;
-        let open = |term: &Term| found.iter().filter(|other| other.joint == term.joint).count() < MOST_OF_JOINT;
+        let open = |term: &Term| found.terms.iter().filter(|other| other.joint == term.joint).count() < MOST_OF_JOINT;
+        let taken: Vec<usize> = found.terms.iter().map(|&term| crosses.of(self, grid, term)).collect();
         let gain = |at: usize| {
-            let cross = Vector2::from_fn(|i, _| grid.columns[at].column(i).dot(&left.column(0))) * self.precision;
+            let mut cross = crosses.data[at];
+            for (k, &of) in taken.iter().enumerate() {
+                cross -= crosses.terms[of].1[at] * found.mean.fixed_rows::<2>(2 * k);
+            }
+            let cross = cross * self.precision;
             let matrix = Matrix2::identity() + grid.grams[at] * self.precision;
             matrix
                 .try_inverse()
                 .map_or(0.0, |inverse| 0.5 * (cross.dot(&(inverse * cross)) - matrix.determinant().ln()))
         };
-        let gains: Vec<(f64, usize)> = (0..grid.terms.len())
-            .into_par_iter()
-            .filter(|&at| open(&grid.terms[at]))
-            .map(|at| (gain(at), at))
-            .collect();
-        gains.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, at)| (grid.terms[at], gain))
+        let gains = (0..grid.terms.len()).filter(|&at| open(&grid.terms[at])).map(|at| (gain(at), at));
+        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, at)| (grid.terms[at], gain))
     }
 
     /// Cosine and sine columns of a term, whitened, fitted rows only.
@@ -137,19 +140,39 @@ impl<'a> Comb<'a> {
         self.white(&columns)
     }
 
+    /// Fitted rows only, series by series.
     fn white(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        noise::whiten(columns, &self.series, self.shape).columns.select_rows(&self.used)
+        let mut white = DMatrix::zeros(self.steps.iter().map(Vec::len).sum(), columns.ncols());
+        for (column, mut white) in columns.column_iter().zip(white.column_iter_mut()) {
+            let mut rows = white.iter_mut();
+            for (series, steps) in self.series.iter().zip(&self.steps) {
+                let mut drift = 0.0;
+                for ((&(row, ..), step), white) in series.samples.iter().zip(steps).zip(rows.by_ref()) {
+                    drift *= step.decay;
+                    let innovation = column[row] - drift;
+                    drift += step.gain * innovation;
+                    *white = innovation / step.variance;
+                }
+            }
+        }
+        white
     }
 
     /// Evidence of the columns over none, nats, and what they leave.
     fn fit(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
+        let (value, left, _) = self.fitted(columns, data);
+        (value, left)
+    }
+
+    /// The same, and the columns' numbers.
+    fn fitted(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>, DVector<f64>) {
         let size = columns.ncols();
         let gram = DMatrix::identity(size, size) + columns.tr_mul(columns) * self.precision;
         let cross = columns.tr_mul(data) * self.precision;
-        let Some(factor) = gram.cholesky() else { return (0.0, data.clone()) };
+        let Some(factor) = gram.cholesky() else { return (0.0, data.clone(), DVector::zeros(size)) };
         let mean = factor.solve(&cross);
         let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
-        (0.5 * cross.dot(&mean) - half_log_det, data - columns * mean)
+        (0.5 * cross.dot(&mean) - half_log_det, data - columns * &mean, mean.column(0).into_owned())
     }
 
     fn step(&self, joint: usize) -> f64 {
@@ -195,11 +218,20 @@ impl<'a> Comb<'a> {
         self.best(&fine, left).map_or(coarse, |best| best.0)
     }
 
-    fn without(&self, terms: &[Term], but: Option<usize>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
-        let kept = terms.iter().enumerate().filter(|(i, _)| Some(*i) != but).map(|(_, &term)| self.columns(term));
-        let parts: Vec<DVector<f64>> =
-            kept.flat_map(|pair| [pair.column(0).into_owned(), pair.column(1).into_owned()]).collect();
-        if parts.is_empty() { (0.0, data.clone()) } else { self.fit(&DMatrix::from_columns(&parts), data) }
+    /// Terms but one, fitted to data: their evidence over none, nats, and what they leave.
+    fn without(&self, terms: &[Term], but: Option<usize>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>, Fitted) {
+        let terms: Vec<Term> =
+            terms.iter().enumerate().filter(|(i, _)| Some(*i) != but).map(|(_, &term)| term).collect();
+        let parts: Vec<DVector<f64>> = terms
+            .iter()
+            .map(|&term| self.columns(term))
+            .flat_map(|pair| [pair.column(0).into_owned(), pair.column(1).into_owned()])
+            .collect();
+        let (value, left, mean) = match parts.is_empty() {
+            true => (0.0, data.clone(), DVector::zeros(0)),
+            false => self.fitted(&DMatrix::from_columns(&parts), data),
+        };
+        (value, left, Fitted { terms, mean })
     }
 
     /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
@@ -207,20 +239,20 @@ impl<'a> Comb<'a> {
         let data = self.white(&DMatrix::from_columns(std::slice::from_ref(residual)));
         let looked_at = self.grid.as_ref().map_or(1, |grid| grid.terms.len().max(1)) as f64;
         let price = PRICE + looked_at.ln();
-        let mut found: Vec<Term> = Vec::new();
+        let mut crosses = Crosses::new(self.grid.as_ref(), &data);
+        let mut found = Fitted { terms: Vec::new(), mean: DVector::zeros(0) };
         let (mut value, mut left) = (0.0, data.clone());
-        while found.len() < MOST {
-            let Some((next, gain)) = self.best_of_grid(&found, &left) else { break };
+        while found.terms.len() < MOST {
+            let Some((next, gain)) = self.best_of_grid(&mut crosses, &found) else { break };
             if gain < 0.5 * price {
                 break;
             }
-            let mut more = [&found[..], &[self.refined(next, &left)]].concat();
+            let mut more = [&found.terms[..], &[self.refined(next, &left)]].concat();
             for _ in 0..SWEEPS {
                 for i in 0..more.len() {
-                    let (_, rest) = self.without(&more, Some(i), &data);
+                    let (_, rest, others) = self.without(&more, Some(i), &data);
                     // An alias of a term that was missing may have stood for it: the whole grid is asked again.
-                    let others: Vec<Term> = more.iter().enumerate().filter(|(o, _)| *o != i).map(|(_, t)| *t).collect();
-                    let again = self.best_of_grid(&others, &rest).map_or(more[i], |best| best.0);
+                    let again = self.best_of_grid(&mut crosses, &others).map_or(more[i], |best| best.0);
                     let again = self.refined(again, &rest);
                     let mine = self.fit(&self.columns(more[i]), &rest).0;
                     if self.fit(&self.columns(again), &rest).0 > mine + 1e-6 {
@@ -228,13 +260,46 @@ impl<'a> Comb<'a> {
                     }
                 }
             }
-            let (now, rest) = self.without(&more, None, &data);
+            let (now, rest, fitted) = self.without(&more, None, &data);
             if now - value < price {
                 break;
             }
-            (value, left, found) = (now, rest, more);
+            (value, left, found) = (now, rest, fitted);
         }
-        (found, looked_at)
+        (found.terms, looked_at)
+    }
+}
+
+/// Terms with their fitted numbers, two each.
+struct Fitted {
+    terms: Vec<Term>,
+    mean: DVector<f64>,
+}
+
+/// Products of the grid's columns with the data and with terms that were looked at: what is left beside any of these then needs
+/// no pass over the rows.
+struct Crosses {
+    data: Vec<Vector2<f64>>,
+    terms: Vec<(Term, Vec<Matrix2<f64>>)>,
+}
+
+impl Crosses {
+    fn new(grid: Option<&Grid>, data: &DMatrix<f64>) -> Self {
+        let cross = |columns: &DMatrix<f64>| Vector2::from_fn(|i, _| columns.column(i).dot(&data.column(0)));
+        Self {
+            data: grid.map_or_else(Vec::new, |grid| grid.columns.par_iter().map(cross).collect()),
+            terms: Vec::new(),
+        }
+    }
+
+    /// Index of a term's products.
+    fn of(&mut self, comb: &Comb, grid: &Grid, term: Term) -> usize {
+        self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
+            let own = comb.columns(term);
+            let cross = |columns: &DMatrix<f64>| Matrix2::from_fn(|i, j| columns.column(i).dot(&own.column(j)));
+            self.terms.push((term, grid.columns.par_iter().map(cross).collect()));
+            self.terms.len() - 1
+        })
     }
 }
 

@@ -24,6 +24,7 @@ mod pattern;
 mod places;
 mod plan;
 mod poses;
+mod questioned;
 mod runs;
 mod score;
 mod search;

@@ -51,11 +51,26 @@ pub(super) type Places = [Vector3<f64>; OVER.len()];
 
 impl Field {
     pub(super) fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-        self.share * (-0.5 * (a - b).norm_squared() / (self.reach * self.reach)).exp()
+        self.share * self.correlation(a, b)
+    }
+
+    fn correlation(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+        (-0.5 * (a - b).norm_squared() / (self.reach * self.reach)).exp()
     }
 
     fn between(&self, a: &Places, b: &Places) -> f64 {
         self.covariance(&a[self.over as usize], &b[self.over as usize])
+    }
+
+    /// Correlations of all places with one another; the lower triangle.
+    fn correlations(&self, places: &[Places]) -> DMatrix<f64> {
+        let mut matrix = DMatrix::zeros(places.len(), places.len());
+        for (j, b) in places.iter().enumerate() {
+            for (i, a) in places.iter().enumerate().skip(j) {
+                matrix[(i, j)] = self.correlation(&a[self.over as usize], &b[self.over as usize]);
+            }
+        }
+        matrix
     }
 }
 
@@ -182,6 +197,38 @@ fn whiten_field(stacked: &DMatrix<f64>, series: &[Series], shape: Shape, field: 
     Whitened { columns, log_scale }
 }
 
+/// Products of whitened columns and half the log determinant of the whitening, for each of some shapes whose fields differ in
+/// size alone.
+pub(super) fn products_under_fields(
+    stacked: &DMatrix<f64>,
+    series: &[Series],
+    shapes: &[(Shape, Field)],
+) -> Vec<(DMatrix<f64>, f64)> {
+    let width = stacked.ncols();
+    let mut all = vec![(DMatrix::zeros(width, width), 0.0); shapes.len()];
+    let (mut last, mut factors): (Vec<Spacing>, Vec<Option<DMatrix<f64>>>) = (Vec::new(), Vec::new());
+    for (samples, places) in chunks(series) {
+        let spacing = spacing(samples, places);
+        if last != spacing {
+            let correlations = shapes.first().map(|(_, field)| field.correlations(places));
+            let factor = |&(shape, field): &(Shape, Field)| {
+                factored(covariance(samples, shape, correlations.as_ref()? * field.share))
+            };
+            (last, factors) = (spacing, shapes.iter().map(factor).collect());
+        }
+        let rows: Vec<usize> = samples.iter().map(|sample| sample.0).collect();
+        let part = stacked.select_rows(&rows);
+        for ((full, log_scale), factor) in all.iter_mut().zip(&factors) {
+            let Some(factor) = factor else { continue };
+            *log_scale += factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
+            let mut part = part.clone();
+            factor.solve_lower_triangular_mut(&mut part);
+            full.gemm_tr(1.0, &part, &part, 1.0);
+        }
+    }
+    all
+}
+
 /// Stretches of each series that are seen together, with their places; those of a run's axes one after another.
 fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
     let most = series.iter().map(|series| series.samples.len().div_ceil(TOGETHER)).max().unwrap_or(0);
@@ -195,6 +242,10 @@ fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
 
 /// Time index and relative standard deviation, and where.
 type Spacing = ((usize, f64), Places);
+
+fn spacing(samples: &[Sample], places: &[Places]) -> Vec<Spacing> {
+    samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect()
+}
 
 /// Cholesky factors of the covariance; the axes of a run share theirs.
 struct Factors {
@@ -210,9 +261,10 @@ impl Factors {
     }
 
     fn of(&mut self, samples: &[Sample], places: &[Places]) -> Option<&DMatrix<f64>> {
-        let spacing = samples.iter().map(|sample| (sample.1, sample.2)).zip(places.iter().copied()).collect();
+        let spacing = spacing(samples, places);
         if self.last.as_ref().is_none_or(|last| last.0 != spacing) {
-            self.last = Some((spacing, factored(covariance(samples, places, self.shape, self.field))?));
+            let field = self.field.correlations(places) * self.field.share;
+            self.last = Some((spacing, factored(covariance(samples, self.shape, field))?));
         }
         self.last.as_ref().map(|last| &last.1)
     }
@@ -244,18 +296,17 @@ fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(matrix)
 }
 
-/// Covariance of samples over σ²: white, drift and field; the lower triangle.
-fn covariance(samples: &[Sample], places: &[Places], shape: Shape, field: Field) -> DMatrix<f64> {
-    let size = samples.len();
-    let mut matrix = DMatrix::zeros(size, size);
-    for j in 0..size {
-        for i in j..size {
-            let drift = shape.drifting(samples[i].1.abs_diff(samples[j].1));
-            matrix[(i, j)] = drift + field.between(&places[i], &places[j]);
+/// Covariance of samples over σ², white, drift and field, of that of the field; the lower triangle.
+fn covariance(samples: &[Sample], shape: Shape, mut field: DMatrix<f64>) -> DMatrix<f64> {
+    for (j, &(_, time, relative)) in samples.iter().enumerate() {
+        if shape.drift > 0.0 {
+            for i in j..samples.len() {
+                field[(i, j)] += shape.drifting(samples[i].1.abs_diff(time));
+            }
         }
-        matrix[(j, j)] += samples[j].2.powi(2);
+        field[(j, j)] += relative.powi(2);
     }
-    matrix
+    field
 }
 
 /// The field that a residual speaks for: its posterior mean at the samples, zero elsewhere.
@@ -263,7 +314,8 @@ pub(super) fn field_of(residual: &DVector<f64>, series: &[Series], shape: Shape,
     let mut mean = DVector::zeros(residual.len());
     for (samples, places) in chunks(series) {
         let rows: Vec<usize> = samples.iter().map(|sample| sample.0).collect();
-        let Some(factor) = covariance(samples, places, shape, field).cholesky() else { continue };
+        let correlations = field.correlations(places) * field.share;
+        let Some(factor) = covariance(samples, shape, correlations).cholesky() else { continue };
         let weights = factor.solve(&residual.select_rows(&rows));
         for (i, &row) in rows.iter().enumerate() {
             mean[row] = (0..rows.len()).map(|j| field.between(&places[i], &places[j]) * weights[j]).sum();

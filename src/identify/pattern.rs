@@ -26,6 +26,8 @@ pub(super) enum Pattern {
     MixedForce(usize),
     /// Each axis of the force sensor shows something of the others.
     Crosstalk,
+    /// Forces stand in the rows so many before or behind those in which they acted.
+    LateForce(isize),
     /// One joint's angle.
     Joint(usize),
     /// Time, however it goes.
@@ -90,14 +92,16 @@ impl Pattern {
     pub(super) fn standing(self) -> Standing {
         match self {
             Self::Clamping => Standing::Nuisance,
-            Self::Drift | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk => Standing::Fault,
+            Self::Drift | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => {
+                Standing::Fault
+            }
             Self::Joint(_) | Self::Time | Self::Force | Self::Direction => Standing::Unlisted,
         }
     }
 
     /// Whether the forces of the table cannot be right.
     pub(super) fn is_of_force(self) -> bool {
-        matches!(self, Self::MixedForce(_) | Self::Crosstalk)
+        matches!(self, Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_))
     }
 
     /// What stands where a set has the names of those that could be meant.
@@ -106,7 +110,7 @@ impl Pattern {
             Self::Clamping => "clamping",
             Self::Drift => "instrument_drift",
             Self::Jump { .. } => "fixture_slip",
-            Self::MixedForce(_) | Self::Crosstalk => "force_readings",
+            Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force_readings",
             Self::Joint(_) | Self::Time | Self::Force | Self::Direction => "",
         }
     }
@@ -114,7 +118,7 @@ impl Pattern {
     /// Of patterns of one family a set has one.
     pub(super) fn family(self) -> String {
         match self {
-            Self::MixedForce(_) | Self::Crosstalk => "force readings".to_owned(),
+            Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force readings".to_owned(),
             _ => format!("pattern {self:?}"),
         }
     }
@@ -134,6 +138,8 @@ impl Pattern {
                 format!("the force, if {} are meant", MIXED[which].0).replace("turned are", "turned is")
             }
             Self::Crosstalk => "the force, if each axis of the sensor shows something of the others".to_owned(),
+            Self::LateForce(by) if by > 0 => "the force, if each row has that of the row before it".to_owned(),
+            Self::LateForce(_) => "the force, if each row has that of the row behind it".to_owned(),
             Self::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
             Self::Time => "time".to_owned(),
             Self::Force => "cutting force".to_owned(),
@@ -146,7 +152,7 @@ impl Pattern {
             Self::Clamping => CLAMPING * problem.runs.len(),
             Self::Drift => 3 * DRIFTS * problem.runs.len(),
             Self::Jump { .. } => 3,
-            Self::MixedForce(_) => 1,
+            Self::MixedForce(_) | Self::LateForce(_) => 1,
             Self::Crosstalk => PAIRS,
             Self::Joint(_) => 3 * 2 * ORDERS.len(),
             Self::Time => 3 * WAVES,
@@ -157,11 +163,11 @@ impl Pattern {
 
     /// What the prior of its numbers is about: columns that are mixed up are so once, and not by halves.
     pub(super) fn expected(self) -> f64 {
-        if matches!(self, Self::MixedForce(_)) { 1.0 } else { 0.0 }
+        if matches!(self, Self::MixedForce(_) | Self::LateForce(_)) { 1.0 } else { 0.0 }
     }
 
     fn candidate(self, problem: &Problem, variants: f64) -> Candidate {
-        let scale = if matches!(self, Self::MixedForce(_)) { MIXED_SPREAD } else { 1.0 };
+        let scale = if self.expected() > 0.0 { MIXED_SPREAD } else { 1.0 };
         Candidate { variants, scale, ..Candidate::pattern(self, self.size(problem)) }
     }
 }
@@ -192,6 +198,7 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
         let count = MIXED.len() as f64;
         all.extend((0..MIXED.len()).map(|which| Pattern::MixedForce(which).candidate(problem, count)));
         all.push(Pattern::Crosstalk.candidate(problem, 1.0));
+        all.extend([1, -1].map(|by| Pattern::LateForce(by).candidate(problem, 2.0)));
     }
     all
 }
@@ -221,25 +228,34 @@ pub(super) struct About<'a> {
 /// The columns of a pattern: what it adds to the residual, mm per prior size.
 pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
     let problem = about.problem;
-    let with_force = |matrix: Matrix3<f64>, times: f64| {
-        let moved = problem.residual_under(about.arm, about.settled, |force| matrix * force);
-        let mut column = (about.base - moved) * times;
+    let with_forces = |force: &(dyn Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync)| {
+        let moved = problem.residual_under(about.arm, about.settled, force);
+        let mut column = about.base - moved;
         column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
         column
     };
     match pattern {
         Pattern::MixedForce(which) => {
             let rows = MIXED[which].1;
-            vec![with_force(Matrix3::from_fn(|i, j| rows[i][j]), 1.0)]
+            let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
+            vec![with_forces(&|_, force| matrix * force)]
         }
         Pattern::Crosstalk => {
             let pairs = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
             let of = |(to, from): (usize, usize)| {
                 let mut matrix = Matrix3::identity();
                 matrix[(to, from)] = CROSSTALK;
-                with_force(matrix, 1.0)
+                with_forces(&|_, force| matrix * force)
             };
             pairs.map(of).into()
+        }
+        Pattern::LateForce(by) => {
+            // What acted stands so many rows further on.
+            let acted = |i: usize, read: Vector3<f64>| {
+                let row = |i: usize| problem.rows.get(i).filter(|other| other.run == problem.rows[i].run);
+                i.checked_add_signed(by).and_then(row).map_or(read, |row| problem.force(row))
+            };
+            vec![with_forces(&acted)]
         }
         _ => shifts(problem, pattern),
     }
@@ -248,21 +264,13 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
 /// The columns of a pattern that shifts what is measured.
 pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
     let spans: Vec<Span> = (0..problem.runs.len()).map(|run| Span::of(problem, run)).collect();
-    let force_size = problem.rows.iter().map(|row| force(problem, row).norm()).fold(1.0, f64::max);
+    let force_size = problem.rows.iter().map(|row| problem.force(row).norm()).fold(1.0, f64::max);
     let size = pattern.size(problem);
     let of_column = |index: usize| {
         let of = |row: &Observation| project(problem, row, shift(problem, pattern, index, row, &spans, force_size));
         problem.stacked(problem.rows.par_iter().map(of).collect())
     };
     (0..size).map(of_column).collect()
-}
-
-/// The force that a row was measured under, as read, N.
-fn force(problem: &Problem, row: &Observation) -> Vector3<f64> {
-    match problem.runs[row.run].situation(row.point).cutting {
-        Cutting::Constant(force) => force,
-        _ => Vector3::zeros(),
-    }
 }
 
 /// When and where a run was measured.
@@ -326,11 +334,11 @@ fn shift(
         }
         Pattern::Time => (PI * (which + 1) as f64 * along).cos(),
         Pattern::Force => {
-            let f = force(problem, row) / force_size;
+            let f = problem.force(row) / force_size;
             [f.x, f.y, f.z, f.x * f.x, f.y * f.y, f.z * f.z, f.x * f.y, f.y * f.z, f.x * f.z][which]
         }
         Pattern::Direction => row.travel[which],
-        Pattern::MixedForce(_) | Pattern::Crosstalk => 0.0,
+        Pattern::MixedForce(_) | Pattern::Crosstalk | Pattern::LateForce(_) => 0.0,
     };
     value * axis
 }

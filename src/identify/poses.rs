@@ -2,7 +2,7 @@
 
 use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
-use super::runs::ELSEWHERE_MM;
+use super::questioned::ELSEWHERE_MM;
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, named_tool, travel_into};
 use crate::effects::ToolFrame;

@@ -3,6 +3,7 @@
 use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
 use super::places::{Path, misplaced};
+use super::questioned::{Taken, belongs, steps_mm};
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
 use crate::measured::{MeasuredRow, Table, TargetRef};
@@ -10,9 +11,6 @@ use crate::program::{Program, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::borrow::Cow;
-
-/// A measured point this far from its target does not belong to it, mm.
-pub(super) const ELSEWHERE_MM: f64 = 50.0;
 
 impl Problem {
     /// Aligns runs to their programs.
@@ -33,7 +31,7 @@ impl Problem {
             let path = Path::new(program, &prepared, table);
             let run = problem.runs.len();
             let mut errors = Vec::new();
-            let mut taken: Vec<(usize, &MeasuredRow, Seen)> = Vec::new();
+            let mut taken: Vec<Taken> = Vec::new();
             for row in &table.rows {
                 let point = match row.nominal_mm.filter(|_| row.target.is_none()) {
                     Some(nominal_mm) => path
@@ -74,6 +72,7 @@ impl Problem {
         }
         let declared = parts.iter().flat_map(|(_, table)| &table.rows).all(|row| row.sigma_mm.is_some());
         problem.scale_weights(declared);
+        problem.steps_mm = steps_mm(parts.iter().flat_map(|(_, table)| &table.rows));
         Ok(problem)
     }
 }
@@ -147,43 +146,4 @@ fn place(program: &Program, row: &MeasuredRow) -> Result<usize, String> {
             }
         }
     }
-}
-
-/// Refuses tables whose points lie elsewhere, and says what would bring them here.
-fn belongs(prepared: &Prepared, table: &Table, taken: &[(usize, &MeasuredRow, Seen)], errors: &mut Vec<Diagnostic>) {
-    let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = taken
-        .iter()
-        .filter_map(|(point, _, seen)| match seen {
-            Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => {
-                Some((prepared.points[*point].wobj_from_tcp.translation.vector * 1e3, *seen))
-            }
-            Seen::Position(_) | Seen::Normal(_) | Seen::Distance(_) => None,
-        })
-        .collect();
-    let median = |change: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
-        let mut gaps: Vec<f64> = pairs.iter().map(|(target, seen)| (change(seen) - target).norm()).collect();
-        gaps.sort_by(f64::total_cmp);
-        gaps.get(gaps.len() / 2).copied().unwrap_or(0.0)
-    };
-    let off = median(&|v| *v);
-    if off < ELSEWHERE_MM {
-        return;
-    }
-    type Change = fn(&Vector3<f64>) -> Vector3<f64>;
-    let hypotheses: [(&str, Change); 7] = [
-        ("they are inches: multiply by 25.4", |v| v * 25.4),
-        ("they are metres: multiply by 1000", |v| v * 1e3),
-        ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
-        ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
-        ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
-        ("x has the wrong sign", |v| Vector3::new(-v.x, v.y, v.z)),
-        ("y has the wrong sign", |v| Vector3::new(v.x, -v.y, v.z)),
-    ];
-    let reason = hypotheses
-        .iter()
-        .filter(|(_, change)| median(change) < ELSEWHERE_MM.min(0.1 * off))
-        .map(|(reason, _)| *reason)
-        .next()
-        .unwrap_or("they are not in the work object's frame, or belong to another program");
-    errors.push(at_line(table, 0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")));
 }

@@ -46,6 +46,12 @@ impl Columns {
         Self { list, ..Self::default() }
     }
 
+    /// The same columns as the first ones of a design of their own.
+    pub(super) fn numbered(&self) -> Self {
+        let list = self.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
+        Self { list, curves: self.curves.clone(), means: self.means.clone() }
+    }
+
     /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
     fn add_means(&self, right: &mut DVector<f64>) {
         self.means.iter().for_each(|&(i, mean)| right[i] += mean);
@@ -100,7 +106,14 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
     let n = moments.count as f64;
     let size = columns.list.len();
     let expected: f64 = columns.means.iter().map(|(_, mean)| mean * mean).sum();
-    let at = |log_sigma: f64| {
+    let prior = {
+        let mut prior = DMatrix::zeros(size, size);
+        columns.add_precision(&mut prior);
+        prior
+    };
+    let mut rows = vec![0.0; size * size];
+    let mut white = vec![0.0; size];
+    let mut at = |log_sigma: f64| {
         let precision = (-2.0 * log_sigma).exp();
         let declared = moments.declared.map_or(0.0, |declared| -0.5 * ((log_sigma - declared.ln()) / DECLARED).powi(2));
         let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale
@@ -109,14 +122,13 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
         if size == 0 {
             return base;
         }
-        let mut matrix = &gram * precision;
-        columns.add_precision(&mut matrix);
-        let Some(factor) = matrix.cholesky() else { return f64::NEG_INFINITY };
-        let mut white = &cross * precision;
-        columns.add_means(&mut white);
-        let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
-        factor.l_dirty().solve_lower_triangular_mut(&mut white);
-        base + 0.5 * (white.norm_squared() - expected) - half_log_det + columns.half_log_det()
+        for ((value, gram), prior) in rows.iter_mut().zip(gram.iter()).zip(prior.iter()) {
+            *value = gram * precision + prior;
+        }
+        white.iter_mut().zip(cross.iter()).for_each(|(white, cross)| *white = cross * precision);
+        columns.means.iter().for_each(|&(i, mean)| white[i] += mean);
+        let Some((half_log_det, square)) = whiten_right(&mut rows, &mut white) else { return f64::NEG_INFINITY };
+        base + 0.5 * (square - expected) - half_log_det + columns.half_log_det()
     };
     let rms = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
     let mut middle = guess.map_or(rms, f64::ln);
@@ -145,6 +157,42 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
         middle = best.1;
     }
     (best.0, best.1.exp())
+}
+
+/// Half the log determinant of a symmetric matrix, row by row, and the square of L⁻¹ of a right side, L its Cholesky factor,
+/// which takes the matrix's place; `None` where it is not positive definite.
+fn whiten_right(matrix: &mut [f64], right: &mut [f64]) -> Option<(f64, f64)> {
+    let size = right.len();
+    let mut half_log_det = 0.0;
+    for i in 0..size {
+        let (above, below) = matrix.split_at_mut(i * size);
+        let own = &mut below[..=i];
+        for (j, row) in above.chunks_exact(size).enumerate() {
+            own[j] = (own[j] - dot(&own[..j], &row[..j])) / row[j];
+        }
+        let square = own[i] - dot(&own[..i], &own[..i]);
+        if square.is_nan() || square <= 0.0 {
+            return None;
+        }
+        own[i] = square.sqrt();
+        half_log_det += 0.5 * square.ln();
+        right[i] = (right[i] - dot(&own[..i], &right[..i])) / own[i];
+    }
+    Some((half_log_det, dot(right, right)))
+}
+
+/// Sum of products, some at a time: in the same order on every processor.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const TOGETHER: usize = 8;
+    let mut sums = [0.0; TOGETHER];
+    let (left, right) = (a.chunks_exact(TOGETHER), b.chunks_exact(TOGETHER));
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in left.zip(right) {
+        for k in 0..TOGETHER {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    rest + sums.iter().sum::<f64>()
 }
 
 /// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
@@ -229,6 +277,20 @@ mod tests {
     use super::super::noise::{Series, Shape};
     use super::*;
     use nalgebra::Vector3;
+
+    #[test]
+    fn a_right_side_is_whitened_by_the_cholesky_factor() {
+        let matrix = DMatrix::from_fn(21, 21, |i, j| {
+            let near = (-0.1 * i.abs_diff(j) as f64).exp();
+            if i == j { 2.0 + 0.01 * i as f64 } else { near }
+        });
+        let right = DVector::from_fn(21, |i, _| (i as f64 * 0.7).sin());
+        let mut factor = matrix.as_slice().to_vec();
+        let (half_log_det, square) = whiten_right(&mut factor, &mut right.as_slice().to_vec()).unwrap();
+        assert!((half_log_det - 0.5 * matrix.determinant().ln()).abs() < 1e-12);
+        assert!((square - right.dot(&(matrix.clone().try_inverse().unwrap() * &right))).abs() < 1e-12);
+        assert!(whiten_right(&mut (-matrix).as_slice().to_vec(), &mut right.as_slice().to_vec()).is_none());
+    }
 
     #[test]
     fn a_prior_about_one_draws_there_and_its_evidence_is_that_of_the_data_about_it() {

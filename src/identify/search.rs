@@ -5,7 +5,7 @@
 //! swapping and removing, from nothing and from the best pairs; what could stand in a member's place with nearly the
 //! same evidence is what it cannot be told apart from.
 
-use super::candidates::{Candidate, SPRING};
+use super::candidates::{Candidate, Home, SPRING};
 use super::moments::Moments;
 use super::pattern::Standing;
 use super::score::{Columns, Score, profiled, score};
@@ -152,7 +152,12 @@ impl<'a> Search<'a> {
     pub(super) fn best(&self, start: &[usize], allowed: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
         let pool: Vec<usize> = (0..self.candidates.len()).filter(|&c| allowed(&self.candidates[c])).collect();
         self.narrow(&pool);
-        let mut best = self.climb(start.to_vec(), &pool);
+        self.best_of(start, &pool)
+    }
+
+    /// The best set of some candidates, from a starting set, over the shapes worth trying.
+    pub(super) fn best_of(&self, start: &[usize], pool: &[usize]) -> Vec<usize> {
+        let mut best = self.climb(start.to_vec(), pool);
         // A pair can beat what single steps find: two effects whose sum a third imitates.
         let mut singles: Vec<(f64, usize)> = pool.iter().map(|&c| (self.objective(&[c]), c)).collect();
         singles.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -165,9 +170,11 @@ impl<'a> Search<'a> {
                 }
             }
         }
+        let beside = self.beside_faults(&[], &|c| pool.contains(&c));
+        pairs.extend(beside.into_iter().map(|(_, pair)| (self.objective(&pair), pair)));
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (_, pair) in pairs.into_iter().take(3) {
-            let climbed = self.climb(pair, &pool);
+            let climbed = self.climb(pair, pool);
             if self.objective(&climbed) > self.objective(&best) {
                 best = climbed;
             }
@@ -194,6 +201,13 @@ impl<'a> Search<'a> {
         }
         *self.active.borrow_mut() = wanted;
         self.known.borrow_mut().clear();
+    }
+
+    /// Noise shapes worth trying, in their order.
+    pub(super) fn active(&self) -> Vec<usize> {
+        let mut active = self.active.borrow().clone();
+        active.sort_unstable();
+        active
     }
 
     fn climb(&self, start: Vec<usize>, pool: &[usize]) -> Vec<usize> {
@@ -224,6 +238,31 @@ impl<'a> Search<'a> {
         set
     }
 
+    /// A set with each kind's best variant and a fault of the measurement, the best drift and the best slip in turn, and that
+    /// variant: whatever explains the rows stands with the fault that suits it, not with one that suited another.
+    fn beside_faults(&self, set: &[usize], allowed: &dyn Fn(usize) -> bool) -> Vec<(usize, Vec<usize>)> {
+        let best_of_each = |wanted: &dyn Fn(&Candidate) -> bool| {
+            let mut best: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
+            for (c, candidate) in self.candidates.iter().enumerate() {
+                if wanted(candidate) && allowed(c) && self.joins(set, c) {
+                    let value = self.objective(&[set, &[c]].concat());
+                    let known = best.entry(&candidate.kind).or_insert((value, c));
+                    if value > known.0 {
+                        *known = (value, c);
+                    }
+                }
+            }
+            best.into_values().map(|(_, c)| c).collect::<Vec<_>>()
+        };
+        let is_fault = |candidate: &Candidate| match candidate.home {
+            Home::Pattern(pattern) => pattern.standing() == Standing::Fault && !pattern.is_of_force(),
+            Home::Declared(_) | Home::New(_) => false,
+        };
+        let (kinds, faults) = (best_of_each(&|candidate| !candidate.is_pattern()), best_of_each(&is_fault));
+        let with = |c: usize| faults.iter().map(move |&f| (c, [set, &[c, f]].concat())).collect::<Vec<_>>();
+        kinds.into_iter().flat_map(with).collect()
+    }
+
     /// Posterior over the sets about one: itself, without each member, with each swapped for another, with each further
     /// one; by what they name, most likely first, with the best set of those names.
     pub(super) fn sets(&self, set: &[usize]) -> Vec<(f64, Vec<usize>)> {
@@ -239,6 +278,7 @@ impl<'a> Search<'a> {
         for &member in set.iter().filter(|&&c| self.candidates[c].is_named()) {
             let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
             moves.extend(further(&without));
+            moves.extend(self.beside_faults(&without, &|_| true).into_iter().map(|(_, set)| set));
             moves.push(without);
         }
         let mut by_names: BTreeMap<Vec<&str>, (f64, f64, Vec<usize>)> = BTreeMap::new();
@@ -307,6 +347,16 @@ impl<'a> Search<'a> {
             let weight = share(self.objective(&[&without[..], &[c]].concat()) + nested);
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;
+        }
+        for (c, set) in self.beside_faults(&without, &|c| c != member) {
+            let kind = &self.candidates[c].kind;
+            let weight = share(self.objective(&set));
+            total += weight;
+            if *kind == self.candidates[member].kind {
+                of_kind += weight;
+            } else {
+                *weights.entry(kind.clone()).or_default() += weight;
+            }
         }
         let mut rivals: Vec<(String, f64)> = weights.into_iter().map(|(kind, w)| (kind, w / total)).collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));

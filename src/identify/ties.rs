@@ -23,6 +23,12 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect]) {
         if law.part == Part::JointSpring {
             there.iter().filter(springs).for_each(|other| tie(effect, other.name));
         }
+        // What a law of the springs has among its effects is that law as well, beside another one of the same springs.
+        let beside_spring = there.iter().any(|other| other.part == Part::JointSpring);
+        let whole = |whole: &&&str| kind(whole).is_some_and(|whole| whole.part == Part::JointSpring);
+        if beside_spring {
+            law.nested_in.iter().filter(whole).for_each(|whole| tie(effect, whole));
+        }
         let harmonic_there = there.iter().any(|other| other.shape == Shape::Periodic);
         let is_curve = law.shape == Shape::Curve && (wave || harmonic_there);
         // A curve that could stand here could be a low harmonic too.

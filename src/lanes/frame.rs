@@ -172,9 +172,9 @@ impl<R: Real> Frame<R> {
     #[inline(always)]
     pub(crate) fn set_axes(&mut self, lane: usize, rotation: &Rotation3<f64>) {
         let m = rotation.matrix();
-        self.x.set(lane, &m.column(0).into());
-        self.y.set(lane, &m.column(1).into());
-        self.z.set(lane, &m.column(2).into());
+        self.x.set(lane, &Vector3::new(m.m11, m.m21, m.m31));
+        self.y.set(lane, &Vector3::new(m.m12, m.m22, m.m32));
+        self.z.set(lane, &Vector3::new(m.m13, m.m23, m.m33));
     }
 
     #[inline(always)]

@@ -19,6 +19,7 @@ mod hard_cases;
 mod html;
 mod identify;
 mod identify_faults;
+mod identify_faulty_tables;
 mod identify_poses;
 mod identify_rows;
 mod opw;

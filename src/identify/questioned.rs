@@ -1,0 +1,300 @@
+//! Questions put to a table before anything is fitted: whether its points can be those of the targets that its rows name, and
+//! whether they can be what an instrument measured on a robot.
+//!
+//! What is clear is refused with what would mend it; nothing is mended here.
+
+use super::data::{Problem, Seen};
+use super::engine::Engine;
+use super::runs::at_line;
+use crate::correct::Prepared;
+use crate::measured::{MeasuredRow, Table};
+use crate::text::Diagnostic;
+use nalgebra::{DVector, Vector3};
+
+/// A measured point this far from its target does not belong to it, mm.
+pub(super) const ELSEWHERE_MM: f64 = 50.0;
+/// Nearer than this points need no other reading, mm: a work object off by as much is nothing unusual.
+const NEAR_MM: f64 = 2.0;
+/// A reading must bring points ten times nearer to be what was meant.
+const CLEARLY: f64 = 0.1;
+/// Rows this much further off than the others are in another frame or unit, mm and medians: no arm bends so far.
+const APART: (f64, f64) = (10.0, 20.0);
+/// Rows in a stretch: fewer are outliers.
+const STRETCH: usize = 4;
+/// Points that are asked where all are compared with all.
+const ASKED: usize = 200;
+/// Ordinals that rows may be off by.
+const SHIFTS: [isize; 4] = [-1, 1, -2, 2];
+/// Scatter from row to row that no robot has, mm an axis.
+const MOST_NOISE_MM: f64 = 1.0;
+/// Standard deviation of normal numbers over the median of their sizes.
+const TO_SIGMA: f64 = 1.4826;
+
+type Change = fn(&Vector3<f64>) -> Vector3<f64>;
+
+/// What points might have been meant as, in words.
+const READINGS: [(&str, Change); 11] = [
+    ("they are inches: multiply by 25.4", |v| v * 25.4),
+    ("they are metres: multiply by 1000", |v| v * 1e3),
+    ("x and y are swapped", |v| Vector3::new(v.y, v.x, v.z)),
+    ("y and z are swapped", |v| Vector3::new(v.x, v.z, v.y)),
+    ("x and z are swapped", |v| Vector3::new(v.z, v.y, v.x)),
+    ("x has the wrong sign", |v| Vector3::new(-v.x, v.y, v.z)),
+    ("y has the wrong sign", |v| Vector3::new(v.x, -v.y, v.z)),
+    ("z has the wrong sign", |v| Vector3::new(v.x, v.y, -v.z)),
+    ("x and y have the wrong sign", |v| Vector3::new(-v.x, -v.y, v.z)),
+    ("the columns are y, z, x", |v| Vector3::new(v.z, v.x, v.y)),
+    ("the columns are z, x, y", |v| Vector3::new(v.y, v.z, v.x)),
+];
+
+/// A whole position with the target that its row names, mm.
+struct Pair<'a> {
+    row: &'a MeasuredRow,
+    point: usize,
+    seen: Vector3<f64>,
+}
+
+/// Rows that a table takes part with: point of the program, row, what was seen.
+pub(super) type Taken<'a> = (usize, &'a MeasuredRow, Seen);
+
+/// Refuses tables whose points lie elsewhere, or are no measurements, and says what would mend them.
+pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], errors: &mut Vec<Diagnostic>) {
+    let pair = |&(point, row, seen): &Taken<'_>| match seen {
+        Seen::Position(seen) if seen.iter().all(|v| v.is_finite()) => Some((point, row.line, seen)),
+        Seen::Position(_) | Seen::Normal(_) | Seen::Distance(_) => None,
+    };
+    let pairs: Vec<Pair> = taken
+        .iter()
+        .filter_map(|taken| pair(taken).map(|(point, _, seen)| Pair { row: taken.1, point, seen }))
+        .collect();
+    let asked = Asked { prepared, pairs: &pairs };
+    let doubtful = doubled(taken)
+        .map(|(first, again)| {
+            (again, format!("the row repeats line {first} number by number"), "delete one of the two")
+        })
+        .or_else(|| {
+            let (from, to) = asked.stuck()?;
+            let message = format!(
+                "lines {from} to {to} repeat one reading at targets that lie apart: the instrument stood still"
+            );
+            Some((from, message, "delete these rows"))
+        });
+    if let Some((line, message, help)) = doubtful {
+        errors.push(at_line(table, line, message).help(help));
+        return;
+    }
+    let off = asked.off(|v| *v, 0, |_| true);
+    let mean = asked.middle();
+    if let Some((line, message)) = asked.whole(off).or_else(|| asked.stretch(mean)) {
+        errors.push(at_line(table, line, message));
+    }
+}
+
+/// Points with their targets.
+struct Asked<'a> {
+    prepared: &'a Prepared,
+    pairs: &'a [Pair<'a>],
+}
+
+impl Asked<'_> {
+    fn target(&self, point: usize, shift: isize) -> Option<Vector3<f64>> {
+        let there = self.prepared.points.get(point.checked_add_signed(shift)?)?;
+        Some(there.wobj_from_tcp.translation.vector * 1e3)
+    }
+
+    /// How far points read in some way lie from targets so many further on, median, mm.
+    fn off(&self, change: impl Fn(&Vector3<f64>) -> Vector3<f64>, shift: isize, keep: impl Fn(usize) -> bool) -> f64 {
+        let of = |(i, pair): (usize, &Pair)| {
+            let target = self.target(pair.point, shift).filter(|_| keep(i))?;
+            Some((change(&pair.seen) - target).norm())
+        };
+        median(self.pairs.iter().enumerate().filter_map(of).collect())
+    }
+
+    /// How a point lies from its target, mm.
+    fn gap(&self, pair: &Pair) -> Vector3<f64> {
+        self.target(pair.point, 0).map_or_else(Vector3::zeros, |target| pair.seen - target)
+    }
+
+    /// Where most points lie from their targets, mm.
+    fn middle(&self) -> Vector3<f64> {
+        let gaps: Vec<Vector3<f64>> = self.pairs.iter().map(|pair| self.gap(pair)).collect();
+        let every = gaps.len().div_ceil(ASKED).max(1);
+        let alike = |gap: &Vector3<f64>| gaps.iter().filter(|other| (*other - gap).norm() < APART.0).count();
+        gaps.iter().step_by(every).max_by_key(|gap| alike(gap)).copied().unwrap_or_default()
+    }
+
+    /// What some rows were meant as, if that brings them so much nearer.
+    fn meant(&self, off: f64, keep: &dyn Fn(usize) -> bool) -> Option<String> {
+        let reading = READINGS.iter().find(|(_, change)| self.off(change, 0, keep) < CLEARLY * off);
+        reading.map(|(reason, _)| (*reason).to_owned()).or_else(|| {
+            let shift = SHIFTS.into_iter().find(|&shift| self.off(|v| *v, shift, keep) < CLEARLY * off)?;
+            let (way, mend) = if shift > 0 { ("after", "add") } else { ("before", "subtract") };
+            let by = shift.unsigned_abs();
+            Some(format!("each is that of the target {by} {way} the one that the row names: {mend} {by} in `target`"))
+        })
+    }
+
+    /// Why the points as a whole are not the targets', if they are not.
+    fn whole(&self, off: f64) -> Option<(u64, String)> {
+        if off < NEAR_MM {
+            return None;
+        }
+        let reason = self.meant(off, &|_| true).or_else(|| self.shuffled(off)).or_else(|| {
+            let elsewhere = "they are not in the work object's frame, or belong to another program";
+            (off >= ELSEWHERE_MM).then(|| elsewhere.to_owned())
+        });
+        reason.map(|reason| (0, format!("measured points lie {off:.1} mm (median) from their targets: {reason}")))
+    }
+
+    /// Points that are others' of the same path.
+    fn shuffled(&self, off: f64) -> Option<String> {
+        let places: Vec<Vector3<f64>> = self.pairs.iter().filter_map(|pair| self.target(pair.point, 0)).collect();
+        let every = self.pairs.len().div_ceil(ASKED).max(1);
+        let nearest = |pair: &Pair| places.iter().map(|place| (pair.seen - place).norm()).fold(f64::INFINITY, f64::min);
+        let nearest = median(self.pairs.iter().step_by(every).map(nearest).collect());
+        (nearest < CLEARLY * off)
+            .then(|| "each lies at another target of the path: the rows are out of order".to_owned())
+    }
+
+    /// A stretch of rows that lies apart from the others.
+    fn stretch(&self, middle: Vector3<f64>) -> Option<(u64, String)> {
+        let gaps: Vec<f64> = self.pairs.iter().map(|pair| (self.gap(pair) - middle).norm()).collect();
+        let together = median(gaps.iter().copied().filter(|gap| *gap < APART.0).collect());
+        let limit = APART.0.max(APART.1 * together);
+        let far = |i: usize| gaps[i] > limit;
+        let mut from = 0;
+        while from < gaps.len() {
+            let count = (from..gaps.len()).take_while(|&i| far(i)).count();
+            if count >= STRETCH {
+                let within = |i: usize| (from..from + count).contains(&i);
+                let off = self.off(|v| *v, 0, within);
+                let reason = self.meant(off, &within).unwrap_or_else(|| {
+                    "the part or the instrument was moved: give them a `run` of their own, or delete them".to_owned()
+                });
+                let (first, last) = (self.pairs[from].row.line, self.pairs[from + count - 1].row.line);
+                return Some((
+                    first,
+                    format!(
+                        "lines {first} to {last} lie {off:.1} mm from their targets, and the others do not: {reason}"
+                    ),
+                ));
+            }
+            from += count.max(1);
+        }
+        None
+    }
+
+    /// Rows that repeat one reading where the targets lie apart.
+    fn stuck(&self) -> Option<(u64, u64)> {
+        /// Targets nearer than this may give one reading, mm.
+        const APART_MM: f64 = 1.0;
+        let same = |a: &Pair, b: &Pair| {
+            let (a_target, b_target) = (self.target(a.point, 0), self.target(b.point, 0));
+            let apart = a_target.zip(b_target).is_some_and(|(a, b)| (a - b).norm() > APART_MM);
+            apart && a.seen == b.seen
+        };
+        let runs = self.pairs.chunk_by(same);
+        runs.filter(|rows| rows.len() >= 3).find_map(|rows| Some((rows.first()?.row.line, rows.last()?.row.line)))
+    }
+}
+
+/// Lines of two rows of one target that are the same number by number, if readings with a time are, or most of those without.
+fn doubled(taken: &[Taken]) -> Option<(u64, u64)> {
+    let mut order: Vec<&Taken> = taken.iter().collect();
+    order.sort_by_key(|(point, row, _)| (*point, row.line));
+    let again = || order.windows(2).filter(|rows| rows[0].0 == rows[1].0);
+    let same = |rows: &&[&Taken]| {
+        let (a, b) = (rows[0].1, rows[1].1);
+        let seen = |row: &MeasuredRow| (row.axes_mm, row.normal_mm, row.distance_mm);
+        seen(a) == seen(b) && (a.force_n, a.time_s, &a.run) == (b.force_n, b.time_s, &b.run)
+    };
+    let found = again().find(same)?;
+    let timed = found[0].1.time_s.is_some();
+    // Coarse readings of a target that was measured twice may well be alike.
+    (timed || 2 * again().filter(same).count() > again().count()).then(|| (found[0].1.line, found[1].1.line))
+}
+
+/// Steps that all readings come in, mm, where they are coarse enough to tell.
+pub(super) fn steps_mm<'a>(rows: impl Iterator<Item = &'a MeasuredRow> + Clone) -> Option<f64> {
+    const STEPS_MM: [f64; 8] = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005];
+    /// Decimal numbers are not held exactly.
+    const ROUNDING: f64 = 1e-6;
+    let readings =
+        || rows.clone().flat_map(|row| row.axes_mm.into_iter().chain([row.normal_mm, row.distance_mm]).flatten());
+    let whole = |step: &f64| readings().all(|reading| (reading / step - (reading / step).round()).abs() < ROUNDING);
+    STEPS_MM.into_iter().find(whole)
+}
+
+impl Engine {
+    /// Refuses residuals that no robot leaves; what is possible only is kept to be said.
+    pub(super) fn questioned(&mut self, before: &DVector<f64>) -> Result<(), Vec<Diagnostic>> {
+        let noise_mm = row_to_row_mm(&self.problem, before);
+        if noise_mm > MOST_NOISE_MM {
+            let message =
+                format!("the rows scatter by {noise_mm:.2} mm an axis from one to the next, which no robot does");
+            let help = "check the unit, the instrument, and whether the rows belong to this program";
+            return Err(vec![Diagnostic::error("identify.noise", "", message).help(help)]);
+        }
+        let settled = self.problem.equilibria(&self.declared);
+        let mut unloaded = self.problem.residual_under(&self.declared, &settled, |_, _| Vector3::zeros());
+        let mut bent = &unloaded - before;
+        // Under one load a part that is clamped elsewhere looks like a spring that yields more.
+        let possible = self.misread_forces(&unloaded, &bent);
+        self.problem.without_means(&mut unloaded);
+        self.problem.without_means(&mut bent);
+        let told = |what: &str| format!("the arm bends as if the forces of the table {what}");
+        if let Some((what, help)) = self.misread_forces(&unloaded, &bent) {
+            return Err(vec![Diagnostic::error("identify.forces", "", told(what)).help(help)]);
+        }
+        self.doubt = possible.map(|(what, help)| {
+            format!("{}, or the part lies elsewhere than declared: {help} if so; a row in air tells", told(what))
+        });
+        Ok(())
+    }
+
+    /// What the forces of the table seem to be where they are not newtons on the tool, where that is all but plain, and what to do.
+    fn misread_forces(&self, unloaded: &DVector<f64>, bent: &DVector<f64>) -> Option<(&'static str, &'static str)> {
+        const UNITS: [(f64, &str); 4] = [
+            (1e3, "were kilonewtons"),
+            (9.806_65, "were kilograms or decanewtons"),
+            (4.448, "were pounds"),
+            (1e-3, "were millinewtons"),
+        ];
+        /// How far a factor may be from a unit's, and what share of what was measured it must explain.
+        const CLOSE: f64 = 0.2;
+        const MOST_OF_IT: f64 = 0.8;
+        const ROUNDING: f64 = 1e-6;
+        /// No spring yields against what pulls it: below this, more than noise turns the sign.
+        const AGAINST: f64 = -0.3;
+        self.declared.stiffness?;
+        let (both, own) = (unloaded.dot(bent), bent.norm_squared());
+        let (factor, share) = (both / own, both * both / (own * unloaded.norm_squared()));
+        // Forces that a law gives are no readings: nothing but rounding is left of them here.
+        if share.is_nan() || share < MOST_OF_IT || own.sqrt() < ROUNDING * unloaded.norm() {
+            return None;
+        }
+        if factor < AGAINST {
+            return Some(("had the opposite sign", "fx_n, fy_n, fz_n act on the tool: turn their signs"));
+        }
+        let unit = UNITS.iter().find(|(unit, _)| (factor / unit - 1.0).abs() < CLOSE);
+        unit.map(|(_, words)| (*words, "fx_n, fy_n, fz_n are newtons: convert them"))
+    }
+}
+
+/// Standard deviation of what changes from row to row, of the axes together, mm.
+fn row_to_row_mm(problem: &Problem, residual: &DVector<f64>) -> f64 {
+    let mut sizes = Vec::new();
+    for series in problem.series(|_| true) {
+        let at = |k: usize| residual[series.samples[k].0] / series.samples[k].2;
+        let seconds = (2..series.samples.len()).map(|k| at(k) - 2.0 * at(k - 1) + at(k - 2));
+        sizes.extend(seconds.map(f64::abs));
+    }
+    // Second differences of white noise have six times its variance.
+    TO_SIGMA * median(sizes) / 6f64.sqrt()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
