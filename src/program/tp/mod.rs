@@ -5,7 +5,7 @@
 //! | `lines` | bytes | sections; the statements of `/MN` with their continuations |
 //! | `lex`, `statement`, `motion`, `expression` | statements | what they do to where the robot goes |
 //! | `position` | `/POS` | positions, and where their numbers stand |
-//! | `flow`, `calls` | statements | what each makes of what is known, and where a run goes on |
+//! | `flow`, `state`, `calls` | statements | what each makes of what is known, and where a run goes on |
 //! | `run` | flow | the motions that run, with what is known at each |
 //! | `targets`, `arcs` | motions and positions | targets |
 //! | `rewrite` | wanted poses | edits on numbers of `/POS` |
@@ -21,6 +21,7 @@ mod motion;
 mod position;
 mod rewrite;
 mod run;
+mod state;
 mod statement;
 mod targets;
 

@@ -4,7 +4,8 @@
 //! what holds before each of its statements is what holds on all ways there (a data flow analysis: states are joined until none
 //! changes), and its motions are those that can be reached, once each, in the order of the text.
 
-use super::flow::{Flow, Next, State};
+use super::flow::{Flow, Next};
+use super::state::State;
 use super::statement::Kind;
 use std::collections::VecDeque;
 

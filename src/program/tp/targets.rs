@@ -2,11 +2,12 @@
 
 use super::arcs::{self, Arc as Points, Between};
 use super::expression;
-use super::flow::{Flow, Marked, State};
+use super::flow::Flow;
 use super::lines::Line;
 use super::motion::{INCREMENT, Motion, Point};
 use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
+use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
