@@ -176,7 +176,7 @@ impl Asked<'_> {
                 return Some((
                     first,
                     format!(
-                        "lines {first} to {last} lie {off:.1} mm from their targets, and the others do not: {reason}"
+                        "lines {first} to {last} lie {off:.1} mm from their targets, and the others otherwise: {reason}"
                     ),
                 ));
             }
