@@ -9,7 +9,7 @@ use super::run::Done;
 use super::{lines, progress, report};
 use deflex::correct::{self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, post_chunks};
 use deflex::program::cl::ClOptions;
-use deflex::program::{Language, Stretches, cl, krl, rapid};
+use deflex::program::{ChunkReader, Language, cl, krl, rapid};
 use deflex::report::FileSummary;
 use deflex::text::{Diagnostic, Patch};
 use indicatif::ProgressBar;
@@ -64,7 +64,7 @@ impl<'a> Long<'a> {
     }
 
     /// Writes what the chunks become, one behind the other.
-    fn rewrite(mut self, chunks: impl Stretches + Send) -> Result<Option<Done>, Vec<Diagnostic>> {
+    fn rewrite(mut self, chunks: impl ChunkReader + Send) -> Result<Option<Done>, Vec<Diagnostic>> {
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = self.reports(file)?;

@@ -8,7 +8,7 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{StreamableChunk, Stretches, cl, rapid};
+use crate::program::{ChunkReader, StreamableChunk, cl, rapid};
 use crate::text::{Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
@@ -19,7 +19,7 @@ use std::sync::Mutex;
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
-pub fn compensate_chunks<C: Stretches + Send>(
+pub fn compensate_chunks<C: ChunkReader + Send>(
     chunks: C,
     cell: &Cell,
     options: &Options,

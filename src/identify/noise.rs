@@ -229,7 +229,7 @@ pub(super) fn products_under_fields(
     all
 }
 
-/// Stretches of each series that are seen together, with their places; those of a run's axes one after another.
+/// ChunkReader of each series that are seen together, with their places; those of a run's axes one after another.
 fn chunks(series: &[Series]) -> impl Iterator<Item = (&[Sample], &[Places])> {
     let most = series.iter().map(|series| series.samples.len().div_ceil(TOGETHER)).max().unwrap_or(0);
     (0..most).flat_map(move |n| {

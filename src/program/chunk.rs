@@ -1,4 +1,4 @@
-//! Long programs, a stretch at a time.
+//! Long programs, a chunk at a time.
 
 use super::cl::{self, ClOptions};
 use super::krl;
@@ -19,8 +19,8 @@ pub enum Next<P> {
     NotStreamable,
 }
 
-/// A long program, a chunk at a time.
-pub trait Stretches {
+/// Cuts a long program into chunks.
+pub trait ChunkReader {
     /// A chunk, not yet read.
     type Chunk;
 
@@ -34,7 +34,7 @@ pub trait Stretches {
     fn read(chunk: Self::Chunk) -> Option<StreamableChunk>;
 }
 
-impl<R: Read> Stretches for rapid::Chunks<R> {
+impl<R: Read> ChunkReader for rapid::Chunks<R> {
     type Chunk = rapid::Chunk;
 
     fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
@@ -143,7 +143,7 @@ impl<R: Read + Seek> AnyChunks<R> {
         Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
     }
 
-    /// Reads a chunk; `None` where it is not straight after all.
+    /// Reads a chunk; `None` where it is not streamable after all.
     #[must_use]
     pub fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
         match chunk {

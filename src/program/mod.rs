@@ -29,7 +29,7 @@ pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use chunk::{AnyChunks, Next, StreamableChunk, Stretches};
+pub use chunk::{AnyChunks, ChunkReader, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
     Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Status, Target,

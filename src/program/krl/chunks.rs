@@ -7,7 +7,7 @@
 
 use super::like::{Like, Reader, is_speed};
 use super::{Layout, dialect, lex};
-use crate::program::{Language, Mark, Next, Program, StreamableChunk, Stretches, Target, detect};
+use crate::program::{ChunkReader, Language, Mark, Next, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
 use std::io::{self, Read};
 use std::sync::Arc;
@@ -263,7 +263,7 @@ impl<R: Read> Chunks<R> {
     }
 }
 
-impl<R: Read> Stretches for Chunks<R> {
+impl<R: Read> ChunkReader for Chunks<R> {
     type Chunk = Chunk;
 
     fn take(&mut self) -> io::Result<Next<Chunk>> {

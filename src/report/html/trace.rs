@@ -44,7 +44,7 @@ struct Kept {
 /// Marks a value that is absent.
 const ABSENT: i32 = i32::MIN;
 
-/// Stretches of a page with one path: three samples each, of up to 34 columns in base64, a name of 32 letters and a quoted
+/// ChunkReader of a page with one path: three samples each, of up to 34 columns in base64, a name of 32 letters and a quoted
 /// line, stay below 5 MB.
 pub(super) const MOST_STRETCHES: usize = 4096;
 
