@@ -11,7 +11,7 @@ impl ValueEnum for Language {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.word()).help(self.name()))
+        Some(PossibleValue::new(self.word()))
     }
 }
 
