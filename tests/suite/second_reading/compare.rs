@@ -12,7 +12,7 @@ use deflex::cell::Cell;
 use deflex::correct::{self, Correct, Corrected, Options, Status};
 use deflex::program::{Program, Role, rapid};
 use deflex::text::{Diagnostic, Source, apply};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::Mutex;
 
@@ -201,6 +201,11 @@ impl Bench {
             if told.only_kept(before) {
                 return Err(format!("{what} is said to be kept, and moved"));
             }
+            let stays = old.iter().zip(new).all(|(a, b)| from.then(a).apart(&to.then(b)).0 <= TOLERANCE_MM);
+            if stays && told.turned.contains(&(before.module, before.line)) {
+                seen.left.push(before.line);
+                continue;
+            }
             let Some(wanted) = wanted else { return Err(format!("{what} has no correction, and moved")) };
             let there: Vec<Frame> = new.iter().map(|p| to.then(p)).collect();
             let as_wanted = |wanted: &[Frame]| wanted.iter().zip(&there).all(|(w, p)| close(w, p));
@@ -346,6 +351,8 @@ fn flattened(motions: &[&Motion]) -> Result<String, String> {
 struct Told {
     /// By source and line: rows that are kept, rows that are not.
     rows: BTreeMap<(usize, u32), (usize, usize)>,
+    /// Air moves that are where they were, and turned with a base that is corrected.
+    turned: BTreeSet<(usize, u32)>,
     kept: Vec<(usize, u32)>,
     notes: Vec<String>,
 }
@@ -353,13 +360,16 @@ struct Told {
 impl Told {
     fn new(program: &Program, corrected: &Corrected) -> Self {
         let mut rows: BTreeMap<(usize, u32), (usize, usize)> = BTreeMap::new();
+        let mut turned_rows = BTreeSet::new();
         for row in &corrected.rows {
             let target = program.targets.iter().find(|t| t.role == Role::End && t.ordinal == row.target);
             let source = target.map_or(0, |t| usize::from(t.source));
             let count = rows.entry((source, row.line)).or_default();
-            // An air move whose base is corrected turns with it: its row says by how much.
-            let still = row.correction_mm.iter().chain(&row.correction_deg).all(|by| by.abs() == 0.0);
-            if row.status == Status::Ok || !still { count.1 += 1 } else { count.0 += 1 }
+            let turned = row.status == Status::Air && row.correction_deg.iter().any(|by| by.abs() > 0.0);
+            if turned {
+                turned_rows.insert((source, row.line));
+            }
+            if row.status == Status::Ok || turned { count.1 += 1 } else { count.0 += 1 }
         }
         let mut kept: Vec<_> = program.kept.iter().map(|k| (k.source, k.line as u32)).collect();
         let mut notes = Vec::new();
@@ -369,7 +379,7 @@ impl Told {
             }
             notes.push(note.message.to_uppercase());
         }
-        Self { rows, kept, notes }
+        Self { rows, turned: turned_rows, kept, notes }
     }
 
     fn left(&self, motion: &Motion) -> bool {
