@@ -14,8 +14,8 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// A joint that turned less shows no coupling to it, rad: over a little of a turn the other joint's zero is the same.
-const LEAST_RANGE: f64 = 0.5;
+/// Typical error of a ratio: wrist ratios stand in tables with two or three decimals, rounded by up to 5e-3 or 5e-4.
+const ROUNDED: f64 = 2e-3;
 
 /// Actual = commanded + ratio · motor angle of `on`, as commanded: the motor is where the controller holds it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -49,16 +49,11 @@ fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
     checked(effect)
 }
 
-/// Where the motors of a hollow wrist drive through one another: axes 5 and 6.
-fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
+/// Where the motors of a hollow wrist drive through one another: axes 5 and 6. Offered however little these turned:
+/// over a little of a turn a coupling and a zero are one thing, which only both beside each other can say.
+fn candidates(_: &Survey) -> Vec<Box<dyn Effect>> {
     const WRIST: [(usize, usize); 3] = [(5, 4), (6, 4), (6, 5)];
-    let range = survey.motor_max - survey.motor_min;
-    let terms: Vec<Term> = WRIST
-        .into_iter()
-        .filter(|(_, on)| range[on - 1] >= LEAST_RANGE)
-        .map(|(joint, on)| Term { joint, on, ratio: 0.0 })
-        .collect();
-    if terms.is_empty() { vec![] } else { vec![Box::new(JointCoupling { terms })] }
+    vec![Box::new(JointCoupling { terms: WRIST.map(|(joint, on)| Term { joint, on, ratio: 0.0 }).into() })]
 }
 
 impl Physics for JointCoupling {
@@ -88,8 +83,7 @@ impl Effect for JointCoupling {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        // A tooth of some hundred wrong, or a ratio rounded in a table: a milliradian a turn.
-        let of = |(i, term): (usize, &Term)| scalar(&format!("terms[{i}].ratio"), term.ratio, "1", 2e-4, 0.0, ANY);
+        let of = |(i, term): (usize, &Term)| scalar(&format!("terms[{i}].ratio"), term.ratio, "1", ROUNDED, 0.0, ANY);
         self.terms.iter().enumerate().map(of).collect()
     }
 
