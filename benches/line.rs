@@ -65,7 +65,7 @@ fn read(text: &str) -> Program {
 fn raised(program: &Program) -> Vec<Option<Change>> {
     let raise = |target: &deflex::program::Target| match target.goal {
         Goal::Pose { position_mm: [x, y, z], quat, .. } => {
-            Some(Change { position_mm: [x, y, z + 0.1], quat: Some(quat), conf: None })
+            Some(Change { position_mm: [x, y, z + 0.1], quat: Some(quat), conf: None, external: None })
         }
         _ => None,
     };

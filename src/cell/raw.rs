@@ -197,6 +197,9 @@ pub(super) struct Unit {
     pub(super) on: Option<String>,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
+    pub(super) max_speed: Option<f64>,
+    #[serde(default)]
+    pub(super) free: bool,
 }
 
 #[derive(Deserialize)]

@@ -190,6 +190,10 @@ material = "al7075"             # << a literature value is a start only: calibra
 # axis = "eax_b"                # eax_a … eax_f
 # kind = "rotary"               # rotary: degrees about z of its frame | linear: mm along `direction`
 # carries = "part"              # part | robot
+# min = -360.0
+# max = 360.0
+# max_speed = 90.0              # mm/s or degrees/s
+# free = true                   # where the turn about the tool axis is chosen, so is its position
 # base_mm = [1500.0, 0.0, 600.0]
 # base_quat = [1.0, 0.0, 0.0, 0.0]
 

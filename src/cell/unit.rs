@@ -8,6 +8,9 @@ use nalgebra::Vector3;
 /// External axes as RAPID names them.
 pub(crate) const AXES: [&str; EXTERNAL_AXES] = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"];
 
+/// Units whose positions can be chosen together: the grid of their positions is as large as the product of both.
+pub(crate) const MOST_FREE: usize = 2;
+
 pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
     let mut all: Vec<Unit> = Vec::with_capacity(raw.len());
     for (i, keys) in raw.iter().enumerate() {
@@ -30,7 +33,14 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
             on: None,
             min: f64::NEG_INFINITY,
             max: f64::INFINITY,
+            max_speed: None,
+            free: false,
         }));
+    }
+    let mut free = all.iter().enumerate().filter(|(_, unit)| unit.free);
+    if let Some((i, unit)) = free.nth(MOST_FREE) {
+        let message = format!("unit `{}` is free besides {MOST_FREE} others: so many are chosen together", unit.name);
+        check.error(&format!("unit.{i}.free"), message, "leave `free` to those that the tool path leaves most open");
     }
     Units::new(all).unwrap_or_else(|(i, message)| {
         let help = "`on` names the unit below; one chain of units carries the robot";
@@ -78,6 +88,13 @@ fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Op
             "`min` must lie below `max`: mm of linear units, degrees of rotary ones",
         );
     }
+    if keys.free && !(min.is_finite() && max.is_finite()) {
+        let message = format!("unit `{}` is free and has no limits", keys.name);
+        check.error(&format!("{key}.free"), message, "add `min` and `max`: its positions are chosen between them");
+    }
+    if let Some(speed) = keys.max_speed {
+        check.positive(&format!("{key}.max_speed"), &[speed]);
+    }
     let on = match &keys.on {
         None => None,
         Some(on) => {
@@ -92,5 +109,16 @@ fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Op
     };
     let (base_mm, base_quat) = (keys.base_mm.unwrap_or_default(), keys.base_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]));
     let frame = check.frame(key, ["base_mm", "base_quat"], base_mm, base_quat);
-    Some(Unit { name: keys.name.clone(), axis: axis?, kind, carries: carries?, frame, on, min, max })
+    Some(Unit {
+        name: keys.name.clone(),
+        axis: axis?,
+        kind,
+        carries: carries?,
+        frame,
+        on,
+        min,
+        max,
+        max_speed: keys.max_speed,
+        free: keys.free,
+    })
 }

@@ -15,7 +15,7 @@ use crate::cell::Cell;
 use crate::equilibrium::{Arm, EquilibriumError, PredictedPose, WarmStart};
 use crate::program::alignment::{Fit, align};
 use crate::program::{Program, Role};
-use crate::robot::Pose;
+use crate::robot::{EXTERNAL_AXES, External, Pose};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -72,7 +72,7 @@ pub(super) fn judged<'a>(
     let mut before = Prepared::new(original, cell, options)?;
     prepared.notes.append(&mut before.notes);
     if program.targets.len() <= original.targets.len() {
-        prepared.judge_against(&before, program)?;
+        prepared.judge_against(&before, (program, cell))?;
         return Ok((prepared, None));
     }
     segment::follow_arcs(original, &mut before);
@@ -114,19 +114,20 @@ impl<'a> Subdivided<'a> {
             at = given + 1;
         }
         for (wanted, given) in same {
-            points.judge_point(given, &prepared.points[wanted], program)?;
+            points.judge_point(given, &prepared.points[wanted], (program, free_axes(cell)))?;
         }
         points.settings.clone_from(&prepared.settings);
         points.laws.clone_from(&prepared.laws);
         points.fronts.clone_from(&prepared.fronts);
         drop(segments);
         let mut subdivided = Self { original, prepared, starts, matched, inserted };
-        subdivided.place(points, program, &cell.arm)?;
+        subdivided.place(points, program, cell)?;
         Ok(subdivided)
     }
 
     /// Puts the inserted targets where they are on the path of the original.
-    fn place(&mut self, points: &mut Prepared, program: &Program, arm: &Arm) -> Result<(), Vec<Diagnostic>> {
+    fn place(&mut self, points: &mut Prepared, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+        let free = free_axes(cell);
         let segments = segments(self.original, &self.prepared, &self.starts);
         let at = |inserted: &Inserted, own: &Point| {
             let there = segments[inserted.before].as_ref().map(|segment| segment.at(inserted.share));
@@ -136,7 +137,7 @@ impl<'a> Subdivided<'a> {
         for _ in 0..ROUNDS {
             let batch = self.inserted.iter().map(|inserted| at(inserted, &points.points[inserted.target])).collect();
             let batch = points.with_points(batch);
-            if !nearest(&mut self.inserted, &batch, &segments, arm) {
+            if !nearest(&mut self.inserted, &batch, &segments, &cell.arm) {
                 break;
             }
         }
@@ -146,7 +147,9 @@ impl<'a> Subdivided<'a> {
             let external = |moved: &Option<Arc<Moved>>| moved.as_ref().map(|moved| moved.external);
             let apart = match (external(&own.moved), external(&segment.moved(inserted.share))) {
                 (None, None) => false,
-                (Some(own), Some(way)) => own.iter().zip(way).any(|(own, way)| (own - way).abs() > EXTERNAL_SLACK),
+                (Some(own), Some(way)) => {
+                    (0..EXTERNAL_AXES).any(|axis| !free[axis] && (own[axis] - way[axis]).abs() > EXTERNAL_SLACK)
+                }
                 _ => true,
             };
             if apart {
@@ -371,6 +374,11 @@ fn fits_nothing(program: &Program, i: usize, most: f64) -> Diagnostic {
     Diagnostic::error("against.path", "", message).on_line(source, target.span, target.line).help(HELP)
 }
 
+/// External axes whose positions may be chosen.
+fn free_axes(cell: &Cell) -> [bool; EXTERNAL_AXES] {
+    std::array::from_fn(|axis| cell.units.all().iter().any(|unit| unit.free && unit.axis == axis))
+}
+
 fn other_axes(program: &Program, i: usize) -> Diagnostic {
     let target = &program.targets[i];
     let source = &program.sources[usize::from(target.source)];
@@ -386,13 +394,18 @@ pub(super) fn other_count(name: &str, targets: usize, original: usize) -> Diagno
 
 impl Prepared {
     /// Counts errors from the targets of `original`, one for each of these: they define depth, force and the wanted poses.
-    pub(super) fn judge_against(&mut self, original: &Self, program: &Program) -> Result<(), Vec<Diagnostic>> {
+    pub(super) fn judge_against(
+        &mut self,
+        original: &Self,
+        (program, cell): (&Program, &Cell),
+    ) -> Result<(), Vec<Diagnostic>> {
+        let free = free_axes(cell);
         if original.points.len() != self.points.len() {
             let name = program.sources.first().map_or("", |s| s.name.as_str());
             return Err(vec![other_count(name, self.points.len(), original.points.len())]);
         }
         for (i, point) in original.points.iter().enumerate() {
-            self.judge_point(i, point, program)?;
+            self.judge_point(i, point, (program, free))?;
         }
         self.settings.clone_from(&original.settings);
         self.laws.clone_from(&original.laws);
@@ -400,14 +413,27 @@ impl Prepared {
         Ok(())
     }
 
-    fn judge_point(&mut self, i: usize, original: &Point, program: &Program) -> Result<(), Vec<Diagnostic>> {
+    /// `free`: external axes whose positions may be others.
+    fn judge_point(
+        &mut self,
+        i: usize,
+        original: &Point,
+        (program, free): (&Program, [bool; EXTERNAL_AXES]),
+    ) -> Result<(), Vec<Diagnostic>> {
         let point = &mut self.points[i];
-        let external = |point: &Point| point.moved.as_ref().map(|moved| moved.external.map(f64::to_bits));
-        if external(point) != external(original) {
+        let external = |point: &Point| point.moved.as_ref().map(|moved| moved.external);
+        let (own, before) = (external(point), external(original));
+        let is_same = |axis: usize| {
+            let at = |external: &Option<External>| external.map(|external| external[axis].to_bits());
+            at(&own) == at(&before) || free[axis]
+        };
+        if own.is_some() != before.is_some() || !(0..EXTERNAL_AXES).all(is_same) {
             return Err(vec![other_axes(program, i)]);
         }
-        let (wobj_from_tcp, motor, travel) = (point.wobj_from_tcp, point.motor, point.travel);
-        *point = Point { wobj_from_tcp, motor, travel, ..original.clone() };
+        // The part is the same wherever it stands.
+        let (wobj_from_tcp, motor, travel, moved) =
+            (point.wobj_from_tcp, point.motor, point.travel, point.moved.take());
+        *point = Point { wobj_from_tcp, motor, travel, moved, ..original.clone() };
         Ok(())
     }
 

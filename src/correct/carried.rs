@@ -4,7 +4,7 @@ use super::laws::Laws;
 use super::mount::Mount;
 use super::point::Point;
 use crate::cell::Cell;
-use crate::robot::{Joints, StartedFrom};
+use crate::robot::{External, Joints, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use smallvec::SmallVec;
@@ -79,12 +79,14 @@ impl<'a> Carried<'a> {
 }
 
 /// What was chosen at a target.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Chosen {
     /// About the tool axis, rad, see [`turned`](super::spin::turned); `None` where it stays as the program has it.
     pub(super) turn: Option<f64>,
     /// Motor angles close by, which choose branch and whole turns, rad.
     pub(super) near: Joints,
+    /// Positions of the external axes, mm or degrees; NaN where one stays as the program has it.
+    pub(super) external: Option<Arc<External>>,
 }
 
 /// What a target is run with.

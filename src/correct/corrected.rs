@@ -3,6 +3,7 @@
 use super::messages::Repeated;
 use super::row::Row;
 use crate::program::{Confdata, Rewritten};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::Diagnostic;
 
 /// A corrected program.
@@ -39,6 +40,8 @@ pub struct Posted {
     pub conf: Confdata,
     /// Commanded angles as the controller counts them, degrees.
     pub motor_deg: [f64; 6],
+    /// Positions of the external axes, mm or degrees, where they were chosen; `None` where the cell says where they stand.
+    pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
 /// Decimals of a program that is written anew: 4 of a millimetre, 8 of a quaternion (see `RewriteOptions`).

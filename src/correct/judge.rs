@@ -79,7 +79,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         let judged = prepared.map_err(Unsolved::from).and_then(|mut prepared| match before {
             None => Ok(prepared),
             Some(Ok(Some(original))) => {
-                prepared.judge_against(&original, program)?;
+                prepared.judge_against(&original, (program, cell))?;
                 Ok(prepared)
             }
             // Why is said when all has been looked at.

@@ -20,7 +20,7 @@ use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
-use crate::robot::{Joints, conf_is, conf_like, confdata_of, turn_between};
+use crate::robot::{EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
@@ -271,6 +271,10 @@ pub(super) fn chunk(
         };
         (None, parallelism.map(prepared.points.len(), printed))
     };
+    if let Some(refused) = rewritten.as_ref().and_then(|rewritten| axes_left(program, &changes, rewritten)) {
+        carried.skip(n, options);
+        return Some(Err(vec![refused]));
+    }
     let written = rewritten.as_ref().map_or(&printed, |rewritten| &rewritten.written);
     let nodes = match &rewritten {
         Some(rewritten) => subdivide::as_written(nodes, |k| rewritten.inserted[k]),
@@ -369,6 +373,18 @@ pub(super) fn chunk(
     Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))
 }
 
+/// A target whose external axes were chosen, but could not be written.
+fn axes_left(program: &Program, changes: &[Option<Change>], rewritten: &Rewritten) -> Option<Diagnostic> {
+    let is_chosen = |i: &usize| changes[*i].as_ref().is_some_and(|change| change.external.is_some());
+    let (i, why) = rewritten.kept.iter().find(|(i, _)| is_chosen(i))?;
+    let target = &program.targets[*i];
+    let source = &program.sources[usize::from(target.source)];
+    let message =
+        format!("target {}: the chosen position of its external axes cannot be written: {why}", target.ordinal);
+    let help = "give the target numbers of its own, or leave `free` out of the cell's [[unit]]";
+    Some(Diagnostic::error("spin.unit", "", message).on_line(source, target.span, target.line).help(help))
+}
+
 /// Zone of the last target that ends a motion, mm; `None` of a program without one.
 fn last_zone(program: &Program) -> Option<Option<f64>> {
     program.targets.iter().rposition(Target::is_end).map(|last| program.zone_mm(last))
@@ -417,8 +433,18 @@ fn posted(
     (inserts, post_in): (&[Insert], Option<Language>),
 ) -> Vec<Posted> {
     let robot = &cell.arm.robot;
-    let post = |target: usize, (position_mm, quat): ([f64; 3], [f64; 4]), motor: &Joints| Posted {
+    // As they were chosen, where the cell leaves them to be.
+    let chosen = |external: Option<&External>| {
+        let external =
+            external.filter(|_| prepared.turns_are_chosen && cell.units.all().iter().any(|unit| unit.free))?;
+        Some(Box::new(external.map(|position| (!position.is_nan()).then_some(position))))
+    };
+    let post = |target: usize,
+                (position_mm, quat): ([f64; 3], [f64; 4]),
+                motor: &Joints,
+                external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>| Posted {
         target,
+        external,
         position_mm,
         quat,
         conf: confdata_of(robot, motor),
@@ -431,11 +457,14 @@ fn posted(
             let pose = frames::pose(insert.position_mm, insert.quat);
             let printed = solve::as_posted(&pose, post_in);
             // Its correction was solved: a point that the arm does not reach would not stand here.
-            if let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), &printed, &reached[i].0) {
-                out.push(post(i, printed, &motor));
+            let at = insert.external.map(|external| external.map(|position| position.unwrap_or(f64::NAN)));
+            let moved = at.and_then(|external| prepared.mount(i).moved(external));
+            let setting = moved.as_ref().map_or_else(|| prepared.setting(i), |moved| &moved.setting);
+            if let Ok(motor) = solve::controller_joints(&cell.arm, setting, &printed, &reached[i].0) {
+                out.push(post(i, printed, &motor, chosen(at.as_ref())));
             }
         }
-        out.push(post(i, written[i], &reached[i].0));
+        out.push(post(i, written[i], &reached[i].0, chosen(prepared.external(i))));
     }
     out
 }
@@ -457,7 +486,8 @@ fn change(
     let shifted = (to.translation.vector - from.translation.vector).norm_squared() >= NO_CHANGE_M * NO_CHANGE_M;
     // Twice the angle's square.
     let turned = (to.rotation.matrix() - from.rotation.matrix()).norm_squared() >= 2.0 * NO_CHANGE_RAD * NO_CHANGE_RAD;
-    if mode == CorrectionMode::Keep || !(shifted || turned) {
+    let external = chosen_axes(target, prepared, i);
+    if mode == CorrectionMode::Keep || !(shifted || turned || external.is_some()) {
         return None;
     }
     let (position_mm, quat) = frames::millimetres(&solved.wobj_from_tcp);
@@ -469,7 +499,19 @@ fn change(
         |written: &Conf| prepared.turns_are_chosen || goes_by(written) || conf_is(robot, &point.motor, *written);
     let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
-    Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf })
+    Some(Change { position_mm, quat: (mode == CorrectionMode::Pose && turned).then_some(quat), conf, external })
+}
+
+/// Positions of external axes as written, where they were chosen and are others than the program's.
+fn chosen_axes(target: &Target, prepared: &Prepared, i: usize) -> Option<Box<[Option<f64>; EXTERNAL_AXES]>> {
+    let (axes, chosen) = (target.external.as_ref()?, prepared.external(i).filter(|_| prepared.turns_are_chosen)?);
+    #[allow(clippy::float_cmp)] // the very number stays
+    let differs = |axis: usize| {
+        let written = axes.position(axis)?;
+        (!chosen[axis].is_nan() && chosen[axis] != written).then(|| chosen[axis] - axes.offset[axis])
+    };
+    let wanted: [Option<f64>; EXTERNAL_AXES] = std::array::from_fn(differs);
+    wanted.iter().any(Option::is_some).then(|| Box::new(wanted))
 }
 
 /// Whether a target of which only the position is edited turns because what it is made from is corrected.

@@ -89,6 +89,16 @@ impl Mount {
         }
     }
 
+    /// Whether an external axis moves base or work object.
+    pub(super) fn is_moved_by(&self, axis: usize) -> bool {
+        self.moving.as_ref().is_some_and(|moving| moving.needed().any(|needed| needed == axis))
+    }
+
+    /// With the units at these positions (mm or degrees); `None` where nothing moves it.
+    pub(super) fn moved(&self, external: External) -> Option<Arc<Moved>> {
+        Some(Arc::new(self.moving.as_ref()?.moved(external, &self.setting)))
+    }
+
     /// At a share of the way from one target to another: external axes move evenly along it.
     pub(super) fn between(&self, from: Option<&Arc<Moved>>, to: Option<&Arc<Moved>>, share: f64) -> Option<Arc<Moved>> {
         let (Some(moving), Some(from), Some(to)) = (&self.moving, from, to) else { return to.cloned() };
@@ -168,11 +178,18 @@ pub(super) fn help(reason: &str) -> Option<&'static str> {
 }
 
 impl Stand {
-    /// Where the units of a cell are at a target with this mount, `last` being its like.
+    /// Where the units of a cell are at a target with this mount, `last` being its like; `chosen` are positions that stand for
+    /// those of the program where they are not NaN.
     ///
     /// # Errors
     /// A unit is sent beyond its limits: what is wrong.
-    pub(super) fn of(cell: &Cell, target: &Target, mount: &Mount, last: Option<&Arc<Moved>>) -> Result<Self, String> {
+    pub(super) fn of(
+        cell: &Cell,
+        target: &Target,
+        mount: &Mount,
+        last: Option<&Arc<Moved>>,
+        chosen: &External,
+    ) -> Result<Self, String> {
         let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
         let unsolved = |why| Ok(Self { moved: None, unsolved: Some(why), apart });
         let none = ExternalAxes::default();
@@ -188,7 +205,8 @@ impl Stand {
         let mut external = [f64::NAN; EXTERNAL_AXES];
         let mut stands = false;
         for (i, unit) in units.iter().enumerate() {
-            let sent = axes.position(unit.axis);
+            let chosen = chosen[unit.axis];
+            let sent = if chosen.is_nan() { axes.position(unit.axis) } else { Some(chosen) };
             if let Some(position) = sent.filter(|position| !(unit.min..=unit.max).contains(position)) {
                 let (name, axis) = (&unit.name, EXTERNAL_AXIS_NAMES[unit.axis]);
                 return Err(format!(

@@ -14,7 +14,7 @@ use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
 use crate::program::{Editable, Goal, Language, Motion, Program, Role, Target};
-use crate::robot::{BatchArm, BatchSolutions, Joints, Place, Pose, StartedFrom};
+use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use smallvec::SmallVec;
@@ -40,7 +40,7 @@ pub(super) fn prepare(
     // Those that no target uses are of no interest.
     let wobjs: Vec<_> = wobjs.into_iter().map(|wobj| wobj.unwrap_or(Ok(WobjFrame::fixed(IDENTITY)))).collect();
     let wobj_of = |target: &Target| wobjs[usize::from(target.wobj)];
-    unsaid_units(program, cell)?;
+    unsaid_units(program, cell, !matches!(carried.free, Free::No))?;
     let holds_part = |target: &Target| program.wobjs[usize::from(target.wobj)].data.is_some_and(|wobj| wobj.robhold);
     let misfit = |target: &Target| {
         let tool = program.tools[usize::from(target.tool)].data.filter(|_| options.tool.is_none());
@@ -86,7 +86,11 @@ pub(super) fn prepare(
         let stands: SmallVec<[Stand; WIDTH]> = targets
             .iter()
             .zip(&settings)
-            .map(|(target, run_with)| walk.stand(target, *run_with, wobj_of(target).err().or(misfit(target))))
+            .enumerate()
+            .map(|(lane, (target, run_with))| {
+                let why = wobj_of(target).err().or(misfit(target));
+                walk.stand((block * WIDTH + lane, target), *run_with, why)
+            })
             .collect();
         let Walk { ahead, many, carried, points, errors, .. } = &mut walk;
         let before = points.last().or(carried.before.as_ref()).filter(|_| errors.is_empty());
@@ -134,7 +138,7 @@ pub(super) fn prepare(
 }
 
 /// CL data do not say where units stand: the cell has to, of those that carry the robot or the work object.
-fn unsaid_units(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
+fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), Vec<Diagnostic>> {
     let (Language::Cl, Some(source), Some(target)) =
         (program.language, program.sources.first(), program.targets.first())
     else {
@@ -145,7 +149,7 @@ fn unsaid_units(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
     let mut carrying = [cell.units.under_robot(), under_wobj].into_iter().flat_map(|top| cell.units.chain(top));
     let unsaid = |unit: &usize| {
         let said = target.external.as_ref().and_then(|external| external.position(cell.units.all()[*unit].axis));
-        said.is_none()
+        said.is_none() && !(are_chosen && cell.units.all()[*unit].free)
     };
     match carrying.find(unsaid) {
         Some(unit) => {
@@ -156,6 +160,16 @@ fn unsaid_units(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         }
         None => Ok(()),
     }
+}
+
+/// Where units stand whose position is free and that nobody has placed: in the middle of their limits.
+fn middle(language: Language, cell: &Cell, target: &Target) -> External {
+    let mut external = [f64::NAN; EXTERNAL_AXES];
+    for unit in cell.units.all().iter().filter(|unit| unit.free && language == Language::Cl) {
+        let said = target.external.as_ref().and_then(|external| external.position(unit.axis));
+        external[unit.axis] = said.map_or(0.5 * (unit.min + unit.max), |_| f64::NAN);
+    }
+    external
 }
 
 /// What cannot be said of a stationary tool yet.
@@ -197,7 +211,12 @@ impl Walk<'_, '_> {
     }
 
     /// Where units put a target.
-    fn stand(&mut self, target: &Target, RunWith { setting, .. }: RunWith, wobj: Option<&'static str>) -> Stand {
+    fn stand(
+        &mut self,
+        (i, target): (usize, &Target),
+        RunWith { setting, .. }: RunWith,
+        wobj: Option<&'static str>,
+    ) -> Stand {
         let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
         let why = match target.editable {
             Editable::No(why) if !target.located => Some(why),
@@ -211,7 +230,16 @@ impl Walk<'_, '_> {
             return Stand::default();
         }
         let last = self.last_moved.as_ref().filter(|(last, _)| *last == setting).map(|(_, moved)| moved);
-        match Stand::of(self.cell, target, self.mount(setting), last) {
+        let chosen = match &self.carried.free {
+            Free::No => [f64::NAN; EXTERNAL_AXES],
+            Free::Sought => middle(self.program.language, self.cell, target),
+            Free::Chosen(chosen) => chosen[i]
+                .external
+                .as_deref()
+                .copied()
+                .unwrap_or_else(|| middle(self.program.language, self.cell, target)),
+        };
+        match Stand::of(self.cell, target, self.mount(setting), last, &chosen) {
             Ok(stand) => {
                 self.last_moved = stand.moved.clone().map(|moved| (setting, moved));
                 stand
@@ -272,17 +300,17 @@ impl Walk<'_, '_> {
             }
         };
         let chosen = match &self.carried.free {
-            Free::Chosen(chosen) => Some(chosen[i]),
+            Free::Chosen(chosen) => Some(chosen[i].clone()),
             Free::No | Free::Sought => None,
         };
-        let wobj_from_tcp = match chosen.and_then(|chosen| chosen.turn) {
+        let wobj_from_tcp = match chosen.as_ref().and_then(|chosen| chosen.turn) {
             Some(turn) => spin::turned(wobj_from_tcp.translation.vector, &tool_axis(&wobj_from_tcp), turn),
             None => wobj_from_tcp,
         };
         let run_at = *stand.setting(self.mount(setting));
         let soon = self.joints_soon((target, lane), &run_at);
         let joints = match chosen {
-            Some(Chosen { turn: Some(_), near }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
+            Some(Chosen { turn: Some(_), near, .. }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
             _ => soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok),
         };
         let motor = match joints {

@@ -3,7 +3,7 @@
 use super::asked::Asked;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
-use crate::cell::{Cell, CutForce};
+use crate::cell::{Cell, CutForce, SpinRule};
 use crate::program::cl::{self, Chunks, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
@@ -192,6 +192,12 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
         let message = "`--post cl` changes points alone: it neither splits the file nor gives it a feed";
         return Err(Diagnostic::error("post.cl", "", message).help("leave out --max-targets and --feed").into());
     }
+    if corrected.posted.iter().any(|posted| posted.external.is_some()) {
+        let message = "`--post cl` cannot say where units stand, and their positions are chosen along the path";
+        return Err(Diagnostic::error("post.unit", "", message)
+            .help("post RAPID, or leave `free` out of the cell's [[unit]]")
+            .into());
+    }
     let point = |posted: &super::Posted| CorrectedPoint {
         target: posted.target,
         position_mm: posted.position_mm,
@@ -302,6 +308,7 @@ impl Poster {
                 mark: own.or_else(|| self.mark(&corrected.rows, target.ordinal)),
                 tool: target.tool,
                 wobj: target.wobj,
+                external: posted.external.clone(),
             }
         };
         corrected.posted.iter().map(point).collect()
@@ -352,7 +359,7 @@ fn unit_of<'a>(cell: &'a Cell, name: &str) -> Option<&'a str> {
 /// What mechanical units cannot be posted in a language.
 fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<Diagnostic>> {
     let message = match language {
-        Language::Ls if outline.external.iter().any(Option::is_some) => {
+        Language::Ls if outline.external.iter().any(Option::is_some) || are_chosen(cell) => {
             "FANUC TP is posted without external axes: their motion group is not known".to_owned()
         }
         Language::Krl => match outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some()) {
@@ -363,6 +370,12 @@ fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<D
     };
     let help = "post RAPID, or put the work object where it is for this program and leave the [[unit]] out";
     Err(vec![Diagnostic::error("post.unit", "", message).help(help)])
+}
+
+/// Whether positions of units are chosen along the path.
+fn are_chosen(cell: &Cell) -> bool {
+    let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
+    stiffest && cell.units.all().iter().any(|unit| unit.free)
 }
 
 fn wobj_data(cell: &Cell, name: &str) -> WobjData {

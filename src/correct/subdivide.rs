@@ -289,10 +289,12 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
         let motor = controller_motor(robot, setting, &node.commanded, &point.motor);
         // As they are written, that is without what the controller adds.
-        let external =
-            node.moved.as_ref().zip(target.external.as_ref()).map(|(moved, axes)| {
+        let external = node.moved.as_ref().map(|moved| match (&target.external, program.language) {
+            (Some(axes), language) if language.is_edited() => {
                 std::array::from_fn(|i| axes.written[i].map(|_| moved.external[i] - axes.offset[i]))
-            });
+            }
+            _ => moved.external.map(|position| (!position.is_nan()).then_some(position)),
+        });
         let (position_mm, quat) = frames::millimetres(&node.commanded);
         Insert {
             conf: motor.zip(honest).map(|(motor, written)| conf_like(robot, &motor, written)),

@@ -163,6 +163,11 @@ pub(super) trait FrontEnd {
         options: &RewriteOptions,
     ) -> Rewritten;
 
+    /// See [`Program::writes_axes`].
+    fn writes_axes(&self, program: &Program) -> Vec<bool> {
+        vec![false; program.targets.len()]
+    }
+
     /// See [`Program::motion_targets`].
     fn motion_targets(&self, program: &Program) -> usize {
         program.targets.iter().filter(|target| target.role == Role::End).count()

@@ -176,6 +176,8 @@ pub struct Change {
     pub quat: Option<[f64; 4]>,
     /// New configuration; `None` keeps what is written.
     pub conf: Option<Conf>,
+    /// New positions of external axes, mm or degrees as written; `None` keeps what is written.
+    pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
 /// A motion to insert before a target (`--subdivide`), on the way to it.
@@ -261,6 +263,12 @@ impl Program {
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
         self.layout.front_end().zone_mm(self, target)
+    }
+
+    /// Whether the positions of external axes that each target says are its own, and can be edited.
+    #[must_use]
+    pub(crate) fn writes_axes(&self) -> Vec<bool> {
+        self.layout.front_end().writes_axes(self)
     }
 
     /// The text of the line that the motion with this ordinal stands on.

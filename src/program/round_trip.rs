@@ -58,7 +58,7 @@ pub fn round_trip(
 fn shifted(goal: &Goal) -> Option<Change> {
     let (Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. }) = goal else { return None };
     let position_mm = std::array::from_fn(|i| position_mm[i] + SHIFT_MM[i]);
-    Some(Change { position_mm, quat: None, conf: None })
+    Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
 /// The sources with `edits` applied; sources without edits as they are.

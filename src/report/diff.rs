@@ -249,9 +249,10 @@ fn change(from: &Goal, to: &Goal) -> Option<Change> {
             position_mm: *position_mm,
             quat: before.iter().zip(quat).any(|(a, b)| (a - b).abs() > 0.0).then_some(*quat),
             conf: conf.filter(|_| c != conf),
+            external: None,
         }),
         (Goal::Axis { .. }, Goal::Axis { position_mm, .. }) => {
-            Some(Change { position_mm: *position_mm, quat: None, conf: None })
+            Some(Change { position_mm: *position_mm, quat: None, conf: None, external: None })
         }
         _ => None,
     }

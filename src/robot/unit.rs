@@ -53,6 +53,10 @@ pub struct Unit {
     pub min: f64,
     /// Largest position.
     pub max: f64,
+    /// Largest speed, mm/s or degrees/s, where it is known.
+    pub max_speed: Option<f64>,
+    /// Its position may be chosen where the turn about the tool axis is.
+    pub free: bool,
 }
 
 impl Unit {
@@ -168,7 +172,18 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn unit(name: &str, axis: usize, kind: UnitKind, carries: Carries, on: Option<usize>) -> Unit {
-        Unit { name: name.into(), axis, kind, carries, frame: Pose::identity(), on, min: -1e4, max: 1e4 }
+        Unit {
+            name: name.into(),
+            axis,
+            kind,
+            carries,
+            frame: Pose::identity(),
+            on,
+            min: -1e4,
+            max: 1e4,
+            max_speed: None,
+            free: false,
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod documents;
 mod effects;
 mod eight_at_once;
 mod equilibrium;
+mod free_units;
 mod fuzz_regressions;
 mod grammar;
 mod hard_cases;

@@ -508,6 +508,8 @@ proptest! {
             on: i.checked_sub(1),
             min: -1e3,
             max: 1e3,
+            max_speed: None,
+            free: false,
         });
         let units = Units::new(units.collect()).unwrap();
         let mut external = [f64::NAN; 6];

@@ -1,6 +1,7 @@
-//! Dynamic programming over the states of the targets (Bellman): the least sum of squared predicted errors of all ways that an
+//! Dynamic programming over the states of the knots (Bellman): the least sum of squared predicted errors of all ways that an
 //! arm can follow.
 
+use super::axes::{Lane, Position};
 use super::states::{STEP, State, TURNS};
 use crate::robot::{Joints, wrap};
 use std::f64::consts::{PI, TAU};
@@ -11,11 +12,18 @@ pub(super) const RATE: f64 = 5e3 * PI / 180.0;
 /// Rounding of a rate, rad.
 const SLACK: f64 = 1e-9;
 
+/// Rounding of the way of a free axis, mm or degrees, and its share.
+const RUN_SLACK: f64 = 1e-6;
+
 /// Largest move of an axis within one linear move, rad: more is another way round.
 const FLIP: f64 = PI;
 
-/// Cost of a turn, m² a rad²: a micrometre's for a right angle decides only between ways that are as good.
+/// Cost of a turn, m² a rad²: a micrometre's for a right angle decides only between ways that are as good. A metre of a free axis
+/// counts as a radian.
 const TURNING: f64 = 1e-12;
+
+/// States that a joint move may begin at, where there are many: the cheapest ones, since all are allowed.
+const CHEAPEST: usize = 2048;
 
 /// Targets after which it is looked whether all ways that are left begin alike.
 const SETTLE: usize = 256;
@@ -39,11 +47,16 @@ pub(super) struct Move {
     pub(super) free: bool,
     /// Either end has a turn of its own.
     pub(super) fixed: bool,
+    /// How far each free axis may run on it, mm or degrees.
+    pub(super) room: Position,
 }
 
 /// The ordered search: states with their costs so far, and the way back from each.
-#[derive(Debug, Default)]
-pub(super) struct Search {
+#[derive(Debug)]
+pub(super) struct Search<'a> {
+    lanes: &'a [Lane],
+    /// m or rad of a millimetre or a degree of each free axis.
+    scales: Position,
     reached: Vec<(State, f64)>,
     /// Steps of the targets behind those that are settled.
     back: Vec<Vec<Step>>,
@@ -51,9 +64,20 @@ pub(super) struct Search {
     settled: Vec<u32>,
 }
 
-impl Search {
-    /// Goes on to a target's states, with the cost of each; `false` where none can be reached.
-    pub(super) fn advance(&mut self, way: &Move, axis_speed: Option<&Joints>, states: &[(State, f64)]) -> bool {
+impl<'a> Search<'a> {
+    /// Before the first knot.
+    pub(super) fn new(lanes: &'a [Lane], scales: Position) -> Self {
+        Self { lanes, scales, reached: Vec::new(), back: Vec::new(), settled: Vec::new() }
+    }
+
+    /// Goes on to a knot's states, with the cost of each, whether a stretch of the free axes begins with the way or not; `false`
+    /// where none can be reached.
+    pub(super) fn advance(
+        &mut self,
+        (way, begins): (&Move, bool),
+        axis_speed: Option<&Joints>,
+        states: &[(State, f64)],
+    ) -> bool {
         let mut reached = Vec::with_capacity(states.len());
         let mut steps = Vec::with_capacity(states.len());
         if self.back.is_empty() {
@@ -62,7 +86,17 @@ impl Search {
                 steps.push(Step { before: 0, state: narrow(index) });
             }
         } else {
-            let cells = Cells::of(&self.reached);
+            let lane = |state: &State| self.lanes[usize::from(state.lane)];
+            // The cell that a stretch begins with is that which the one before has ended with.
+            let (count, lead): (usize, &dyn Fn(&State) -> usize) = if begins {
+                (1 + self.lanes.iter().map(|lane| usize::from(lane.to)).max().unwrap_or(0), &|state| {
+                    usize::from(lane(state).to)
+                })
+            } else {
+                (self.lanes.len(), &|state| usize::from(state.lane))
+            };
+            let cells = Cells::of(&self.reached, (count, lead));
+            let cheapest = if way.free { self.cheapest() } else { Vec::new() };
             for (index, (state, cost)) in states.iter().enumerate() {
                 let mut best: Option<(f64, usize)> = None;
                 let mut consider = |before: usize| {
@@ -70,15 +104,18 @@ impl Search {
                     if !way.allows(from, state, axis_speed) {
                         return;
                     }
-                    let total = so_far + cost + TURNING * way.effort(from, state);
+                    let total = so_far + cost + TURNING * way.effort(from, state, &self.scales);
                     if best.is_none_or(|(least, _)| total < least) {
                         best = Some((total, before));
                     }
                 };
-                if way.free || way.fixed {
-                    (0..self.reached.len()).for_each(&mut consider);
+                let group = if begins { usize::from(lane(state).from) } else { usize::from(state.lane) };
+                if way.free {
+                    cheapest.iter().copied().for_each(&mut consider);
+                } else if way.fixed {
+                    cells.all(group, &mut consider);
                 } else {
-                    cells.within(state.turn, way.length * RATE + SLACK, &mut consider);
+                    cells.within(group, state.turn, way.length * RATE + SLACK, &mut consider);
                 }
                 if let Some((total, before)) = best {
                     reached.push((*state, total));
@@ -92,6 +129,17 @@ impl Search {
             self.settle();
         }
         !self.reached.is_empty()
+    }
+
+    /// Where a joint move may begin: rising, all states where they are few.
+    fn cheapest(&self) -> Vec<usize> {
+        let mut all: Vec<usize> = (0..self.reached.len()).collect();
+        if all.len() > CHEAPEST {
+            all.sort_by(|a, b| self.reached[*a].1.total_cmp(&self.reached[*b].1));
+            all.truncate(CHEAPEST);
+            all.sort_unstable();
+        }
+        all
     }
 
     /// Takes the beginning that all ways have in common out of what is kept for the way back: so memory does not grow with the path.
@@ -146,41 +194,56 @@ impl Move {
         let turn = wrap(to.turn - from.turn).abs();
         let moved = (to.motor - from.motor).abs();
         let quick = |speed: &Joints| self.time.is_some_and(|time| (0..6).any(|i| moved[i] > speed[i] * time + SLACK));
+        let run = from.position.iter().zip(&to.position).zip(&self.room);
         (self.fixed || turn <= self.length * RATE + SLACK)
+            && run.into_iter().all(|((from, to), room)| (to - from).abs() <= room * (1.0 + RUN_SLACK) + RUN_SLACK)
             && from.branch == to.branch
             && moved.max() < FLIP
             && !axis_speed.is_some_and(quick)
     }
 
     /// Squared turn, or way of the joints where that is free, rad².
-    fn effort(&self, from: &State, to: &State) -> f64 {
-        if self.free { (to.motor - from.motor).norm_squared() } else { wrap(to.turn - from.turn).powi(2) }
+    fn effort(&self, from: &State, to: &State, scales: &Position) -> f64 {
+        let arm = if self.free { (to.motor - from.motor).norm_squared() } else { wrap(to.turn - from.turn).powi(2) };
+        let run = |k: usize| scales[k] * (to.position[k] - from.position[k]);
+        arm + (0..scales.len()).map(|k| run(k).powi(2)).sum::<f64>()
     }
 }
 
-/// States by the cell of the grid that their turn lies in.
+/// States by the cell of the grid that their turn lies in, and by a group that they belong to.
 struct Cells {
-    /// Where each cell begins.
-    starts: [usize; TURNS + 1],
+    /// Where each group's cells begin.
+    starts: Vec<usize>,
     sorted: Vec<usize>,
 }
 
 impl Cells {
-    fn of(reached: &[(State, f64)]) -> Self {
-        let cell = |index: &usize| cell(reached[*index].0.turn);
+    fn of(reached: &[(State, f64)], (groups, group): (usize, &dyn Fn(&State) -> usize)) -> Self {
+        let keys: Vec<usize> = reached.iter().map(|(state, _)| group(state) * TURNS + cell(state.turn)).collect();
         let mut sorted: Vec<usize> = (0..reached.len()).collect();
-        sorted.sort_by_key(cell);
-        let starts = std::array::from_fn(|first| sorted.partition_point(|index| cell(index) < first));
+        sorted.sort_by_key(|index| keys[*index]);
+        let mut starts = vec![0; groups * TURNS + 1];
+        for key in keys {
+            starts[key + 1] += 1;
+        }
+        for at in 1..starts.len() {
+            starts[at] += starts[at - 1];
+        }
         Self { starts, sorted }
     }
 
-    /// Every state whose cell is at most `turn` (rad) away, a cell to each side included.
-    fn within(&self, middle: f64, turn: f64, consider: &mut impl FnMut(usize)) {
+    /// Every state of a group.
+    fn all(&self, group: usize, consider: &mut impl FnMut(usize)) {
+        self.sorted[self.starts[group * TURNS]..self.starts[(group + 1) * TURNS]].iter().copied().for_each(consider);
+    }
+
+    /// Every state of a group whose cell is at most `turn` (rad) away, a cell to each side included.
+    fn within(&self, group: usize, middle: f64, turn: f64, consider: &mut impl FnMut(usize)) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cells = (turn / STEP).ceil().min(TURNS as f64) as usize + 1;
         let first = cell(middle) + TURNS - cells.min(TURNS / 2);
         for offset in 0..(2 * cells + 1).min(TURNS) {
-            let at = (first + offset) % TURNS;
+            let at = group * TURNS + (first + offset) % TURNS;
             self.sorted[self.starts[at]..self.starts[at + 1]].iter().copied().for_each(&mut *consider);
         }
     }
@@ -200,14 +263,21 @@ mod tests {
     #[test]
     fn a_long_path_is_settled_and_ends_as_the_whole_table_has_it() {
         const LENGTH: usize = 3 * SETTLE + 17;
-        let state = |index: usize| State { turn: index as f64 * STEP, branch: 0, motor: Joints::zeros() };
+        let state = |index: usize| State {
+            turn: index as f64 * STEP,
+            branch: 0,
+            motor: Joints::zeros(),
+            lane: 0,
+            position: [0.0; 2],
+        };
         let cost = |at: usize, index: usize| ((at * (index + 2) * 7919) % 101) as f64;
-        let way = Move { length: 1e-3, time: None, free: false, fixed: false };
-        let mut search = Search::default();
+        let way = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
+        let lanes = [Lane { from: 0, to: 0 }];
+        let mut search = Search::new(&lanes, [0.0; 2]);
         let mut table = vec![[0.0_f64; 3]];
         for at in 0..LENGTH {
             let states: Vec<(State, f64)> = (0..3).map(|index| (state(index), cost(at, index))).collect();
-            assert!(search.advance(&way, None, &states));
+            assert!(search.advance((&way, at == 0), None, &states));
             let before = table[at];
             // A cell of the grid a millimetre.
             let from = |index: usize| (0..3).filter(move |k: &usize| k.abs_diff(index) <= 1 || at == 0);

@@ -1,6 +1,7 @@
 //! How an arm can stand at one target: every turn of a grid about the tool axis, every branch, every whole turn of axes 4 and 6
 //! that the limits allow.
 
+use super::axes::Position;
 use crate::correct::spin;
 use crate::equilibrium::Setting;
 use crate::robot::{Joints, Pose, Robot};
@@ -19,7 +20,6 @@ const WHOLE: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// A target, as far as the arm's kinematics ask.
 #[derive(Clone, Debug)]
 pub(super) struct FreeTarget {
-    pub(super) setting: Setting,
     /// TCP in the work object, m.
     pub(super) position: Vector3<f64>,
     /// Tool axis in the work object, tip to spindle.
@@ -41,6 +41,10 @@ pub(super) struct State {
     pub(super) branch: usize,
     /// Motor angles, rad.
     pub(super) motor: Joints,
+    /// The way that the free axes take over the stretch, by its index.
+    pub(super) lane: u16,
+    /// Where they are, mm or degrees.
+    pub(super) position: Position,
 }
 
 /// Why an arm cannot stand at a target, counted over turns and branches.
@@ -54,23 +58,38 @@ pub(super) struct Refused {
     pub(super) singular: usize,
 }
 
+impl std::ops::AddAssign for Refused {
+    fn add_assign(&mut self, other: Self) {
+        self.reach += other.reach;
+        self.limits += other.limits;
+        self.singular += other.singular;
+    }
+}
+
 impl FreeTarget {
     /// The flange at a turn (rad).
-    pub(super) fn base_from_flange(&self, turn: f64) -> Pose {
-        self.setting.base_from_flange(&spin::turned(self.position, &self.axis, turn))
+    pub(super) fn base_from_flange(&self, setting: &Setting, turn: f64) -> Pose {
+        setting.base_from_flange(&spin::turned(self.position, &self.axis, turn))
     }
 
-    /// Every state, rising by turn from 0, and what was refused. `margin`: least angle of axis 5 from a singular wrist, rad.
-    pub(super) fn states(&self, robot: &Robot, margin: f64) -> (Vec<State>, Refused) {
+    /// Every state where the free axes are at a position, rising by turn from 0, and what was refused. `margin`: least angle of
+    /// axis 5 from a singular wrist, rad.
+    pub(super) fn states(
+        &self,
+        robot: &Robot,
+        margin: f64,
+        (setting, position): (&Setting, Position),
+    ) -> (Vec<State>, Refused) {
+        let lane = 0;
         let (mut out, mut refused) = (Vec::new(), Refused::default());
         if let Some((turn, motor)) = self.fixed {
-            out.push(State { turn, branch: branch_of(robot, &motor), motor });
+            out.push(State { turn, branch: branch_of(robot, &motor), motor, lane, position });
             return (out, refused);
         }
         let mut near = self.near;
         for index in 0..TURNS {
             let turn = index as f64 * STEP;
-            let Ok(solutions) = robot.inverse(&self.base_from_flange(turn), &near) else {
+            let Ok(solutions) = robot.inverse(&self.base_from_flange(setting, turn), &near) else {
                 refused.reach += 1;
                 continue;
             };
@@ -85,7 +104,7 @@ impl FreeTarget {
                 let before = out.len();
                 for motor in whole_turns(&motor) {
                     if robot.limit_violation(&motor).is_none() {
-                        out.push(State { turn, branch, motor });
+                        out.push(State { turn, branch, motor, lane, position });
                     }
                 }
                 refused.limits += usize::from(out.len() == before);

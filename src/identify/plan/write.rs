@@ -56,6 +56,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, name: &str) -> String {
             mark: loaded.then_some(if load == Vector3::zeros() { Mark::Air } else { Mark::Cut }),
             tool: 0,
             wobj: 0,
+            external: None,
         }
     });
     let posted: Vec<PostedPoint> = posted.collect();

@@ -22,7 +22,7 @@ fn positions(program: &Program) -> Vec<[f64; 3]> {
 fn moved(program: &Program, by: f64) -> Vec<String> {
     let change = |target: &crate::program::Target| match target.goal {
         Goal::Pose { position_mm, .. } => {
-            Some(Change { position_mm: position_mm.map(|v| v + by), quat: None, conf: None })
+            Some(Change { position_mm: position_mm.map(|v| v + by), quat: None, conf: None, external: None })
         }
         _ => None,
     };
@@ -111,7 +111,7 @@ fn joint_motions_keep_status_and_turn_true() {
     let conf = |i: usize| if let Goal::Pose { conf, .. } = p.targets[i].goal { conf } else { None };
     assert_eq!((conf(0), conf(1)), (written, None));
     assert!(p.targets.iter().all(|t| t.editable == Editable::Pose));
-    let change = |conf| Some(Change { position_mm: [1.5, 2.5, 3.5], quat: None, conf });
+    let change = |conf| Some(Change { position_mm: [1.5, 2.5, 3.5], quat: None, conf, external: None });
     let options = RewriteOptions::default();
     let edits = |conf| p.rewrite(&[change(conf), None], &[], &options);
     assert_eq!((edits(None).edits[0].len(), edits(None).kept.len()), (3, 0));
@@ -171,7 +171,7 @@ fn a_point_under_two_bases_stays_where_they_disagree() {
     let dat = "DEFDAT a\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nDECL E6POS XP2={X 9.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
     let p = program_of(&[("a.src", src), ("a.dat", dat)], &[]);
     assert_eq!(p.targets[2].editable, Editable::No("its numbers are read by more than motions that are known"));
-    let change = |by: f64| Some(Change { position_mm: [1.0 + by, 2.0, 3.0], quat: None, conf: None });
+    let change = |by: f64| Some(Change { position_mm: [1.0 + by, 2.0, 3.0], quat: None, conf: None, external: None });
     let rewritten = p.rewrite(&[change(0.1), change(0.2), None], &[], &RewriteOptions::default());
     assert!(rewritten.edits.iter().all(Vec::is_empty));
     assert_eq!(rewritten.kept.len(), 2);

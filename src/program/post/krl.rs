@@ -102,7 +102,7 @@ impl RapidPost {
         if place.is_first() || point.joint {
             text.extend_from_slice(b"PTP {");
             components(text, [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"], axes_deg, [DEG; 6]);
-            externals(text, &self.plan.external);
+            externals(text, self.external(point));
             text.extend_from_slice(b"}\r\n");
             return;
         }
@@ -123,9 +123,9 @@ impl RapidPost {
         }
         text.extend_from_slice(b"LIN ");
         frame(text, &point.position_mm, point.quat);
-        if self.plan.external.iter().any(Option::is_some) {
+        if self.external(point).iter().any(Option::is_some) {
             text.pop();
-            externals(text, &self.plan.external);
+            externals(text, self.external(point));
             text.push(b'}');
         }
         text.extend_from_slice(if zone.is_some() { b" C_DIS\r\n" } else { b"\r\n" });

@@ -62,6 +62,8 @@ pub struct PostedPoint {
     pub tool: u16,
     /// Index into [`RapidPlan::wobjs`].
     pub wobj: u16,
+    /// Positions of the external axes, mm or degrees; `None` where they are the plan's.
+    pub external: Option<Box<[Option<f64>; EXTERNAL_AXES]>>,
 }
 
 #[cfg(test)]
@@ -70,7 +72,21 @@ impl PostedPoint {
     pub(super) fn sample(position_mm: [f64; 3], quat: [f64; 4]) -> Self {
         let conf = Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 };
         let (speed_mm_s, rapid, stop, joint, lines, mark) = (20.0, false, false, false, None, None);
-        Self { position_mm, quat, conf, turns: [0; 3], speed_mm_s, rapid, stop, joint, lines, mark, tool: 0, wobj: 0 }
+        Self {
+            position_mm,
+            quat,
+            conf,
+            turns: [0; 3],
+            speed_mm_s,
+            rapid,
+            stop,
+            joint,
+            lines,
+            mark,
+            tool: 0,
+            wobj: 0,
+            external: None,
+        }
     }
 }
 
@@ -253,7 +269,7 @@ impl RapidPost {
         // The way to the first point is unknown: joints, not a straight line.
         let joint = place.before.is_none() || point.joint;
         line.extend_from_slice(if joint { b"    MoveJ " } else { b"    MoveL " });
-        robtarget(line, &point.position_mm, &point.quat, point.conf, &self.plan.external);
+        robtarget(line, &point.position_mm, &point.quat, point.conf, self.external(point));
         line.push(b',');
         self.speed(line, if point.rapid { self.plan.rapid_mm_s } else { point.speed_mm_s });
         line.push(b',');
@@ -265,6 +281,11 @@ impl RapidPost {
         line.extend_from_slice(b"\\WObj:=");
         line.extend_from_slice(wobj.as_bytes());
         line.extend_from_slice(b";\n");
+    }
+
+    /// Positions of the external axes at a point.
+    pub(super) fn external<'a>(&'a self, point: &'a PostedPoint) -> &'a [Option<f64>; EXTERNAL_AXES] {
+        point.external.as_deref().unwrap_or(&self.plan.external)
     }
 
     fn speed(&self, line: &mut Vec<u8>, mm_s: f64) {
@@ -318,6 +339,7 @@ mod tests {
             mark,
             tool: 0,
             wobj: 0,
+            external: None,
         };
         let points = [
             at(0.0, 0.0, true, None),

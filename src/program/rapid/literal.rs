@@ -2,6 +2,7 @@
 
 use super::lex::{Kind, lexeme, number};
 use crate::program::{Conf, Confdata};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::Span;
 use crate::text::number::{self as numbers, Leading, read_leading};
 use nom::Parser;
@@ -181,6 +182,19 @@ impl Literal {
     /// The external axes' aggregate, as text.
     pub(crate) fn external(&self) -> Span {
         Span { start: self.start + u32::from(self.external), end: self.span().end - 1 }
+    }
+
+    /// Where the numbers of the external axes stand in its source; `None` where one of them is a name.
+    pub(super) fn axes(&self, bytes: &[u8]) -> Option<[Span; EXTERNAL_AXES]> {
+        let mut places = [Span::new(0, 0); EXTERNAL_AXES];
+        let mut at = self.external().start as usize;
+        for (i, place) in places.iter_mut().enumerate() {
+            at = blank(bytes, mark(bytes, at, if i == 0 { b'[' } else { b',' })?);
+            let end = signed::<false>(bytes, at)?.1;
+            *place = Span::new(at, end);
+            at = end;
+        }
+        Some(places)
     }
 }
 

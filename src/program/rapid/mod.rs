@@ -60,6 +60,7 @@ use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
+use std::collections::HashSet;
 use value::{Place, Step};
 
 /// Where the number tokens of robtargets stand.
@@ -101,6 +102,18 @@ impl FrontEnd for Layout {
         options: &RewriteOptions,
     ) -> Rewritten {
         rewrite(program, self, changes, inserts, options)
+    }
+
+    fn writes_axes(&self, program: &Program) -> Vec<bool> {
+        // What is made from a literal by `Offs` has its axes too.
+        let roots: HashSet<u32> = self.offsets.iter().map(|offset| offset.root).collect();
+        let writes = |site: &Site| {
+            let Site::Literal { literal, .. } = site else { return false };
+            let place = &self.literals[*literal as usize];
+            let source = usize::from(place.source);
+            source < program.written && !roots.contains(literal) && place.axes(&program.sources[source].bytes).is_some()
+        };
+        self.sites.iter().map(writes).collect()
     }
 
     fn motion_targets(&self, _: &Program) -> usize {

@@ -117,7 +117,7 @@ impl Writer<'_> {
             };
             let Goal::Pose { quat: is, conf, .. } = self.program.targets[from + k].goal else { continue };
             let Some(quat) = change.quat.filter(|quat| turned(*quat, is)) else { continue };
-            if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
+            if change.conf.is_some_and(|wanted| Some(wanted) != conf) || change.external.is_some() {
                 continue;
             }
             let was = self.layout.literals[*literal as usize].pose_decimals();
@@ -194,7 +194,7 @@ impl Writer<'_> {
     /// last, with its new numbers as the controller holds them. `None` where a closer look is needed.
     fn stretch(&self, i: usize, literal: &Literal, change: &Change) -> Option<(Option<Edit>, Pose)> {
         let Goal::Pose { position_mm, quat: is, conf } = self.program.targets[i].goal else { return None };
-        if change.conf.is_some_and(|wanted| Some(wanted) != conf) {
+        if change.conf.is_some_and(|wanted| Some(wanted) != conf) || change.external.is_some() {
             return None;
         }
         let [x, y, z] = change.position_mm;
@@ -310,6 +310,7 @@ mod tests {
                     position_mm: std::array::from_fn(|k| position_mm[k] + by[k]),
                     quat: (*kind > 2).then_some(quat),
                     conf: if *kind == 7 { Some(Conf::Quarters(Confdata { cf1: 1, cf4: 0, cf6: 0, cfx: 0 })) } else { conf },
+                    external: (*kind == 6).then(|| Box::new([Some(by[0]), None, Some(12.5), None, None, None])),
                 }).filter(|_| *kind > 0)
             }).collect();
             let (layout, options) = (chunk::layout(&program).unwrap(), RewriteOptions::default());

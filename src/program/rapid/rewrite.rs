@@ -162,7 +162,7 @@ impl Writer<'_> {
             clone::resolve(self, literal, changes, &mut prints, &mut cloned, SHARED);
         }
         for print in &mut prints {
-            if print.as_ref().is_some_and(|p| p.tokens.iter().all(Option::is_none)) {
+            if print.as_ref().is_some_and(|p| p.tokens.iter().all(Option::is_none) && p.axes.is_empty()) {
                 *print = None;
             }
         }

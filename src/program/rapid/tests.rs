@@ -43,7 +43,7 @@ fn offsets_follow_their_base() {
     assert_eq!(positions(&p), [[1.0, 2.0, 53.0], [1.0, 2.0, 3.0]]);
     assert_eq!(p.targets[0].editable, Editable::Position);
     holds(&p);
-    let change = |x| Some(Change { position_mm: x, quat: None, conf: None });
+    let change = |x| Some(Change { position_mm: x, quat: None, conf: None, external: None });
     let text = rewritten(&p, &[change([1.1, 2.0, 53.0]), change([1.0, 2.25, 3.0])], &[], &RewriteOptions::default());
     assert!(text.contains("Offs(p1,0.1000,-0.2500,50)"), "{text}");
     assert!(text.contains("p1:=[[1,2.2500,3]"), "{text}");
@@ -68,7 +68,7 @@ fn a_missing_semicolon_takes_no_neighbour() {
 #[test]
 fn shared_targets_are_cloned_where_allowed() {
     let p = program(&module("MoveL p1,v100,fine,tool0;\nMoveL p1,v50,fine,tool0;"));
-    let change = |x| Some(Change { position_mm: [x, 2.0, 3.0], quat: None, conf: None });
+    let change = |x| Some(Change { position_mm: [x, 2.0, 3.0], quat: None, conf: None, external: None });
     let changes = [change(1.25), change(1.5)];
     let refused = p.rewrite(&changes, &[], &RewriteOptions::default());
     assert!(refused.edits[0].is_empty());

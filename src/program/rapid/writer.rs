@@ -5,7 +5,8 @@ use super::literal::Literal;
 use super::value::{Place, quarters, unit};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Program, RewriteOptions};
-use crate::text::{Content, Edit, Token};
+use crate::robot::EXTERNAL_AXES;
+use crate::text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
@@ -16,6 +17,8 @@ pub(super) const SHARED: &str = "declared target used by motions whose correctio
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Print {
     pub(super) tokens: [Option<Token>; 11],
+    /// Of the external axes, with their places.
+    pub(super) axes: Vec<(Span, Token)>,
     /// The numbers of position and orientation that stand there then, where they are known.
     pub(super) values: [Option<f64>; 7],
 }
@@ -67,7 +70,10 @@ impl<'a> Writer<'a> {
         let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
         #[allow(clippy::float_cmp)] // the very number that was read means no change
         let moved = change.position_mm != position_mm;
-        moved || change.quat.is_some_and(|q| turned(q, quat)) || change.conf.is_some() && change.conf != conf
+        moved
+            || change.quat.is_some_and(|q| turned(q, quat))
+            || change.conf.is_some() && change.conf != conf
+            || change.external.is_some()
     }
 
     /// New tokens of a literal for one user's change.
@@ -92,7 +98,19 @@ impl<'a> Writer<'a> {
                 }
             }
         }
+        if let (Some(wanted), Some(places)) = (&change.external, self.axes(literal)) {
+            let new = wanted.iter().zip(places).filter_map(|(wanted, span)| {
+                let old = self.bytes(Place { source: literal.source, span });
+                Some((span, New::of(old, (*wanted)?, self.options.position_decimals).token?))
+            });
+            print.axes = new.collect();
+        }
         print
+    }
+
+    /// Where the numbers of a literal's external axes stand; `None` where not all six are numbers.
+    pub(super) fn axes(&self, literal: &Literal) -> Option<[Span; EXTERNAL_AXES]> {
+        literal.axes(&self.program.sources[literal.source as usize].bytes)
     }
 
     pub(super) fn edit_literal(&mut self, literal: &Literal, print: Print) {
@@ -102,6 +120,7 @@ impl<'a> Writer<'a> {
                 edits.push(Edit { span: literal.token(i), content: Content::from_slice(&content) });
             }
         }
+        edits.extend(print.axes.into_iter().map(|(span, token)| Edit { span, content: Content::from_slice(&token) }));
     }
 
     /// The literal's text with its new tokens: for a clone.
@@ -110,14 +129,12 @@ impl<'a> Writer<'a> {
         let bytes = self.bytes(Place { source: literal.source, span });
         let mut out = Vec::new();
         let mut done = 0;
-        for (i, token) in print.tokens.iter().enumerate() {
-            if let Some(content) = token {
-                let place = literal.token(i);
-                let (from, to) = ((place.start - span.start) as usize, (place.end - span.start) as usize);
-                out.extend_from_slice(&bytes[done..from]);
-                out.extend_from_slice(content);
-                done = to;
-            }
+        let pose = print.tokens.iter().enumerate().filter_map(|(i, token)| Some((literal.token(i), token.as_ref()?)));
+        for (place, content) in pose.chain(print.axes.iter().map(|(place, token)| (*place, token))) {
+            let (from, to) = ((place.start - span.start) as usize, (place.end - span.start) as usize);
+            out.extend_from_slice(&bytes[done..from]);
+            out.extend_from_slice(content);
+            done = to;
         }
         out.extend_from_slice(&bytes[done..]);
         out

@@ -132,7 +132,7 @@ fn edits_keep_field_widths_and_cards() {
     use deflex::program::{Change, RewriteOptions};
     let text = "UNITS/MM\nGOTO  /   20.40000,    0.00000,  -41.00000\n";
     let program = reads(text);
-    let change = Change { position_mm: [120.4, 0.0, -41.25], quat: None, conf: None };
+    let change = Change { position_mm: [120.4, 0.0, -41.25], quat: None, conf: None, external: None };
     let edits = program.rewrite(&[Some(change)], &[], &RewriteOptions::default()).edits;
     let mut out = Vec::new();
     deflex::text::apply(text.as_bytes(), &edits[0], &mut out).expect("vec");

@@ -33,7 +33,7 @@ fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert], cl
 }
 
 fn to(position_mm: [f64; 3]) -> Option<Change> {
-    Some(Change { position_mm, quat: None, conf: None })
+    Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
 #[test]
@@ -270,12 +270,12 @@ fn orientation_is_renormalised_and_keeps_its_hemisphere() {
     let Goal::Pose { quat, .. } = program.targets[0].goal else { panic!("pose") };
     // The orientation that was read, in either hemisphere, is no change.
     for quat in [quat, quat.map(|c| -c)] {
-        let change = Change { position_mm: [0.0; 3], quat: Some(quat), conf: None };
+        let change = Change { position_mm: [0.0; 3], quat: Some(quat), conf: None, external: None };
         assert_eq!(written(&program, &[Some(change)], &[], false).0, text);
     }
     let half = 1e-3_f64;
     let turned = [half.cos() * 0.5_f64.sqrt(), half.sin(), 0.5_f64.sqrt() * half.cos(), 0.0];
-    let change = Change { position_mm: [0.0; 3], quat: Some(turned), conf: None };
+    let change = Change { position_mm: [0.0; 3], quat: Some(turned), conf: None, external: None };
     let (out, _) = written(&program, &[Some(change)], &[], false);
     assert!(out.contains("[-0.70710643,-0.00100000,-0.70710643,0]"), "{out}");
 }

@@ -62,7 +62,7 @@ fn wanted(program: &Program, i: usize) -> Option<Change> {
     let [tool, wobj] = frames.map(|name| name.bytes().map(f64::from).sum::<f64>() / 1000.0);
     let index = f64::from(target.wobj) / 16.0 + f64::from(target.tool) / 32.0;
     let [x, y, z] = position(&target.goal);
-    Some(Change { position_mm: [x + tool + index, y - wobj, z + 0.5], quat: None, conf: None })
+    Some(Change { position_mm: [x + tool + index, y - wobj, z + 0.5], quat: None, conf: None, external: None })
 }
 
 /// What becomes of each motion statement, by its line: corrected, or the reason that is said.

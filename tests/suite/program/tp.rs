@@ -35,7 +35,7 @@ fn program(statements: &str, positions: &str) -> String {
 }
 
 fn to(position_mm: [f64; 3]) -> Option<Change> {
-    Some(Change { position_mm, quat: None, conf: None })
+    Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
 fn written(program: &Program, changes: &[Option<Change>]) -> (String, Vec<(usize, &'static str)>) {
@@ -109,7 +109,7 @@ fn turned_poses_and_turn_numbers_are_written() {
     let program = read(&text);
     let wanted = quaternion(&from_zyx_deg([0.25, -0.125, -179.5]));
     let conf = |posture| Some(Conf::Turns(Config { posture, turns: [0, 0, -1] }));
-    let change = |posture| Change { position_mm: [0.0; 3], quat: Some(wanted), conf: conf(posture) };
+    let change = |posture| Change { position_mm: [0.0; 3], quat: Some(wanted), conf: conf(posture), external: None };
     let (out, kept) = written(&program, &[Some(change(0))]);
     assert!(kept.is_empty(), "{kept:?}");
     let expected = text.replace("180.000", "-179.500").replace("P = 0.000", "P = -0.125");

@@ -548,7 +548,7 @@ fn circle_arc_motions_by_hand() {
     // Corrected, the circle points are where the ends lead the controller: all moved by one shift.
     let change = |i: usize| {
         let Goal::Pose { position_mm: [x, y, z], .. } = program.targets[i].goal else { panic!() };
-        Some(deflex::program::Change { position_mm: [x + 0.25, y - 0.5, z], quat: None, conf: None })
+        Some(deflex::program::Change { position_mm: [x + 0.25, y - 0.5, z], quat: None, conf: None, external: None })
     };
     let changes: Vec<_> = (0..7).map(change).collect();
     let rewritten = program.rewrite(&changes, &[], &deflex::program::RewriteOptions::default());

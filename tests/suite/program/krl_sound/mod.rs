@@ -85,7 +85,7 @@ fn changes(program: &Program) -> Vec<Option<Change>> {
         };
         let by = shift(base, tool, position_mm, e1);
         let quat = (target.editable == Editable::Pose).then(|| turned(quat, by));
-        Some(Change { position_mm: std::array::from_fn(|i| position_mm[i] + by[i]), quat, conf: None })
+        Some(Change { position_mm: std::array::from_fn(|i| position_mm[i] + by[i]), quat, conf: None, external: None })
     };
     program.targets.iter().map(change).collect()
 }

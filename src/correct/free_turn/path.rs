@@ -1,0 +1,426 @@
+//! A program's targets as the search sees them: knots, ways between them, states and their costs.
+
+use super::SINGULAR_MARGIN;
+use super::axes::{FreeAxis, Grid, Position, Stage, with};
+use super::search::{Move, Search};
+use super::states::{self, FreeTarget, Refused, State};
+use crate::cell::{Cell, MOST_FREE};
+use crate::correct::carried::Chosen;
+use crate::correct::load::{Follows, PointLoad};
+use crate::correct::mount::Moved;
+use crate::correct::parallelism::Parallelism;
+use crate::correct::point::{Point, tool_axis};
+use crate::correct::solve::Solver;
+use crate::correct::travel::CHORD;
+use crate::correct::{Prepared, spin};
+use crate::equilibrium::{PredictedPose, Setting, WarmStart};
+use crate::program::{Editable, Goal, Language, Motion, Program, Role, Target};
+use crate::robot::{Joints, Robot};
+use crate::text::Diagnostic;
+use rayon::prelude::*;
+use smallvec::SmallVec;
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+/// Knots are this far apart where the path is denser, m: two cells of the grid at the largest rate.
+const KNOT: f64 = 2e-3;
+
+/// Knots whose states are evaluated together where no axis is free: some ten thousand equilibria, whose points are some megabytes.
+const BLOCK: usize = 32;
+
+/// What a target that does not cut counts for: only between ways that cut alike.
+const AIR: f64 = 1e-6;
+
+/// A program's targets, as the search sees them.
+pub(super) struct Path<'a> {
+    pub(super) program: &'a Program,
+    pub(super) cell: &'a Cell,
+    pub(super) prepared: &'a Prepared,
+    /// External axes that are free.
+    pub(super) axes: SmallVec<[FreeAxis; MOST_FREE]>,
+    /// Why axes that the cell has free stay as they are written.
+    pub(super) held: Vec<String>,
+    /// Positions of the free axes that the grid lies about, one a target; as written at first.
+    pub(super) base: Vec<Position>,
+    /// Whether the turn of each target is free, and the axes.
+    is_free: Vec<[bool; 2]>,
+    pub(super) moves: Vec<Move>,
+    pub(super) margin: f64,
+    /// Targets that the turn as written does not reach.
+    pub(super) unreached: &'a [usize],
+}
+
+/// What a refusal advises.
+pub(super) enum Refusal {
+    Stand(Refused),
+    Move,
+    Between,
+}
+
+/// The states of a knot.
+#[derive(Default)]
+struct Standing {
+    /// Those that differ in how the arm and the axes stand.
+    unique: Vec<State>,
+    /// Circumstances of each of these.
+    moved: Vec<Option<Arc<Moved>>>,
+    /// States on their lanes, and which of the above they are.
+    on_lanes: Vec<(State, u32)>,
+    refused: Refused,
+}
+
+impl<'a> Path<'a> {
+    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &'a Prepared, unreached: &'a [usize]) -> Self {
+        let (axes, held) = free_axes(program, cell);
+        let shared = shared_numbers(program);
+        let writes_axes = if axes.is_empty() { Vec::new() } else { program.writes_axes() };
+        let is_free = |(i, point): (usize, &Point)| {
+            let target = &program.targets[i];
+            let turn = match target.goal {
+                _ if point.unsolved.is_some() => false,
+                Goal::Axis { .. } => true,
+                Goal::Pose { .. } => target.editable == Editable::Pose && !shared(target),
+                Goal::Joints { .. } => false,
+            };
+            let own = program.language == Language::Cl || writes_axes.get(i) == Some(&true);
+            [turn, turn && own && has_free_axes(program, prepared, &axes, i)]
+        };
+        let is_free: Vec<[bool; 2]> = prepared.points.iter().enumerate().map(is_free).collect();
+        let base = if axes.is_empty() { Vec::new() } else { written(prepared, &axes) };
+        let mut path =
+            Self { program, cell, prepared, axes, held, base, is_free, moves: Vec::new(), margin: 0.0, unreached };
+        path.margin = cell.cl.as_ref().map_or(SINGULAR_MARGIN, |cl| cl.singular_margin);
+        path.moves = (0..prepared.points.len()).map(|i| path.way_to(i)).collect();
+        path
+    }
+
+    /// The move into a target.
+    fn way_to(&self, i: usize) -> Move {
+        let (target, points) = (&self.program.targets[i], &self.prepared.points);
+        let before = i.checked_sub(1);
+        // Where a target is not solved nothing is known of how the arm stands.
+        let unsolved = |i: usize| points[i].unsolved.is_some();
+        let length = before.map_or(0.0, |before| {
+            let [from, to] = [before, i].map(|i| points[i].wobj_from_tcp.translation.vector);
+            if points[before].setting == points[i].setting {
+                return (to - from).norm();
+            }
+            let at = |i: usize, at| self.prepared.setting(i).base_from_wobj * nalgebra::Point3::from(at);
+            (at(i, to) - at(before, from)).norm()
+        });
+        let time = target.feed_mm_s.filter(|feed| *feed > 0.0 && length > CHORD).map(|feed| 1e3 * length / feed);
+        let mut room = [0.0; MOST_FREE];
+        for (k, axis) in self.axes.iter().enumerate() {
+            // What is written may always be kept.
+            let written = before.map_or(0.0, |before| (self.base[i][k] - self.base[before][k]).abs());
+            room[k] = axis.room(length, time).max(written);
+        }
+        Move {
+            length,
+            time,
+            free: matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint)
+                || unsolved(i)
+                || before.is_some_and(unsolved),
+            fixed: !self.is_free[i][0] || before.is_some_and(|before| !self.is_free[before][0]),
+            room,
+        }
+    }
+
+    pub(super) fn robot(&self) -> &'a Robot {
+        &self.cell.arm.robot
+    }
+
+    /// Whether the turn of a target is free.
+    pub(super) fn has_free_turn(&self, i: usize) -> bool {
+        self.is_free[i][0]
+    }
+
+    /// Whether the free axes are, at a target.
+    pub(super) fn has_free_axes(&self, i: usize) -> bool {
+        self.is_free[i][1]
+    }
+
+    /// A target, as far as the arm's kinematics ask.
+    pub(super) fn target(&self, i: usize) -> FreeTarget {
+        let point = &self.prepared.points[i];
+        let decided = self.program.language != Language::Cl;
+        let fixed = (spin::turn_of(&point.wobj_from_tcp), point.motor);
+        FreeTarget {
+            position: point.wobj_from_tcp.translation.vector,
+            axis: tool_axis(&point.wobj_from_tcp),
+            near: point.motor,
+            fixed: (!self.has_free_turn(i)).then_some(fixed),
+            branch: decided.then(|| states::branch_of(self.robot(), &point.motor)),
+        }
+    }
+
+    /// What a target is run with where the free axes are at a position.
+    pub(super) fn moved(&self, i: usize, position: &Position) -> Option<Arc<Moved>> {
+        let written = &self.prepared.points[i].moved;
+        if !self.has_free_axes(i) {
+            return written.clone();
+        }
+        let external = with(&written.as_ref()?.external, &self.axes, position);
+        self.prepared.mount(i).moved(external)
+    }
+
+    /// The setting of that.
+    pub(super) fn setting<'b>(&'b self, i: usize, moved: &'b Option<Arc<Moved>>) -> &'b Setting {
+        moved.as_ref().map_or_else(|| self.prepared.setting(i), |moved| &moved.setting)
+    }
+
+    /// Indices of the targets whose turn is searched for.
+    pub(super) fn knots(&self, forced: &BTreeSet<usize>) -> Vec<usize> {
+        let last = self.moves.len().saturating_sub(1);
+        let mut since = 0.0;
+        let mut knots = Vec::new();
+        for i in 0..self.moves.len() {
+            since += self.moves[i].length;
+            let next_is_apart = self.moves.get(i + 1).is_some_and(|way| way.free || way.fixed || way.length >= KNOT);
+            let apart = self.moves[i].free || self.moves[i].fixed || next_is_apart;
+            if i == 0 || i == last || apart || since >= KNOT || forced.contains(&i) || self.is_pinned(i) {
+                knots.push(i);
+                since = 0.0;
+            }
+        }
+        knots
+    }
+
+    /// Whether the free axes stay as they are written at a target.
+    fn is_pinned(&self, i: usize) -> bool {
+        !self.axes.is_empty() && !self.has_free_axes(i)
+    }
+
+    /// The ways into the knots.
+    pub(super) fn ways(&self, knots: &[usize]) -> Vec<Move> {
+        (0..knots.len()).map(|at| self.way(knots, at)).collect()
+    }
+
+    /// The best state at each knot.
+    pub(super) fn search(&self, knots: &[usize], grid: &Grid) -> Result<Vec<State>, Vec<Diagnostic>> {
+        let robot = self.robot();
+        let pinned: Vec<bool> = knots.iter().map(|&i| self.is_pinned(i)).collect();
+        let ways = self.ways(knots);
+        let stages = grid.stages(&self.axes, &ways, &pinned);
+        let mut scales = [0.0; MOST_FREE];
+        self.axes.iter().zip(&mut scales).for_each(|(axis, scale)| *scale = axis.si(1.0));
+        let mut search = Search::new(&grid.lanes, scales);
+        let block = (BLOCK / grid.size()).max(1);
+        for (n, block_knots) in knots.chunks(block).enumerate() {
+            let first = n * block;
+            let standings: Vec<Standing> =
+                block_knots.par_iter().enumerate().map(|(k, &i)| self.standing(i, grid, &stages[first + k])).collect();
+            let costs = self.costs(block_knots, &standings);
+            for (k, ((&i, standing), costs)) in block_knots.iter().zip(&standings).zip(costs).enumerate() {
+                if standing.on_lanes.is_empty() {
+                    return Err(self.refuse(
+                        i,
+                        "the arm can take no turn about the tool axis here",
+                        Refusal::Stand(standing.refused),
+                    ));
+                }
+                let at = first + k;
+                let stands_for = (i - at.checked_sub(1).map_or(0, |before| knots[before])).max(1) as f64;
+                let weighed = |(state, of): &(State, u32)| (*state, costs[*of as usize] * stands_for);
+                let costs: Vec<(State, f64)> = standing.on_lanes.iter().map(weighed).collect();
+                if !search.advance((&ways[at], stages[at].begins), robot.axis_speed.as_ref(), &costs) {
+                    return Err(self.refuse(
+                        i,
+                        "no turn can be followed to here from the targets before",
+                        Refusal::Move,
+                    ));
+                }
+            }
+        }
+        let chosen = search.best();
+        Ok(knots
+            .par_iter()
+            .enumerate()
+            .map(|(at, &i)| self.standing(i, grid, &stages[at]).on_lanes[chosen[at]].0)
+            .collect())
+    }
+
+    /// How arm and free axes can stand at a knot.
+    fn standing(&self, i: usize, grid: &Grid, stage: &Stage) -> Standing {
+        let target = self.target(i);
+        let base = self.base.get(i).copied().unwrap_or_default();
+        let mut out = Standing::default();
+        // Positions that were seen, and their states among the unique ones.
+        let mut seen: HashMap<[u64; MOST_FREE], (u32, u32)> = HashMap::new();
+        for lane in (0_u16..).take(grid.lanes.len()).filter(|lane| *lane == grid.still || !self.is_pinned(i)) {
+            let Some(position) = grid.position(&self.axes, lane, &base, stage) else { continue };
+            let (from, to) = *seen.entry(position.map(f64::to_bits)).or_insert_with(|| {
+                let moved = self.moved(i, &position);
+                let setting = self.setting(i, &moved);
+                let (states, refused) = target.states(self.robot(), self.margin, (setting, position));
+                let from = out.unique.len();
+                out.unique.extend(states);
+                out.moved.resize(out.unique.len(), moved);
+                out.refused += refused;
+                // States of a knot are some ten thousand.
+                (from as u32, out.unique.len() as u32)
+            });
+            out.on_lanes.extend((from..to).map(|of| (State { lane, ..out.unique[of as usize] }, of)));
+        }
+        out
+    }
+
+    /// The way into a knot from the one before.
+    pub(super) fn way(&self, knots: &[usize], at: usize) -> Move {
+        let from = at.checked_sub(1).map_or(0, |before| knots[before] + 1);
+        let between = &self.moves[from..=knots[at]];
+        Move {
+            length: between.iter().map(|way| way.length).sum(),
+            time: between.iter().map(|way| way.time).sum(),
+            free: between.iter().any(|way| way.free),
+            fixed: between.iter().any(|way| way.fixed),
+            room: std::array::from_fn(|k| between.iter().map(|way| way.room[k]).sum()),
+        }
+    }
+
+    /// Squared predicted errors (m²) of the states of some knots; infinite where there is no equilibrium.
+    fn costs(&self, block: &[usize], standings: &[Standing]) -> Vec<Vec<f64>> {
+        let asked = block.iter().zip(standings).flat_map(|(&i, standing)| {
+            standing.unique.iter().zip(&standing.moved).map(move |(state, moved)| (i, state, moved))
+        });
+        let (at, points): (Vec<usize>, Vec<Point>) =
+            asked.map(|(i, state, moved)| (i, self.turned(i, state.turn, (state.motor, moved.clone())))).unzip();
+        let mut errors = self.squared_errors(&at, points).into_iter();
+        let weighed = |i: usize, square: f64| match &self.prepared.points[i] {
+            point if point.unsolved.is_some() => 0.0,
+            point if point.cuts() => square,
+            _ => AIR * square,
+        };
+        block
+            .iter()
+            .zip(standings)
+            .map(|(&i, Standing { unique, .. })| {
+                errors.by_ref().take(unique.len()).map(|square| weighed(i, square)).collect()
+            })
+            .collect()
+    }
+
+    /// Point `i` with another turn (rad), and the motor angles (rad) and the positions of units that reach it.
+    fn turned(&self, i: usize, turn: f64, (motor, moved): (Joints, Option<Arc<Moved>>)) -> Point {
+        let point = &self.prepared.points[i];
+        let position = point.wobj_from_tcp.translation.vector;
+        let pose = spin::turned(position, &tool_axis(&point.wobj_from_tcp), turn);
+        let load = match point.load {
+            PointLoad::Constant { force, follows: Follows::Tool } => {
+                let with = pose.rotation * point.wobj_from_tcp.rotation.inverse();
+                PointLoad::Constant { force: with * force, follows: Follows::Tool }
+            }
+            load => load,
+        };
+        Point { wobj_from_tcp: pose, reference: pose, motor, moved, load, ..point.clone() }
+    }
+
+    /// Point `i` as it was chosen.
+    pub(super) fn chosen_point(&self, i: usize, chosen: &Chosen) -> Point {
+        let point = &self.prepared.points[i];
+        let Some(turn) = chosen.turn else { return point.clone() };
+        let moved = match (&chosen.external, &point.moved) {
+            (Some(external), Some(_)) => {
+                let position: SmallVec<[f64; MOST_FREE]> = self.axes.iter().map(|axis| external[axis.axis]).collect();
+                let mut all = [0.0; MOST_FREE];
+                all[..position.len()].copy_from_slice(&position);
+                self.moved(i, &all)
+            }
+            (_, moved) => moved.clone(),
+        };
+        self.turned(i, turn, (chosen.near, moved))
+    }
+
+    /// Squares of the predicted errors (m²) of points that stand for the targets `at`: along the surface normal where the text
+    /// prints one, else of the TCP's shift.
+    pub(super) fn squared_errors(&self, at: &[usize], points: Vec<Point>) -> Vec<f64> {
+        let with = self.prepared.with_points(points);
+        let solver = Solver::new(&self.cell.arm, &with, Parallelism::Threads);
+        let predicted = solver.forward(|k| with.points[k].as_programmed(), |_| WarmStart::default());
+        let square = |(k, predicted): (usize, &Result<PredictedPose, _>)| match predicted {
+            Ok(there) => match self.program.targets[at[k]].goal {
+                Goal::Axis { normal: Some(_), .. } => {
+                    with.points[k].normal_error(&with.laws, &there.shift, &there.axis).powi(2)
+                }
+                _ => there.shift.norm_squared(),
+            },
+            Err(_) => f64::INFINITY,
+        };
+        predicted.iter().enumerate().map(square).collect()
+    }
+
+    pub(super) fn refuse(&self, i: usize, what: &str, why: Refusal) -> Vec<Diagnostic> {
+        let target = &self.program.targets[i];
+        let source = &self.program.sources[usize::from(target.source)];
+        let (why, help) = match why {
+            Refusal::Stand(states::Refused { reach, limits, singular }) => (
+                format!(
+                    ": of its turns and branches {reach} are out of reach, {limits} beyond an axis limit, {singular} closer than {:.0}° to a singular wrist",
+                    self.margin.to_degrees()
+                ),
+                "move the part (`[wobjs]`), lower `[cl] singular_margin_deg`, or lean the tool otherwise",
+            ),
+            Refusal::Move => (
+                " within 5° a millimetre of path, the axis limits and speeds, on one branch".to_owned(),
+                "put a joint move or more path between, or move the part (`[wobjs]`)",
+            ),
+            Refusal::Between => (String::new(), "move the part (`[wobjs]`), or lower `[cl] singular_margin_deg`"),
+        };
+        let message = format!("target {}: {what}{why}", target.ordinal);
+        vec![Diagnostic::error("spin.none", "", message).on_line(source, target.span, target.line).help(help)]
+    }
+}
+
+/// The external axes that are free along a program, and why others of the cell's are not.
+fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>, Vec<String>) {
+    let axes = FreeAxis::of(cell);
+    let why = match program.language {
+        Language::Krl | Language::Ls => "external axes are chosen for RAPID and CL data",
+        Language::Rapid if program.targets.iter().any(has_moved_alone) => "external axes move by themselves (MoveExtJ)",
+        _ => return (axes, Vec::new()),
+    };
+    let held = axes.iter().map(|axis| format!("unit `{}` is free, and stays as it is written: {why}", axis.name));
+    (SmallVec::new(), held.collect())
+}
+
+fn has_moved_alone(target: &Target) -> bool {
+    target.external.as_ref().is_some_and(|external| external.moved_alone)
+}
+
+/// Whether the free axes move base or work object of a target, and the program sends them there: arcs have those of their end.
+fn has_free_axes(program: &Program, prepared: &Prepared, axes: &[FreeAxis], i: usize) -> bool {
+    let target = &program.targets[i];
+    let written = |axis: &FreeAxis| match (program.language, &target.external) {
+        (Language::Cl, _) => true,
+        (_, Some(external)) => external.written[axis.axis].is_some() && external.inactive.is_empty(),
+        (_, None) => false,
+    };
+    let is_arc = program.language != Language::Cl && (target.role == Role::Via || target.motion == Motion::Circular);
+    !axes.is_empty() && !is_arc && axes.iter().all(|axis| prepared.mount(i).is_moved_by(axis.axis) && written(axis))
+}
+
+/// Positions of the free axes as written; those of the target before where a target has none.
+fn written(prepared: &Prepared, axes: &[FreeAxis]) -> Vec<Position> {
+    let mut last = [0.0; MOST_FREE];
+    let at = |i: usize| {
+        for (k, axis) in axes.iter().enumerate() {
+            let position = prepared.external(i).map(|external| external[axis.axis]);
+            last[k] = position.filter(|position| !position.is_nan()).unwrap_or(last[k]);
+        }
+        last
+    };
+    (0..prepared.points.len()).map(at).collect()
+}
+
+/// Whether a target's numbers are used more than once: one turn has to suit all uses, so that it stays as written.
+fn shared_numbers(program: &Program) -> impl Fn(&Target) -> bool {
+    let key = |target: &Target| match &target.name {
+        Some(name) => Err(name.to_uppercase()),
+        None => Ok((target.source, target.span.start)),
+    };
+    let mut uses: HashMap<Result<(u16, u32), String>, usize> = HashMap::new();
+    for target in &program.targets {
+        *uses.entry(key(target)).or_default() += 1;
+    }
+    move |target| uses.get(&key(target)).is_some_and(|uses| *uses > 1)
+}
