@@ -75,7 +75,8 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
     if let Some(path) = &args.reports.html {
         let cell = setup.cell.origin();
-        let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths };
+        let scene = Some(&setup.cell.cell);
+        let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths, scene };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;

@@ -38,6 +38,7 @@ impl Setup {
             tool: model.tool.clone(),
             free_spin: model.free_spin,
             stiffness: reports.html.is_some(),
+            stance: reports.html.is_some(),
             ..Options::default()
         };
         Ok(Self { cell: Arc::new(cell), forces: rows, context, options })

@@ -13,7 +13,7 @@ use super::row::Status;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
 use super::{
-    Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma, stiffness,
+    Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma, stance, stiffness,
     subdivide,
 };
 use crate::cell::Cell;
@@ -106,6 +106,9 @@ pub(super) fn warm_start(
     sigma::fill(&mut out.rows, program, cell, prepared, parallelism);
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, prepared, parallelism);
+    }
+    if options.stance {
+        stance::fill(&mut out.rows, program, cell, prepared);
     }
     let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
@@ -356,6 +359,9 @@ pub(super) fn chunk(
     sigma::fill(&mut out.rows, program, cell, &prepared, parallelism);
     if options.stiffness {
         stiffness::fill(&mut out.rows, program, cell, &prepared, parallelism);
+    }
+    if options.stance {
+        stance::fill(&mut out.rows, program, cell, &prepared);
     }
     let posted = if program.language.is_edited() {
         Vec::new()

@@ -38,6 +38,7 @@ mod segment;
 mod sigma;
 mod solve;
 mod spin;
+mod stance;
 mod stiffness;
 mod stream;
 mod subdivide;
@@ -59,6 +60,7 @@ pub use poses::{predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
+pub use stance::Stance;
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chunks};
 pub(crate) use track::Track;
@@ -106,6 +108,8 @@ pub struct Options {
     pub subdivide: Option<f64>,
     /// Find the stiffness of the TCP at every target too: six more equilibria each.
     pub stiffness: bool,
+    /// Say how the arm stands at every target too.
+    pub stance: bool,
     /// Choose the turn about the tool axis of RAPID targets for the least predicted error, in place of the written one.
     pub free_spin: bool,
 }

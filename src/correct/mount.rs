@@ -89,6 +89,12 @@ impl Mount {
         }
     }
 
+    /// The unit that the work object is on, in the work object.
+    pub(super) fn wobj_from_unit(&self) -> Option<Pose> {
+        let wobj = &self.moving.as_ref()?.wobj;
+        wobj.unit.map(|_| wobj.frame.inverse())
+    }
+
     /// Whether an external axis moves base or work object.
     pub(super) fn is_moved_by(&self, axis: usize) -> bool {
         self.moving.as_ref().is_some_and(|moving| moving.needed().any(|needed| needed == axis))

@@ -1,5 +1,5 @@
 use super::point::Point;
-use super::{PathDeviation, Stiffness};
+use super::{PathDeviation, Stance, Stiffness};
 use crate::equilibrium::PredictedPose;
 use crate::program::{Editable, Goal, Target};
 use nalgebra::Vector3;
@@ -59,6 +59,8 @@ pub struct Row {
     pub spin_deg: Option<f64>,
     /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
     pub stiffness: Option<Stiffness>,
+    /// How the arm stands; where [`Options::stance`](super::Options::stance) asks for it.
+    pub stance: Option<Arc<Stance>>,
 }
 
 impl Row {
@@ -112,6 +114,7 @@ impl Row {
         removed_mm3: None,
         spin_deg: None,
         stiffness: None,
+        stance: None,
     };
 
     /// Of a target that is kept because it is not known where the controller goes: its errors are not known either (NaN).

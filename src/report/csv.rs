@@ -299,6 +299,7 @@ mod tests {
             path: (!line.is_multiple_of(4)).then_some(PathDeviation { max_mm: values[7], ..PathDeviation::default() }),
             spin_deg: line.is_multiple_of(5).then_some(values[11]),
             stiffness: None,
+            stance: None,
         }
     }
 

@@ -35,6 +35,16 @@ impl LimitViolation {
 const LIMIT_SLACK: f64 = 1e-9;
 
 impl Robot {
+    /// How far motor angles (rad) are from the nearest limit, rad; negative beyond it.
+    #[must_use]
+    pub fn limit_margin(&self, motor: &Joints) -> f64 {
+        let (limits, counted) = (&self.limits, self.axes_from_motor(motor));
+        let elbow = limits.elbow.filter(|_| self.axes.parallelogram);
+        let axes = (0..6).map(|i| (counted[i], limits.min[i], limits.max[i]));
+        let margins = axes.chain(elbow.map(|(min, max)| (motor[2] - motor[1], min, max)));
+        margins.map(|(value, min, max)| (value - min).min(max - value)).fold(f64::INFINITY, f64::min)
+    }
+
     /// The worst limit violation at motor angles (rad), if any.
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {

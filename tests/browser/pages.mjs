@@ -232,6 +232,17 @@ const checkPath = async (name, program, rows, sums, options = {}) => {
   return { page, figures, charts };
 };
 
+// Where the arm that the page draws holds the tool: the tool centre point of every target in the flange, mm.
+const inFlange = (page) =>
+  page.evaluate(() => {
+    const { path, chain } = window.deflex;
+    return Array.from({ length: path.length }, (_, i) => {
+      const flange = chain(path, i)[6];
+      const from = ["x_mm", "y_mm", "z_mm"].map((key, k) => path.column(key).at(i) - flange[k][3]);
+      return [0, 1, 2].map((k) => from.reduce((sum, c, row) => sum + c * flange[row][k], 0));
+    });
+  });
+
 const shot = async (page, name, directory) => {
   const path = join(directory, `${name}.png`);
   await page.screenshot({ path });
@@ -245,7 +256,16 @@ const tests = {
     const { figures, charts } = await checkPath("slot", sample(slot("slot.mod")), csv("slot.csv"), {
       targets: String(sums.targets), max_error_mm: six(sums.max_error_mm), max_correction_mm: six(sums.max_correction_mm), max_remaining_mm: six(sums.max_remaining_mm),
     });
-    assert.equal(charts, 4);
+    // Stiffness, axes and margins besides the error.
+    assert.equal(charts, 6);
+    const page = await open("slot");
+    for (const tcp of await inFlange(page)) tcp.forEach((c, k) => assert(Math.abs(c - [-156.66, 0, 160][k]) < 0.1, `tool at ${tcp}`));
+    const before = await drawn(page, "#path");
+    await page.click("[data-view=arm]");
+    await settle(page);
+    const whole = await drawn(page, "#path");
+    assert(whole.sum !== before.sum && whole.count > 2000, "the arm is not drawn");
+    assert.deepEqual(page.wrong, []);
     return `${figures} figures`;
   },
   async "blade, compensated, in the dark"() {

@@ -1,6 +1,6 @@
 //! Pages of a path: their figures are those of the CSV report, and their size is bounded.
 
-use deflex::correct::{PathDeviation, Row, Status, Stiffness, Summary};
+use deflex::correct::{PathDeviation, Row, Stance, Status, Stiffness, Summary};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{FileSummary, Origin, write_csv};
 use serde_json::Value;
@@ -33,8 +33,21 @@ fn row(i: usize) -> Row {
         engaged_deg: None,
         removed_mm3: None,
         spin_deg: None,
+        stance: Some(stance(t)),
         stiffness: Some(Stiffness { normal_n_per_mm: 1500.0, least_n_per_mm: 300.0 + t * 1e-3, most_n_per_mm: 4000.0 }),
     }
+}
+
+/// A joint column that moves, a base that stands.
+fn stance(t: f64) -> std::sync::Arc<Stance> {
+    std::sync::Arc::new(Stance {
+        axes_deg: std::array::from_fn(|k| 90.0 * (0.013 * t + k as f64).sin()),
+        limit_margin_deg: 40.0 + (0.1 * t).sin(),
+        singular_margin_deg: 30.0 + (0.2 * t).cos(),
+        base: [-1000.0, 400.0, -700.0, 0.0, 0.0, 180.0],
+        external: [t * 0.01, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN],
+        table: None,
+    })
 }
 
 fn page(rows: &[Row]) -> String {
@@ -44,7 +57,13 @@ fn page(rows: &[Row]) -> String {
     // As long as an instruction with its target, no two alike.
     path.quote(|target, line| Some(format!("    MoveL [[{target:0>100}],{line:0>100};")));
     let summary = FileSummary::of("part.mod", &Summary::of(rows), &[]);
-    PathPage { kind: PathKind::Compensate, cell: &Origin::of("cell.toml", b""), programs: &[(summary, path)] }.html()
+    PathPage {
+        kind: PathKind::Compensate,
+        cell: &Origin::of("cell.toml", b""),
+        programs: &[(summary, path)],
+        scene: None,
+    }
+    .html()
 }
 
 fn data(page: &str) -> Value {
@@ -61,6 +80,10 @@ fn column(path: &Value, key: &str) -> Vec<i32> {
         b'+' => 62,
         _ => 63,
     };
+    // A column of one number is that number.
+    if let Some(value) = path["columns"][key]["all"].as_i64() {
+        return vec![value as i32; path["kept"].as_u64().unwrap() as usize];
+    }
     let text = path["columns"][key]["data"].as_str().unwrap().trim_end_matches('=');
     let mut bytes = Vec::new();
     for chunk in text.as_bytes().chunks(4) {
@@ -79,6 +102,8 @@ fn a_hundred_thousand_targets_stay_small_and_say_what_is_left_out() {
     let targets = column(path, "target");
     assert_eq!((&path["count"], &path["kept"]), (&100_000.into(), &targets.len().into()));
     assert_eq!((targets[0], targets[targets.len() - 1]), (1, 100_000));
+    assert_eq!(column(path, "axis_1_deg").len(), targets.len());
+    assert_eq!(path["columns"]["base_rz_deg"]["all"], 180_000_000);
     let largest = |size: fn(&Row) -> f64| rows.iter().max_by(|a, b| size(a).total_cmp(&size(b))).unwrap().target as i32;
     assert!(targets.contains(&largest(Row::error_norm_mm)) && targets.contains(&largest(Row::remaining_norm_mm)));
 }

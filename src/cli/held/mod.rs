@@ -102,7 +102,7 @@ impl Run {
     /// The same for a page: with the path, and the stiffness along it.
     fn drawing(&self) -> Self {
         let Setup { cell, forces, context, options } = &self.setup;
-        let options = Options { stiffness: true, ..options.clone() };
+        let options = Options { stiffness: true, stance: true, ..options.clone() };
         let setup = Setup { cell: Arc::clone(cell), forces: forces.clone(), context: context.clone(), options };
         Self { setup, again: self.again, post: self.post.clone(), follow: self.follow.clone(), draws: true }
     }
@@ -116,7 +116,7 @@ impl Run {
     fn page(&self, kind: PathKind, done: Done) -> String {
         let cell = self.setup.cell.origin();
         let programs = done.path.map(|path| (done.summary, path));
-        PathPage { kind, cell: &cell, programs: programs.as_slice() }.html()
+        PathPage { kind, cell: &cell, programs: programs.as_slice(), scene: Some(&self.setup.cell.cell) }.html()
     }
 
     /// Parses a program and checks that the forces are its own.

@@ -6,9 +6,10 @@ use serde_json::Value;
 use std::fmt::{Display, Write};
 
 const STYLE: &str = include_str!("assets/page.css");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
     include_str!("assets/data.js"),
     include_str!("assets/view.js"),
+    include_str!("assets/arm.js"),
     include_str!("assets/charts.js"),
     include_str!("assets/page.js"),
 ];
@@ -209,7 +210,7 @@ pub(super) const STAGE: &str = r#"<section class="stage" id="stage">
 <div class="view">
 <div class="toolbar" role="toolbar" aria-label="View">
 <span class="buttons"><label>Colour <select id="colour"></select></label> <label><input type="checkbox" id="zero"> from 0</label></span>
-<span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button></span>
+<span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button><button type="button" data-view="arm">Arm</button></span>
 </div>
 <canvas id="path" tabindex="0" role="application" aria-label="Toolpath in 3-D. Arrow keys turn, shift and arrow keys move, plus and minus zoom, comma and full stop step through the targets."></canvas>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="what"></span></div>

@@ -13,6 +13,7 @@ mod identification;
 mod markup;
 mod path;
 mod plan;
+mod scene;
 mod simulation;
 mod trace;
 

@@ -1,7 +1,9 @@
 //! The page of `compensate` and `predict`.
 
 use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
+use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use crate::cell::Cell;
 use crate::correct::{Row, Status};
 use crate::report::{FileSummary, Origin};
 use serde_json::json;
@@ -18,7 +20,7 @@ pub enum PathKind {
     Check,
 }
 
-/// Columns of a report row, in the order of [`values`].
+/// Columns of a report row and of how the arm stands there, in the order of [`values`].
 const CHANNELS: &[Channel] = &[
     Channel { key: "x_mm", decimals: 4 },
     Channel { key: "y_mm", decimals: 4 },
@@ -39,6 +41,33 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "stiffness_least_n_per_mm", decimals: 1 },
     Channel { key: "stiffness_most_n_per_mm", decimals: 1 },
     Channel { key: "remaining_path_mm", decimals: 6 },
+    Channel { key: "spin_deg", decimals: 4 },
+    Channel { key: "axis_1_deg", decimals: 3 },
+    Channel { key: "axis_2_deg", decimals: 3 },
+    Channel { key: "axis_3_deg", decimals: 3 },
+    Channel { key: "axis_4_deg", decimals: 3 },
+    Channel { key: "axis_5_deg", decimals: 3 },
+    Channel { key: "axis_6_deg", decimals: 3 },
+    Channel { key: "limit_margin_deg", decimals: 3 },
+    Channel { key: "singular_margin_deg", decimals: 3 },
+    Channel { key: "base_x_mm", decimals: 3 },
+    Channel { key: "base_y_mm", decimals: 3 },
+    Channel { key: "base_z_mm", decimals: 3 },
+    Channel { key: "base_rx_deg", decimals: 6 },
+    Channel { key: "base_ry_deg", decimals: 6 },
+    Channel { key: "base_rz_deg", decimals: 6 },
+    Channel { key: "eax_a", decimals: 3 },
+    Channel { key: "eax_b", decimals: 3 },
+    Channel { key: "eax_c", decimals: 3 },
+    Channel { key: "eax_d", decimals: 3 },
+    Channel { key: "eax_e", decimals: 3 },
+    Channel { key: "eax_f", decimals: 3 },
+    Channel { key: "table_x_mm", decimals: 3 },
+    Channel { key: "table_y_mm", decimals: 3 },
+    Channel { key: "table_z_mm", decimals: 3 },
+    Channel { key: "table_i", decimals: 6 },
+    Channel { key: "table_j", decimals: 6 },
+    Channel { key: "table_k", decimals: 6 },
     Channel { key: "correction_x_mm", decimals: 6 },
     Channel { key: "correction_y_mm", decimals: 6 },
     Channel { key: "correction_z_mm", decimals: 6 },
@@ -51,6 +80,9 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "remaining_z_mm", decimals: 6 },
     Channel { key: "remaining_mm", decimals: 6 },
 ];
+
+/// Those of how the arm stands.
+const STANCE: usize = 26;
 
 /// Those that a correction adds.
 const CORRECTED: usize = 11;
@@ -67,6 +99,17 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
     let stiffness = row.stiffness.map(|s| [s.normal_n_per_mm, s.least_n_per_mm, s.most_n_per_mm]);
     values.extend(stiffness.unwrap_or([f64::NAN; 3]));
     values.push(row.remaining_path_mm().unwrap_or(f64::NAN));
+    values.push(row.spin_deg.unwrap_or(f64::NAN));
+    match &row.stance {
+        Some(stance) => {
+            values.extend(stance.axes_deg);
+            values.extend([stance.limit_margin_deg, stance.singular_margin_deg]);
+            values.extend(stance.base);
+            values.extend(stance.external);
+            values.extend(stance.table.unwrap_or([f64::NAN; 6]));
+        }
+        None => values.extend([f64::NAN; STANCE]),
+    }
     if kind == PathKind::Compensate {
         values.extend(row.correction_mm);
         values.push(row.correction_norm_mm());
@@ -144,6 +187,8 @@ pub struct PathPage<'a> {
     pub cell: &'a Origin,
     /// Each program: its sums, which are over all targets, and its path.
     pub programs: &'a [(FileSummary, PathTrace)],
+    /// The cell, where its arm is to be drawn.
+    pub scene: Option<&'a Cell>,
 }
 
 impl PathPage<'_> {
@@ -187,7 +232,8 @@ impl PathPage<'_> {
             PathKind::Predict => "predict",
             PathKind::Check => "check",
         };
-        let data = json!({ "kind": kicker, "paths": programs });
+        let scene = self.scene.map(scene::scene);
+        let data = json!({ "kind": kicker, "paths": programs, "scene": scene });
         let subtitle = format!("cell {}", self.cell.path);
         let sources = self.programs.iter().flat_map(|(sum, _)| &sum.sources);
         let origins: Vec<&Origin> = [self.cell].into_iter().chain(sources).collect();

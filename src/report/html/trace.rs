@@ -44,9 +44,9 @@ struct Kept {
 /// Marks a value that is absent.
 const ABSENT: i32 = i32::MIN;
 
-/// ChunkReader of a page with one path: three samples each, of up to 34 columns in base64, a name of 32 letters and a quoted
-/// line, stay below 5 MB.
-pub(super) const MOST_STRETCHES: usize = 4096;
+/// Stretches of a page with one path: three samples each, of up to 45 columns that vary in base64, a name of 32 letters and a
+/// quoted line, stay below 5 MB.
+pub(super) const MOST_STRETCHES: usize = 3584;
 
 /// Letters of a quoted line: a RAPID instruction with its target written out.
 const QUOTED: usize = 160;
@@ -163,11 +163,18 @@ impl Trace {
         self.quotes = self.kept().into_iter().map(quote).collect();
     }
 
-    /// The columns for the page: little-endian 32-bit integers in base64, to be divided by 10^decimals.
+    /// The columns for the page: little-endian 32-bit integers in base64, or the one that all are, to be divided by 10^decimals.
     pub(super) fn json(&self) -> Value {
         let kept = self.kept();
         let column = |decimals: usize, values: &mut dyn Iterator<Item = i32>| {
-            let bytes: Vec<u8> = values.flat_map(i32::to_le_bytes).collect();
+            let values: Vec<i32> = values.collect();
+            if let [first, rest @ ..] = &values[..]
+                && !rest.is_empty()
+                && rest.iter().all(|value| value == first)
+            {
+                return json!({ "decimals": decimals, "all": first });
+            }
+            let bytes: Vec<u8> = values.into_iter().flat_map(i32::to_le_bytes).collect();
             json!({ "decimals": decimals, "data": base64(&bytes) })
         };
         let mut columns = serde_json::Map::new();

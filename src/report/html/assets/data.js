@@ -1,12 +1,16 @@
-// Numbers of the page: 32-bit integers in base64, each over a power of ten, so that they print as in the CSV report.
+// Numbers of the page: 32-bit integers in base64, or one that all are, each over a power of ten, so that they print as in the CSV report.
 
 const ABSENT = -(2 ** 31);
 
 class Column {
-  constructor({ decimals, data }) {
+  constructor({ decimals, data, all }, length) {
+    this.decimals = decimals;
+    if (data === undefined) {
+      this.raw = new Int32Array(length).fill(all);
+      return;
+    }
     const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
     const view = new DataView(bytes.buffer);
-    this.decimals = decimals;
     this.raw = Int32Array.from({ length: bytes.length / 4 }, (_, i) => view.getInt32(4 * i, true));
   }
 
@@ -24,6 +28,10 @@ class Column {
     return this.has(i) ? this.at(i).toFixed(this.decimals).replace(/^-(0\.?0*)$/, "$1") : "";
   }
 
+  isConstant() {
+    return this.raw.every((value) => value === this.raw[0]);
+  }
+
   numbers() {
     return Array.from(this.raw, (_, i) => this.at(i));
   }
@@ -32,7 +40,7 @@ class Column {
 class Path {
   constructor(json) {
     Object.assign(this, json);
-    this.columns = Object.fromEntries(Object.entries(json.columns).map(([key, column]) => [key, new Column(column)]));
+    this.columns = Object.fromEntries(Object.entries(json.columns).map(([key, column]) => [key, new Column(column, json.kept)]));
     this.length = this.kept;
   }
 

@@ -34,12 +34,36 @@ const FIGURES = [
   ["size", ["shift_mm"]],
   ["Turn, °", ["turn_deg"]],
   ["Step, mm", ["step_mm"]],
+  ["Axes 1 to 3, °", AXES.slice(0, 3)],
+  ["Axes 4 to 6, °", AXES.slice(3)],
+  ["Margin to a limit, °", ["limit_margin_deg"]],
+  ["to a singular wrist", ["singular_margin_deg"]],
+  ...["a", "b", "c", "d", "e", "f"].map((axis) => [`eax_${axis}, mm or °`, [`eax_${axis}`]]),
+  ["Turn about the tool, °", ["spin_deg"]],
   ["Force, N", triple("f", "_n")],
   ["Stiffness, N/mm", []],
   ["along the normal", ["stiffness_normal_n_per_mm"]],
   ["softest direction", ["stiffness_least_n_per_mm"]],
   ["stiffest direction", ["stiffness_most_n_per_mm"]],
 ];
+
+// What else a column can be called, for columns that are in no list above.
+const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
+const HIDDEN = [...BASE, ...TABLE, "target", "line", "status", "name", "quote"];
+const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
+const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis" };
+const nameOf = (key) => {
+  const words = key.replace(/_(mm|deg|n|n_per_mm)$/, "").replaceAll("_", " ");
+  return NAMES[key] ?? words[0].toUpperCase() + words.slice(1);
+};
+
+// All columns of numbers that a path can be coloured by: those with a name of their own first.
+const coloursOf = (path) => {
+  const named = COLOURS.filter(({ key }) => path.has(key));
+  const known = new Set([...HIDDEN, ...named.map(({ key }) => key)]);
+  const others = Object.keys(path.columns).filter((key) => !known.has(key) && !path.column(key).isConstant());
+  return [...named, ...others.map((key) => ({ key, label: nameOf(key), unit: unitOf(key) }))];
+};
 
 const paths = page.paths.map((json) => new Path(json));
 
@@ -69,13 +93,20 @@ const tipAt = (canvas, x, y, text) => {
 };
 
 const listenToButtons = (view) =>
-  document.querySelectorAll("[data-view]").forEach((button) =>
-    button.addEventListener("click", () => (button.dataset.view === "fit" ? view.fit() : view.look(button.dataset.view))));
+  document.querySelectorAll("[data-view]").forEach((button) => {
+    if (button.dataset.view === "arm" && !page.scene) return button.remove();
+    button.addEventListener("click", () => {
+      const { view: what } = button.dataset;
+      if (what === "fit" || what === "arm") view.frame(what === "arm");
+      else view.look(what);
+    });
+  });
 
 const numbers = (path, key) => path.column(key).numbers();
 
 class PathPage {
   constructor() {
+    this.chain = chain;
     this.view = new View(byId("path"), {
       hover: (i, x, y) => this.hover(i, x, y),
       choose: (i) => this.choose(i),
@@ -95,7 +126,8 @@ class PathPage {
   show(path) {
     this.path = path;
     const before = byId("colour").value;
-    const colours = COLOURS.filter(({ key }) => path.has(key));
+    const colours = coloursOf(path);
+    this.colours = colours;
     byId("colour").replaceChildren(...colours.map(({ key, label }) => element("option", { value: key, textContent: label })));
     if (colours.some(({ key }) => key === before)) byId("colour").value = before;
     byId("detail").textContent = path.length ? detail(path, "targets") : "No target has a position to show.";
@@ -108,7 +140,7 @@ class PathPage {
   }
 
   colour() {
-    const { key, label, unit } = COLOURS.find((colour) => colour.key === byId("colour").value);
+    const { key, label, unit } = this.colours.find((colour) => colour.key === byId("colour").value);
     const values = numbers(this.path, key);
     let [low, high] = [Infinity, -Infinity];
     values.forEach((value, i) => {
@@ -152,6 +184,12 @@ class PathPage {
         ];
         panels.push({ heading: "Stiffness of the cell along the path", title: "Stiffness", unit: "N/mm", digits: 1, series });
       }
+      if (page.scene && path.has(AXES[0])) {
+        const series = AXES.flatMap((key, i) => line(`axis ${i + 1}`, key, AXIS_STYLES[i]));
+        panels.push({ heading: "Axes along the path", title: "Axes", unit: "°", digits: 3, series });
+        const margins = [...line("to an axis limit", "limit_margin_deg", "least"), ...line("to a singular wrist", "singular_margin_deg", "normal")];
+        panels.push({ heading: "Margins along the path", title: "Margin", unit: "°", digits: 3, series: margins });
+      }
     }
     this.charts.show(x, "target", panels, false);
   }
@@ -161,6 +199,7 @@ class PathPage {
     if (!path.length) return;
     this.chosen = i;
     this.view.chosen = i;
+    this.view.standing = standing(path, i);
     this.view.redraw();
     this.charts.mark(i);
     const name = path.name(i) ? ` ${path.name(i)}` : "";
@@ -193,7 +232,7 @@ class PathPage {
   hover(i, x, y) {
     if (i < 0) return tipAt(this.view.canvas, x, y, "");
     const { path } = this;
-    const { key, label, unit } = COLOURS.find((colour) => colour.key === byId("colour").value);
+    const { key, label, unit } = this.colours.find((colour) => colour.key === byId("colour").value);
     const name = path.name(i) ? ` ${path.name(i)}` : "";
     const text = `target ${path.column("target").raw[i]}${name} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${path.column(key).text(i)} ${unit}`;
     tipAt(this.view.canvas, x, y, text);

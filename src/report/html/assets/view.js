@@ -58,7 +58,7 @@ class View {
     const [x, y, z] = ["x_mm", "y_mm", "z_mm"].map((key) => path.column(key).numbers());
     this.path = path;
     this.points = [x, y, z];
-    this.box = framed(this.points, (i) => path.status(i) === "ok");
+    this.pathBox = this.box = framed(this.points, (i) => path.status(i) === "ok");
     this.screen = new Float32Array(2 * path.length);
     this.fit();
   }
@@ -159,6 +159,7 @@ class View {
     context.lineCap = "round";
     context.lineJoin = "round";
     const dots = path.length <= 400;
+    this.drawStanding(context, scale);
     this.stroke(context, this.air, skip, theme("--air"), 1, false);
     this.shades.forEach((list, i) => this.stroke(context, list, skip, ramp(i / (SHADES - 1)), 2.5, dots));
     this.drawChosen(context);
@@ -194,6 +195,45 @@ class View {
     }
     context.fillStyle = colour;
     context.fill();
+  }
+
+  // What stands about the path: what is far behind first would ask for depth, so that all of it is seen through.
+  drawStanding(context, scale) {
+    if (this.only || !this.standing) return;
+    const place = this.placer(scale);
+    context.lineCap = "round";
+    for (const { line, width, colour, capsule } of this.standing) {
+      context.beginPath();
+      line.forEach((point, k) => (k ? context.lineTo(...place(point)) : context.moveTo(...place(point))));
+      context.strokeStyle = theme(colour);
+      context.globalAlpha = capsule ? 0.45 : 0.8;
+      context.lineWidth = Math.max(1.25, width * scale);
+      context.stroke();
+      if (!capsule) continue;
+      // Its axis, to be seen where links cover one another.
+      context.globalAlpha = 1;
+      context.lineWidth = 1.25;
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+  }
+
+  // Screen places of points in the work object.
+  placer(scale) {
+    const [right, up] = this.axes();
+    const middle = this.box.map(([low, high]) => (low + high) / 2);
+    const along = (axis, point) => axis.reduce((sum, c, k) => sum + c * (point[k] - middle[k]), 0);
+    const centre = [this.canvas.clientWidth / 2 + this.pan[0], this.canvas.clientHeight / 2 + this.pan[1]];
+    return (point) => [centre[0] + scale * along(right, point), centre[1] - scale * along(up, point)];
+  }
+
+  // The whole arm in the picture, or the path alone.
+  frame(whole) {
+    if (!this.pathBox) return this.fit();
+    const points = whole && this.standing ? this.standing.flatMap(({ line }) => line) : [];
+    this.box = this.pathBox.map(([low, high], axis) =>
+      points.reduce(([least, most], point) => [Math.min(least, point[axis]), Math.max(most, point[axis])], [low, high]));
+    this.fit();
   }
 
   drawChosen(context) {

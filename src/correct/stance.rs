@@ -1,0 +1,64 @@
+//! How the arm stands at a target: for pictures and for charts of its margins.
+
+use super::collected::points_of;
+use super::{Prepared, Row};
+use crate::cell::Cell;
+use crate::program::Program;
+use crate::robot::{EXTERNAL_AXES, External, Pose};
+use std::sync::Arc;
+
+/// How the arm stands at a target, as programmed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stance {
+    /// Axes as the controller counts them, degrees.
+    pub axes_deg: [f64; 6],
+    /// From the nearest axis limit, degrees; negative beyond it.
+    pub limit_margin_deg: f64,
+    /// Of axis 5 from where axes 4 and 6 line up, degrees.
+    pub singular_margin_deg: f64,
+    /// The base in the work object: position, mm, and rotation vector, degrees.
+    pub base: [f64; 6],
+    /// External axes, mm or degrees; NaN where one is not in use.
+    pub external: External,
+    /// The unit that the work object is on, in the work object: a point of its axis, mm, and the axis' direction.
+    pub table: Option<[f64; 6]>,
+}
+
+/// Fills `stance`.
+pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared) {
+    let at = points_of(rows, program);
+    for (row, at) in rows.iter_mut().zip(at) {
+        row.stance = at.and_then(|i| stance(cell, prepared, i)).map(Arc::new);
+    }
+}
+
+fn stance(cell: &Cell, prepared: &Prepared, i: usize) -> Option<Stance> {
+    let (robot, point) = (&cell.arm.robot, &prepared.points[i]);
+    if point.unsolved.is_some() {
+        return None;
+    }
+    let wobj_from_base = prepared.base_from_wobj(i).inverse();
+    let table = prepared.mount(i).wobj_from_unit().map(|unit| {
+        let axis = unit.rotation.matrix().column(2).into_owned();
+        six(&(unit.translation.vector * 1e3), &axis)
+    });
+    let wrist = robot.serial_from_motor(&point.motor)[4];
+    Some(Stance {
+        axes_deg: robot.axes_deg_from_motor(&point.motor),
+        limit_margin_deg: robot.limit_margin(&point.motor).to_degrees(),
+        singular_margin_deg: wrist.sin().abs().asin().to_degrees(),
+        base: base(&wobj_from_base),
+        external: prepared.external(i).copied().unwrap_or([f64::NAN; EXTERNAL_AXES]),
+        table,
+    })
+}
+
+fn base(pose: &Pose) -> [f64; 6] {
+    // Through the quaternion: the matrix form loses digits near the identity and half a turn.
+    let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&pose.rotation).scaled_axis();
+    six(&(pose.translation.vector * 1e3), &turn.map(f64::to_degrees))
+}
+
+fn six(a: &nalgebra::Vector3<f64>, b: &nalgebra::Vector3<f64>) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
