@@ -12,7 +12,7 @@ use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
 use super::{Answer, Outcome, message};
-use deflex::correct::{Judged, Messages, Row, Summary, compensate, contradictions, predict};
+use deflex::correct::{Judged, Messages, Row, Summary, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif};
@@ -157,9 +157,11 @@ fn streamed(batch: &Batch<'_>, name: &str, foreseen: Foreseen) -> Result<Checked
         let (refused, more) = streamed.refused.into_parts();
         ((about_the_program(batch, refused)?, more), Summary::default())
     };
-    let file = CheckFile::new(name, streamed.last as usize, found);
+    let unknown: usize = streamed.unknown.iter().map(|(_, count)| count).sum();
+    let file = CheckFile::new(name, (streamed.last as usize).saturating_sub(unknown), found);
     let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file), path));
-    Ok(Checked { file, outputs, rows, path, notes: streamed.notes })
+    let notes = streamed.notes.into_iter().chain(not_judged(name, &streamed.unknown)).collect();
+    Ok(Checked { file, outputs, rows, path, notes })
 }
 
 /// Refusals as findings, if they are.
@@ -202,11 +204,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
         (FileSummary::new(&name, &program, &predicted).with_findings(&file), path)
     });
     let rows = batch.rows(Some(rows))?;
-    let not_judged = program.unknown_targets().iter().map(|(reason, count)| {
-        Diagnostic::error("check.not-judged", &name, format!("not judged: {count} {reason}"))
-            .severity(Severity::Warning)
-            .help("`deflex inspect` names their lines")
-    });
+    let not_judged = not_judged(&name, program.unknown_targets());
     let unsolved = predicted.rows.iter().filter(|row| !row.is_solved()).count();
     let unsolved = (unsolved > 0).then(|| {
         Diagnostic::error("check.not-judged", &name, format!("not judged: {unsolved} targets that are kept, unsolved"))
@@ -216,10 +214,17 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
     let mut noticed = Noticed::new(setup.options.forces.as_ref(), None);
     noticed.take(&predicted.rows);
     let left_out = noticed.notes(&name)?;
-    let contradicted = contradictions(&program, cell);
-    let notes =
-        predicted.notes.into_iter().chain(contradicted).chain(left_out).chain(not_judged).chain(unsolved).collect();
+    let notes = predicted.notes.into_iter().chain(left_out).chain(not_judged).chain(unsolved).collect();
     Ok(Checked { file, outputs, rows, path, notes })
+}
+
+/// Motions whose target is known only at run time.
+fn not_judged<'a>(name: &'a str, unknown: &'a [(&'static str, usize)]) -> impl Iterator<Item = Diagnostic> + 'a {
+    unknown.iter().map(move |(reason, count)| {
+        Diagnostic::error("check.not-judged", name, format!("not judged: {count} {reason}"))
+            .severity(Severity::Warning)
+            .help("`deflex inspect` names their lines")
+    })
 }
 
 /// What is wrong with a program, or a chunk of it.

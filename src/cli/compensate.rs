@@ -72,12 +72,10 @@ impl Batch<'_> {
                 posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
             }
         };
-        let contradictions = correct::contradictions(&program, &setup.cell.cell);
         let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
         place(args, &mut outputs, written.into_iter().chain(companions))?;
         let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
-        done.notes.extend(contradictions);
         if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
             let mut file = done.outputs.open_report(&path)?;
             rows.write(&mut file).and_then(|()| file.flush()).map_err(|error| cannot_write(&path, &error))?;

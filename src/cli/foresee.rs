@@ -1,7 +1,7 @@
 //! `predict` and `check` on long programs, in constant memory.
 
 use super::against::Originals;
-use super::files::{self, cannot_read};
+use super::files::{self, cannot_read, source};
 use super::job::{Job, Text};
 use super::output::{Outputs, cannot_write};
 use super::report::{Noticed, ProgramReports, Rows};
@@ -73,7 +73,7 @@ pub(super) fn streamed(
     let original = batch.originals.job(job)?;
     // In a batch the bar counts programs.
     let bar = Some(bar).filter(|_| batch.programs == 1);
-    for kind in [Kind::Any, Kind::Indexed] {
+    for kind in [Kind::Any, Kind::Indexed, Kind::Executed] {
         let Some(chunks) = chunks(batch.setup, job, kind)? else { continue };
         let before = match &original {
             Some(original) => match self::chunks(batch.setup, original, kind)? {
@@ -138,12 +138,15 @@ pub(super) fn streamed(
 enum Kind {
     /// Without an index, if it begins like that.
     Any,
+    /// By an index.
     Indexed,
+    /// By running it.
+    Executed,
 }
 
 /// The chunks of a program; `None` where it can only be read whole.
 fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>>, Vec<Diagnostic>> {
-    let [Text::File { name, .. }] = &job.texts[..] else { return Ok(None) };
+    let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
     let failed = |error: std::io::Error| cannot_read(name, &error);
     let context = setup.context.sources();
     match job.language {
@@ -155,6 +158,7 @@ fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>
             let inline = match kind {
                 Kind::Any => AnyChunks::inline(name, open(job)?, context).map_err(failed)?,
                 Kind::Indexed => None,
+                Kind::Executed => return AnyChunks::executed(source(path)?, context),
             };
             match inline {
                 Some(chunks) => Ok(Some(chunks)),

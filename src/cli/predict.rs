@@ -60,7 +60,6 @@ fn whole(batch: &Batch<'_>, job: Job) -> Result<Done, Vec<Diagnostic>> {
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
     let noticed = Noticed::new(setup.options.forces.as_ref(), None);
     let mut done = Done::new(&name, &program, predicted, batch.outputs.sibling(), batch.path.clone(), noticed)?;
-    done.notes.extend(correct::contradictions(&program, &setup.cell.cell));
     done.rows = batch.rows(done.rows)?;
     Ok(done)
 }

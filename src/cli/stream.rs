@@ -1,20 +1,22 @@
 //! `compensate` on long programs: from file to file in constant memory.
 
 use super::batch::{Batch, in_one_file, place, post_options, report_beside};
-use super::files::{cannot_read, cannot_write};
+use super::files::{cannot_read, cannot_write, source};
 use super::job::{Job, Text};
 use super::output::{Outputs, Temporary};
 use super::report::ProgramReports;
 use super::run::Done;
 use super::{lines, progress, report};
-use deflex::correct::{self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, post_chunks};
+use deflex::correct::{
+    self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, compensate_executed, post_chunks,
+};
 use deflex::program::cl::ClOptions;
 use deflex::program::{ChunkReader, Language, cl, krl, rapid};
 use deflex::report::FileSummary;
-use deflex::text::{Diagnostic, Patch};
+use deflex::text::{Diagnostic, Patch, apply};
 use indicatif::ProgressBar;
 use std::fs::File;
-use std::io::{self, Seek};
+use std::io::{self, Seek, Write};
 use std::path::Path;
 
 /// Streams a program into staged outputs; `None` where only the whole of it tells what it means, or is asked for.
@@ -24,22 +26,31 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     if !job.companions.is_empty() {
         return Ok(None);
     }
-    let file = File::open(path).map_err(|error| cannot_read(name, &error))?;
     // In a batch the bar counts programs.
     let bar = Some(bar).filter(|_| batch.programs == 1);
-    if let Some(bar) = bar {
-        let bytes = file.metadata().map_err(|error| cannot_read(name, &error))?.len();
-        progress::bytes(bar, bytes);
-    }
-    let long = Long { batch, job, name, path, file, outputs: batch.outputs.sibling(), bar };
-    match job.language {
-        Language::Rapid => long.edit(),
-        Language::Krl => long.edit_krl(),
+    let readings: &[Reading<'_>] = match job.language {
+        Language::Rapid => &[Long::edit, Long::patch, Long::run_again],
+        Language::Krl => &[Long::edit_krl],
         // The positions of a TP program stand behind all its motions: it is held as a whole.
-        Language::Cl if batch.args.post == Language::Rapid => long.post(),
-        _ => Ok(None),
+        Language::Cl if batch.args.post == Language::Rapid => &[Long::post],
+        _ => &[],
+    };
+    for reading in readings {
+        let file = File::open(path).map_err(|error| cannot_read(name, &error))?;
+        if let Some(bar) = bar {
+            let bytes = file.metadata().map_err(|error| cannot_read(name, &error))?.len();
+            progress::bytes(bar, bytes);
+        }
+        let long = Long { batch, job, name, path, file, outputs: batch.outputs.sibling(), bar };
+        if let Some(done) = reading(long)? {
+            return Ok(Some(done));
+        }
     }
+    Ok(None)
 }
+
+/// One way to read a long program; `None` where it does not read like that.
+type Reading<'a> = fn(Long<'a>) -> Result<Option<Done>, Vec<Diagnostic>>;
 
 /// A long program on its way.
 struct Long<'a> {
@@ -79,19 +90,30 @@ impl<'a> Long<'a> {
     fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let context = self.batch.setup.context.sources();
         let chunks = rapid::Chunks::of_file(self.name, self.reread()?, context);
-        let Some(chunks) = chunks.map_err(|error| cannot_read(self.name, &error))? else { return self.patch() };
-        let file = &self.job.files[0];
-        let mut program = self.outputs.open(&place(self.batch.args, file))?;
+        match chunks.map_err(|error| cannot_read(self.name, &error))? {
+            Some(chunks) => self.rewrite(chunks),
+            None => Ok(None),
+        }
+    }
+
+    /// RAPID with loops through more motions than can be held: what changes is agreed on in a first run.
+    fn run_again(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let source = source(self.path)?;
+        let read = rapid::Executed::read(vec![source], self.batch.setup.context.sources().to_vec())?;
+        let Some(executed) = read else { return Ok(None) };
+        let (args, file, names) = (self.batch.args, &self.job.files[0], rapid::Names::of(executed.distinct()));
+        let mut program = self.outputs.open(&place(args, file))?;
         let mut reports = self.reports(file)?;
         let (setup, threads) = (self.batch.setup, self.threads());
         let done = reports.filled(self.bar, |sinks| {
-            compensate_chunks(chunks, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
+            let (done, edits) = compensate_executed(&executed, &setup.cell.cell, &setup.options, threads, sinks)?;
+            if done.failures.is_empty() {
+                apply(&executed.distinct().sources[0].bytes, &edits[0], &mut program).map_err(StreamError::Write)?;
+                program.flush().map_err(StreamError::Write)?;
+            }
+            Ok(done)
         });
-        if matches!(done, Err(StreamError::NotStreamable)) {
-            self.outputs = self.batch.outputs.sibling();
-            return self.patch();
-        }
-        self.done(done, reports, |_| false)
+        self.done(done, reports, |name| names.uses(name))
     }
 
     /// RAPID with declared targets or several routines: what changes is collected first.

@@ -13,8 +13,7 @@ const NOISE_RAD: f64 = 1e-5;
 
 /// A warning for each tool and work object that program and cell declare differently: the program's is the one that the
 /// controller takes, and so does deflex.
-#[must_use]
-pub fn contradictions(program: &Program, cell: &Cell) -> Vec<Diagnostic> {
+pub(super) fn contradictions(program: &Program, cell: &Cell) -> Vec<Diagnostic> {
     let tools = program.tools.iter().filter_map(|tool| {
         let own = tool_frame(tool.data.as_ref()?).flange_from_tcp;
         let of_cell = cell.tools.get(&tool.name.to_ascii_uppercase())?.flange_from_tcp;

@@ -32,6 +32,8 @@ pub struct Streamed {
     pub summary: Summary,
     /// Ordinal of the last target.
     pub last: u32,
+    /// Executed motions whose target is known only at run time, counted by reason.
+    pub unknown: Vec<(&'static str, usize)>,
     /// Why there is no answer for the program as a whole, as from [`Prepared::new`](super::Prepared::new): none but where it
     /// is only judged.
     pub refused: Messages,
@@ -42,6 +44,13 @@ pub struct Streamed {
 }
 
 impl Streamed {
+    /// The same with targets that are known only at run time.
+    pub(super) fn with_unknown(mut self, unknown: &[(&'static str, usize)]) -> Self {
+        self.summary = self.summary.with_unknown(unknown);
+        self.unknown = unknown.to_vec();
+        self
+    }
+
     pub(super) fn answered(self) -> Result<Self, StreamError> {
         if self.refused.is_empty() { Ok(self) } else { Err(StreamError::Refused(self.refused.all())) }
     }
@@ -235,7 +244,11 @@ impl<'a, T> Writer<'a, T> {
             }
         };
         self.failures.add(corrected.failures);
-        self.notes.extend(corrected.notes);
+        for note in corrected.notes {
+            if !self.notes.contains(&note) {
+                self.notes.push(note);
+            }
+        }
         self.repeated.add(corrected.repeated);
         self.tally.add(&corrected.rows);
         (self.each)(&corrected.rows);
@@ -253,6 +266,7 @@ impl<'a, T> Writer<'a, T> {
         Ok(Streamed {
             summary: self.tally.summary(),
             last: self.last,
+            unknown: Vec::new(),
             refused: self.refused,
             failures: self.failures.all(),
             notes: self.notes.into_iter().chain(self.repeated.once()).collect(),

@@ -60,6 +60,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
+    let unknown = chunks.unknown_targets();
     let path = OrderedStage::new(carried::Carried::new(cell));
     let ends = OrderedStage::new(None);
     let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, carried::Carried::new(cell))));
@@ -126,7 +127,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         }
         Ok(())
     };
-    let mut streamed = flow::run(&way, threads, &mut told, sinks)?;
+    let mut streamed = flow::run(&way, threads, &mut told, sinks)?.with_unknown(&unknown);
     let warnings = way.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()

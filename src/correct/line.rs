@@ -2,6 +2,7 @@
 
 use super::against::{self, Subdivided};
 use super::collected::{Collected, check_limits};
+use super::contradictions::contradictions;
 use super::corrected::{Corrected, Posted};
 use super::deviation::Commanded;
 use super::messages::Repeated;
@@ -110,7 +111,7 @@ pub(super) fn warm_start(
     if options.stance {
         stance::fill(&mut out.rows, program, cell, prepared);
     }
-    let notes = if n == 0 { notes(program, cell, prepared) } else { Vec::new() };
+    let notes = notes(program, cell, prepared, n);
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
     Some(Corrected { moved_mm, ..out.finish(notes, None, Vec::new()) })
 }
@@ -368,7 +369,7 @@ pub(super) fn chunk(
     } else {
         posted(cell, &prepared, written, &travels, (&inserts, options.post))
     };
-    let notes = if n == 0 { notes(program, cell, &prepared) } else { Vec::new() };
+    let notes = notes(program, cell, &prepared, n);
     let mut repeated = Repeated::default();
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
@@ -532,8 +533,15 @@ fn turns_along(program: &Program, i: usize, written: &([f64; 3], [f64; 4])) -> b
     }
 }
 
+/// What is said of chunk `n` of a run. Frames may be met in any chunk: what was said of one is not said again.
+fn notes(program: &Program, cell: &Cell, prepared: &Prepared, n: usize) -> Vec<Diagnostic> {
+    let mut notes = if n == 0 { notes_of_all(program, cell, prepared) } else { Vec::new() };
+    notes.extend(contradictions(program, cell));
+    notes
+}
+
 /// What is said of a run, once.
-fn notes(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
+fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
     let mut notes = program.diagnostics.clone();
     notes.extend(prepared.notes.iter().cloned());
     if prepared.started == crate::robot::StartedFrom::NearestHome

@@ -45,7 +45,6 @@ mod subdivide;
 mod track;
 mod travel;
 
-pub use contradictions::contradictions;
 pub use corrected::{Corrected, Posted};
 pub use deviation::PathDeviation;
 pub use flow::{Sinks, StreamError, Streamed};
@@ -62,7 +61,7 @@ pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stance::Stance;
 pub use stiffness::Stiffness;
-pub use stream::{compensate_chunks, compensate_declared, count_chunks, post_chunks};
+pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 pub(crate) use track::Track;
 
 use crate::cell::{Cell, SpinRule};

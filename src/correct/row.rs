@@ -208,10 +208,20 @@ impl Summary {
         tally.summary()
     }
 
-    fn keep(&mut self, reason: &'static str) {
+    /// The same with targets that are known only at run time, counted by reason.
+    #[must_use]
+    pub fn with_unknown(mut self, unknown: &[(&'static str, usize)]) -> Self {
+        for &(reason, count) in unknown {
+            self.targets += count;
+            self.keep(reason, count);
+        }
+        self
+    }
+
+    fn keep(&mut self, reason: &'static str, more: usize) {
         match self.kept.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, count)) => *count += 1,
-            None => self.kept.push((reason, 1)),
+            Some((_, count)) => *count += more,
+            None => self.kept.push((reason, more)),
         }
     }
 }
@@ -270,7 +280,7 @@ impl Tally {
             let (error, correction) = (square(row.error_mm), square(row.correction_mm));
             if !row.is_solved() {
                 if let Status::Kept(reason) = row.status {
-                    sum.keep(reason);
+                    sum.keep(reason, 1);
                 }
                 continue;
             }
@@ -295,7 +305,7 @@ impl Tally {
                     if row.cuts() {
                         self.cutting.add(error);
                     }
-                    sum.keep(reason);
+                    sum.keep(reason, 1);
                 }
             }
             most.error = most.error.max(error);

@@ -8,8 +8,8 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{ChunkReader, StreamableChunk, cl, rapid};
-use crate::text::{Patch, apply_within};
+use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, cl, rapid};
+use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::Mutex;
@@ -91,6 +91,49 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     let done = run(&way, threads, &mut write, sinks);
     // Whoever sees all uses of a target decides.
     if disputed { Err(StreamError::NotStreamable) } else { done?.answered() }
+}
+
+/// Corrects a RAPID program that runs through more motions than can be held: once for what they are to become, once more for
+/// what that makes of them. With the edits of each of its sources.
+///
+/// # Errors
+/// See [`StreamError`].
+pub fn compensate_executed(
+    program: &rapid::Executed,
+    cell: &Cell,
+    options: &Options,
+    threads: usize,
+    sinks: &mut Sinks<'_>,
+) -> Result<(Streamed, Vec<Vec<Edit>>), StreamError> {
+    // A clone's name, and what is inserted, would have to be agreed on too.
+    if options.allow_clones || options.subdivide.is_some() || super::is_held_whole(cell, options) {
+        return Err(StreamError::NotStreamable);
+    }
+    let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
+        let carried = Carried::new(cell);
+        let way = WalkedPath {
+            chunks: Mutex::new((0, chunks)),
+            take: rapid::ExecutedChunks::take,
+            read: Some,
+            solve: &|n, chunk| {
+                let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
+                Some(corrected.map(|corrected| ((), corrected)).map_err(Unsolved::from))
+            },
+            break_off: &|| carried.break_off(),
+            refusals: Messages::default(),
+        };
+        run(&way, threads, &mut |()| Ok(()), sinks)?.answered()
+    };
+    let (chunks, asking) = program.asked().map_err(StreamError::Read)?;
+    let mut nowhere =
+        Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress: sinks.progress };
+    pass(chunks, &mut nowhere)?;
+    let (chunks, answer) = asking.answered(&RewriteOptions::default()).map_err(StreamError::Read)?;
+    let streamed = pass(chunks, sinks)?;
+    match answer.edits() {
+        Some(edits) => Ok((streamed.with_unknown(program.distinct().unknown_targets()), edits.to_vec())),
+        None => Err(StreamError::NotStreamable),
+    }
 }
 
 /// Corrects a CL program and posts it, chunk by chunk: the same bytes as [`compensate`](super::compensate) and

@@ -83,6 +83,8 @@ pub enum AnyChunks<R> {
     Cl(Box<cl::Chunks<R>>),
     /// KRL with inline positions in one routine.
     Krl(Box<krl::Chunks<R>>),
+    /// RAPID that is run again, whatever it consists of.
+    Executed(rapid::ExecutedChunks),
 }
 
 /// A chunk, not yet read.
@@ -90,8 +92,8 @@ pub enum AnyChunks<R> {
 pub enum AnyChunk {
     /// RAPID.
     Rapid(Box<rapid::Chunk>),
-    /// CL, which is read as it is cut.
-    Cl(Box<StreamableChunk>),
+    /// Of a kind that is read as it is cut.
+    Read(Box<StreamableChunk>),
     /// KRL.
     Krl(Box<krl::Chunk>),
 }
@@ -111,6 +113,17 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// What the inputs report.
     pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(rapid::Declared::new(name, body, file, context)?.map(|chunks| Self::Indexed(Box::new(chunks))))
+    }
+
+    /// RAPID that runs through more motions than can be held; see [`rapid::Executed::read`].
+    ///
+    /// # Errors
+    /// As [`rapid::read`]; no thread can be had.
+    pub fn executed(source: Source, context: &[Source]) -> Result<Option<Self>, Vec<Diagnostic>> {
+        let name = source.name.clone();
+        let Some(program) = rapid::Executed::read(vec![source], context.to_vec())? else { return Ok(None) };
+        let cannot = |error: io::Error| Diagnostic::error("io.read", &name, format!("cannot be run through: {error}"));
+        Ok(Some(Self::Executed(program.chunks().map_err(cannot)?)))
     }
 
     /// CL; `None` where only the whole can be read.
@@ -137,7 +150,8 @@ impl<R: Read + Seek> AnyChunks<R> {
         let rapid = match self {
             Self::Inline(chunks) => chunks.take()?,
             Self::Indexed(chunks) => chunks.take()?,
-            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Cl(Box::new(chunk)))),
+            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
+            Self::Executed(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
             Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
         };
         Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
@@ -148,7 +162,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     pub fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
         match chunk {
             AnyChunk::Rapid(chunk) => chunk.read(),
-            AnyChunk::Cl(chunk) => Some(*chunk),
+            AnyChunk::Read(chunk) => Some(*chunk),
             AnyChunk::Krl(chunk) => chunk.read(),
         }
     }
@@ -158,7 +172,16 @@ impl<R: Read + Seek> AnyChunks<R> {
     pub fn warnings(&self) -> Vec<Diagnostic> {
         match self {
             Self::Cl(chunks) => chunks.warnings(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) => Vec::new(),
+            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) | Self::Executed(_) => Vec::new(),
+        }
+    }
+
+    /// Executed motions whose target is known only at run time, counted by reason.
+    #[must_use]
+    pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
+        match self {
+            Self::Executed(chunks) => chunks.distinct().unknown_targets().to_vec(),
+            Self::Inline(_) | Self::Indexed(_) | Self::Cl(_) | Self::Krl(_) => Vec::new(),
         }
     }
 
@@ -166,6 +189,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     #[must_use]
     pub fn names(&self) -> Option<Names> {
         match self {
+            Self::Executed(chunks) => Some(Names::of(chunks.distinct())),
             Self::Indexed(chunks) => Some(chunks.names()),
             Self::Inline(_) | Self::Cl(_) | Self::Krl(_) => None,
         }

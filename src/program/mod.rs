@@ -44,7 +44,7 @@ use std::sync::Arc;
 #[non_exhaustive]
 pub struct Program {
     /// The files, in the order given; context modules (never written) behind `written` of them.
-    pub sources: Vec<Source>,
+    pub sources: Arc<[Source]>,
     /// How many of `sources` are the program itself; the rest only declare names.
     pub written: usize,
     /// Language of all sources.

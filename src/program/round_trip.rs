@@ -41,7 +41,7 @@ pub fn round_trip(
 ) -> RoundTrip {
     let options = RewriteOptions { allow_clones: false, ..RewriteOptions::default() };
     let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &options);
-    let identical = written(program, &unchanged.edits).iter().zip(&program.sources).all(|(a, b)| a.bytes == b.bytes);
+    let identical = written(program, &unchanged.edits).iter().zip(&*program.sources).all(|(a, b)| a.bytes == b.bytes);
 
     let changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
     let rewritten = program.rewrite(&changes, &[], &options);

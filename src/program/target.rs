@@ -99,7 +99,7 @@ pub struct InactiveUnit {
 }
 
 /// A motion's end, or a point on its way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Role {
     /// The end of an executed motion: one report row, one ordinal.
     End,
@@ -212,7 +212,7 @@ pub enum Mark {
 }
 
 /// What of a target may be edited in the text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Editable {
     /// Position and orientation.

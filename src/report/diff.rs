@@ -208,7 +208,7 @@ fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<Ot
     } else {
         Vec::new()
     };
-    for (i, (a, b)) in first.sources.iter().zip(&second.sources).take(first.written).enumerate() {
+    for (i, (a, b)) in first.sources.iter().zip(&*second.sources).take(first.written).enumerate() {
         let mut bytes = Vec::with_capacity(a.bytes.len());
         // Writing to a Vec cannot fail.
         let _ = apply(&a.bytes, as_second.get(i).map_or(&[][..], Vec::as_slice), &mut bytes);

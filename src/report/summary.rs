@@ -67,15 +67,7 @@ impl FileSummary {
     /// Sums up a run.
     #[must_use]
     pub fn new(path: &str, program: &Program, corrected: &Corrected) -> Self {
-        let mut sum = Summary::of(&corrected.rows);
-        for &(reason, count) in program.unknown_targets() {
-            sum.targets += count;
-            match sum.kept.iter_mut().find(|(known, _)| *known == reason) {
-                Some((_, kept)) => *kept += count,
-                None => sum.kept.push((reason, count)),
-            }
-        }
-        Self::of(path, &sum, &corrected.failures)
+        Self::of(path, &Summary::of(&corrected.rows).with_unknown(program.unknown_targets()), &corrected.failures)
     }
 
     /// The same with what a check found for failures.

@@ -13,6 +13,7 @@ mod documents;
 mod effects;
 mod eight_at_once;
 mod equilibrium;
+mod executed;
 mod free_units;
 mod fuzz_regressions;
 mod grammar;

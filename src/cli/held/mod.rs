@@ -230,7 +230,7 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
         _ => edited(&parsed, &corrected, names),
     };
     whole(program.name(), &parsed, corrected, noticed, PathKind::Compensate, run).map(|done| {
-        let notes = done.notes.into_iter().chain(notes).chain(correct::contradictions(&parsed, cell)).collect();
+        let notes = done.notes.into_iter().chain(notes).collect();
         Done { files, notes, ..done }
     })
 }
@@ -241,8 +241,7 @@ fn predict_whole(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &R
     let cell = &run.setup.cell.cell;
     let predicted = correct::predict(&parsed, cell, &run.setup.options, original.as_ref())?;
     let noticed = Noticed::new(run.setup.options.forces.as_ref(), None);
-    let mut done = whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)?;
-    done.notes.extend(correct::contradictions(&parsed, cell));
+    let done = whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)?;
     Ok(done)
 }
 

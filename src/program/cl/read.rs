@@ -151,7 +151,7 @@ impl Reader {
         let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
         let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
         Program {
-            sources: vec![source],
+            sources: [source].into(),
             written: 1,
             language: Language::Cl,
             dialect: self.dialect.name(),

@@ -327,7 +327,7 @@ impl Chunk {
         program.layout =
             crate::program::Layout::Krl(Layout { sites, motions: (motions - before) as usize, unknown: Vec::new() });
         let own = 0..self.source.bytes.len();
-        program.sources = vec![self.source];
+        program.sources = [self.source].into();
         program.dialect = self.dialect;
         Some(StreamableChunk { program, own, elsewhere: Vec::new(), at: 0, last: self.last })
     }
@@ -343,7 +343,7 @@ pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
 /// A program without anything.
 fn empty(dialect: &'static str) -> Program {
     Program {
-        sources: Vec::new(),
+        sources: Arc::new([]),
         written: 1,
         language: Language::Krl,
         dialect,

@@ -130,7 +130,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         cutter: None,
         diagnostics,
         layout: super::Layout::Krl(Layout { sites, motions: motions as usize, unknown }),
-        sources,
+        sources: sources.into(),
     })
 }
 

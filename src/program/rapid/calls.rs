@@ -490,7 +490,10 @@ impl<'a> Runner<'a> {
                 && let Value::Target(pose) = self.content(at)
                 && let Some(root) = pose.root
             {
-                self.given.entry((id, Box::from(&*key))).or_default().push(root);
+                let given = self.given.entry((id, Box::from(&*key))).or_default();
+                if given.last() != Some(&root) && !given.contains(&root) {
+                    given.push(root);
+                }
             }
             names.insert(Box::from(&*key), at);
         }

@@ -8,8 +8,9 @@ use super::chunk::Chunk;
 use super::chunks::{CHUNK, Chunks};
 use super::index::{Index, lines_of};
 use super::routines::{Parts, Running, running};
-use crate::program::Next;
+use crate::program::{Next, Program};
 use crate::text::Source;
+use std::collections::BTreeSet;
 use std::io::{self, BufReader, Read, Seek};
 use std::sync::Arc;
 
@@ -85,18 +86,36 @@ impl<R: Read + Seek> Declared<R> {
     /// Names of the targets that it moves to.
     #[must_use]
     pub fn names(&self) -> Names {
-        Names(Arc::clone(&self.index))
+        Names(Known::Indexed(Arc::clone(&self.index)))
     }
 }
 
 /// Names of a program's declared targets.
 #[derive(Clone, Debug)]
-pub struct Names(Arc<Index>);
+pub struct Names(Known);
+
+/// How they are held.
+#[derive(Clone, Debug)]
+enum Known {
+    Indexed(Arc<Index>),
+    /// In upper case.
+    Held(Arc<BTreeSet<String>>),
+}
 
 impl Names {
+    /// Names of the targets of a program that is held.
+    #[must_use]
+    pub fn of(program: &Program) -> Self {
+        let names = program.targets.iter().filter_map(|target| target.name.as_deref());
+        Self(Known::Held(Arc::new(names.map(str::to_ascii_uppercase).collect())))
+    }
+
     /// Whether the program moves to a target of this name.
     #[must_use]
     pub fn uses(&self, name: &str) -> bool {
-        self.0.uses(name.as_bytes())
+        match &self.0 {
+            Known::Indexed(index) => index.uses(name.as_bytes()),
+            Known::Held(names) => names.contains(&name.to_ascii_uppercase()),
+        }
     }
 }

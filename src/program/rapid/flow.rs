@@ -161,8 +161,11 @@ impl<'a> Runner<'a> {
 
     pub(super) fn repeat(&mut self, condition: Span, body: &'a [Statement], at: Span) -> Flow {
         self.events += 1;
+        let number = self.loops;
+        self.loops += 1;
         let scope = self.scope();
         let before = self.marker();
+        self.gathering.enter_loop(number);
         let mut rounds = 0;
         let mut known = self.evaluate(scope, condition).bool();
         // A condition that nothing in the loop changes never ends it.
@@ -187,6 +190,7 @@ impl<'a> Runner<'a> {
         }
         if rounds == MAX_ROUNDS {
             self.back_to(before);
+            self.gathering.give_up_loop(number, self.targets.len());
         }
         self.note(at, "rapid.loop", "how often this loop runs is known only at run time: it is taken once");
         self.rounds(body)

@@ -8,6 +8,8 @@
 //! instructions run, through calls and loops, until the next mark; one before the first routine
 //! holds from the start.
 
+mod again;
+mod agreed;
 mod axes;
 mod calls;
 mod changes;
@@ -18,6 +20,7 @@ mod data;
 mod declared;
 mod dialect;
 mod eval;
+mod executed;
 mod flow;
 mod frames;
 mod index;
@@ -52,6 +55,7 @@ mod writer;
 pub use chunk::Chunk;
 pub use chunks::{CHUNK, Chunks};
 pub use declared::{Declared, Names};
+pub use executed::{Executed, ExecutedChunks};
 pub use frames::declared_frames;
 use rewrite::rewrite;
 
@@ -61,13 +65,14 @@ use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
 use std::collections::HashSet;
+use std::sync::Arc;
 use value::{Place, Step};
 
 /// Where the number tokens of robtargets stand.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
     /// In text order by source, then those put together from parts.
-    literals: Vec<Literal>,
+    literals: Arc<Vec<Literal>>,
     /// One a target.
     sites: Vec<Site>,
     offsets: Vec<Offset>,
@@ -81,6 +86,8 @@ pub(crate) struct Layout {
     plain: bool,
     /// The mark in force behind the last statement.
     mark_behind: Option<super::Mark>,
+    /// Of a chunk of a program that is run again for each: which motions its own are like.
+    again: Option<agreed::Again>,
 }
 
 impl Layout {
@@ -101,7 +108,10 @@ impl FrontEnd for Layout {
         inserts: &[Insert],
         options: &RewriteOptions,
     ) -> Rewritten {
-        rewrite(program, self, changes, inserts, options)
+        match &self.again {
+            Some(again) => again.rewrite(program, self, changes, options),
+            None => rewrite(program, self, changes, inserts, options),
+        }
     }
 
     fn writes_axes(&self, program: &Program) -> Vec<bool> {
@@ -183,23 +193,42 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 /// As [`read`], but for cut-off files.
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
-    read_cut(dialect, sources, context, true)
+    read_cut(dialect, sources, context, Cut::Looked)
 }
 
 /// [`read`] where the maker is known.
 fn read_as(dialect: &'static str, sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    read_cut(dialect, sources, context, false)
+    read_cut(dialect, sources, context, Cut::Refused)
 }
 
-/// [`read_as`], and whether files that are cut off are read too.
+/// What becomes of files that are cut off.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cut {
+    Refused,
+    /// They are read to their end.
+    Looked,
+}
+
+/// [`read_as`], and what becomes of files that are cut off.
 fn read_cut(
     dialect: &'static str,
     sources: Vec<Source>,
     context: Vec<Source>,
-    cut_off: bool,
+    cut: Cut,
 ) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
-    let mut sources = sources;
+    let (sources, files, cuts) = parsed(sources, context, cut)?;
+    let outcome = run::Runner::new(&sources, &files, written).run(&files);
+    program_of(outcome, (sources, &files, written), dialect, cuts)
+}
+
+/// Modules and context as files, with where those end that are cut off.
+#[allow(clippy::type_complexity)]
+fn parsed(
+    mut sources: Vec<Source>,
+    context: Vec<Source>,
+    cut: Cut,
+) -> Result<(Arc<[Source]>, Vec<tree::File>, Vec<Kept>), Vec<Diagnostic>> {
     sources.extend(context);
     let mut errors = Vec::new();
     let (mut files, mut cuts) = (Vec::new(), Vec::new());
@@ -214,7 +243,7 @@ fn read_cut(
         };
         match file {
             Ok(file) => {
-                if let Some(last) = file.cut.filter(|_| cut_off) {
+                if let Some(last) = file.cut.filter(|_| cut == Cut::Looked) {
                     let line = source.line_column(last.range().start).line;
                     let reason = "the file ends inside a module";
                     cuts.push(Kept { source: index.into(), span: last, line, reason, fault: true, help: "" });
@@ -231,12 +260,21 @@ fn read_cut(
     if !errors.is_empty() {
         return Err(errors);
     }
-    let mut outcome = run::Runner::new(&sources, &files, written).run(&files);
+    Ok((sources.into(), files, cuts))
+}
+
+/// What a run came to, as a program.
+fn program_of(
+    mut outcome: outcome::Outcome,
+    (sources, files, written): (Arc<[Source]>, &[tree::File], usize),
+    dialect: &'static str,
+    cuts: Vec<Kept>,
+) -> Result<Program, Vec<Diagnostic>> {
     if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
         outcome.diagnostics.sort_by_key(|d| d.severity != Severity::Error);
         return Err(outcome.diagnostics);
     }
-    for (source, file) in sources.iter().zip(&files).take(written) {
+    for (source, file) in sources.iter().zip(files).take(written) {
         outcome.diagnostics.extend(not_read(source, &file.odd));
     }
     let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();

@@ -353,8 +353,12 @@ impl<'a> Runner<'a> {
         }
         self.standing.clear();
         self.standing.insert(self.targets.len());
+        let ends = target.is_end();
         self.targets.push(target);
         self.sites.push(site);
+        if ends {
+            self.gather();
+        }
     }
 
     /// The name of a declared target as used: `p10`, `p{3}`.

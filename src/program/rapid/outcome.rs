@@ -7,6 +7,7 @@ use super::{Layout, Site};
 use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, Wobj};
 use crate::text::Diagnostic;
 use std::collections::HashSet;
+use std::sync::Arc;
 
 /// What a run gives.
 pub(super) struct Outcome {
@@ -40,7 +41,7 @@ impl Runner<'_> {
         self.keep_what_is_refused();
         self.kept.sort_by_key(|k| (k.source, k.span.start));
         let layout = Layout {
-            literals: self.literals,
+            literals: Arc::new(self.literals),
             sites: self.sites,
             offsets: self.offsets,
             motions: self.motions as usize,
@@ -48,6 +49,7 @@ impl Runner<'_> {
             streamable,
             plain,
             mark_behind: self.state.mark,
+            again: None,
         };
         Outcome {
             tools: self.tools,

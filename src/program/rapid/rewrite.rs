@@ -2,17 +2,34 @@
 
 use super::value::{Place, Step, rotate, unit};
 use super::writer::{Pose, Print, SHARED, Writer, single};
-use super::{Layout, Site, clone, insert, own};
+use super::{Layout, Offset, Site, clone, insert, own};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Editable, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-const FROZEN: &str = "would move a target that cannot be edited";
-const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
+pub(super) const FROZEN: &str = "would move a target that cannot be edited";
+pub(super) const SHARED_OFFSET: &str = "offset used by motions whose corrections differ";
 
 /// New arguments of `Offs` and `RelTool`, by the place of the first; none of them where it stays.
-type NewOffsets = HashMap<Place, [Option<Token>; 3]>;
+pub(super) type NewOffsets = HashMap<Place, NewOffset>;
+
+/// Tokens of one of them.
+type NewOffset = [Option<Token>; 3];
+
+/// What literals and offsets are to become.
+#[derive(Debug, Default)]
+pub(super) struct Settled {
+    /// One a literal; `None` where it stays.
+    pub(super) prints: Vec<Option<Print>>,
+    /// Of targets that get a declaration of their own.
+    pub(super) cloned: HashMap<usize, Print>,
+    pub(super) offsets: NewOffsets,
+    /// Literals that stay for the sake of others.
+    pub(super) frozen: BTreeSet<u32>,
+    /// Literals whose users do not agree.
+    pub(super) disputed: BTreeSet<u32>,
+}
 
 fn is_edited(offsets: &NewOffsets, place: &Place) -> bool {
     offsets.get(place).is_some_and(|new| new.iter().any(Option::is_some))
@@ -41,28 +58,39 @@ pub(super) fn rewrite_agreed(
     inserts: &[Insert],
     options: &RewriteOptions,
 ) -> Rewritten {
+    rewrite_settled(program, layout, changes, inserts, options).0
+}
+
+/// [`rewrite_agreed`], and what literals and offsets become.
+pub(super) fn rewrite_settled(
+    program: &Program,
+    layout: &Layout,
+    changes: &[Option<Change>],
+    inserts: &[Insert],
+    options: &RewriteOptions,
+) -> (Rewritten, Settled) {
     let mut writer = Writer::new(program, layout, options);
-    let mut prints: Vec<Option<Print>> = Vec::new();
-    let mut cloned = HashMap::new();
-    let mut offsets = NewOffsets::new();
+    let mut settled = Settled::default();
     // What stays as it is must not move with something else: what moves it stays too, until that is so.
     while changes.iter().any(Option::is_some) {
         let before = writer.frozen();
         writer.start_over();
-        (prints, cloned) = writer.literals(changes);
-        offsets = writer.offsets(changes, &prints);
-        writer.freeze(&prints, &offsets);
+        settled = writer.literals(changes);
+        settled.offsets = writer.offsets(changes, &settled.prints);
+        writer.freeze(&settled.prints, &settled.offsets);
         if writer.frozen() == before {
             break;
         }
     }
-    let written = (0..program.targets.len()).map(|i| writer.written(i, &prints, &cloned, &offsets)).collect();
-    for (literal, print) in prints.into_iter().enumerate() {
+    settled.frozen.clone_from(&writer.frozen);
+    let Settled { prints, cloned, offsets, .. } = &settled;
+    let written = (0..program.targets.len()).map(|i| writer.written(i, prints, cloned, offsets)).collect();
+    for (literal, print) in prints.iter().enumerate() {
         if let Some(print) = print {
-            writer.edit_literal(&layout.literals[literal], print);
+            writer.edit_literal(&layout.literals[literal], print.clone());
         }
     }
-    writer.done(written, inserts)
+    (writer.done(written, inserts), settled)
 }
 
 impl Writer<'_> {
@@ -119,7 +147,7 @@ impl Writer<'_> {
     }
 
     /// What each literal is to become, agreed among all who use it; clones where they do not agree.
-    fn literals(&mut self, changes: &[Option<Change>]) -> (Vec<Option<Print>>, HashMap<usize, Print>) {
+    fn literals(&mut self, changes: &[Option<Change>]) -> Settled {
         let mut prints: Vec<Option<Print>> = vec![None; self.layout.literals.len()];
         let mut first: Vec<u32> = vec![u32::MAX; self.layout.literals.len()];
         let mut disputed: Vec<u32> = Vec::new();
@@ -157,7 +185,7 @@ impl Writer<'_> {
         disputed.sort_unstable();
         disputed.dedup();
         let mut cloned = HashMap::new();
-        for literal in disputed {
+        for &literal in &disputed {
             prints[literal as usize] = None;
             clone::resolve(self, literal, changes, &mut prints, &mut cloned, SHARED);
         }
@@ -166,7 +194,7 @@ impl Writer<'_> {
                 *print = None;
             }
         }
-        (prints, cloned)
+        Settled { prints, cloned, disputed: disputed.into_iter().collect(), ..Settled::default() }
     }
 
     /// New arguments of `Offs` and `RelTool`.
@@ -179,7 +207,7 @@ impl Writer<'_> {
         sites.sort_by_key(|i| offset_of(i).map(|offset| offset.steps.len()));
         for i in sites {
             let Some(offset) = self.layout.offset(&self.layout.sites[i]) else { continue };
-            let (base, change) = (prints.get(offset.root as usize).and_then(Option::as_ref), &changes[i]);
+            let change = &changes[i];
             if self.program.targets[i].editable != Editable::Position {
                 if change.as_ref().is_some_and(|c| self.differs(i, c)) {
                     self.kept.push((i, self.reason(i)));
@@ -188,27 +216,13 @@ impl Writer<'_> {
             }
             let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { continue };
             let wanted = change.as_ref().map_or(position_mm, |c| c.position_mm);
-            let Some((last, before)) = offset.steps.split_last() else { continue };
-            let moved = base.is_some() || before.iter().filter_map(Step::place).any(|place| is_edited(&wishes, &place));
-            #[allow(clippy::float_cmp)] // the very number that was read means no change
-            let moves = moved || wanted != position_mm;
-            let Some(tokens) = last.tokens else { continue };
-            if !moves {
-                // Who stays has a say too.
-                self.agree(&mut wishes, tokens[0], Default::default());
-                continue;
+            let Some(tokens) = offset.steps.last().and_then(|last| last.tokens) else { continue };
+            let wish = self.wish(offset, (position_mm, wanted), (prints, &wishes));
+            if wish.is_some() {
+                users.push((i, tokens[0], tokens));
             }
-            let root = self.literal_pose(&self.layout.literals[offset.root as usize], base);
-            let (position, quat) = self.behind(before, root, &wishes);
-            let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
-            if last.in_tool {
-                let [w, x, y, z] = unit(quat);
-                d = rotate([w, -x, -y, -z], d);
-            }
-            let print =
-                std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token);
-            users.push((i, tokens[0], tokens));
-            self.agree(&mut wishes, tokens[0], print);
+            // Who stays has a say too.
+            self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
         }
         wishes.retain(|place, _| !self.frozen_offsets.contains(place));
         let mut done = HashSet::new();
@@ -226,6 +240,29 @@ impl Writer<'_> {
             }
         }
         wishes
+    }
+
+    /// New tokens of an offset that lead elsewhere than as written; `None` where neither that nor what it is made from changes.
+    pub(super) fn wish(
+        &self,
+        offset: &Offset,
+        (written, wanted): ([f64; 3], [f64; 3]),
+        (prints, wishes): (&[Option<Print>], &NewOffsets),
+    ) -> Option<NewOffset> {
+        let (last, before) = offset.steps.split_last()?;
+        let base = prints.get(offset.root as usize).and_then(Option::as_ref);
+        let moved = base.is_some() || before.iter().filter_map(Step::place).any(|place| is_edited(wishes, &place));
+        #[allow(clippy::float_cmp)] // the very number that was read means no change
+        let moves = moved || wanted != written;
+        let tokens = last.tokens.filter(|_| moves)?;
+        let root = self.literal_pose(&self.layout.literals[offset.root as usize], base);
+        let (position, quat) = self.behind(before, root, wishes);
+        let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
+        if last.in_tool {
+            let [w, x, y, z] = unit(quat);
+            d = rotate([w, -x, -y, -z], d);
+        }
+        Some(std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token))
     }
 
     /// Takes in what one user of an offset wants it to become; one that its users do not agree on stays.

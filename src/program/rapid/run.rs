@@ -1,5 +1,6 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
+use super::again::Gathering;
 use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
 use super::memory::{Layer, Left};
@@ -25,6 +26,8 @@ const BYTES_PER_STEP: usize = 256;
 /// Targets in all, loops expanded, and for each byte of the program besides: a file of one line must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
+/// Motions in all, where those that are alike are held once: a loop that never ends is to be told in minutes.
+const MOTIONS: u32 = 20_000_000;
 /// Largest deviation of |q|² from 1 that a controller takes for a matter of printing: its length is 1 ± 0.001 then. ABB's page
 /// on `orient` asks for a sum of squares of 1; three decimals, the fewest that posts print, keep within this.
 pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
@@ -126,6 +129,9 @@ pub(super) struct Runner<'a> {
     pub(super) wobj_numbers: HashMap<Vec<u8>, u16>,
     pub(super) targets: Vec<Target>,
     pub(super) sites: Vec<Site>,
+    pub(super) gathering: Gathering,
+    /// WHILE loops begun so far: their numbers.
+    pub(super) loops: u64,
     /// Targets that the robot may stand at.
     pub(super) standing: BTreeSet<usize>,
     pub(super) offsets: Vec<Offset>,
@@ -198,6 +204,8 @@ impl<'a> Runner<'a> {
             wobj_numbers: HashMap::new(),
             targets: Vec::new(),
             sites: Vec::new(),
+            gathering: Gathering::All,
+            loops: 0,
             standing: BTreeSet::new(),
             offsets: Vec::new(),
             ran: Ran::new(sources),
@@ -225,7 +233,22 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs `main`; where there is none, or it moves nothing, every procedure that no other calls.
-    pub(super) fn run(mut self, files: &[File]) -> Outcome {
+    pub(super) fn run(self, files: &[File]) -> Outcome {
+        self.run_gathering(files).0
+    }
+
+    /// [`Runner::run`] with what was gathered, and how many motions were executed.
+    pub(super) fn run_gathering(mut self, files: &[File]) -> (Outcome, Gathering, u32) {
+        let procs = self.follow();
+        self.look_aside(&procs);
+        self.keep_what_is_not_run();
+        let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
+        let motions = self.motions;
+        (self.finish(files), gathering, motions)
+    }
+
+    /// What [`Runner::run`] runs; the procedures of the program.
+    pub(super) fn follow(&mut self) -> Vec<RoutineId> {
         let procs = self.procedures();
         let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
         self.enter_all(main.as_slice());
@@ -233,9 +256,7 @@ impl<'a> Runner<'a> {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             self.enter_all(&others);
         }
-        self.look_aside(&procs);
-        self.keep_what_is_not_run();
-        self.finish(files)
+        procs
     }
 
     fn enter_all(&mut self, entries: &[RoutineId]) {
@@ -283,7 +304,7 @@ impl<'a> Runner<'a> {
     pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
         for statement in block {
             self.steps = self.steps.saturating_add(1);
-            if self.steps > self.most_steps || self.targets.len() > self.most_targets {
+            if self.steps > self.most_steps || self.targets.len() > self.most_targets || self.motions > MOTIONS {
                 return self.give_up();
             }
             let flow = match statement {

@@ -15,6 +15,7 @@ use super::{Layout, Site};
 use crate::program::{Language, Mark, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A program of more kinds of lines than this a chunk has nothing to gain.
 const MOST_KINDS: usize = 16;
@@ -268,7 +269,7 @@ impl Read {
     /// The chunk as a program.
     pub(super) fn into_program(self, dialect: &'static str, source: Source) -> Program {
         Program {
-            sources: vec![source],
+            sources: [source].into(),
             written: 1,
             language: Language::Rapid,
             dialect,
@@ -281,7 +282,7 @@ impl Read {
             actions: Vec::new(),
             diagnostics: Vec::new(),
             layout: crate::program::Layout::Rapid(Layout {
-                literals: self.literals,
+                literals: Arc::new(self.literals),
                 sites: self.sites,
                 offsets: Vec::new(),
                 motions: self.targets.len(),
@@ -289,6 +290,7 @@ impl Read {
                 streamable: self.streamable,
                 plain: true,
                 mark_behind: self.mark,
+                again: None,
             }),
             targets: self.targets,
         }

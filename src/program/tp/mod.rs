@@ -127,7 +127,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
             motions: built.motions,
             unknown: built.unknown,
         }),
-        sources,
+        sources: sources.into(),
     })
 }
 

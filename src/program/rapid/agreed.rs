@@ -1,0 +1,257 @@
+//! What motions that are run more than once are to become, agreed among all of their runs.
+//!
+//! Each chunk says what its motions want; of what those that are alike want, so much is held that who does not agree is known. From
+//! that the numbers of the text follow as from a program that is held as a whole, and each chunk is told.
+
+use super::rewrite::{FROZEN, SHARED_OFFSET, Settled, rewrite_settled};
+use super::value::Step;
+use super::writer::{Print, SHARED, Writer};
+use super::{Layout, Site};
+use crate::program::token::MAX_DECIMALS;
+use crate::program::{Change, Editable, Goal, Program, RewriteOptions, Rewritten, Target};
+use crate::text::Edit;
+use smallvec::SmallVec;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Which motions the targets of a chunk are like, and what is known of what these are to become.
+#[derive(Debug)]
+pub(super) struct Again {
+    /// One a target.
+    alike: Vec<u32>,
+    agreement: Agreement,
+}
+
+/// How far it is known what motions are to become.
+#[derive(Clone, Debug)]
+pub(super) enum Agreement {
+    /// Nothing is to be written.
+    None,
+    /// It is being asked.
+    Asked(Arc<Asked>),
+    /// It is known.
+    Found(Arc<Agreed>),
+}
+
+/// What motions want, by the first target of those that are alike.
+#[derive(Debug, Default)]
+pub(super) struct Asked(Mutex<HashMap<u32, Vec<Wanted>>>);
+
+/// What one motion wants.
+#[derive(Clone, Debug)]
+struct Wanted {
+    ordinal: u32,
+    said: SmallVec<[Said; 2]>,
+    changes: SmallVec<[Option<Change>; 2]>,
+}
+
+/// What a target wants of the text.
+#[derive(Clone, Debug, PartialEq)]
+enum Said {
+    Nothing,
+    /// New tokens of its literal.
+    Print(Box<Print>),
+    /// Where an offset is to lead, in parts of what is printed.
+    Position([i64; 3]),
+}
+
+/// What different things the runs of one target may want until it is clear that they do not agree. Positions that print alike
+/// may stand on both sides of a boundary.
+const MOST_WANTED: usize = 4;
+
+/// What the text is to become.
+#[derive(Debug)]
+pub(super) struct Agreed {
+    settled: Settled,
+    /// Of each source.
+    pub(super) edits: Vec<Vec<Edit>>,
+    /// A run wanted what none before had said.
+    contradicted: AtomicBool,
+}
+
+impl Again {
+    pub(super) fn new(alike: Vec<u32>, agreement: Agreement) -> Self {
+        Self { alike, agreement }
+    }
+
+    pub(super) fn rewrite(
+        &self,
+        program: &Program,
+        layout: &Layout,
+        changes: &[Option<Change>],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        let mut writer = Writer::new(program, layout, options);
+        let nothing = Settled::default();
+        let settled = match &self.agreement {
+            Agreement::None => &nothing,
+            Agreement::Asked(asked) => {
+                asked.add(&writer, &self.alike, changes);
+                &nothing
+            }
+            Agreement::Found(agreed) => {
+                agreed.keep(&mut writer, changes);
+                &agreed.settled
+            }
+        };
+        let written = (0..program.targets.len())
+            .map(|i| writer.written(i, &settled.prints, &settled.cloned, &settled.offsets))
+            .collect();
+        Rewritten { written, kept: writer.kept, ..Rewritten::default() }
+    }
+}
+
+impl Asked {
+    /// Takes in what the targets of a chunk want.
+    fn add(&self, writer: &Writer<'_>, alike: &[u32], changes: &[Option<Change>]) {
+        let targets = &writer.program.targets;
+        let mut at = 0;
+        while at < targets.len() {
+            let end = at + usize::from(!targets[at].is_end());
+            let motion = at..(end + 1).min(targets.len());
+            let wanted = Wanted {
+                ordinal: targets[at].ordinal,
+                said: motion.clone().map(|i| said(writer, i, changes[i].as_ref())).collect(),
+                changes: changes[motion.clone()].iter().cloned().collect(),
+            };
+            let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            add(all.entry(alike[at]).or_default(), wanted);
+            at = motion.end;
+        }
+    }
+
+    /// What comes of all that was said, in the program of one motion of those that are alike.
+    pub(super) fn agreed(&self, like: &Program, options: &RewriteOptions) -> Option<Agreed> {
+        let layout = super::chunk::layout(like)?;
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut firsts: Vec<u32> = all.keys().copied().collect();
+        firsts.sort_unstable();
+        let (mut targets, mut sites, mut changes) = (Vec::<Target>::new(), Vec::new(), Vec::new());
+        for first in firsts {
+            for wanted in &all[&first] {
+                for (i, change) in (first as usize..).zip(&wanted.changes) {
+                    targets.push(like.targets.get(i)?.clone());
+                    sites.push(*layout.sites.get(i)?);
+                    changes.push(change.clone());
+                }
+            }
+        }
+        let offsets =
+            layout.offsets.iter().map(|offset| super::Offset { root: offset.root, steps: offset.steps.clone() });
+        let all_runs =
+            Layout { literals: Arc::clone(&layout.literals), sites, offsets: offsets.collect(), ..Layout::default() };
+        let program = Program {
+            sources: Arc::clone(&like.sources),
+            written: like.written,
+            language: like.language,
+            dialect: like.dialect,
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+            targets,
+            actions: Vec::new(),
+            kept: Vec::new(),
+            literal_targets: 0,
+            arcs: 0,
+            cutter: None,
+            diagnostics: Vec::new(),
+            layout: crate::program::Layout::Rapid(Layout::default()),
+        };
+        let (rewritten, settled) = rewrite_settled(&program, &all_runs, &changes, &[], options);
+        Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })
+    }
+}
+
+/// Holds what a motion wants, as far as it is new.
+fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
+    if let Some(same) = known.iter_mut().find(|known| known.said == wanted.said) {
+        // The first of them, whichever thread comes first.
+        if wanted.ordinal < same.ordinal {
+            *same = wanted;
+        }
+        return;
+    }
+    let is_new = |k: usize| {
+        let mut different: SmallVec<[&Said; MOST_WANTED]> = SmallVec::new();
+        for known in known.iter() {
+            if !different.contains(&&known.said[k]) {
+                different.push(&known.said[k]);
+            }
+        }
+        different.len() < MOST_WANTED && !different.contains(&&wanted.said[k])
+    };
+    if (0..wanted.said.len()).any(is_new) {
+        known.push(wanted);
+    }
+}
+
+/// What a target wants of the text.
+fn said(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Said {
+    /// Parts of the last printed digit.
+    const PARTS: f64 = 100.0;
+    let target = &writer.program.targets[i];
+    match (writer.layout.sites[i], target.editable, target.goal) {
+        (Site::Literal { literal, .. }, Editable::Pose, _) => {
+            let literal = &writer.layout.literals[literal as usize];
+            Said::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
+        }
+        (Site::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
+            let wanted = change.map_or(position_mm, |change| change.position_mm);
+            let decimals = writer.options.position_decimals.min(MAX_DECIMALS);
+            let scale = PARTS * 10_f64.powi(i32::try_from(decimals).unwrap_or(0));
+            #[allow(clippy::cast_possible_truncation)] // metres in parts of a micrometre
+            Said::Position(wanted.map(|mm| (mm * scale).round() as i64))
+        }
+        _ => Said::Nothing,
+    }
+}
+
+impl Agreed {
+    /// Whether all runs wanted what they had said: else nothing may be written.
+    pub(super) fn holds(&self) -> bool {
+        !self.contradicted.load(Ordering::Relaxed)
+    }
+
+    /// Notes which targets of a chunk are not edited as they want, and why.
+    fn keep(&self, writer: &mut Writer<'_>, changes: &[Option<Change>]) {
+        let layout = writer.layout;
+        for (i, change) in changes.iter().enumerate() {
+            let target = &writer.program.targets[i];
+            let differs = |writer: &Writer<'_>| change.as_ref().is_some_and(|change| writer.differs(i, change));
+            let reason = match (layout.sites[i], target.editable) {
+                (Site::Literal { literal, .. }, Editable::Pose) => {
+                    let Some(change) = change else { continue };
+                    let print = || writer.print(i, &layout.literals[literal as usize], change);
+                    if self.settled.frozen.contains(&literal) {
+                        differs(writer).then_some(FROZEN)
+                    } else if self.settled.disputed.contains(&literal) {
+                        (print() != Print::default()).then_some(SHARED)
+                    } else {
+                        None
+                    }
+                }
+                (Site::Offset(at), Editable::Position) => self.offset(writer, i, at, change.as_ref()),
+                _ => differs(writer).then(|| writer.reason(i)),
+            };
+            writer.kept.extend(reason.map(|reason| (i, reason)));
+        }
+    }
+
+    /// Why an offset stays, where another is wanted.
+    fn offset(&self, writer: &Writer<'_>, i: usize, at: u32, change: Option<&Change>) -> Option<&'static str> {
+        let offset = writer.layout.offsets.get(at as usize)?;
+        let Goal::Pose { position_mm, .. } = writer.program.targets[i].goal else { return None };
+        let wanted = change.map_or(position_mm, |change| change.position_mm);
+        let place = offset.steps.last().and_then(Step::place)?;
+        let settled = (&self.settled.prints[..], &self.settled.offsets);
+        let wish = writer.wish(offset, (position_mm, wanted), settled);
+        match self.settled.offsets.get(&place) {
+            None => wish.map(|_| SHARED_OFFSET),
+            Some(agreed) if wish.unwrap_or_default() == *agreed => None,
+            Some(_) => {
+                self.contradicted.store(true, Ordering::Relaxed);
+                Some(SHARED_OFFSET)
+            }
+        }
+    }
+}

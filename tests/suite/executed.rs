@@ -1,0 +1,138 @@
+//! RAPID programs that are run again for each use of their chunks, against the same programs held as a whole.
+
+use super::second_reading::compare::CELL;
+use super::second_reading::generate;
+use deflex::cell::Cell;
+use deflex::correct::{Options, Sinks, StreamError, compensate, compensate_executed, predict, predict_chunks};
+use deflex::program::{AnyChunks, rapid};
+use deflex::report::{CSV_HEADER, csv_rows, write_csv};
+use deflex::text::{Diagnostic, Source, apply};
+use std::io::Cursor;
+
+/// Corrections that depend on the way into a target: runs of one motion may not agree.
+fn cell() -> Cell {
+    let text = CELL.replace("frame = \"wobj\"", "frame = \"feed\"");
+    assert_ne!(text, CELL);
+    Cell::read(&Source::new("cell.toml", text)).unwrap()
+}
+
+/// Programs, report and what is said, or why there is none.
+type Came = Result<(Vec<String>, String, Vec<String>), Vec<String>>;
+
+fn said(diagnostics: &[Diagnostic]) -> Vec<String> {
+    let mut all: Vec<String> = diagnostics.iter().map(|d| format!("{d} {:?}", d.snippet)).collect();
+    all.sort();
+    all
+}
+
+fn sources(modules: &[String]) -> Vec<Source> {
+    modules.iter().enumerate().map(|(i, text)| Source::new(format!("m{i}.mod"), text.as_bytes())).collect()
+}
+
+fn edited(sources: &[Source], edits: &[Vec<deflex::text::Edit>]) -> Vec<String> {
+    let text = |(source, edits): (&Source, &Vec<_>)| {
+        let mut bytes = Vec::new();
+        apply(&source.bytes, edits, &mut bytes).unwrap();
+        String::from_utf8(bytes).unwrap()
+    };
+    sources.iter().zip(edits).map(text).collect()
+}
+
+fn whole(modules: &[String], cell: &Cell) -> Came {
+    let program = rapid::read(sources(modules), Vec::new()).map_err(|e| said(&e))?;
+    let corrected = compensate(&program, cell, &Options::default()).map_err(|e| said(&e))?;
+    if !corrected.failures.is_empty() {
+        return Err(said(&corrected.failures));
+    }
+    let mut report = Vec::new();
+    write_csv(&corrected.rows, &mut report).unwrap();
+    let edits = &corrected.rewritten.as_ref().unwrap().edits;
+    Ok((edited(&program.sources, edits), String::from_utf8(report).unwrap(), said(&corrected.notes)))
+}
+
+/// `None` where the program is not of this kind.
+fn executed(modules: &[String], cell: &Cell, threads: usize, chunk: usize) -> Option<Came> {
+    let program = match rapid::Executed::sized(sources(modules), Vec::new(), 0, chunk) {
+        Ok(program) => program?,
+        Err(errors) => return Some(Err(said(&errors))),
+    };
+    let mut report = CSV_HEADER.as_bytes().to_vec();
+    let mut sinks =
+        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+    Some(match compensate_executed(&program, cell, &Options::default(), threads, &mut sinks) {
+        Ok((done, edits)) if done.failures.is_empty() => {
+            let texts = edited(&program.distinct().sources, &edits);
+            Ok((texts, String::from_utf8(report).unwrap(), said(&done.notes)))
+        }
+        Ok((done, _)) => Err(said(&done.failures)),
+        Err(StreamError::Refused(errors)) => Err(said(&errors)),
+        Err(StreamError::NotStreamable) => return None,
+        Err(error) => panic!("{error:?}"),
+    })
+}
+
+/// A program whose loops go round some tens of times, by literals, declarations, arrays, offsets and arguments.
+fn looping(rounds: usize) -> String {
+    let pose = |x: f64, y: f64| format!("[[{x:.1},{y:.1},20],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    format!(
+        "MODULE M\nCONST robtarget pa{{3}}:=[{},{},{}];\nCONST robtarget p1:={};\nCONST robtarget p2:={};\n\
+         VAR num n:=0;\nPROC side(robtarget p,num d)\n  MoveL p,v50,fine,tCell\\WObj:=wCell;\n  MoveL Offs(p,0,0,2.5),v50,fine,tCell\\WObj:=wCell;\n\
+         MoveL Offs(p,0,0,d),v50,fine,tCell\\WObj:=wCell;\nENDPROC\nPROC main()\n  MoveJ p1,v50,fine,tCell\\WObj:=wCell;\n\
+         FOR i FROM 1 TO {rounds} DO\n    FOR k FROM 1 TO 3 DO\n      MoveL pa{{k}},v50,fine,tCell\\WObj:=wCell;\n    ENDFOR\n\
+         side p2,0.1*i;\n    MoveC {},{},v50,fine,tCell\\WObj:=wCell;\n  ENDFOR\n\
+         WHILE n<{rounds} DO\n    MoveL p1,v50,fine,tCell\\WObj:=wCell;\n    MoveL Offs(p1,5,0,0),v50,fine,tCell\\WObj:=wCell;\n    n:=n+1;\n  ENDWHILE\n\
+         ENDPROC\nENDMODULE\n",
+        pose(10.0, 0.0),
+        pose(20.0, 5.0),
+        pose(30.0, -5.0),
+        pose(0.0, 0.0),
+        pose(40.0, 10.0),
+        pose(45.0, 15.0),
+        pose(50.0, 10.0),
+    )
+}
+
+#[test]
+fn programs_that_are_run_again_give_what_they_give_as_a_whole() {
+    const SEEDS: std::ops::Range<u64> = 0..150;
+    let cell = cell();
+    let mut all: Vec<(String, Vec<String>)> =
+        SEEDS.map(|seed| (format!("seed {seed}"), generate::program(seed))).collect();
+    all.push(("loops".to_owned(), vec![looping(23)]));
+    let (mut compared, mut written) = (0, 0);
+    for (name, modules) in all {
+        let Some(came) = executed(&modules, &cell, 2, 5) else { continue };
+        let whole = whole(&modules, &cell);
+        compared += 1;
+        written += usize::from(whole.is_ok());
+        assert_eq!(came, whole, "{name}:\n{}", modules.join("\n"));
+    }
+    assert!(compared > 20 && written > 10, "{compared} compared, {written} of them written");
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same() {
+    let (cell, modules) = (cell(), [looping(40)]);
+    let one = executed(&modules, &cell, 1, 7).unwrap().unwrap();
+    assert_eq!(executed(&modules, &cell, 3, 7).unwrap().unwrap(), one);
+    assert_eq!(executed(&modules, &cell, 2, 64).unwrap().unwrap(), one);
+    // Some runs agree, and some do not.
+    assert!(one.1.contains(",ok,") && one.1.contains(",kept,"), "{}", one.1);
+}
+
+#[test]
+fn a_run_is_predicted_as_the_whole_is() {
+    let (cell, text) = (cell(), looping(2300));
+    let program = rapid::read(sources(&[text.clone()]), Vec::new()).unwrap();
+    let whole = predict(&program, &cell, &Options::default(), None).unwrap();
+    let mut expected = Vec::new();
+    write_csv(&whole.rows, &mut expected).unwrap();
+    let chunks: AnyChunks<Cursor<Vec<u8>>> =
+        AnyChunks::executed(sources(&[text]).remove(0), &[]).unwrap().expect("more motions than are held");
+    let mut report = CSV_HEADER.as_bytes().to_vec();
+    let mut sinks =
+        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
+    let done = predict_chunks(chunks, None, &cell, &Options::default(), 2, None, &mut sinks).unwrap();
+    assert_eq!(done.summary.targets, whole.rows.len());
+    assert!(report == expected, "the reports differ");
+}
