@@ -73,7 +73,7 @@ pub(super) fn streamed(
     let original = batch.originals.job(job)?;
     // In a batch the bar counts programs.
     let bar = Some(bar).filter(|_| batch.programs == 1);
-    for kind in [Kind::Any, Kind::Indexed, Kind::Executed] {
+    for kind in ChunkKind::ALL {
         let Some(chunks) = chunks(batch.setup, job, kind)? else { continue };
         let before = match &original {
             Some(original) => match self::chunks(batch.setup, original, kind)? {
@@ -135,7 +135,7 @@ pub(super) fn streamed(
 
 /// How a program is read.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub(super) enum ChunkKind {
     /// Without an index, if it begins like that.
     Any,
     /// By an index.
@@ -144,21 +144,27 @@ enum Kind {
     Executed,
 }
 
+impl ChunkKind {
+    /// In the order in which they are tried.
+    pub(super) const ALL: [Self; 3] = [Self::Any, Self::Indexed, Self::Executed];
+}
+
 /// The chunks of a program; `None` where it can only be read whole.
-fn chunks(setup: &Setup, job: &Job, kind: Kind) -> Result<Option<AnyChunks<File>>, Vec<Diagnostic>> {
+fn chunks(setup: &Setup, job: &Job, kind: ChunkKind) -> Result<Option<AnyChunks<File>>, Vec<Diagnostic>> {
     let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
     let failed = |error: std::io::Error| cannot_read(name, &error);
     let context = setup.context.sources();
     match job.language {
+        Language::Cl | Language::Krl if kind == ChunkKind::Executed => Ok(None),
         Language::Cl => {
             let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
             AnyChunks::cl(name, open(job)?, &options).map_err(failed)
         }
         Language::Rapid => {
             let inline = match kind {
-                Kind::Any => AnyChunks::inline(name, open(job)?, context).map_err(failed)?,
-                Kind::Indexed => None,
-                Kind::Executed => return AnyChunks::executed(source(path)?, context),
+                ChunkKind::Any => AnyChunks::inline(name, open(job)?, context).map_err(failed)?,
+                ChunkKind::Indexed => None,
+                ChunkKind::Executed => return AnyChunks::executed(source(path)?, context),
             };
             match inline {
                 Some(chunks) => Ok(Some(chunks)),

@@ -26,6 +26,14 @@ pub struct Corrected {
     pub(super) repeated: Repeated,
 }
 
+impl Corrected {
+    /// All of the program is through.
+    pub(super) fn with_repeated(mut self) -> Self {
+        self.notes.extend(std::mem::take(&mut self.repeated).once());
+        self
+    }
+}
+
 /// A corrected point for a program that is written anew (CL to RAPID).
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

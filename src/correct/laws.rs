@@ -238,6 +238,13 @@ impl<'a> Laws<'a> {
         self.cuts(target) && self.cell.milling(&self.tools[tool].0).is_ok()
     }
 
+    /// Whether only its speed would tell if a move cuts, and that is known only at run time.
+    pub(super) fn is_cut_unknown(cell: &Cell, target: &Target) -> bool {
+        let limited = cell.cut.as_ref().is_some_and(|cut| cut.max_cutting_feed.is_some());
+        let may_cut = !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint);
+        limited && may_cut && target.mark.is_none() && target.feed_mm_s.is_none()
+    }
+
     /// Which moves cut: not RAPID moves, not joint moves, not above a feed limit; markers overrule.
     fn cuts(&self, target: &Target) -> bool {
         match target.mark {

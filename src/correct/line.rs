@@ -5,6 +5,7 @@ use super::collected::{Collected, check_limits};
 use super::contradictions::contradictions;
 use super::corrected::{Corrected, Posted};
 use super::deviation::Commanded;
+use super::laws::Laws;
 use super::messages::Repeated;
 use super::ordered::OrderedStage;
 use super::parallelism::Parallelism;
@@ -55,7 +56,8 @@ pub fn predict(
     let prepared = WithOriginal { prepared: &prepared, subdivided: subdivided.as_ref(), is_judged: against.is_some() };
     let ends = OrderedStage::new(None);
     // Nobody else has a chunk that could break off.
-    Ok(warm_start(program, cell, options, (prepared, &ends), 0, Parallelism::Threads).unwrap_or_default())
+    let predicted = warm_start(program, cell, options, (prepared, &ends), 0, Parallelism::Threads);
+    Ok(predicted.unwrap_or_default().with_repeated())
 }
 
 /// A program, or a chunk of it, and what it is judged by.
@@ -113,7 +115,9 @@ pub(super) fn warm_start(
     }
     let notes = notes(program, cell, prepared, n);
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
-    Some(Corrected { moved_mm, ..out.finish(notes, None, Vec::new()) })
+    let mut repeated = Repeated::default();
+    unknown_cuts(program, cell, options, &mut repeated);
+    Some(Corrected { moved_mm, repeated, ..out.finish(notes, None, Vec::new()) })
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -126,9 +130,8 @@ pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<C
     let carried =
         Carried { path: OrderedStage::new(free_turn::carried(program, cell, options)?), ..Carried::new(cell) };
     // Nobody else has a chunk that could break off.
-    let mut corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
-    corrected.notes.extend(std::mem::take(&mut corrected.repeated).once());
-    Ok(corrected)
+    let corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
+    Ok(corrected.with_repeated())
 }
 
 /// What goes from chunk to chunk of a program, each through its own ordered pass.
@@ -371,6 +374,7 @@ pub(super) fn chunk(
     };
     let notes = notes(program, cell, &prepared, n);
     let mut repeated = Repeated::default();
+    unknown_cuts(program, cell, options, &mut repeated);
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
         if let Some(rewritten) = &rewritten {
@@ -395,6 +399,21 @@ fn axes_left(program: &Program, changes: &[Option<Change>], rewritten: &Rewritte
 /// Zone of the last target that ends a motion, mm; `None` of a program without one.
 fn last_zone(program: &Program) -> Option<Option<f64>> {
     program.targets.iter().rposition(Target::is_end).map(|last| program.zone_mm(last))
+}
+
+/// Warnings about moves that count as air because nothing known tells that they cut.
+fn unknown_cuts(program: &Program, cell: &Cell, options: &Options, repeated: &mut Repeated) {
+    if options.forces.is_some() {
+        return;
+    }
+    for target in program.targets.iter().filter(|target| target.is_end() && Laws::is_cut_unknown(cell, target)) {
+        let source = &program.sources[usize::from(target.source)];
+        let message = "the speed is known only at run time: `max_cutting_feed_mm_s` cannot tell whether this cuts, and it \
+                       counts as air";
+        let said = Diagnostic::error("cut.unknown-speed", "", message).on_line(source, target.span, target.line);
+        let help = "mark the motion `! deflex cut` or `! deflex air`";
+        repeated.say(said.severity(Severity::Warning).help(help));
+    }
 }
 
 /// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.

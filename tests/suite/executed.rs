@@ -123,12 +123,13 @@ fn any_number_of_threads_gives_the_same() {
 #[test]
 fn a_run_is_predicted_as_the_whole_is() {
     let (cell, text) = (cell(), looping(2300));
-    let program = rapid::read(sources(&[text.clone()]), Vec::new()).unwrap();
+    let program = rapid::read(sources(std::slice::from_ref(&text)), Vec::new()).unwrap();
     let whole = predict(&program, &cell, &Options::default(), None).unwrap();
     let mut expected = Vec::new();
     write_csv(&whole.rows, &mut expected).unwrap();
-    let chunks: AnyChunks<Cursor<Vec<u8>>> =
-        AnyChunks::executed(sources(&[text]).remove(0), &[]).unwrap().expect("more motions than are held");
+    let chunks: AnyChunks<Cursor<Vec<u8>>> = AnyChunks::executed(sources(std::slice::from_ref(&text)).remove(0), &[])
+        .unwrap()
+        .expect("more motions than are held");
     let mut report = CSV_HEADER.as_bytes().to_vec();
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };

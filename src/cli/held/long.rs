@@ -2,17 +2,18 @@
 
 use super::{Done, ProgramFiles, Run, noticed};
 use crate::cli::files::cannot_read;
+use crate::cli::foresee::ChunkKind;
 use crate::cli::job::HEAD;
 use crate::cli::lines::quote;
 use crate::cli::report::Noticed;
 use deflex::correct::{
-    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, post_chunks,
-    predict_chunks,
+    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, compensate_executed,
+    post_chunks, predict_chunks,
 };
 use deflex::program::{AnyChunks, Language, cl, rapid};
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
-use deflex::text::{Diagnostic, Patch, Source};
+use deflex::text::{Diagnostic, Patch, Source, apply};
 use std::io::{self, Cursor, Write};
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -23,6 +24,8 @@ pub(super) struct Long<'a> {
     program: &'a ProgramFiles,
     source: &'a Source,
     run: &'a Run,
+    /// Whether its text is long: else what it runs through may be.
+    long: bool,
     stopped: AtomicBool,
 }
 
@@ -37,20 +40,28 @@ struct Reports<'a> {
 }
 
 impl<'a> Long<'a> {
-    /// `None` where the program is short, or of several files.
+    /// `None` where the program is of several files.
     pub(super) fn of(program: &'a ProgramFiles, run: &'a Run) -> Option<Self> {
         let [source] = program.sources()[..] else { return None };
-        let long = source.bytes.len() as u64 > HEAD && program.companions().is_empty();
-        long.then(|| Self { program, source, run, stopped: AtomicBool::new(false) })
+        let long = source.bytes.len() as u64 > HEAD;
+        let alone = program.companions().is_empty();
+        alone.then(|| Self { program, source, run, long, stopped: AtomicBool::new(false) })
     }
 
     /// `None` where only the whole of it tells what it means.
     pub(super) fn compensate(&self) -> Answer {
-        match self.program.language() {
-            Language::Rapid => self.edit(),
-            Language::Cl => self.post(),
-            Language::Krl | Language::Ls => Ok(None),
+        let readings: &[fn(&Self) -> Answer] = match self.program.language() {
+            Language::Rapid if self.long => &[Self::edit, Self::patch, Self::run_again],
+            Language::Rapid => &[Self::run_again],
+            Language::Cl if self.long => &[Self::post],
+            Language::Cl | Language::Krl | Language::Ls => &[],
+        };
+        for reading in readings {
+            if let Some(done) = reading(self)? {
+                return Ok(Some(done));
+            }
         }
+        Ok(None)
     }
 
     fn text(&self) -> Text<'a> {
@@ -64,17 +75,30 @@ impl<'a> Long<'a> {
     /// RAPID, edited in place.
     fn edit(&self) -> Answer {
         let (name, context) = (&self.source.name, self.program.context());
-        let Some(chunks) = self.read(rapid::Chunks::of_file(name, self.text(), context))? else { return self.patch() };
+        let Some(chunks) = self.read(rapid::Chunks::of_file(name, self.text(), context))? else { return Ok(None) };
         let mut text = self.held();
         let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
             let setup = &self.run.setup;
             compensate_chunks(chunks, &setup.cell.cell, &setup.options, Self::threads(), &mut text, sinks)
         });
-        if matches!(done, Err(StreamError::NotStreamable)) {
-            return self.patch();
-        }
         let files = vec![(self.program.names()[0].clone(), text.bytes)];
         self.done(done, reports, files, |_| false)
+    }
+
+    /// RAPID with loops through more motions than can be held: what changes is agreed on in a first run.
+    fn run_again(&self) -> Answer {
+        let read = rapid::Executed::read(vec![self.source.clone()], self.program.context().to_vec())?;
+        let Some(executed) = read else { return Ok(None) };
+        let (mut text, names) = (self.held(), rapid::Names::of(executed.distinct()));
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
+            let setup = &self.run.setup;
+            let (done, edits) =
+                compensate_executed(&executed, &setup.cell.cell, &setup.options, Self::threads(), sinks)?;
+            apply(&self.source.bytes, &edits[0], &mut text).map_err(StreamError::Write)?;
+            Ok(done)
+        });
+        let files = vec![(self.program.names()[0].clone(), text.bytes)];
+        self.done(done, reports, files, |name| names.uses(name))
     }
 
     /// RAPID with declared targets or several routines: what changes is collected first.
@@ -129,10 +153,11 @@ impl<'a> Long<'a> {
 
     /// What becomes of it as it is; `None` where only the whole of it, or of its original, tells what it means.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
-        for inline in [true, false] {
-            let Some(chunks) = self.chunks(self.program, inline)? else { continue };
+        let kinds = if self.long { &ChunkKind::ALL[..] } else { &[ChunkKind::Executed] };
+        for &kind in kinds {
+            let Some(chunks) = self.chunks(self.program, kind)? else { continue };
             let before = match against {
-                Some(original) => match self.chunks(original, inline)? {
+                Some(original) => match self.chunks(original, kind)? {
                     Some(before) => Some(before),
                     None => continue,
                 },
@@ -156,19 +181,23 @@ impl<'a> Long<'a> {
     fn chunks<'p>(
         &self,
         program: &'p ProgramFiles,
-        inline: bool,
+        kind: ChunkKind,
     ) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
         let [source] = program.sources()[..] else { return Ok(None) };
         let (name, text) = (&source.name, || Cursor::new(&source.bytes[..]));
         let setup = &self.run.setup;
         let chunks = match program.language() {
+            Language::Rapid if kind == ChunkKind::Executed => {
+                return AnyChunks::executed(source.clone(), program.context());
+            }
+            _ if kind == ChunkKind::Executed => return Ok(None),
             Language::Cl => match setup.cell.cl_options(setup.options.tool.as_deref()) {
                 Some(options) => AnyChunks::cl(name, text(), &options),
                 None => return Ok(None),
             },
             Language::Krl => AnyChunks::krl(name, text(), program.context()),
             Language::Ls => return Ok(None),
-            Language::Rapid if inline => AnyChunks::inline(name, text(), program.context()),
+            Language::Rapid if kind == ChunkKind::Any => AnyChunks::inline(name, text(), program.context()),
             Language::Rapid => AnyChunks::indexed(name, text(), text(), program.context()),
         };
         self.read(chunks)

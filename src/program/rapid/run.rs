@@ -371,7 +371,13 @@ impl<'a> Runner<'a> {
                 .last()
                 .map_or((0, Span::default()), |f| (f.routine.file, self.symbols.routine(f.routine).name));
             let (targets, steps) = (self.most_targets, self.most_steps);
-            let message = format!("the program runs through more than {targets} targets or {steps} statements");
+            let message = match self.gathering {
+                Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),
+                _ => format!(
+                    "the program runs through more than {MOTIONS} motions, {targets} different ones, or {steps} statements \
+                     between them"
+                ),
+            };
             let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[place.0], place.1);
             self.diagnostics.push(error.help("split the program, or bound its loops"));
         }
