@@ -298,12 +298,7 @@ impl Engine {
         }
         let whole = self.problem.free_device;
         for round in 0..ROUNDS {
-            let shapes = match self.shape {
-                noise::Shape { field: Some(_), .. } => vec![self.shape],
-                _ if whole => noise::coarse(),
-                noise::Shape { drift, .. } if drift > 0.0 => noise::near(self.shape),
-                _ => noise::few(),
-            };
+            let shapes = self.shapes_about();
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             // Two designs at a time would be twice the memory.
             drop(linear.take());
@@ -375,6 +370,9 @@ impl Engine {
                 self.add_map(&mut posteriors);
             }
         }
+        if !whole {
+            self.withdraw_faint(&mut posteriors);
+        }
         if self.gains_nothing(before) {
             posteriors.clear();
             device::restore(&mut self.problem, &places);
@@ -396,8 +394,18 @@ impl Engine {
         self.outcome(&before, &after, told, input)
     }
 
+    /// Noises worth trying about the one that was found.
+    pub(super) fn shapes_about(&self) -> Vec<noise::Shape> {
+        match self.shape {
+            noise::Shape { field: Some(_), .. } => vec![self.shape],
+            _ if self.problem.free_device => noise::coarse(),
+            noise::Shape { drift, .. } if drift > 0.0 => noise::near(self.shape),
+            _ => noise::few(),
+        }
+    }
+
     /// The posterior over sets, and how much wider predictions are over all of them than within the chosen one.
-    fn posterior_over_sets(
+    pub(super) fn posterior_over_sets(
         &self,
         search: &Search,
         linear: &Linearised,

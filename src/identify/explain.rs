@@ -29,7 +29,7 @@ const UNLISTED: &str = "unlisted";
 /// A name's most where it may be something else.
 const EVEN: f64 = 0.5;
 /// Rivals below this share of the posterior are not mentioned.
-const MENTIONED: f64 = 0.03;
+pub(super) const MENTIONED: f64 = 0.03;
 
 /// Every kind alone, and how far apart they are.
 #[derive(Default)]
@@ -106,7 +106,7 @@ impl Engine {
         told: Told,
         input: &Input,
     ) -> Identification {
-        let Told { posteriors, ranking, unexplained, stages, refit } = told;
+        let Told { mut posteriors, ranking, unexplained, stages, refit } = told;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         let (errors_before, errors_after) = (self.errors(&left_before, held_out), self.errors(after, held_out));
@@ -124,8 +124,7 @@ impl Engine {
         };
         for (n, &c) in self.chosen.iter().enumerate() {
             let candidate = &self.candidates[c];
-            let Some((_, (posterior, rivals))) = posteriors.iter().find(|(p, _)| *p == c) else { continue };
-            if candidate.is_pattern() {
+            if candidate.is_pattern() || !posteriors.iter().any(|(p, _)| *p == c) {
                 continue;
             }
             let (before_mm, after_mm) = stages.get(n).copied().unwrap_or_else(|| {
@@ -135,21 +134,13 @@ impl Engine {
                 let without = self.problem.residual(&with(&self.declared, &others)) - clampings;
                 (self.errors(&without, held_out).rms_mm, errors_after.rms_mm)
             });
-            // Beside something that no effect explains no name is sure.
-            let posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
-            let told = posterior >= NAMED;
-            let mut not_told_apart_from: Vec<String> =
-                rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED).map(|(kind, _)| kind.clone()).collect();
-            if unlisted {
-                not_told_apart_from.push(UNLISTED.to_owned());
-            }
             added.push(Added {
                 kind: candidate.kind.clone(),
-                posterior,
+                posterior: 0.0,
                 held_out_rms_before_mm: before_mm,
                 held_out_rms_after_mm: after_mm,
                 parameters: Vec::new(),
-                not_told_apart_from,
+                not_told_apart_from: Vec::new(),
             });
         }
         let map = self.map.take();
@@ -181,7 +172,18 @@ impl Engine {
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
         // A map is of the rows that it was tried on; over the whole robot three rows in four are as good as all.
         if of_map.is_none() && refit {
-            self.fit_all_rows();
+            self.take_all_rows(&mut posteriors);
+        }
+        let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
+        for (added, (_, (posterior, rivals))) in added.iter_mut().zip(named) {
+            // Beside something that no effect explains no name is sure.
+            added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
+            let told = added.posterior >= NAMED;
+            let mentioned = rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED);
+            added.not_told_apart_from.extend(mentioned.map(|(kind, _)| kind.clone()));
+            if unlisted {
+                added.not_told_apart_from.push(UNLISTED.to_owned());
+            }
         }
         let mut extended: Vec<NewEffect> = Vec::new();
         for (added, (parameters, table, covariance)) in added.iter_mut().zip(self.fitted_effects(&posteriors)) {
@@ -240,18 +242,6 @@ impl Engine {
             (wide + square * row.tail * row.tail, all + square)
         });
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
-    }
-
-    /// Fits the chosen numbers to every row, held out or not: for the cell that is written.
-    fn fit_all_rows(&mut self) {
-        let held_out: Vec<bool> = self.problem.rows.iter().map(|row| row.held_out).collect();
-        let state = (self.candidates.clone(), self.covariance.clone());
-        self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
-        self.refit();
-        self.problem.rows.iter_mut().zip(held_out).for_each(|(row, held_out)| row.held_out = held_out);
-        if self.residual().iter().any(|v| !v.is_finite()) {
-            (self.candidates, self.covariance) = state;
-        }
     }
 
     /// Numbers, table and covariance of every effect that is added, in the order of the chosen set.

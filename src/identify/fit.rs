@@ -1,6 +1,6 @@
 //! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
 
-use super::candidates::{SPRING, fitted};
+use super::candidates::{Candidate, SPRING, fitted};
 use super::device;
 use super::engine::{Engine, Linearised, Posterior};
 use super::noise;
@@ -22,6 +22,19 @@ const CLEARLY: f64 = 5.0;
 /// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
 const LEAPS: usize = 5;
 const LEAP: f64 = 1.0;
+
+/// Evidence of each kind at its own best, nats.
+type Odds = BTreeMap<String, f64>;
+
+/// The laws of the joints' springs beside one another.
+struct Springs {
+    /// The chosen one.
+    own: usize,
+    odds: Odds,
+    /// The best with its numbers, and its set.
+    candidates: Vec<Candidate>,
+    chosen: Vec<usize>,
+}
 
 impl Engine {
     /// Fits the chosen numbers: down the nearest slope, then from any lookalike that is better.
@@ -195,14 +208,36 @@ impl Engine {
     ///
     /// Where a bent spring's slopes meet cannot be seen from a straight one, so that searches about the fit pass it over.
     pub(super) fn contest(&mut self, posteriors: &mut [Posterior]) {
+        let Some(Springs { own, odds, candidates, chosen }) = self.spring_laws() else { return };
+        (self.candidates, self.chosen) = (candidates, chosen);
+        self.refit();
+        let spring = |c: &usize| self.candidates[*c].family == SPRING;
+        let Some(now) = self.chosen.iter().copied().find(spring) else { return };
+        if let Some(member) = posteriors.iter_mut().find(|(c, _)| *c == own) {
+            member.0 = now;
+            self.share_among_springs(member, odds);
+        }
+    }
+
+    /// The posterior of the chosen law of the joints' springs against the others, each fitted in full.
+    pub(super) fn weigh_springs(&mut self, posteriors: &mut [Posterior]) {
+        let Some(Springs { own, odds, .. }) = self.spring_laws() else { return };
+        self.refit();
+        if let Some(member) = posteriors.iter_mut().find(|(c, _)| *c == own) {
+            self.share_among_springs(member, odds);
+        }
+    }
+
+    /// Each law fitted in full in the chosen one's place;
+    /// `None` where none is chosen, or two that have been weighed against each alone already.
+    fn spring_laws(&mut self) -> Option<Springs> {
         let spring = |c: &usize| self.candidates[*c].family == SPRING;
         let springs: Vec<usize> = self.chosen.iter().copied().filter(spring).collect();
-        // Two laws in one set have been weighed against each alone already.
-        let [own] = springs[..] else { return };
+        let [own] = springs[..] else { return None };
         let others: Vec<usize> = (0..self.candidates.len())
             .filter(|c| *c != own && spring(c) && self.candidates[*c].is_full_size())
             .collect();
-        let mut odds: BTreeMap<String, f64> = BTreeMap::new();
+        let mut odds = Odds::new();
         let mut best = (self.objective_here(), self.candidates.clone(), self.chosen.clone());
         odds.insert(self.candidates[own].kind.clone(), best.0);
         let state = (self.candidates.clone(), self.chosen.clone());
@@ -216,20 +251,19 @@ impl Engine {
             }
             (self.candidates, self.chosen) = state.clone();
         }
-        let value;
-        (value, self.candidates, self.chosen) = best;
-        self.refit();
-        let Some(now) = self.chosen.iter().copied().find(|&c| self.candidates[c].family == SPRING) else { return };
-        let Some((member, (share, rivals))) = posteriors.iter_mut().find(|(c, _)| *c == own) else { return };
-        *member = now;
-        // The other spring laws take their odds from their own fits; rivals of other families keep theirs.
-        let kind = &self.candidates[now].kind;
+        Some(Springs { own, odds, candidates: best.1, chosen: best.2 })
+    }
+
+    /// Gives the laws of the springs their odds from their own fits; rivals of other families keep theirs.
+    fn share_among_springs(&self, (member, (share, rivals)): &mut Posterior, odds: Odds) {
+        let kind = &self.candidates[*member].kind;
         rivals.retain(|(rival, _)| !odds.contains_key(rival));
         let elsewhere: f64 = rivals.iter().map(|(_, share)| share).sum::<f64>().min(1.0 - f64::EPSILON);
         let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
         let caution = caution(fitted.map(|row| row.seen.count()).sum());
+        let most = odds.values().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: BTreeMap<String, f64> =
-            odds.into_iter().map(|(kind, odds)| (kind, ((odds - value) / caution).exp())).collect();
+            odds.into_iter().map(|(kind, odds)| (kind, ((odds - most) / caution).exp())).collect();
         let total: f64 = weights.values().sum();
         *share = (1.0 - elsewhere) * weights.get(kind).copied().unwrap_or(1.0) / total;
         let others = weights.into_iter().filter(|(other, _)| other != kind);

@@ -3,6 +3,7 @@
 use super::candidates::{self, Candidate, Home};
 use super::data::Observation;
 use super::engine::{Engine, Linearised, Posterior, stacked};
+use super::explain::{MENTIONED, NAMED};
 use super::moments::Moments;
 use super::noise;
 use super::pattern::{self, Pattern, Standing};
@@ -318,8 +319,19 @@ impl Engine {
     pub(super) fn withdraw_doubtful(&mut self, posteriors: &mut Vec<Posterior>) {
         /// More likely wrong than right.
         const EVEN: f64 = 0.5;
+        self.withdraw_unless(posteriors, |share, _| share >= EVEN);
+    }
+
+    /// Withdraws what only nothing stands against, and not clearly enough for a name: there is nothing to tell it apart from.
+    pub(super) fn withdraw_faint(&mut self, posteriors: &mut Vec<Posterior>) {
+        let against = |rivals: &[(String, f64)]| rivals.iter().any(|(_, share)| *share >= MENTIONED);
+        self.withdraw_unless(posteriors, |share, rivals| share >= NAMED || against(rivals));
+    }
+
+    /// Withdraws the members whose posterior, and rivals with theirs, do not hold.
+    fn withdraw_unless(&mut self, posteriors: &mut Vec<Posterior>, holds: impl Fn(f64, &[(String, f64)]) -> bool) {
         let before = posteriors.len();
-        posteriors.retain(|(_, (share, _))| *share >= EVEN);
+        posteriors.retain(|(_, (share, rivals))| holds(*share, rivals));
         if posteriors.len() < before {
             let named = |c: &usize| posteriors.iter().any(|(p, _)| p == c);
             self.choose(self.chosen.iter().copied().filter(|c| self.candidates[*c].is_pattern() || named(c)).collect());

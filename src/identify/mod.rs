@@ -6,6 +6,7 @@
 //! ```
 
 mod advice;
+mod all_rows;
 mod candidates;
 mod controller;
 mod data;

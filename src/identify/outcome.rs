@@ -26,7 +26,7 @@ pub struct Identification {
     pub after_rms_ci95_mm: [f64; 2],
     /// Effects added.
     pub added: Vec<Added>,
-    /// Sets of effects and faults that the fitted rows leave open, most likely first; empty over the whole robot (`--poses`).
+    /// Sets of effects and faults that the rows leave open, most likely first; empty over the whole robot (`--poses`).
     pub sets: Vec<SetShare>,
     /// Every kind of effect alone, best first.
     pub ranking: Vec<Ranked>,
@@ -69,7 +69,7 @@ pub struct Errors {
 pub struct Added {
     /// Kind.
     pub kind: String,
-    /// Posterior against everything that could stand in its place.
+    /// Posterior against everything that could stand in its place, on all rows once `before` and `after` are found.
     pub posterior: f64,
     /// Held-out error without it, the others kept, mm; over the whole robot (`--poses`) that of the stage before it: the
     /// effects above it alone, fitted afresh.
@@ -82,7 +82,7 @@ pub struct Added {
     pub not_told_apart_from: Vec<String>,
 }
 
-/// A set of effects that the fitted rows leave open.
+/// A set of effects that the rows leave open.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct SetShare {

@@ -114,7 +114,7 @@ pub fn identify_text(found: &Identification) -> String {
     }
     const SETS: usize = 5; // the whole list is in the JSON
     if found.sets.len() > 1 {
-        out.push_str("\nwhat the fitted rows leave open (posterior over sets)\n");
+        out.push_str("\nwhat the rows leave open (posterior over sets)\n");
     }
     for set in found.sets.iter().take(if found.sets.len() > 1 { SETS } else { 0 }) {
         let kinds = if set.kinds.is_empty() { "nothing".to_owned() } else { set.kinds.join(" + ") };

@@ -36,7 +36,7 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
         outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
     }
-    let mut grounds = section("sets", "What the fitted rows leave open", sets(&found.sets));
+    let mut grounds = section("sets", "What the rows leave open", sets(&found.sets));
     grounds += &section("ranking", "Every effect alone", ranking(found));
     if !found.separability.is_empty() {
         outcome += &section("separability", "What these rows hardly tell apart", separability(&found.separability));

@@ -1,0 +1,47 @@
+//! The answer from every row: once held-out rows have told what it is worth, they tell as much of it as any others.
+
+use super::candidates::Candidate;
+use super::engine::{Engine, Posterior};
+use super::search::Search;
+
+/// A posterior that a quarter more rows do not undo.
+const SURE: f64 = 0.999;
+
+impl Engine {
+    /// Fits the chosen numbers to every row, for the cell that is written, and weighs on all of them what could stand in
+    /// each member's place. What is chosen, and its errors, are those that held-out rows had no part in.
+    pub(super) fn take_all_rows(&mut self, posteriors: &mut [Posterior]) {
+        let marks: Vec<(bool, bool)> = self.problem.rows.iter().map(|row| (row.held_out, row.outlier)).collect();
+        let state = (self.candidates.clone(), self.covariance.clone());
+        self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
+        self.refit();
+        // Held-out rows were let off with all but blunders; here they would pull.
+        if self.mark_outliers() > 0 {
+            self.refit();
+        }
+        if self.residual().iter().any(|v| !v.is_finite()) {
+            (self.candidates, self.covariance) = state;
+        } else if posteriors.iter().any(|(_, (share, _))| *share < SURE) {
+            self.weigh_anew(posteriors);
+        }
+        for (row, (held_out, outlier)) in self.problem.rows.iter_mut().zip(marks) {
+            (row.held_out, row.outlier) = (held_out, outlier);
+        }
+    }
+
+    /// Posteriors of the chosen members, and over sets, about the fit as it is.
+    fn weigh_anew(&mut self, posteriors: &mut [Posterior]) {
+        let shapes = self.shapes_about();
+        let (all, set): (Vec<usize>, _) = ((0..self.candidates.len()).collect(), self.chosen.clone());
+        let linear = self.linearise(&all, &shapes);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        search.narrow(&all);
+        for (c, told) in posteriors.iter_mut() {
+            *told = search.rivals(&set, *c, &Candidate::is_named);
+        }
+        let score = search.full(&set);
+        (self.sets, self.spread) = self.posterior_over_sets(&search, &linear, &set, (score.sigma, score.shape));
+        drop(linear);
+        self.weigh_springs(posteriors);
+    }
+}
