@@ -76,7 +76,7 @@ impl Ahead {
         let near = carried.near.unwrap_or_else(Joints::zeros);
         let first = settings[0];
         let before = before.filter(|before| before.setting == first.setting && settings.iter().all(|s| *s == first));
-        let before = before.filter(|before| before.unsolved.is_none());
+        let before = before.filter(|before| before.is_located());
         let before = before.filter(|_| stands.iter().all(|stand| stand.unsolved.is_none() && !stand.apart));
         let is_pose = |target: &Target| matches!(target.goal, Goal::Pose { .. });
         if targets.iter().any(is_pose) {

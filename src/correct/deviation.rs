@@ -173,7 +173,9 @@ pub(super) fn measure(
             before = None;
             continue;
         };
-        if kind == Kind::Joint || start.is_none() && way.last.is_none() {
+        // Behind a point that is not solved, also one of the chunk before, the way is not known.
+        let is_first = start.is_none() && way.last.is_none() && solver.prepared.before.is_none();
+        if kind == Kind::Joint || is_first {
             out.targets[i] = Some(PathDeviation::at_end(&predicted.shift));
             before = None;
             continue;

@@ -238,6 +238,13 @@ impl<'a> Laws<'a> {
         self.cuts(target) && self.cell.milling(&self.tools[tool].0).is_ok()
     }
 
+    /// Whether the force at a target depends on the way into it.
+    pub(super) fn follows_the_way(&self, target: &Target, has_table: bool) -> bool {
+        let force = self.cell.cut.as_ref().map(|cut| &cut.force);
+        let follows = matches!(force, Some(CutForce::Mechanistic | CutForce::Constant { frame: ForceFrame::Feed, .. }));
+        follows && !has_table && self.cuts(target)
+    }
+
     /// Whether only its speed would tell if a move cuts, and that is known only at run time.
     pub(super) fn is_cut_unknown(cell: &Cell, target: &Target) -> bool {
         let limited = cell.cut.as_ref().is_some_and(|cut| cut.max_cutting_feed.is_some());

@@ -117,6 +117,7 @@ pub(super) fn warm_start(
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
     let mut repeated = Repeated::default();
     unknown_cuts(program, cell, options, &mut repeated);
+    unsolved(program, prepared, &mut repeated);
     Some(Corrected { moved_mm, repeated, ..out.finish(notes, None, Vec::new()) })
 }
 
@@ -375,6 +376,7 @@ pub(super) fn chunk(
     let notes = notes(program, cell, &prepared, n);
     let mut repeated = Repeated::default();
     unknown_cuts(program, cell, options, &mut repeated);
+    unsolved(program, &prepared, &mut repeated);
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
         if let Some(rewritten) = &rewritten {
@@ -576,7 +578,6 @@ fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diag
                 .help("give `[robot] start_deg` in the cell"),
         );
     }
-    notes.extend(unsolved_notes(program, prepared));
     for kind in &cell.controller.left_out {
         let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
         notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
@@ -584,18 +585,12 @@ fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diag
     notes
 }
 
-/// What of the cell is missing for targets that are not solved: once a reason, where it is first so.
-fn unsolved_notes(program: &Program, prepared: &Prepared) -> Vec<Diagnostic> {
-    let mut notes: Vec<(&str, Diagnostic)> = Vec::new();
-    for (target, point) in program.targets.iter().zip(&prepared.points) {
+/// Why targets are not solved, where that can be mended.
+fn unsolved(program: &Program, prepared: &Prepared, repeated: &mut Repeated) {
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
         let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why)?))) else { continue };
-        if notes.iter().all(|(known, _)| *known != why) {
-            let count = prepared.points.iter().filter(|point| point.unsolved == Some(why)).count();
-            let source = &program.sources[usize::from(target.source)];
-            let message = format!("{why}: {count} targets are kept, unsolved");
-            let told = Diagnostic::error("target.kept", "", message).on_line(source, target.span, target.line);
-            notes.push((why, told.severity(Severity::Warning).help(help)));
-        }
+        let source = &program.sources[usize::from(target.source)];
+        let said = Diagnostic::error("target.kept", "", format!("{why}: kept, unsolved"));
+        repeated.say(said.on_line(source, target.span, target.line).severity(Severity::Warning).help(help));
     }
-    notes.into_iter().map(|(_, note)| note).collect()
 }

@@ -1,10 +1,11 @@
 //! What a target is run with, as the mechanical units that carry robot and part stand there.
 
 use super::frames::{NO_WOBJ_UNIT, WobjFrame};
+use super::point::PREDECESSOR_UNKNOWN;
 use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
-use crate::program::{ExternalAxes, Target};
+use crate::program::{ExternalAxes, Predecessor, Target};
 use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
 
@@ -164,6 +165,11 @@ pub(super) struct Stand {
     pub(super) apart: bool,
 }
 
+/// Whether the way into a target does not begin at the point before it.
+pub(super) fn is_entered_elsewhere(target: &Target) -> bool {
+    target.predecessor != Predecessor::Previous || target.external.as_ref().is_some_and(|external| external.moved_alone)
+}
+
 /// Why targets are kept, unsolved.
 pub(super) const NO_UNIT: &str = "external axis in use without a [[unit]] in the cell";
 pub(super) const NO_POSITION: &str = "position of a mechanical unit is not programmed here";
@@ -178,6 +184,7 @@ pub(super) fn help(reason: &str) -> Option<&'static str> {
         NO_UNIT => Some("declare what the axis moves: [[unit]] with its name, axis, kind and what it carries"),
         NO_WOBJ_UNIT => Some("declare the unit that ufmec names: [[unit]] with its axis, kind and base"),
         NO_POSITION => Some("give every target the position of each unit that carries the robot or its work object"),
+        PREDECESSOR_UNKNOWN => Some("enter it from a motion that does not cut, or mark it `! deflex air`"),
         STANDS_SOMEWHERE => Some("a unit stands where the last target before DeactUnit has sent it"),
         _ => None,
     }
@@ -196,11 +203,11 @@ impl Stand {
         last: Option<&Arc<Moved>>,
         chosen: &External,
     ) -> Result<Self, String> {
-        let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
+        let apart = is_entered_elsewhere(target);
         let unsolved = |why| Ok(Self { moved: None, unsolved: Some(why), apart });
         let none = ExternalAxes::default();
         let axes = match (&target.external, &mount.moving) {
-            (None, None) => return Ok(Self::default()),
+            (None, None) => return Ok(Self { apart, ..Self::default() }),
             (external, _) => external.as_deref().unwrap_or(&none),
         };
         let units = cell.units.all();

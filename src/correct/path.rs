@@ -4,8 +4,8 @@ use super::ahead::{Ahead, Approach};
 use super::carried::{Carried, Chosen, Free, RunWith};
 use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
-use super::mount::{MISFIT, Mount, Moved, Stand};
-use super::point::{Point, tool_axis};
+use super::mount::{MISFIT, Mount, Moved, Stand, is_entered_elsewhere};
+use super::point::{PREDECESSOR_UNKNOWN, Point, tool_axis};
 use super::spin;
 use super::travel::{CHORD, travel};
 use super::{Options, Prepared};
@@ -13,7 +13,7 @@ use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
-use crate::program::{Editable, Goal, Language, Motion, Program, Role, Target};
+use crate::program::{Editable, Goal, Language, Motion, Predecessor, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -217,7 +217,7 @@ impl Walk<'_, '_> {
         RunWith { setting, .. }: RunWith,
         wobj: Option<&'static str>,
     ) -> Stand {
-        let apart = target.external.as_ref().is_some_and(|external| external.moved_alone);
+        let apart = is_entered_elsewhere(target);
         let why = match target.editable {
             Editable::No(why) if !target.located => Some(why),
             _ => wobj,
@@ -227,7 +227,7 @@ impl Walk<'_, '_> {
         }
         let at_rest = target.external.as_ref().is_none_or(|external| external.is_at_rest());
         if at_rest && self.cell.units.all().is_empty() {
-            return Stand::default();
+            return Stand { apart, ..Stand::default() };
         }
         let last = self.last_moved.as_ref().filter(|(last, _)| *last == setting).map(|(_, moved)| moved);
         let chosen = match &self.carried.free {
@@ -341,7 +341,7 @@ impl Walk<'_, '_> {
             self.ahead.set_way(lane, &Unit::new_unchecked(axis), self.carried.laws.lean(tool));
         }
         let Approach { size, direction, feed_frame } = self.ahead.way(lane);
-        let joined = previous.filter(|previous| previous.unsolved.is_none() && !stand.apart);
+        let joined = previous.filter(|previous| previous.is_located() && !stand.apart);
         let length = if joined.is_some() { size } else { 0.0 };
         let lag = match (feed, length) {
             (Some(feed), length) if feed > 0.0 => length / feed,
@@ -361,6 +361,11 @@ impl Walk<'_, '_> {
                 _ => None,
             })
         });
+        let unlocated =
+            target.predecessor == Predecessor::Previous && previous.is_some_and(|previous| !previous.is_located());
+        if (unlocated || target.predecessor == Predecessor::Unknown) && self.rests_on_predecessor(target) {
+            return self.leave(target, PREDECESSOR_UNKNOWN, (wobj_from_tcp, motor), run_with, stand);
+        }
         let load = match self.carried.laws.load(
             (target, tool),
             row.and_then(|r| r.force),
@@ -404,6 +409,30 @@ impl Walk<'_, '_> {
         self.points.push(point);
     }
 
+    /// Whether what acts at a target, or how far it is off, rests on where the way into it begins.
+    fn rests_on_predecessor(&self, target: &Target) -> bool {
+        let table = self.options.forces.is_some();
+        self.carried.laws.follows_the_way(target, table) || self.cell.arm.follows_travel()
+    }
+
+    /// Takes in a target that stays because the way into it is not known; where it is, is known.
+    fn leave(
+        &mut self,
+        target: &Target,
+        why: &'static str,
+        (wobj_from_tcp, motor): (Pose, Joints),
+        RunWith { setting, tool }: RunWith,
+        stand: &Stand,
+    ) {
+        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
+            let message = format!("what this move cuts of the stock is not known: {why}");
+            return self.refuse(target, "cell.stock", &message, "mark it `! deflex air`, or leave [stock] out");
+        }
+        let previous = self.points.last().or(self.carried.before.as_ref());
+        let point = Point::unsolved(why, wobj_from_tcp, motor, setting, previous);
+        self.points.push(Point { moved: stand.moved.clone(), ..point });
+    }
+
     /// Pose of a CL target.
     fn turned(&mut self, lane: usize, position_mm: [f64; 3], axis: [f64; 3], chord: Vector3<f64>) -> Option<Pose> {
         if let Some((pose, held)) = self.ahead.turned(lane) {
@@ -436,7 +465,7 @@ impl Walk<'_, '_> {
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
         let previous = self.points.last().or(self.carried.before.as_ref()).filter(|_| !stand.apart);
-        if let Some(previous) = previous.filter(|previous| previous.unsolved.is_none()) {
+        if let Some(previous) = previous.filter(|previous| previous.is_located()) {
             let there = previous.wobj_from_tcp.translation;
             if previous.setting == setting {
                 return here - there.vector;

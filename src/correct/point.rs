@@ -9,6 +9,9 @@ use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
+/// The cutting force follows the way into a target, and lost motion the joints' travel on it.
+pub(super) const PREDECESSOR_UNKNOWN: &str = "the way into it begins at a place that is known only at run time";
+
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]
 pub struct Point {
@@ -199,6 +202,11 @@ impl Point {
             time: previous.map_or(0.0, |previous| previous.time),
             ..Self::measured(at, motor, previous.map_or_else(Joints::zeros, |previous| previous.travel))
         }
+    }
+
+    /// Whether it is known where the controller goes.
+    pub(super) fn is_located(&self) -> bool {
+        self.unsolved.is_none_or(|why| why == PREDECESSOR_UNKNOWN)
     }
 
     /// A measured force, base axes while the point is still placed there, N.

@@ -39,6 +39,10 @@ impl Effect for Backlash {
         self.into()
     }
 
+    fn follows_travel(&self) -> bool {
+        true
+    }
+
     fn parameters(&self) -> Vec<Parameter> {
         // Makers quote up to an arc minute; 10 to 20 arc seconds are usual.
         indexed("half_gap_rad", &self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)

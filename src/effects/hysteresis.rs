@@ -50,6 +50,10 @@ impl Effect for Hysteresis {
         self.into()
     }
 
+    fn follows_travel(&self) -> bool {
+        true
+    }
+
     fn needs(&self) -> &'static [Need] {
         &[Need::Stiffness]
     }

@@ -69,6 +69,11 @@ pub trait Effect: Debug + Send + Sync {
         false
     }
 
+    /// Whether what is off depends on the direction in which the joints came.
+    fn follows_travel(&self) -> bool {
+        false
+    }
+
     /// What must be declared or measured for the effect to act.
     fn needs(&self) -> &'static [Need] {
         &[]

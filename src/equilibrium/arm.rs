@@ -18,4 +18,10 @@ impl Arm {
     pub fn follows_command(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_command())
     }
+
+    /// Whether any effect depends on the direction in which the joints came.
+    #[must_use]
+    pub fn follows_travel(&self) -> bool {
+        self.effects.iter().any(|effect| effect.follows_travel())
+    }
 }

@@ -32,7 +32,7 @@ pub use modules::{ModuleNames, group_modules};
 pub use chunk::{AnyChunks, ChunkReader, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
-    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Role, Status, Target,
+    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, Status, Target,
 };
 
 use crate::robot::EXTERNAL_AXES;

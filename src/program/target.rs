@@ -40,6 +40,21 @@ pub struct Target {
     pub span: Span,
     /// Line of the instruction, from 1.
     pub line: u32,
+    /// Where the way into it begins.
+    pub predecessor: Predecessor,
+}
+
+/// Where the way into a point begins, in every run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Predecessor {
+    /// At the point before it.
+    #[default]
+    Previous,
+    /// Where the robot stands when somebody starts the routine.
+    Start,
+    /// It is known only at run time: another branch, another round of a loop, or a motion that is not known comes before.
+    Unknown,
 }
 
 impl Target {

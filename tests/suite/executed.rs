@@ -71,6 +71,14 @@ fn executed(modules: &[String], cell: &Cell, threads: usize, chunk: usize) -> Op
     })
 }
 
+/// The first line that differs.
+fn first_difference(came: &Came, whole: &Came) -> String {
+    let lines = |came: &Came| format!("{came:?}").replace("\\n", "\n").lines().map(str::to_owned).collect::<Vec<_>>();
+    let (came, whole) = (lines(came), lines(whole));
+    let differs = came.iter().zip(&whole).find(|(a, b)| a != b);
+    differs.map_or_else(|| "one is longer".to_owned(), |(a, b)| format!("{a}\ninstead of\n{b}"))
+}
+
 /// A program whose loops go round some tens of times, by literals, declarations, arrays, offsets and arguments.
 fn looping(rounds: usize) -> String {
     let pose = |x: f64, y: f64| format!("[[{x:.1},{y:.1},20],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
@@ -105,7 +113,7 @@ fn programs_that_are_run_again_give_what_they_give_as_a_whole() {
         let whole = whole(&modules, &cell);
         compared += 1;
         written += usize::from(whole.is_ok());
-        assert_eq!(came, whole, "{name}:\n{}", modules.join("\n"));
+        assert!(came == whole, "{name}: {}\n{}", first_difference(&came, &whole), modules.join("\n"));
     }
     assert!(compared > 20 && written > 10, "{compared} compared, {written} of them written");
 }

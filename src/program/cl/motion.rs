@@ -9,7 +9,7 @@ use super::read::{Outcome, Reader};
 use super::refusal;
 use super::statement::{Numbers, Statement};
 use super::vector::{add, dot, norm, scale, sub, unit};
-use crate::program::{Editable, Goal, Motion, Role, Target};
+use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target};
 use crate::text::number;
 
 /// A printed axis shorter or longer than this is no unit vector; four printed digits give 0.9998.
@@ -329,6 +329,7 @@ impl Reader {
             source: 0,
             span: record.span,
             line: u32::try_from(record.line).unwrap_or(u32::MAX),
+            predecessor: Predecessor::Previous,
         });
     }
 

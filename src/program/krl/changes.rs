@@ -108,7 +108,7 @@ impl<'a> Runner<'a> {
         let first = upper(cursor.text(cursor.peek()));
         let moves = names::motion(&first).is_some() || names::relative(&first).is_some();
         if moves {
-            changes.ids.insert(self.symbols.position);
+            changes.ids.extend([self.symbols.position, self.symbols.stands]);
         } else if &first[..] == b"TRIGGER" {
             cursor.until(&[b"DO"]);
             let rest = cursor.rest();

@@ -7,7 +7,7 @@
 
 use super::like::{Like, Reader, is_speed};
 use super::{Layout, dialect, lex};
-use crate::program::{ChunkReader, Language, Mark, Next, Program, StreamableChunk, Target, detect};
+use crate::program::{ChunkReader, Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
 use std::io::{self, Read};
 use std::sync::Arc;
@@ -303,7 +303,17 @@ impl Chunk {
                 let (goal, site, end) = like?.read(text, start)?;
                 let [tool, wobj] = frames;
                 let (span, line) = (Span::new(start, end), u32::try_from(number).ok()?);
-                program.targets.push(Target { goal, tool, wobj, ordinal, span, line, ..like?.target().clone() });
+                let predecessor = Predecessor::Previous;
+                program.targets.push(Target {
+                    goal,
+                    tool,
+                    wobj,
+                    ordinal,
+                    span,
+                    line,
+                    predecessor,
+                    ..like?.target().clone()
+                });
                 sites.push(site);
                 program.literal_targets += 1;
             } else if !text.is_empty() && text[0] != b';' && !is_speed(text) {

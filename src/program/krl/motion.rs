@@ -8,7 +8,7 @@ use super::symbols::spans;
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
 use crate::program::orientation::{halfway, quaternion_of_zyx_deg};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, Mark, Motion, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
+    Conf, Editable, ExternalAxes, Goal, Mark, Motion, Predecessor, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
 };
 use crate::text::{Diagnostic, Severity, Span};
 use std::collections::HashMap;
@@ -83,8 +83,9 @@ impl<'a> Runner<'a> {
     }
 
     fn lose_position(&mut self, why: &'static str) {
-        let id = self.symbols.position;
-        self.state.values.insert(id, Value::unknown(why));
+        for id in [self.symbols.position, self.symbols.stands] {
+            self.state.values.insert(id, Value::unknown(why));
+        }
     }
 
     /// One executed motion.
@@ -189,6 +190,7 @@ impl<'a> Runner<'a> {
             source,
             span,
             line: self.lines[self.here()].line(span.start),
+            predecessor: Predecessor::Previous,
         };
         if let Some(via) = via {
             self.via(via, &to, &target)?;
@@ -244,6 +246,7 @@ impl<'a> Runner<'a> {
             source,
             span,
             line: self.lines[self.here()].line(span.start),
+            predecessor: Predecessor::Previous,
         };
         let external = EXTERNAL.iter().filter_map(|name| Some((Name::from_slice(name), end.component(name)?.clone())));
         let record = Value::Record(std::rc::Rc::new(external.collect()));
@@ -381,7 +384,20 @@ impl<'a> Runner<'a> {
         u16::try_from(at).map_err(|_| "too many bases")
     }
 
-    fn push(&mut self, target: Target, site: Site) {
+    fn push(&mut self, mut target: Target, site: Site) {
+        // The motion at whose end the robot stands, and the one before in the order of the text.
+        let last = self.targets.last().map(|last| f64::from(last.ordinal));
+        let stands = if self.volatile.contains(&self.symbols.position) {
+            None
+        } else {
+            self.value(self.symbols.stands).number()
+        };
+        target.predecessor = match last {
+            None => Predecessor::Start,
+            Some(_) if stands == last => Predecessor::Previous,
+            Some(_) => Predecessor::Unknown,
+        };
+        self.state.values.insert(self.symbols.stands, Value::Number(f64::from(target.ordinal), None));
         self.targets.push(target);
         self.sites.push(site);
     }

@@ -40,6 +40,8 @@ pub(super) struct Symbols<'a> {
     pub(super) tool_name: Id,
     /// The last position commanded.
     pub(super) position: Id,
+    /// Ordinal of the motion at whose end the robot stands.
+    pub(super) stands: Id,
     /// The mark in force: nothing, 0 for air, 1 for cut.
     pub(super) mark: Id,
 }
@@ -76,6 +78,7 @@ impl<'a> Symbols<'a> {
             base_name: 0,
             tool_name: 0,
             position: 0,
+            stands: 0,
             mark: 0,
         };
         for (source, file) in sources.iter().zip(files) {
@@ -103,6 +106,7 @@ impl<'a> Symbols<'a> {
         symbols.base_name = symbols.global(b" BASE", own("$BASE"));
         symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
         symbols.position = symbols.global(b" POSITION", Value::unknown("the position before is not known"));
+        symbols.stands = symbols.global(b" STANDS", Value::unknown("the motion before is not known"));
         symbols.mark = symbols.global(b" MARK", Value::Bool(false));
         symbols
     }
@@ -192,9 +196,9 @@ impl<'a> Symbols<'a> {
     }
 
     /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 9] {
+    pub(super) fn own_state(&self) -> [Id; 10] {
         let [base, tool] = [self.base_name, self.tool_name];
-        [self.base, self.tool, self.load, self.speed, self.mode, base, tool, self.position, self.mark]
+        [self.base, self.tool, self.load, self.speed, self.mode, base, tool, self.position, self.stands, self.mark]
     }
 
     /// Whether an element that nothing sets is the controller's own.

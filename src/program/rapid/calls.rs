@@ -2,7 +2,7 @@
 
 use super::eval::{RUN_TIME, Scope};
 use super::memory::Left;
-use super::motion::Call;
+use super::motion::{self, Call};
 use super::run::{Flow, Frame, Mode, Runner};
 use super::state::Switches;
 use super::symbols::{Content, Names, Part, RoutineId, Upper, declared, first_word};
@@ -96,7 +96,12 @@ impl<'a> Runner<'a> {
         let bound = self.arguments(scope, id, call);
         let flow = match self.call(id, &bound) {
             None => Flow::Next,
-            Some((normal, raised)) => self.behind(id, &bound, normal, raised),
+            Some((normal, raised)) => {
+                if raised.is_some() && self.handler().is_some_and(|handler| handler.goes_on || handler.again) {
+                    self.stands = None;
+                }
+                self.behind(id, &bound, normal, raised)
+            }
         };
         self.symbols.variables.truncate(before);
         self.epoch += 1;
@@ -240,6 +245,7 @@ impl<'a> Runner<'a> {
     /// Takes whatever an unknown routine could change for unknown.
     pub(super) fn unknown_call(&mut self, scope: Scope, call: &Call) {
         self.events += 1;
+        self.stands = None;
         let everything = self.symbols.everything();
         for &at in everything.iter() {
             self.forget_data(at, UNDECLARED);
@@ -261,6 +267,9 @@ impl<'a> Runner<'a> {
         let here = super::changes::Changes { own: Default::default(), ..changes };
         self.forget(&here, CALLS_ITSELF);
         self.state.lose(here.switches);
+        if simple_statements(&self.symbols.routine(id).body).into_iter().any(|span| self.may_move(id, span)) {
+            self.stands = None;
+        }
         let routine = self.symbols.routine(id);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
@@ -288,6 +297,7 @@ impl<'a> Runner<'a> {
 
     /// A routine that nothing in the files calls.
     pub(super) fn start(&mut self, id: RoutineId) -> Flow {
+        self.stands = Some(0);
         match self.call(id, &[]) {
             None => Flow::Next,
             Some((Some(left), _)) => {
@@ -313,7 +323,11 @@ impl<'a> Runner<'a> {
         let jumps = any(&routine.body, &|statement| matches!(statement, Statement::Goto(_)));
         let (module, noted) = (self.symbols.module_of(id), None);
         let (returns, raises) = (Vec::new(), Vec::new());
-        self.frames.push(Frame { routine: id, module, names, layer, returns, raises, jumps, noted });
+        if jumps || self.frames.last().is_some_and(|caller| caller.jumps) {
+            self.stands = None;
+        }
+        let returns_from = None;
+        self.frames.push(Frame { routine: id, module, names, layer, returns, raises, jumps, noted, returns_from });
         self.epoch += 1;
         self.guards += usize::from(routine.error.is_some());
         let loosened = jumps.then(|| self.loosen(id));
@@ -321,6 +335,14 @@ impl<'a> Runner<'a> {
         loosened.into_iter().for_each(|loosened| self.tighten(loosened));
         self.guards -= usize::from(routine.error.is_some());
         let frame = self.frames.pop();
+        if let Some(returned) = frame.as_ref().and_then(|frame| frame.returns_from)
+            && (flow != Flow::Next || returned != self.stands)
+        {
+            self.stands = if flow == Flow::Next { None } else { returned };
+        }
+        if jumps {
+            self.stands = None;
+        }
         self.epoch += 1;
         let (returns, raises) = frame.map_or((Vec::new(), Vec::new()), |frame| (frame.returns, frame.raises));
         if flow == Flow::Next && returns.is_empty() && raises.is_empty() {
@@ -371,8 +393,15 @@ impl<'a> Runner<'a> {
     pub(super) fn leave(&mut self) {
         let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return };
         let left = self.since(layer);
+        self.note_return(left);
+    }
+
+    /// The running routine may return here, leaving this.
+    fn note_return(&mut self, left: Left) {
+        let stands = self.stands;
         if let Some(frame) = self.frames.last_mut() {
             note(&mut frame.returns, left);
+            frame.returns_from = Some(frame.returns_from.map_or(stands, |known| known.filter(|_| known == stands)));
         }
     }
 
@@ -395,14 +424,14 @@ impl<'a> Runner<'a> {
         self.run_handler();
         let left = self.since(layer);
         self.take();
-        if let Some(frame) = self.frames.last_mut() {
-            if handler.is_none_or(|handler| handler.hands_on) {
-                note(&mut frame.raises, left.clone());
-            }
-            // A handler that comes to its end returns.
-            if handler.is_some() {
-                note(&mut frame.returns, left);
-            }
+        if let Some(frame) = self.frames.last_mut()
+            && handler.is_none_or(|handler| handler.hands_on)
+        {
+            note(&mut frame.raises, left.clone());
+        }
+        // A handler that comes to its end returns.
+        if handler.is_some() {
+            self.note_return(left);
         }
         if handler.is_some_and(|handler| handler.goes_on) {
             self.run_handler();
@@ -421,6 +450,10 @@ impl<'a> Runner<'a> {
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, HANDLED);
         self.state.lose(changes.switches);
+        let moves = simple_statements(routine.on_error()).into_iter().any(|span| self.may_move(id, span));
+        if moves {
+            self.stands = None;
+        }
     }
 
     /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.
@@ -428,6 +461,13 @@ impl<'a> Runner<'a> {
         if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
             self.run_handler();
         }
+    }
+
+    /// Whether a statement moves the robot, or calls a routine that may.
+    fn may_move(&self, id: RoutineId, span: Span) -> bool {
+        let bytes = self.bytes(id.file);
+        let name = &bytes[first_word(bytes, span).range()];
+        motion::shape(name).is_some() || self.symbols.find_routine(self.symbols.module_of(id), name).is_some()
     }
 
     /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.

@@ -6,7 +6,7 @@ use super::kinds::Kinds;
 use super::routines::Part;
 use super::streamable;
 use crate::program::chunk::Elsewhere;
-use crate::program::{Mark, Program, StreamableChunk};
+use crate::program::{Mark, Predecessor, Program, StreamableChunk};
 use crate::text::Source;
 use std::ops::Range;
 use std::sync::Arc;
@@ -113,6 +113,8 @@ impl Chunk {
         // Line ends that only one of the two counts.
         let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
         for target in &mut program.targets {
+            // One comes from where the chunk before ends.
+            target.predecessor = Predecessor::Previous;
             target.ordinal = target.ordinal.checked_add(self.motions_before)?;
         }
         (streamable && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StreamableChunk {

@@ -65,13 +65,17 @@ impl<'a> Runner<'a> {
         self.events += 1;
         let mut ways: Option<Left> = None;
         let (before, mut behind) = (self.standing.clone(), BTreeSet::new());
+        let (stood, mut stands) = (self.stands, None);
         for branch in branches {
             self.open();
             self.standing.clone_from(&before);
+            self.stands = stood;
             let flow = self.block(branch);
             let left = self.take();
             behind.append(&mut self.standing);
             if flow == Flow::Next {
+                let here = self.stands;
+                stands = Some(stands.map_or(here, |known: Option<u32>| known.filter(|_| known == here)));
                 ways = Some(match ways {
                     Some(ways) => self.join(ways, left),
                     None => left,
@@ -79,6 +83,7 @@ impl<'a> Runner<'a> {
             }
         }
         self.standing = behind;
+        self.stands = stands.unwrap_or_default();
         match ways {
             Some(left) => {
                 self.apply(left);
@@ -191,6 +196,7 @@ impl<'a> Runner<'a> {
         if rounds == MAX_ROUNDS {
             self.back_to(before);
             self.gathering.give_up_loop(number, self.targets.len());
+            self.stands = None;
         }
         self.note(at, "rapid.loop", "how often this loop runs is known only at run time: it is taken once");
         self.rounds(body)
@@ -208,10 +214,12 @@ impl<'a> Runner<'a> {
         if changes.switches != Switches::NONE {
             self.settle(body);
         }
-        let mut before = self.standing.clone();
+        let (mut before, stood, motions) = (self.standing.clone(), self.stands.take(), self.motions);
         self.open();
         let flow = self.block(body);
         let left = self.take();
+        // Another round may come before, or none.
+        self.stands = if self.motions == motions { stood } else { None };
         if changes.switches.displacement {
             // The next round may count from where this one ends.
             self.hold_where_it_stands();

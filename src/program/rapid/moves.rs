@@ -11,7 +11,7 @@ use super::state::{Switch, Switches, Velocity};
 use super::symbols::{Upper, first_word};
 use super::value::{Place, Pose, Value, predefined, unit};
 use super::{Offset, Site};
-use crate::program::{Editable, Goal, Motion, Role, Target, Tool, ToolData, Wobj, WobjData};
+use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
 use smallvec::SmallVec;
 use std::collections::HashMap;
@@ -95,7 +95,10 @@ impl<'a> Runner<'a> {
                 };
                 named.into_iter().for_each(|at| self.forget_data(at, RUN_TIME));
             }
-            Instruction::Moves => self.keep_here(span, "moves external axes only, or along a recorded path"),
+            Instruction::Moves => {
+                self.stands = None;
+                self.keep_here(span, "moves external axes only, or along a recorded path");
+            }
             Instruction::Ends => return Flow::Gone,
             Instruction::Raises => return self.raise(),
         }
@@ -156,6 +159,7 @@ impl<'a> Runner<'a> {
         }
         if self.mode != Mode::Real {
             self.state.axes.lose_positions();
+            self.stands = None;
         }
         if self.mode == Mode::Dry {
             // Only what it calls and what it finds matters.
@@ -192,6 +196,7 @@ impl<'a> Runner<'a> {
             source: scope.source,
             span,
             line,
+            predecessor: Predecessor::Previous,
         };
         if shape.motion == Motion::AbsoluteJoint {
             let value = self.evaluate(scope, to);
@@ -266,6 +271,7 @@ impl<'a> Runner<'a> {
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
         {
             self.events += 1;
+            self.stands = None;
             self.forget_argument(scope, *point, RUN_TIME);
         }
     }
@@ -347,12 +353,19 @@ impl<'a> Runner<'a> {
         self.push(target, site);
     }
 
-    pub(super) fn push(&mut self, target: Target, site: Site) {
+    pub(super) fn push(&mut self, mut target: Target, site: Site) {
         if self.mode != Mode::Real {
             return;
         }
         self.standing.clear();
         self.standing.insert(self.targets.len());
+        let jumps = self.frames.last().is_some_and(|frame| frame.jumps);
+        target.predecessor = match self.stands {
+            Some(0) => Predecessor::Start,
+            Some(last) if last == self.last && !jumps => Predecessor::Previous,
+            _ => Predecessor::Unknown,
+        };
+        (self.stands, self.last) = (Some(target.ordinal), target.ordinal);
         let ends = target.is_end();
         self.targets.push(target);
         self.sites.push(site);

@@ -55,6 +55,8 @@ pub(super) struct Frame {
     pub(super) jumps: bool,
     /// What was in force when an error was noted last.
     pub(super) noted: Option<(u64, State)>,
+    /// Where the robot stands where it returns before its end; none before the first such place.
+    pub(super) returns_from: Option<Option<u32>>,
 }
 
 /// What comes of a run.
@@ -132,6 +134,11 @@ pub(super) struct Runner<'a> {
     pub(super) gathering: Gathering,
     /// WHILE loops begun so far: their numbers.
     pub(super) loops: u64,
+    /// Ordinal of the motion at whose end the robot stands, 0 where the routine was started; `None` where that is known only at
+    /// run time.
+    pub(super) stands: Option<u32>,
+    /// Ordinal of the last target.
+    pub(super) last: u32,
     /// Targets that the robot may stand at.
     pub(super) standing: BTreeSet<usize>,
     pub(super) offsets: Vec<Offset>,
@@ -206,6 +213,8 @@ impl<'a> Runner<'a> {
             sites: Vec::new(),
             gathering: Gathering::All,
             loops: 0,
+            stands: Some(0),
+            last: 0,
             standing: BTreeSet::new(),
             offsets: Vec::new(),
             ran: Ran::new(sources),
@@ -406,6 +415,7 @@ impl<'a> Runner<'a> {
 
     /// Keeps a motion whose target is not known.
     pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
+        self.stands = None;
         if self.mode != Mode::Real {
             return;
         }

@@ -12,7 +12,7 @@ use super::named::Declarations;
 use super::sample::{Found, Named, Sample, pose};
 use super::value::{Place, axes_in_use};
 use super::{Layout, Site};
-use crate::program::{Language, Mark, Program, Target, Tool, Wobj};
+use crate::program::{Language, Mark, Predecessor, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
 use std::sync::Arc;
@@ -261,6 +261,8 @@ impl Read {
         let motion = meaning.map(|Motion { like, tool, wobj }| Target {
             tool: index(&mut self.tools, tool, Tool::is),
             wobj: index(&mut self.wobjs, wobj, Wobj::is),
+            // Read for itself it would be the first.
+            predecessor: Predecessor::Previous,
             ..like
         });
         Some(Kind { before, behind, way, motion, last: Last::None })

@@ -3,7 +3,6 @@
 use super::calls::{Called, Calls};
 use super::expression::{self, Registers};
 use super::lines::Line;
-use super::motion::INCREMENT;
 use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,8 +28,6 @@ pub(super) struct Flow<'a> {
     partner: BTreeMap<usize, usize>,
     /// Of the cases of a `SELECT`, its first.
     first_case: BTreeMap<usize, usize>,
-    /// Some motion counts from where the robot stands.
-    counts_on: bool,
     calls: &'a Calls,
     /// What is known before the first statement.
     pub(super) start: State,
@@ -42,7 +39,6 @@ impl<'a> Flow<'a> {
         let kinds: Vec<Kind<'a>> = lines.iter().map(statement::kind).collect();
         let mut flow = Self {
             inner: inner(lines, &kinds),
-            counts_on: kinds.iter().any(|kind| matches!(kind, Kind::Motion(motion) if motion.moved == Some(INCREMENT))),
             kinds,
             labels: BTreeMap::new(),
             partner: BTreeMap::new(),
@@ -190,9 +186,7 @@ impl<'a> Flow<'a> {
         match kind {
             Kind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
             Kind::Motion(motion) => {
-                if self.counts_on {
-                    state.standing = BTreeSet::from([at]);
-                }
+                state.standing = BTreeSet::from([at]);
                 if motion.runs_others {
                     state.runs_beside();
                 }

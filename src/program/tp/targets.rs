@@ -11,7 +11,7 @@ use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Role, Target, Tool, ToolData, Wobj, WobjData,
+    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData,
 };
 use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
@@ -70,6 +70,8 @@ pub(super) struct Builder<'a> {
     axes: [bool; EXTERNAL_AXES],
     /// Motions that others count on from.
     counted_from: BTreeSet<usize>,
+    /// Statement of the last motion that gave a target.
+    last: Option<usize>,
     pub(super) built: Built,
 }
 
@@ -91,6 +93,7 @@ impl<'a> Builder<'a> {
                 positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
             }),
             counted_from: BTreeSet::new(),
+            last: None,
             built: Built::default(),
         }
     }
@@ -172,9 +175,20 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// Where the way into a point of the motion of statement `at` begins.
+    fn predecessor(&self, at: usize, motion: &Motion<'_>, role: Role, state: &State) -> Predecessor {
+        let Some(last) = self.last else { return Predecessor::Start };
+        let behind_via = role == Role::End && motion.via.is_some();
+        let between = self.flow.kinds.get(last + 1..at).unwrap_or_default();
+        let called = between.iter().any(|kind| matches!(kind, Kind::Call(_)));
+        let stands = state.standing.len() == 1 && state.standing.contains(&last);
+        if behind_via || stands && !called { Predecessor::Previous } else { Predecessor::Unknown }
+    }
+
     /// Takes a point of the motion of statement `at`.
     pub(super) fn push(&mut self, at: usize, (target, site): (Target, Site)) {
         self.ends.entry(at).or_default().push(self.built.targets.len());
+        self.last = Some(at);
         self.built.targets.push(target);
         self.built.sites.push(site);
     }
@@ -249,6 +263,7 @@ impl<'a> Builder<'a> {
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
+            predecessor: self.predecessor(at, motion, role, state),
         };
         Ok((target, site))
     }

@@ -4,10 +4,12 @@ mod cl;
 mod cl_corpus;
 mod cl_sound;
 mod cl_written;
+
 mod krl;
 mod krl_insert;
 mod krl_sound;
 mod post_limits;
+mod predecessor;
 mod rapid;
 mod rapid_sound;
 mod tp;

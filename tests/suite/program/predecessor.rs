@@ -1,0 +1,87 @@
+//! Where the way into a target begins, in every run: forces that follow it are known there, or the target stays.
+
+use deflex::cell::Cell;
+use deflex::correct::{Options, Status, compensate};
+use deflex::program::Predecessor::{self, Previous, Start, Unknown};
+use deflex::program::{Program, krl, rapid, tp};
+use deflex::text::Source;
+
+fn rapid_program(body: &str, more: &str) -> Program {
+    let head = "MODULE M\nLOCAL PERS tooldata tCell:=[TRUE,[[0,0,180],[1,0,0,0]],[5,[0,0,60],[1,0,0,0],0,0,0]];\n\
+                LOCAL CONST robtarget a:=[[0,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+                LOCAL CONST robtarget b:=[[50,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+                LOCAL CONST robtarget c:=[[50,50,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+                LOCAL VAR robtarget q;\nLOCAL VAR num n;\n";
+    let body = body.replace('@', ",v50,fine,tCell\\WObj:=wCell;\n");
+    let more = more.replace('@', ",v50,fine,tCell\\WObj:=wCell;\n");
+    let text = format!("{head}PROC main()\n{body}ENDPROC\n{more}ENDMODULE\n");
+    rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap()
+}
+
+fn predecessors(program: &Program) -> Vec<Predecessor> {
+    program.targets.iter().map(|target| target.predecessor).collect()
+}
+
+#[test]
+fn rapid_knows_where_each_way_begins() {
+    let cases: [(&str, &str, &[Predecessor]); 14] = [
+        ("MoveL a@MoveL b@MoveC c,a@", "", &[Start, Previous, Previous, Previous]),
+        // A motion that is not known comes before.
+        ("MoveL a@MoveL q@MoveL b@MoveL c@", "", &[Start, Unknown, Previous]),
+        ("MoveL a@IF di1=1 THEN\nMoveL b@ENDIF\nMoveL c@MoveL a@", "", &[Start, Previous, Unknown, Previous]),
+        ("MoveL a@IF di1=1 THEN\nMoveL b@ELSE\nMoveL c@ENDIF\n", "", &[Start, Previous, Unknown]),
+        ("MoveL a@IF di1=1 THEN\nn:=1;\nENDIF\nMoveL c@", "", &[Start, Previous]),
+        ("MoveL a@WHILE di1=1 DO\nMoveL b@MoveL c@ENDWHILE\nMoveL a@", "", &[Start, Unknown, Previous, Unknown]),
+        ("FOR i FROM 1 TO 2 DO\nMoveL b@MoveL c@ENDFOR\n", "", &[Start, Previous, Previous, Previous]),
+        ("side;\nMoveL b@", "PROC side()\nMoveL a@ENDPROC\n", &[Start, Previous]),
+        ("side;\nMoveL b@", "PROC side()\nMoveL a@IF di1=1 RETURN;\nMoveL c@ENDPROC\n", &[Start, Previous, Unknown]),
+        ("MoveL a@n:=f();\nMoveL b@", "FUNC num f()\nMoveL c@RETURN 1;\nENDFUNC\n", &[Start, Unknown]),
+        ("MoveL a@n:=f();\nMoveL b@", "FUNC num f()\nRETURN 1;\nENDFUNC\n", &[Start, Previous]),
+        ("MoveL a@elsewhere;\nMoveL b@", "", &[Start, Unknown]),
+        ("MoveL a@SearchL di1,q,b,v50,tCell;\nMoveL c@", "", &[Start, Previous, Unknown]),
+        ("MoveL a@l:\nMoveL b@IF di1=1 GOTO l;\nMoveL c@", "", &[Start, Unknown, Unknown]),
+    ];
+    for (body, more, expected) in cases {
+        let program = rapid_program(body, more);
+        // Where nothing calls the others, the first is the start in a routine with labels too.
+        let found = predecessors(&program);
+        assert_eq!(found[1..], expected[1..], "{body}{more}");
+    }
+}
+
+#[test]
+fn krl_and_tp_know_it_too() {
+    let lin = |x: u32| format!("LIN {{X {x},Y 0,Z 0,A 0,B 90,C 0}}\n");
+    let head = "DEF p()\nDECL INT n\n$BASE=$NULLFRAME\n$TOOL=$NULLFRAME\n$VEL.CP=0.05\n";
+    let body = format!("{}IF $IN[1] THEN\n{}ELSE\n{}ENDIF\n{}{}", lin(1), lin(2), lin(3), lin(4), lin(5));
+    let program = krl::read(vec![Source::new("p.src", format!("{head}{body}END\n"))], Vec::new()).unwrap();
+    assert_eq!(predecessors(&program), [Start, Previous, Unknown, Unknown, Previous]);
+
+    let text = "/PROG P\n/ATTR\n/MN\n1:L P[1] 50mm/sec FINE ;\n2:IF DI[1]=ON,JMP LBL[1] ;\n3:L P[2] 50mm/sec FINE ;\n4:LBL[1] ;\n\
+                5:L P[3] 50mm/sec FINE ;\n6:CALL X ;\n7:L P[1] 50mm/sec FINE ;\n/POS\n";
+    let pose = |n: u32| {
+        format!(
+            "P[{n}]{{\nGP1:\nUF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0',\nX = {n}.0 mm, Y = 0.0 mm, Z = 0.0 mm,\n\
+             W = 180.0 deg, P = 0.0 deg, R = 0.0 deg\n}};\n"
+        )
+    };
+    let text = format!("{text}{}{}{}/END\n", pose(1), pose(2), pose(3));
+    let program = tp::read(vec![Source::new("p.ls", text)], Vec::new()).unwrap();
+    assert_eq!(predecessors(&program), [Start, Previous, Unknown, Unknown]);
+}
+
+/// A force that follows the feed is not known where the way in is not; one in axes of the work object is.
+#[test]
+fn a_target_of_unknown_way_stays_where_the_force_follows_it() {
+    use crate::second_reading::compare::CELL;
+    let program = rapid_program("MoveL a@IF di1=1 THEN\nMoveL b@ENDIF\nMoveL c@MoveL a@", "");
+    let kept = |frame: &str| {
+        let text = CELL.replace("frame = \"wobj\"", frame).replace("[tools.tCell]", "[tools.tUnused]");
+        let cell = Cell::read(&Source::new("cell.toml", text)).unwrap();
+        let rows = compensate(&program, &cell, &Options::default()).unwrap().rows;
+        rows.iter().map(|row| matches!(row.status, Status::Kept(_))).collect::<Vec<_>>()
+    };
+    assert_eq!(kept("frame = \"wobj\""), [true, true, true, true].map(|_| false));
+    let with_feed = kept("frame = \"feed\"");
+    assert!(with_feed[2], "{with_feed:?}");
+}
