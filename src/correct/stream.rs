@@ -8,7 +8,7 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, cl, rapid};
+use crate::program::{ChunkReader, Next, RewriteOptions, StreamableChunk, cl, rapid};
 use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
@@ -30,19 +30,8 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let carried = Carried::new(cell);
-    let way = WalkedPath {
-        chunks: Mutex::new((0, chunks)),
-        take: C::take,
-        read: C::read,
-        solve: &|n, chunk| {
-            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
-            Some(corrected.map(|corrected| (written(chunk, &corrected), corrected)).map_err(Unsolved::from))
-        },
-        break_off: &|| carried.break_off(),
-        refusals: Messages::default(),
-    };
-    let streamed = run(&way, threads, &mut |bytes: Vec<u8>| program.write_all(&bytes), sinks)?.answered()?;
+    let mut write = |bytes: Vec<u8>| program.write_all(&bytes);
+    let streamed = walked((chunks, C::take, C::read), (cell, options, threads), &written, &mut write, sinks)?;
     program.flush().map_err(StreamError::Write)?;
     Ok(streamed)
 }
@@ -64,18 +53,6 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
     if (options.allow_clones && chunks.shares()) || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let carried = Carried::new(cell);
-    let way = WalkedPath {
-        chunks: Mutex::new((0, chunks)),
-        take: rapid::Declared::take,
-        read: rapid::Chunk::read,
-        solve: &|n, chunk| {
-            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
-            Some(corrected.map(|corrected| (changed(chunk, &corrected), corrected)).map_err(Unsolved::from))
-        },
-        break_off: &|| carried.break_off(),
-        refusals: Messages::default(),
-    };
     let (mut shared, mut disputed) = (HashMap::new(), false);
     let mut write = |changes: Option<Vec<Changed>>| {
         disputed |= changes.is_none();
@@ -88,9 +65,15 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         }
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
-    let done = run(&way, threads, &mut write, sinks);
+    let done = walked(
+        (chunks, rapid::Declared::take, rapid::Chunk::read),
+        (cell, options, threads),
+        &changed,
+        &mut write,
+        sinks,
+    );
     // Whoever sees all uses of a target decides.
-    if disputed { Err(StreamError::NotStreamable) } else { done?.answered() }
+    if disputed { Err(StreamError::NotStreamable) } else { done }
 }
 
 /// Corrects a RAPID program that runs through more motions than can be held: once for what they are to become, once more for
@@ -110,19 +93,13 @@ pub fn compensate_executed(
         return Err(StreamError::NotStreamable);
     }
     let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
-        let carried = Carried::new(cell);
-        let way = WalkedPath {
-            chunks: Mutex::new((0, chunks)),
-            take: rapid::ExecutedChunks::take,
-            read: Some,
-            solve: &|n, chunk| {
-                let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
-                Some(corrected.map(|corrected| ((), corrected)).map_err(Unsolved::from))
-            },
-            break_off: &|| carried.break_off(),
-            refusals: Messages::default(),
-        };
-        run(&way, threads, &mut |()| Ok(()), sinks)?.answered()
+        walked(
+            (chunks, rapid::ExecutedChunks::take, Some),
+            (cell, options, threads),
+            &|_, _| (),
+            &mut |()| Ok(()),
+            sinks,
+        )
     };
     let (chunks, asking) = program.asked().map_err(StreamError::Read)?;
     let mut nowhere =
@@ -210,27 +187,42 @@ pub fn count_chunks<R: Read + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let carried = Carried::new(cell);
-    let way = WalkedPath {
-        chunks: Mutex::new((0, chunks)),
-        take: cl::Chunks::take,
-        read: Some,
-        solve: &|n, chunk| {
-            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
-            Some(corrected.map(|corrected| (corrected.posted.len(), corrected)).map_err(Unsolved::from))
-        },
-        break_off: &|| carried.break_off(),
-        refusals: Messages::default(),
-    };
     let mut points = 0;
     let mut count = |posted| {
         points += posted;
         Ok(())
     };
     let mut sinks = Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress };
-    run(&way, threads, &mut count, &mut sinks)?.answered()?;
+    let posted = |_: &StreamableChunk, corrected: &Corrected| corrected.posted.len();
+    walked((chunks, cl::Chunks::take, Some), (cell, options, threads), &posted, &mut count, &mut sinks)?;
     outline.points = points;
     Ok(())
+}
+
+/// How a source gives its next chunk.
+type Take<S, P> = fn(&mut S) -> io::Result<Next<P>>;
+
+/// Takes the chunks of a source through the line, each on its own; `made` is what is written of one.
+fn walked<S: Send, P, T: Send>(
+    (chunks, take, read): (S, Take<S, P>, fn(P) -> Option<StreamableChunk>),
+    (cell, options, threads): (&Cell, &Options, usize),
+    made: &(dyn Fn(&StreamableChunk, &Corrected) -> T + Sync),
+    write: &mut (dyn FnMut(T) -> io::Result<()> + Send),
+    sinks: &mut Sinks<'_>,
+) -> Result<Streamed, StreamError> {
+    let carried = Carried::new(cell);
+    let way = WalkedPath {
+        chunks: Mutex::new((0, chunks)),
+        take,
+        read,
+        solve: &|n, chunk| {
+            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
+            Some(corrected.map(|corrected| (made(chunk, &corrected), corrected)).map_err(Unsolved::from))
+        },
+        break_off: &|| carried.break_off(),
+        refusals: Messages::default(),
+    };
+    run(&way, threads, write, sinks)?.answered()
 }
 
 /// The chunk's own bytes with its edits.

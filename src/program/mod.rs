@@ -245,6 +245,31 @@ pub struct Rewritten {
 }
 
 impl Program {
+    /// A program of these files that moves to nothing yet: chunks are filled from it.
+    pub(crate) fn empty(
+        language: Language,
+        dialect: &'static str,
+        (sources, written): (Arc<[Source]>, usize),
+        layout: Layout,
+    ) -> Self {
+        Self {
+            sources,
+            written,
+            language,
+            dialect,
+            tools: Vec::new(),
+            wobjs: Vec::new(),
+            targets: Vec::new(),
+            actions: Vec::new(),
+            kept: Vec::new(),
+            literal_targets: 0,
+            arcs: 0,
+            cutter: None,
+            diagnostics: Vec::new(),
+            layout,
+        }
+    }
+
     /// Executed motions, loops expanded, an arc counting once; those whose target is known only at run
     /// time count, though `targets` has none of them.
     #[must_use]

@@ -352,22 +352,8 @@ pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
 
 /// A program without anything.
 fn empty(dialect: &'static str) -> Program {
-    Program {
-        sources: Arc::new([]),
-        written: 1,
-        language: Language::Krl,
-        dialect,
-        tools: Vec::new(),
-        wobjs: Vec::new(),
-        targets: Vec::new(),
-        actions: Vec::new(),
-        kept: Vec::new(),
-        literal_targets: 0,
-        arcs: 0,
-        cutter: None,
-        diagnostics: Vec::new(),
-        layout: crate::program::Layout::Krl(Layout::default()),
-    }
+    let layout = crate::program::Layout::Krl(Layout::default());
+    Program::empty(Language::Krl, dialect, (Arc::new([]), 1), layout)
 }
 
 fn is_motion(line: &[u8]) -> bool {

@@ -72,6 +72,8 @@ pub(super) struct Emitter {
     /// The loop whose rounds are not followed.
     muted: Option<u64>,
     first: bool,
+    /// It went elsewhere than the run before.
+    is_broken: bool,
 }
 
 impl Emitter {
@@ -82,7 +84,7 @@ impl Emitter {
         out: SyncSender<StreamableChunk>,
         chunk: usize,
     ) -> Self {
-        Self { found, like, agreement, out, chunk, alike: Vec::new(), muted: None, first: true }
+        Self { found, like, agreement, out, chunk, alike: Vec::new(), muted: None, first: true, is_broken: false }
     }
 }
 
@@ -148,6 +150,11 @@ impl Runner<'_> {
                         emitter.alike.push(like);
                     }
                 }
+                if known.is_none() && emitter.muted.is_none() {
+                    // Both runs are the same: what only this one has would go missing without a word.
+                    emitter.is_broken = true;
+                    self.steps = usize::MAX;
+                }
                 known.is_none()
             }
         };
@@ -192,28 +199,20 @@ impl Runner<'_> {
         let like = &emitter.like;
         let Some(layout) = super::chunk::layout(like) else { return };
         let again = Again::new(std::mem::take(&mut emitter.alike), emitter.agreement.clone());
+        let layout = crate::program::Layout::Rapid(super::Layout {
+            literals: Arc::clone(&layout.literals),
+            sites: std::mem::take(&mut self.sites),
+            offsets: std::mem::take(&mut self.offsets),
+            again: Some(again),
+            ..super::Layout::default()
+        });
         let program = Program {
-            sources: Arc::clone(&like.sources),
-            written: like.written,
-            language: like.language,
-            dialect: like.dialect,
             tools: like.tools.clone(),
             wobjs: like.wobjs.clone(),
             targets: std::mem::take(&mut self.targets),
-            actions: Vec::new(),
-            kept: Vec::new(),
-            literal_targets: 0,
-            arcs: 0,
-            cutter: None,
             // Said once.
             diagnostics: if emitter.first { like.diagnostics.clone() } else { Vec::new() },
-            layout: crate::program::Layout::Rapid(super::Layout {
-                literals: Arc::clone(&layout.literals),
-                sites: std::mem::take(&mut self.sites),
-                offsets: std::mem::take(&mut self.offsets),
-                again: Some(again),
-                ..super::Layout::default()
-            }),
+            ..Program::empty(like.language, like.dialect, (Arc::clone(&like.sources), like.written), layout)
         };
         emitter.first = false;
         let chunk = StreamableChunk { program, own: 0..0, elsewhere: Vec::new(), at: 0, last };
@@ -226,7 +225,11 @@ impl Runner<'_> {
     /// Runs the program, handing on its targets.
     pub(super) fn emit_all(mut self) {
         self.follow();
-        self.emit(true);
+        let is_broken = matches!(&self.gathering, Gathering::Chunks(emitter) if emitter.is_broken);
+        // Without a last chunk whoever takes them knows that it broke off.
+        if !is_broken {
+            self.emit(true);
+        }
     }
 }
 

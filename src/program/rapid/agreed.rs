@@ -141,22 +141,9 @@ impl Asked {
             layout.offsets.iter().map(|offset| super::Offset { root: offset.root, steps: offset.steps.clone() });
         let all_runs =
             Layout { literals: Arc::clone(&layout.literals), sites, offsets: offsets.collect(), ..Layout::default() };
-        let program = Program {
-            sources: Arc::clone(&like.sources),
-            written: like.written,
-            language: like.language,
-            dialect: like.dialect,
-            tools: Vec::new(),
-            wobjs: Vec::new(),
-            targets,
-            actions: Vec::new(),
-            kept: Vec::new(),
-            literal_targets: 0,
-            arcs: 0,
-            cutter: None,
-            diagnostics: Vec::new(),
-            layout: crate::program::Layout::Rapid(Layout::default()),
-        };
+        let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
+        let layout = crate::program::Layout::Rapid(layout);
+        let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };
         let (rewritten, settled) = rewrite_settled(&program, &all_runs, &changes, &[], options);
         Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })
     }

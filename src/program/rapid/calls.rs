@@ -267,9 +267,7 @@ impl<'a> Runner<'a> {
         let here = super::changes::Changes { own: Default::default(), ..changes };
         self.forget(&here, CALLS_ITSELF);
         self.state.lose(here.switches);
-        if simple_statements(&self.symbols.routine(id).body).into_iter().any(|span| self.may_move(id, span)) {
-            self.stands = None;
-        }
+        self.may_have_moved(id, &self.symbols.routine(id).body);
         let routine = self.symbols.routine(id);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let changed = |param: &Param| param.by_reference && own.contains(&*Upper::new(&theirs[param.name.range()]));
@@ -450,10 +448,7 @@ impl<'a> Runner<'a> {
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, HANDLED);
         self.state.lose(changes.switches);
-        let moves = simple_statements(routine.on_error()).into_iter().any(|span| self.may_move(id, span));
-        if moves {
-            self.stands = None;
-        }
+        self.may_have_moved(id, routine.on_error());
     }
 
     /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.
@@ -463,11 +458,16 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whether a statement moves the robot, or calls a routine that may.
-    fn may_move(&self, id: RoutineId, span: Span) -> bool {
-        let bytes = self.bytes(id.file);
-        let name = &bytes[first_word(bytes, span).range()];
-        motion::shape(name).is_some() || self.symbols.find_routine(self.symbols.module_of(id), name).is_some()
+    /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.
+    fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
+        let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
+        let moves = |span: Span| {
+            let name = &bytes[first_word(bytes, span).range()];
+            motion::shape(name).is_some() || self.symbols.find_routine(module, name).is_some()
+        };
+        if self.stands.is_some() && simple_statements(block).into_iter().any(moves) {
+            self.stands = None;
+        }
     }
 
     /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.

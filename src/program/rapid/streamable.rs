@@ -270,31 +270,22 @@ impl Read {
 
     /// The chunk as a program.
     pub(super) fn into_program(self, dialect: &'static str, source: Source) -> Program {
+        let literal_targets = self.literals.len();
+        let layout = crate::program::Layout::Rapid(Layout {
+            literals: Arc::new(self.literals),
+            sites: self.sites,
+            motions: self.targets.len(),
+            streamable: self.streamable,
+            plain: true,
+            mark_behind: self.mark,
+            ..Layout::default()
+        });
         Program {
-            sources: [source].into(),
-            written: 1,
-            language: Language::Rapid,
-            dialect,
             tools: self.tools,
             wobjs: self.wobjs,
-            kept: Vec::new(),
-            literal_targets: self.literals.len(),
-            arcs: 0,
-            cutter: None,
-            actions: Vec::new(),
-            diagnostics: Vec::new(),
-            layout: crate::program::Layout::Rapid(Layout {
-                literals: Arc::new(self.literals),
-                sites: self.sites,
-                offsets: Vec::new(),
-                motions: self.targets.len(),
-                unknown: Vec::new(),
-                streamable: self.streamable,
-                plain: true,
-                mark_behind: self.mark,
-                again: None,
-            }),
             targets: self.targets,
+            literal_targets,
+            ..Program::empty(Language::Rapid, dialect, ([source].into(), 1), layout)
         }
     }
 }
