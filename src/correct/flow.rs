@@ -8,7 +8,7 @@ use super::ordered::OrderedStage;
 use super::row::Tally;
 use super::{Corrected, Row, Summary};
 use crate::program::chunk::leaves_its_start;
-use crate::program::{Next, StreamableChunk};
+use crate::program::{ChunkReader, Next, StreamableChunk};
 use crate::text::Diagnostic;
 use std::io::{self, Write};
 use std::sync::{Mutex, PoisonError};
@@ -70,11 +70,9 @@ pub enum StreamError {
 }
 
 /// How a language comes in, and what is made of it.
-pub(super) struct WalkedPath<'a, S, P, T> {
+pub(super) struct WalkedPath<'a, C, T> {
     /// The next chunk's number, and where it comes from.
-    pub(super) chunks: Mutex<(usize, S)>,
-    pub(super) take: fn(&mut S) -> io::Result<Next<P>>,
-    pub(super) read: fn(P) -> Option<StreamableChunk>,
+    pub(super) chunks: Mutex<(usize, C)>,
     /// What a chunk, of this number, comes to, and what is written of it; `None` where one before it died.
     pub(super) solve: &'a Solve<'a, T>,
     /// Lets no chunk wait for one that died.
@@ -100,8 +98,8 @@ impl From<Vec<Diagnostic>> for Unsolved {
 }
 
 /// Takes all chunks through; what they come to is written in order.
-pub(super) fn run<'a, S: Send, P, T: Send>(
-    way: &'a WalkedPath<'a, S, P, T>,
+pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
+    way: &'a WalkedPath<'a, C, T>,
     threads: usize,
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
@@ -120,8 +118,8 @@ pub(super) fn run<'a, S: Send, P, T: Send>(
     run.writer.into_inner().done().map_err(StreamError::Write)
 }
 
-struct Run<'a, S, P, T> {
-    way: &'a WalkedPath<'a, S, P, T>,
+struct Run<'a, C, T> {
+    way: &'a WalkedPath<'a, C, T>,
     writer: OrderedStage<Writer<'a, T>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
@@ -136,14 +134,14 @@ struct Done<T> {
     bytes: u64,
 }
 
-impl<S, P, T> Run<'_, S, P, T> {
+impl<C: ChunkReader, T> Run<'_, C, T> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
         // Also where this thread dies: nobody is left waiting.
         let _others = BreakOff(self);
         while let Some((n, chunk)) = self.next() {
             // The feed out of the first target lies in the first chunk, or else what follows would have to be looked at.
             let own_start = |chunk: &StreamableChunk| n > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
-            let Some(chunk) = (self.way.read)(chunk).filter(own_start) else {
+            let Some(chunk) = C::read(chunk).filter(own_start) else {
                 return self.stop(StreamError::NotStreamable);
             };
             let Some(solved) = (self.way.solve)(n, &chunk) else { return };
@@ -163,10 +161,10 @@ impl<S, P, T> Run<'_, S, P, T> {
         }
     }
 
-    fn next(&self) -> Option<(usize, P)> {
+    fn next(&self) -> Option<(usize, C::Chunk)> {
         let mut chunks = self.way.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let (n, chunks) = &mut *chunks;
-        match (self.way.take)(chunks) {
+        match chunks.take() {
             Ok(Next::Chunk(chunk)) => {
                 *n += 1;
                 return Some((*n - 1, chunk));
@@ -190,9 +188,9 @@ impl<S, P, T> Run<'_, S, P, T> {
 }
 
 /// Frees the other threads when one dies.
-struct BreakOff<'a, 'r, S, P, T>(&'a Run<'r, S, P, T>);
+struct BreakOff<'a, 'r, C: ChunkReader, T>(&'a Run<'r, C, T>);
 
-impl<S, P, T> Drop for BreakOff<'_, '_, S, P, T> {
+impl<C: ChunkReader, T> Drop for BreakOff<'_, '_, C, T> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.0.break_off();

@@ -12,7 +12,7 @@ use super::point::Point;
 use super::{Corrected, Options, Prepared, Row};
 use crate::cell::Cell;
 use crate::program::chunk::leaves_its_start;
-use crate::program::{AnyChunks, Next, Program};
+use crate::program::{AnyChunks, ChunkReader, Next, Program};
 use crate::text::Diagnostic;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
@@ -109,8 +109,6 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     };
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
-        take: AnyChunks::take,
-        read: AnyChunks::<R>::read,
         solve: &|n, chunk| solve(n, &chunk.program),
         break_off: &|| {
             path.break_off();

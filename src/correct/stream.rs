@@ -8,7 +8,7 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{ChunkReader, Next, RewriteOptions, StreamableChunk, cl, rapid};
+use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, cl, rapid};
 use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
@@ -27,11 +27,11 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
     program: &mut (dyn Write + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    if super::is_held_whole(cell, options) {
+    if !C::IN_PLACE || super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
     let mut write = |bytes: Vec<u8>| program.write_all(&bytes);
-    let streamed = walked((chunks, C::take, C::read), (cell, options, threads), &written, &mut write, sinks)?;
+    let streamed = walked(chunks, (cell, options, threads), &written, &mut write, sinks)?;
     program.flush().map_err(StreamError::Write)?;
     Ok(streamed)
 }
@@ -65,13 +65,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         }
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
-    let done = walked(
-        (chunks, rapid::Declared::take, rapid::Chunk::read),
-        (cell, options, threads),
-        &changed,
-        &mut write,
-        sinks,
-    );
+    let done = walked(chunks, (cell, options, threads), &changed, &mut write, sinks);
     // Whoever sees all uses of a target decides.
     if disputed { Err(StreamError::NotStreamable) } else { done }
 }
@@ -93,13 +87,7 @@ pub fn compensate_executed(
         return Err(StreamError::NotStreamable);
     }
     let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
-        walked(
-            (chunks, rapid::ExecutedChunks::take, Some),
-            (cell, options, threads),
-            &|_, _| (),
-            &mut |()| Ok(()),
-            sinks,
-        )
+        walked(chunks, (cell, options, threads), &|_, _| (), &mut |()| Ok(()), sinks)
     };
     let (chunks, asking) = program.asked().map_err(StreamError::Read)?;
     let mut nowhere =
@@ -133,8 +121,6 @@ pub fn post_chunks<R: Read + Send, W: Write + Send>(
     let carried = Carried::new(cell);
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
-        take: cl::Chunks::take,
-        read: Some,
         solve: &|n, chunk| {
             let corrected = match line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)? {
                 Ok(corrected) => corrected,
@@ -194,17 +180,14 @@ pub fn count_chunks<R: Read + Send>(
     };
     let mut sinks = Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress };
     let posted = |_: &StreamableChunk, corrected: &Corrected| corrected.posted.len();
-    walked((chunks, cl::Chunks::take, Some), (cell, options, threads), &posted, &mut count, &mut sinks)?;
+    walked(chunks, (cell, options, threads), &posted, &mut count, &mut sinks)?;
     outline.points = points;
     Ok(())
 }
 
-/// How a source gives its next chunk.
-type Take<S, P> = fn(&mut S) -> io::Result<Next<P>>;
-
 /// Takes the chunks of a source through the line, each on its own; `made` is what is written of one.
-fn walked<S: Send, P, T: Send>(
-    (chunks, take, read): (S, Take<S, P>, fn(P) -> Option<StreamableChunk>),
+fn walked<C: ChunkReader + Send, T: Send>(
+    chunks: C,
     (cell, options, threads): (&Cell, &Options, usize),
     made: &(dyn Fn(&StreamableChunk, &Corrected) -> T + Sync),
     write: &mut (dyn FnMut(T) -> io::Result<()> + Send),
@@ -213,8 +196,6 @@ fn walked<S: Send, P, T: Send>(
     let carried = Carried::new(cell);
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
-        take,
-        read,
         solve: &|n, chunk| {
             let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
             Some(corrected.map(|corrected| (made(chunk, &corrected), corrected)).map_err(Unsolved::from))

@@ -24,6 +24,9 @@ pub trait ChunkReader {
     /// A chunk, not yet read.
     type Chunk;
 
+    /// Whether every edit of a chunk lies in its own bytes, and these one after another are the program.
+    const IN_PLACE: bool = false;
+
     /// The next chunk.
     ///
     /// # Errors
@@ -37,12 +40,87 @@ pub trait ChunkReader {
 impl<R: Read> ChunkReader for rapid::Chunks<R> {
     type Chunk = rapid::Chunk;
 
+    const IN_PLACE: bool = true;
+
     fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
         Self::take(self)
     }
 
     fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
         chunk.read()
+    }
+}
+
+impl<R: Read + Seek> ChunkReader for rapid::Declared<R> {
+    type Chunk = rapid::Chunk;
+
+    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
+        chunk.read()
+    }
+}
+
+impl ChunkReader for rapid::ExecutedChunks {
+    type Chunk = StreamableChunk;
+
+    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
+        Some(chunk)
+    }
+}
+
+impl<R: Read> ChunkReader for cl::Chunks<R> {
+    type Chunk = StreamableChunk;
+
+    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
+        Some(chunk)
+    }
+}
+
+impl<R: Read> ChunkReader for krl::Chunks<R> {
+    type Chunk = krl::Chunk;
+
+    const IN_PLACE: bool = true;
+
+    fn take(&mut self) -> io::Result<Next<krl::Chunk>> {
+        Self::take(self)
+    }
+
+    fn read(chunk: krl::Chunk) -> Option<StreamableChunk> {
+        chunk.read()
+    }
+}
+
+impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
+    type Chunk = AnyChunk;
+
+    fn take(&mut self) -> io::Result<Next<AnyChunk>> {
+        let rapid = match self {
+            Self::Inline(chunks) => chunks.take()?,
+            Self::Indexed(chunks) => chunks.take()?,
+            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
+            Self::Executed(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
+            Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
+        };
+        Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
+    }
+
+    fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
+        match chunk {
+            AnyChunk::Rapid(chunk) => chunk.read(),
+            AnyChunk::Read(chunk) => Some(*chunk),
+            AnyChunk::Krl(chunk) => chunk.read(),
+        }
     }
 }
 
@@ -140,31 +218,6 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// What `input` reports.
     pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(krl::Chunks::new(name, input, context)?.map(|chunks| Self::Krl(Box::new(chunks))))
-    }
-
-    /// The next chunk.
-    ///
-    /// # Errors
-    /// What the input reports.
-    pub fn take(&mut self) -> io::Result<Next<AnyChunk>> {
-        let rapid = match self {
-            Self::Inline(chunks) => chunks.take()?,
-            Self::Indexed(chunks) => chunks.take()?,
-            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Executed(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
-        };
-        Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
-    }
-
-    /// Reads a chunk; `None` where it is not streamable after all.
-    #[must_use]
-    pub fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
-        match chunk {
-            AnyChunk::Rapid(chunk) => chunk.read(),
-            AnyChunk::Read(chunk) => Some(*chunk),
-            AnyChunk::Krl(chunk) => chunk.read(),
-        }
     }
 
     /// What was noticed in the text so far.

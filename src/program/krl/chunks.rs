@@ -7,7 +7,7 @@
 
 use super::like::{Like, Reader, is_speed};
 use super::{Layout, dialect, lex};
-use crate::program::{ChunkReader, Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
+use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
 use std::io::{self, Read};
 use std::sync::Arc;
@@ -260,18 +260,6 @@ impl<R: Read> Chunks<R> {
             self.last = Some((Arc::clone(&like.1), rest[last].to_vec()));
         }
         Some(cut)
-    }
-}
-
-impl<R: Read> ChunkReader for Chunks<R> {
-    type Chunk = Chunk;
-
-    fn take(&mut self) -> io::Result<Next<Chunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: Chunk) -> Option<StreamableChunk> {
-        chunk.read()
     }
 }
 
