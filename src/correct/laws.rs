@@ -245,6 +245,11 @@ impl<'a> Laws<'a> {
         follows && !has_table && self.cuts(target)
     }
 
+    /// Whether the force of a move is one of axes that only the feed tells.
+    pub(super) fn in_feed_frame(&self, (target, tool): (&Target, usize), has_table: bool) -> bool {
+        self.follows_the_way(target, has_table) && !self.follows_stock(tool)
+    }
+
     /// Whether only its speed would tell if a move cuts, and that is known only at run time.
     pub(super) fn is_cut_unknown(cell: &Cell, target: &Target) -> bool {
         let limited = cell.cut.as_ref().is_some_and(|cut| cut.max_cutting_feed.is_some());

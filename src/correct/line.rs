@@ -21,6 +21,7 @@ use super::{
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
+use crate::program::rapid::UNWEIGHED_LOAD;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
@@ -116,7 +117,7 @@ pub(super) fn warm_start(
     let notes = notes(program, cell, prepared, n);
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
     let mut repeated = Repeated::default();
-    unknown_cuts(program, cell, options, &mut repeated);
+    doubtful_cuts(program, cell, (prepared, options), &mut repeated);
     unsolved(program, prepared, &mut repeated);
     Some(Corrected { moved_mm, repeated, ..out.finish(notes, None, Vec::new()) })
 }
@@ -375,7 +376,7 @@ pub(super) fn chunk(
     };
     let notes = notes(program, cell, &prepared, n);
     let mut repeated = Repeated::default();
-    unknown_cuts(program, cell, options, &mut repeated);
+    doubtful_cuts(program, cell, (&prepared, options), &mut repeated);
     unsolved(program, &prepared, &mut repeated);
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
@@ -403,18 +404,28 @@ fn last_zone(program: &Program) -> Option<Option<f64>> {
     program.targets.iter().rposition(Target::is_end).map(|last| program.zone_mm(last))
 }
 
-/// Warnings about moves that count as air because nothing known tells that they cut.
-fn unknown_cuts(program: &Program, cell: &Cell, options: &Options, repeated: &mut Repeated) {
+/// What is said of moves of which neither program nor cell tells how they cut.
+fn doubtful_cuts(program: &Program, cell: &Cell, (prepared, options): (&Prepared, &Options), repeated: &mut Repeated) {
     if options.forces.is_some() {
         return;
     }
-    for target in program.targets.iter().filter(|target| target.is_end() && Laws::is_cut_unknown(cell, target)) {
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
         let source = &program.sources[usize::from(target.source)];
-        let message = "the speed is known only at run time: `max_cutting_feed_mm_s` cannot tell whether this cuts, and it \
-                       counts as air";
-        let said = Diagnostic::error("cut.unknown-speed", "", message).on_line(source, target.span, target.line);
-        let help = "mark the motion `! deflex cut` or `! deflex air`";
-        repeated.say(said.severity(Severity::Warning).help(help));
+        let mut say = |code, severity, message: &str, help: &str| {
+            let said = Diagnostic::error(code, "", message).on_line(source, target.span, target.line);
+            repeated.say(said.severity(severity).help(help));
+        };
+        if Laws::is_cut_unknown(cell, target) {
+            let message = "the speed is known only at run time: `max_cutting_feed_mm_s` cannot tell whether this cuts, and \
+                           it counts as air";
+            say("cut.unknown-speed", Severity::Warning, message, "mark the motion `! deflex cut` or `! deflex air`");
+        }
+        if point.plunges {
+            let message = "a feed move along the tool axis: [cut] tells no force of it; that of the cut before it is \
+                           taken, or none";
+            let help = "[stock] with `mode = \"stock\"` finds what it cuts; `! deflex air` says that it cuts nothing";
+            say("cut.plunge", Severity::Note, message, help);
+        }
     }
 }
 
@@ -557,13 +568,17 @@ fn turns_along(program: &Program, i: usize, written: &([f64; 3], [f64; 4])) -> b
 /// What is said of chunk `n` of a run. Frames may be met in any chunk: what was said of one is not said again.
 fn notes(program: &Program, cell: &Cell, prepared: &Prepared, n: usize) -> Vec<Diagnostic> {
     let mut notes = if n == 0 { notes_of_all(program, cell, prepared) } else { Vec::new() };
+    if cell.arm.weighs_payload() {
+        notes.extend(program.diagnostics.iter().filter(|told| told.code == UNWEIGHED_LOAD).cloned());
+    }
     notes.extend(contradictions(program, cell));
     notes
 }
 
 /// What is said of a run, once.
 fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
-    let mut notes = program.diagnostics.clone();
+    let of_program = program.diagnostics.iter().filter(|told| told.code != UNWEIGHED_LOAD);
+    let mut notes: Vec<Diagnostic> = of_program.cloned().collect();
     notes.extend(prepared.notes.iter().cloned());
     if prepared.started == crate::robot::StartedFrom::NearestHome
         && let Some(first) = program.targets.first()

@@ -381,6 +381,8 @@ impl Walk<'_, '_> {
             Err((code, message, help)) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
+        let table = self.options.forces.is_some();
+        let plunges = length > CHORD && feed_frame.is_none() && self.carried.laws.in_feed_frame((target, tool), table);
         let point = Point {
             setting,
             moved: stand.moved.clone(),
@@ -404,6 +406,7 @@ impl Walk<'_, '_> {
             payload: row.and_then(|r| r.payload).unwrap_or(0.0),
             load,
             through,
+            plunges,
             milled: None,
         };
         self.points.push(point);

@@ -43,6 +43,8 @@ pub struct Point {
     pub payload: f64,
     /// The cut.
     pub(super) load: PointLoad,
+    /// Whether it is cut along the tool axis, which has no feed frame, though the force is known in one.
+    pub(super) plunges: bool,
     /// Which cutter the move into it leads through the stock, where there is one.
     pub(super) through: Option<Through>,
     /// What that came to.
@@ -189,6 +191,7 @@ impl Point {
             payload: 0.0,
             load: PointLoad::Air,
             through: None,
+            plunges: false,
             milled: None,
         }
     }

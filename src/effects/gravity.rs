@@ -87,6 +87,10 @@ impl Effect for Gravity {
         self.into()
     }
 
+    fn weighs_payload(&self) -> bool {
+        true
+    }
+
     fn covered_by(&self) -> Option<Covered> {
         Some(Covered::Gravity)
     }

@@ -74,6 +74,11 @@ pub trait Effect: Debug + Send + Sync {
         false
     }
 
+    /// Whether what the arm carries weighs.
+    fn weighs_payload(&self) -> bool {
+        false
+    }
+
     /// What must be declared or measured for the effect to act.
     fn needs(&self) -> &'static [Need] {
         &[]

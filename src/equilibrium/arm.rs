@@ -24,4 +24,10 @@ impl Arm {
     pub fn follows_travel(&self) -> bool {
         self.effects.iter().any(|effect| effect.follows_travel())
     }
+
+    /// Whether what the arm carries weighs.
+    #[must_use]
+    pub fn weighs_payload(&self) -> bool {
+        self.effects.iter().any(|effect| effect.weighs_payload())
+    }
 }

@@ -10,7 +10,7 @@ use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner};
 use super::state::{Switch, Switches, Velocity};
 use super::symbols::{Upper, first_word};
 use super::value::{Place, Pose, Value, predefined, unit};
-use super::{Offset, Site};
+use super::{Offset, Site, UNWEIGHED_LOAD};
 use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
 use smallvec::SmallVec;
@@ -31,6 +31,11 @@ impl<'a> Runner<'a> {
         for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
+        }
+        if bytes[call.name.range()].eq_ignore_ascii_case(b"GripLoad")
+            && let Some(load) = call.positional().first()
+        {
+            self.tell_load(scope, *load);
         }
         if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
@@ -152,6 +157,9 @@ impl<'a> Runner<'a> {
             self.arcs += usize::from(shape.motion == Motion::Circular);
         }
         let bytes = self.bytes(scope.source as usize);
+        if let Some(load) = call.option(bytes, b"TLoad") {
+            self.tell_load(scope, load);
+        }
         self.other_arguments(scope, call, shape, tool_at);
         let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4).copied());
         if let Some(procedure) = synchronised {
@@ -510,6 +518,18 @@ impl<'a> Runner<'a> {
         let bytes = self.bytes(scope.source as usize);
         let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
         Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
+    }
+
+    /// Says that a load besides that of the tool's own tooldata is not weighed, once a place.
+    fn tell_load(&mut self, scope: Scope, load: Span) {
+        let text = &self.bytes(scope.source as usize)[load.range()];
+        if !text.eq_ignore_ascii_case(b"load0") {
+            let message = format!(
+                "load `{}` is not weighed: gravity acts on the mass of the tool's own tooldata",
+                String::from_utf8_lossy(text)
+            );
+            self.tell(load, UNWEIGHED_LOAD, &message, Severity::Warning);
+        }
     }
 
     /// Says why a frame is not known, once a place.

@@ -1,5 +1,6 @@
 //! Programs read, written and round-tripped.
 
+mod assumptions;
 mod cl;
 mod cl_corpus;
 mod cl_sound;
