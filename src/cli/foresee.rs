@@ -75,6 +75,8 @@ pub(super) fn streamed(
     let bar = Some(bar).filter(|_| batch.programs == 1);
     for kind in ChunkKind::ALL {
         let Some(chunks) = chunks(batch.setup, job, kind)? else { continue };
+        let again = || self::chunks(batch.setup, job, kind);
+        let Some(options) = batch.setup.options_with_turns(name, job.language, again)? else { continue };
         let before = match &original {
             Some(original) => match self::chunks(batch.setup, original, kind)? {
                 Some(chunks) => Some(chunks),
@@ -96,7 +98,7 @@ pub(super) fn streamed(
             Noticed::new(batch.setup.options.forces.as_ref(), None),
             &mut outputs,
         )?;
-        let (cell, options) = (&batch.setup.cell.cell, &batch.setup.options);
+        let cell = &batch.setup.cell.cell;
         let threads = rayon::current_num_threads().div_ceil(batch.programs);
         let mut findings = Findings::default();
         let mut found = |more| findings.add(more);
@@ -106,7 +108,7 @@ pub(super) fn streamed(
             findings,
             found: &mut found,
         });
-        let done = reports.filled(bar, |sinks| predict_chunks(chunks, before, cell, options, threads, judge, sinks));
+        let done = reports.filled(bar, |sinks| predict_chunks(chunks, before, cell, &options, threads, judge, sinks));
         let streamed = match done {
             Ok(streamed) => streamed,
             Err(StreamError::NotStreamable) => continue,

@@ -1,13 +1,13 @@
 //! What all programs of a run have in common: the cell, forces, context and options.
 
 use super::args::{Corrected as What, Model, Reports};
-use super::files::both;
+use super::files::{both, cannot_read};
 use super::forces::ForceFile;
 use super::input::{self, CellFile, Context};
 use super::job::Job;
 use deflex::cell::examples_left;
-use deflex::correct::{Correct, Options};
-use deflex::program::Program;
+use deflex::correct::{self, Correct, Options, StreamError, choose_turns};
+use deflex::program::{ChunkReader, Language, Program};
 use deflex::text::Diagnostic;
 use std::sync::Arc;
 
@@ -42,6 +42,27 @@ impl Setup {
             ..Options::default()
         };
         Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
+    }
+
+    /// The options with the turns that are chosen along a long program, where they are free; `None` where only the whole of it tells
+    /// them, or it cannot be read in chunks.
+    pub(super) fn options_with_turns<C: ChunkReader>(
+        &self,
+        name: &str,
+        language: Language,
+        chunks: impl FnOnce() -> Result<Option<C>, Vec<Diagnostic>>,
+    ) -> Result<Option<Options>, Vec<Diagnostic>> {
+        let mut options = self.options.clone();
+        if correct::has_free_turns(language, &self.cell.cell, &options) {
+            let Some(chunks) = chunks()? else { return Ok(None) };
+            options.turns = match choose_turns(chunks, &self.cell.cell, &options) {
+                Ok(turns) => turns,
+                Err(StreamError::NotStreamable) => return Ok(None),
+                Err(StreamError::Refused(errors)) => return Err(self.cell.own(errors)),
+                Err(StreamError::Read(error) | StreamError::Write(error)) => return Err(cannot_read(name, &error)),
+            };
+        }
+        Ok(Some(options))
     }
 
     /// Parses a program and checks that the table of forces is its own.

@@ -8,7 +8,8 @@ use super::report::ProgramReports;
 use super::run::Done;
 use super::{lines, progress, report};
 use deflex::correct::{
-    self, Outline, Poster, StreamError, compensate_chunks, compensate_declared, compensate_executed, post_chunks,
+    self, Options, Outline, Poster, StreamError, compensate_chunks, compensate_declared, compensate_executed,
+    post_chunks,
 };
 use deflex::program::cl::ClOptions;
 use deflex::program::{ChunkReader, Language, cl, krl, rapid};
@@ -66,34 +67,44 @@ struct Long<'a> {
 
 impl<'a> Long<'a> {
     /// KRL, edited in place.
-    fn edit_krl(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
-        let chunks = krl::Chunks::new(self.name, self.reread()?, self.batch.setup.context.sources());
-        match chunks.map_err(|error| cannot_read(self.name, &error))? {
-            Some(chunks) => self.rewrite(chunks),
-            None => Ok(None),
-        }
+    fn edit_krl(self) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let (name, context) = (self.name, self.batch.setup.context.sources());
+        self.rewrite(|file| krl::Chunks::new(name, file, context))
     }
 
     /// Writes what the chunks become, one behind the other.
-    fn rewrite(mut self, chunks: impl ChunkReader + Send) -> Result<Option<Done>, Vec<Diagnostic>> {
+    fn rewrite<C: ChunkReader + Send>(
+        mut self,
+        chunks: impl Fn(File) -> io::Result<Option<C>>,
+    ) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let name = self.name;
+        let mut chunks = |long: &mut Self| chunks(long.reread()?).map_err(|error| cannot_read(name, &error));
+        let Some(options) = self.with_turns(&mut chunks)? else { return Ok(None) };
+        let Some(chunks) = chunks(&mut self)? else { return Ok(None) };
         let file = &self.job.files[0];
         let mut program = self.outputs.open(&place(self.batch.args, file))?;
         let mut reports = self.reports(file)?;
         let (setup, threads) = (self.batch.setup, self.threads());
         let done = reports.filled(self.bar, |sinks| {
-            compensate_chunks(chunks, &setup.cell.cell, &setup.options, threads, &mut program, sinks)
+            compensate_chunks(chunks, &setup.cell.cell, &options, threads, &mut program, sinks)
         });
         self.done(done, reports, |_| false)
     }
 
     /// RAPID, edited in place.
-    fn edit(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
-        let context = self.batch.setup.context.sources();
-        let chunks = rapid::Chunks::of_file(self.name, self.reread()?, context);
-        match chunks.map_err(|error| cannot_read(self.name, &error))? {
-            Some(chunks) => self.rewrite(chunks),
-            None => Ok(None),
-        }
+    fn edit(self) -> Result<Option<Done>, Vec<Diagnostic>> {
+        let (name, context) = (self.name, self.batch.setup.context.sources());
+        self.rewrite(|file| rapid::Chunks::of_file(name, file, context))
+    }
+
+    /// The run's options with the turns that are chosen along the program, where they are free: once more through it. `None` where
+    /// only the whole of it tells them.
+    fn with_turns<C: ChunkReader>(
+        &mut self,
+        chunks: &mut impl FnMut(&mut Self) -> Result<Option<C>, Vec<Diagnostic>>,
+    ) -> Result<Option<Options>, Vec<Diagnostic>> {
+        let setup = self.batch.setup;
+        setup.options_with_turns(self.name, self.job.language, || chunks(self))
     }
 
     /// RAPID with loops through more motions than can be held: what changes is agreed on in a first run.
@@ -145,6 +156,7 @@ impl<'a> Long<'a> {
     fn post(mut self) -> Result<Option<Done>, Vec<Diagnostic>> {
         let (args, setup) = (self.batch.args, self.batch.setup);
         let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
+        let Some(run) = self.with_turns(&mut |long| long.chunks(&options))? else { return Ok(None) };
         // Once through for what the head of the program needs, then once more.
         let Some(chunks) = self.chunks(&options)? else { return Ok(None) };
         let read = |targets, bytes| self.bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
@@ -152,12 +164,12 @@ impl<'a> Long<'a> {
             Ok(outline) => outline,
             Err(why) => return self.refused(why),
         };
-        if setup.options.subdivide.is_some() && args.max_targets.is_some() {
+        if run.subdivide.is_some() && args.max_targets.is_some() {
             // How many parts there are is told by what is inserted.
             let Some(chunks) = self.chunks(&options)? else { return Ok(None) };
             let (cell, threads, bar) = (&setup.cell.cell, self.threads(), self.bar);
             let solved = |targets, bytes| bar.into_iter().for_each(|bar| progress::read(bar, targets, bytes));
-            if let Err(why) = correct::count_chunks(chunks, cell, &setup.options, threads, &mut outline, &solved) {
+            if let Err(why) = correct::count_chunks(chunks, cell, &run, threads, &mut outline, &solved) {
                 return self.refused(why);
             }
         }
@@ -175,8 +187,8 @@ impl<'a> Long<'a> {
                 io::Error::from(io::ErrorKind::Other)
             })
         };
-        let done = reports
-            .filled(bar, |sinks| post_chunks(chunks, &setup.cell.cell, &setup.options, threads, &poster, open, sinks));
+        let done =
+            reports.filled(bar, |sinks| post_chunks(chunks, &setup.cell.cell, &run, threads, &poster, open, sinks));
         match refused {
             Some(why) => Err(why),
             // Targets of CL data have no names.

@@ -1,5 +1,6 @@
 //! What the ordered pass over the targets takes along.
 
+use super::free_turn::ChosenTurns;
 use super::laws::Laws;
 use super::mount::Mount;
 use super::point::Point;
@@ -28,6 +29,8 @@ pub(super) struct Carried<'a> {
     pub(super) unsprung: bool,
     /// The turn about the tool axis, where the program leaves it free.
     pub(super) free: Free,
+    /// Targets of the chunks before.
+    pub(super) done: usize,
     /// Targets that are not reached while it is sought, rising.
     pub(super) unreached: Vec<usize>,
     /// What is to be said of the choice, once.
@@ -59,9 +62,19 @@ impl<'a> Carried<'a> {
             spun: None,
             unsprung: false,
             free: Free::No,
+            done: 0,
             unreached: Vec::new(),
             notes: Vec::new(),
         }
+    }
+
+    /// Before the first target of a program whose turns may be chosen already.
+    pub(super) fn with_turns(cell: &'a Cell, turns: Option<&ChosenTurns>) -> Self {
+        let mut carried = Self::new(cell);
+        if let Some(ChosenTurns { chosen, notes }) = turns {
+            (carried.free, carried.notes) = (Free::Chosen(Arc::clone(chosen)), notes.clone());
+        }
+        carried
     }
 
     /// Index of a mount: each stands once in `settings`.

@@ -57,15 +57,16 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     judge: Option<Judge<'_>>,
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    if super::is_held_whole(cell, options) {
+    // The turns of an original are its own.
+    if super::is_held_whole(cell, options) || (original.is_some() && options.turns.is_some()) {
         return Err(StreamError::NotStreamable);
     }
     let unknown = chunks.unknown_targets();
-    let path = OrderedStage::new(carried::Carried::new(cell));
+    let path = OrderedStage::new(carried::Carried::with_turns(cell, options.turns.as_ref()));
     let ends = OrderedStage::new(None);
     let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, carried::Carried::new(cell))));
     let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
-    let carried = corrects.then(|| Carried::new(cell));
+    let carried = corrects.then(|| Carried::new(cell, options.turns.as_ref()));
     let (refusals, findings, found) = match judge {
         Some(judge) => (Messages::with_room(judge.refusals), Some(judge.findings), Some(judge.found)),
         None => (Messages::default(), None, None),

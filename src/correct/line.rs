@@ -15,8 +15,8 @@ use super::row::Status;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
 use super::{
-    Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma, stance, stiffness,
-    subdivide,
+    ChosenTurns, Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma,
+    stance, stiffness, subdivide,
 };
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
@@ -130,7 +130,7 @@ pub(super) fn warm_start(
 /// What [`Prepared::new`] refuses. Targets without an answer are in [`Corrected::failures`].
 pub fn compensate(program: &Program, cell: &Cell, options: &Options) -> Result<Corrected, Vec<Diagnostic>> {
     let carried =
-        Carried { path: OrderedStage::new(free_turn::carried(program, cell, options)?), ..Carried::new(cell) };
+        Carried { path: OrderedStage::new(free_turn::carried(program, cell, options)?), ..Carried::new(cell, None) };
     // Nobody else has a chunk that could break off.
     let corrected = chunk(program, cell, options, &carried, 0, Parallelism::Threads).unwrap_or(Err(Vec::new()))?;
     Ok(corrected.with_repeated())
@@ -157,9 +157,9 @@ pub(super) struct Carried<'a> {
 
 impl<'a> Carried<'a> {
     /// Before the first chunk.
-    pub(super) fn new(cell: &'a Cell) -> Self {
+    pub(super) fn new(cell: &'a Cell, turns: Option<&ChosenTurns>) -> Self {
         Self {
-            path: OrderedStage::new(carried::Carried::new(cell)),
+            path: OrderedStage::new(carried::Carried::with_turns(cell, turns)),
             commanded: OrderedStage::new(None),
             reached: OrderedStage::new(None),
             shift: OrderedStage::new(None),

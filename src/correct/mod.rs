@@ -51,6 +51,7 @@ pub use flow::{Sinks, StreamError, Streamed};
 pub use forces::{ForceRow, Forces};
 pub(crate) use frames::named_tool;
 pub(crate) use free_turn::SINGULAR_MARGIN;
+pub use free_turn::{ChosenTurns, choose_turns, has_free_turns};
 pub use judge::{Judge, Judged, predict_chunks};
 pub use line::{compensate, predict};
 pub use messages::Messages;
@@ -111,12 +112,16 @@ pub struct Options {
     pub stance: bool,
     /// Choose the turn about the tool axis of RAPID targets for the least predicted error, in place of the written one.
     pub free_spin: bool,
+    /// The turns about the tool axis where they are chosen already ([`choose_turns`]); else the run chooses them, where they are
+    /// free.
+    pub turns: Option<ChosenTurns>,
 }
 
-/// Whether a program can only be corrected as a whole: it cuts a stock, or its turns about the tool axis are chosen along it.
+/// Whether a program can only be corrected as a whole: it cuts a stock, or its turns about the tool axis are still to be chosen
+/// along it.
 fn is_held_whole(cell: &Cell, options: &Options) -> bool {
     let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
-    cell.stock.is_some() || options.free_spin || stiffest
+    cell.stock.is_some() || (options.turns.is_none() && (options.free_spin || stiffest))
 }
 
 /// A program with everything solved before its equilibria: for callers that have questions of their own, such as

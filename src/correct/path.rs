@@ -51,6 +51,8 @@ pub(super) fn prepare(
     }
     // A chosen turn is each target's own.
     let many = if matches!(carried.free, Free::No) { BatchArm::of(&cell.arm.robot) } else { None };
+    let first = carried.done;
+    carried.done += program.targets.len();
     let mut walk = Walk {
         program,
         cell,
@@ -60,6 +62,7 @@ pub(super) fn prepare(
         ahead: Ahead::new(cell),
         errors: Vec::new(),
         points: Vec::with_capacity(program.targets.len()),
+        first,
         last_moved: None,
     };
     // Program's indices of tool and work object, and what both come to.
@@ -186,7 +189,8 @@ fn stationary(program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
 }
 
 /// For kept targets whose tool nobody declares: they are not solved.
-const NO_TOOL: ToolFrame = ToolFrame { flange_from_tcp: IDENTITY, mass: 0.0, cog: Vector3::new(0.0, 0.0, 0.0) };
+pub(super) const NO_TOOL: ToolFrame =
+    ToolFrame { flange_from_tcp: IDENTITY, mass: 0.0, cog: Vector3::new(0.0, 0.0, 0.0) };
 const IDENTITY: Pose = Pose {
     rotation: Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
     translation: nalgebra::Translation3::new(0.0, 0.0, 0.0),
@@ -201,6 +205,8 @@ struct Walk<'a, 'c> {
     ahead: Ahead,
     errors: Vec<Diagnostic>,
     points: Vec<Point>,
+    /// Targets of the chunks before.
+    first: usize,
     /// Of the last target on units, with its mount.
     last_moved: Option<(u32, Arc<Moved>)>,
 }
@@ -233,7 +239,7 @@ impl Walk<'_, '_> {
         let chosen = match &self.carried.free {
             Free::No => [f64::NAN; EXTERNAL_AXES],
             Free::Sought => middle(self.program.language, self.cell, target),
-            Free::Chosen(chosen) => chosen[i]
+            Free::Chosen(chosen) => chosen[self.first + i]
                 .external
                 .as_deref()
                 .copied()
@@ -300,7 +306,7 @@ impl Walk<'_, '_> {
             }
         };
         let chosen = match &self.carried.free {
-            Free::Chosen(chosen) => Some(chosen[i].clone()),
+            Free::Chosen(chosen) => Some(chosen[self.first + i].clone()),
             Free::No | Free::Sought => None,
         };
         let wobj_from_tcp = match chosen.as_ref().and_then(|chosen| chosen.turn) {
@@ -316,7 +322,7 @@ impl Walk<'_, '_> {
         let motor = match joints {
             Ok(motor) => motor,
             Err(_) if matches!(self.carried.free, Free::Sought) => {
-                self.carried.unreached.push(i);
+                self.carried.unreached.push(self.first + i);
                 self.carried.near.unwrap_or_else(Joints::zeros)
             }
             Err(error) => {

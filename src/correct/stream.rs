@@ -118,7 +118,7 @@ pub fn post_chunks<R: Read + Send, W: Write + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let carried = Carried::new(cell);
+    let carried = Carried::new(cell, options.turns.as_ref());
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
         solve: &|n, chunk| {
@@ -193,7 +193,7 @@ fn walked<C: ChunkReader + Send, T: Send>(
     write: &mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let carried = Carried::new(cell);
+    let carried = Carried::new(cell, options.turns.as_ref());
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),
         solve: &|n, chunk| {

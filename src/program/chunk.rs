@@ -35,6 +35,11 @@ pub trait ChunkReader {
 
     /// Reads a chunk; `None` where it is not as it seemed.
     fn read(chunk: Self::Chunk) -> Option<StreamableChunk>;
+
+    /// Whether no other motion, of whatever chunk, goes to the numbers of a target.
+    fn has_own_numbers(&self) -> bool {
+        Self::IN_PLACE
+    }
 }
 
 impl<R: Read> ChunkReader for rapid::Chunks<R> {
@@ -78,6 +83,10 @@ impl ChunkReader for rapid::ExecutedChunks {
 impl<R: Read> ChunkReader for cl::Chunks<R> {
     type Chunk = StreamableChunk;
 
+    fn has_own_numbers(&self) -> bool {
+        true
+    }
+
     fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         Self::take(self)
     }
@@ -103,6 +112,10 @@ impl<R: Read> ChunkReader for krl::Chunks<R> {
 
 impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
     type Chunk = AnyChunk;
+
+    fn has_own_numbers(&self) -> bool {
+        matches!(self, Self::Inline(_) | Self::Cl(_) | Self::Krl(_))
+    }
 
     fn take(&mut self) -> io::Result<Next<AnyChunk>> {
         let rapid = match self {

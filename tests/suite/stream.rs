@@ -1,7 +1,7 @@
 //! Programs in chunks against the same programs as a whole: the same bytes, the same words.
 
 use deflex::cell::Cell;
-use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_chunks};
+use deflex::correct::{Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks};
 use deflex::program::rapid::{self, CHUNK, Chunks};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
@@ -96,7 +96,14 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
 
 /// `None` where the program is not straight.
 fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
-    let chunks = Chunks::new("part.mod", text.as_bytes(), &[]).unwrap()?;
+    let chunks = || Chunks::new("part.mod", text.as_bytes(), &[]).unwrap();
+    let turns = if options.free_spin { choose_turns(chunks()?, cell, options) } else { Ok(None) };
+    let options = &match turns {
+        Ok(turns) => Options { turns, ..options.clone() },
+        Err(StreamError::Refused(refused)) => return Some(Err(refused)),
+        Err(_) => return None,
+    };
+    let chunks = chunks()?;
     let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
@@ -278,4 +285,45 @@ fn what_only_the_whole_tells_is_not_streamed() {
     for program in &programs {
         assert!(streamed(program, &cell, &Options::default(), 2).is_none(), "{}", &program[program.len() - 300..]);
     }
+}
+
+/// A wave, `count` targets 0.05 mm apart.
+fn wave(count: usize) -> String {
+    let mut text = HEAD.to_owned();
+    for i in 0..count {
+        let (x, lean) = (0.05 * i as f64, 0.2 * (0.01 * i as f64).sin());
+        let (motion, zone) = if i == 0 { ("MoveJ", "fine") } else { ("MoveL", "z1") };
+        writeln!(
+            text,
+            "    {motion} [[{x:.3},{:.3},100.000],[0,{:.8},0,{:.8}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,{zone},tMill\\WObj:=wPart;",
+            3.0 * lean,
+            (0.5 * (1.8 + lean)).sin(),
+            (0.5 * (1.8 + lean)).cos(),
+        )
+        .unwrap();
+    }
+    text + "  ENDPROC\nENDMODULE\n"
+}
+
+#[test]
+fn free_turns_are_chosen_over_all_chunks() {
+    let limits = "axis_max_deg = [360, 360, 360, 180, 360, 180]\n";
+    let cell = cell(&CELL.replace("axis_max_deg = [360, 360, 360, 360, 360, 360]\n", limits));
+    let options = Options { free_spin: true, ..Options::default() };
+    let text = wave(1_100);
+    assert!(text.len() > 2 * CHUNK);
+    agree(&text, &cell, &options).unwrap();
+    let (.., notes) = whole(&text, &cell, &options).unwrap();
+    assert!(notes.iter().any(|note| note.code == "spin.chosen"));
+    // Where no turn can be taken is said with its place, if without the line.
+    let nowhere = text.replace("[[5.000,", "[[9000.000,");
+    let refused = |came: Came| came.unwrap_err().iter().map(ToString::to_string).collect::<Vec<_>>();
+    let came = refused(streamed(&nowhere, &cell, &options, 1).unwrap());
+    assert!(came.len() == 1 && came[0].starts_with("part.mod:106:"), "{came:?}");
+    assert_eq!(came, refused(whole(&nowhere, &cell, &options)));
+    // Unless the turns are chosen already, they can only be chosen along the whole.
+    let mut sinks = Sinks { report: &mut Vec::new(), rows: &|_| Vec::new(), each: &mut |_| (), progress: &|_, _| () };
+    let chunks = Chunks::new("part.mod", text.as_bytes(), &[]).unwrap().unwrap();
+    let came = compensate_chunks(chunks, &cell, &options, 1, &mut Vec::new(), &mut sinks);
+    assert!(matches!(came, Err(StreamError::NotStreamable)));
 }

@@ -2,7 +2,7 @@
 
 use deflex::cell::Cell;
 use deflex::correct::{
-    Options, Outline, PostOptions, Poster, Sinks, StreamError, Streamed, compensate, post, post_chunks,
+    Options, Outline, PostOptions, Poster, Sinks, StreamError, Streamed, choose_turns, compensate, post, post_chunks,
 };
 use deflex::program::cl::{self, Chunks, ClOptions};
 use deflex::program::{Language, Next, Program};
@@ -240,6 +240,12 @@ fn streamed(
         Ok(poster) => poster,
         Err(errors) => return Some(Err(errors)),
     };
+    let turns = match choose_turns(chunks()?, cell, corrects) {
+        Ok(turns) => turns,
+        Err(StreamError::Refused(refused)) => return Some(Err(refused)),
+        Err(_) => return None,
+    };
+    let corrects = &Options { turns, ..corrects.clone() };
     let (files, mut report) = (Mutex::default(), CSV_HEADER.as_bytes().to_vec());
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
@@ -346,4 +352,19 @@ fn a_file_without_feed_or_unit_or_tool_is_refused_alike() {
         streamed(&without("UNITS/MM\n"), &no_unit, None, &Options::default(), 300, 2).is_none(),
         "told by whoever reads it whole"
     );
+}
+
+#[test]
+fn free_turns_are_chosen_over_all_chunks() {
+    let lines: Vec<Line> = (0..60).map(|i| if i % 7 == 0 { Line::Tilted } else { Line::Straight }).collect();
+    let text = file(&lines, "\n");
+    let stiffest = CELL.replace("spin = \"fixed\"", "spin = \"stiffest\"");
+    assert_ne!(stiffest, CELL);
+    let cell = cell(&stiffest);
+    let expected = whole(&text, &cell, None, &Options::default()).unwrap();
+    assert!(expected.3.iter().any(|note| note.code == "spin.chosen"));
+    for (size, threads) in [(100, 1), (700, 2), (2_000, 3), (1 << 20, 1)] {
+        let came = streamed(&text, &cell, None, &Options::default(), size, threads).unwrap().unwrap();
+        assert!(came == expected, "chunks of {size} bytes on {threads} threads");
+    }
 }

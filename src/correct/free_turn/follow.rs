@@ -152,7 +152,7 @@ impl Path<'_> {
     fn rounded(&self, i: usize, position: &Position) -> Position {
         let mut rounded = [0.0; MOST_FREE];
         for (k, axis) in self.axes.iter().enumerate() {
-            let written = self.prepared.external(i).map_or(f64::NAN, |external| external[axis.axis]);
+            let written = self.sites[i].moved.as_ref().map_or(f64::NAN, |moved| moved.external[axis.axis]);
             let is_kept = (position[k] - written).abs() <= AS_WRITTEN;
             rounded[k] = if is_kept { written } else { axis.rounded(position[k]) };
         }

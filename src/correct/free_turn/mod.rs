@@ -10,13 +10,17 @@ mod axes;
 mod follow;
 mod path;
 mod search;
+mod site;
 mod states;
 
 use super::carried::{Carried, Chosen, Free};
+use super::flow::StreamError;
+use super::messages::Messages;
 use super::point::Point;
 use super::{Cuts, Options, removal};
 use crate::cell::{Cell, SpinRule};
-use crate::program::{Language, Program};
+use crate::program::chunk::leaves_its_start;
+use crate::program::{ChunkReader, Language, Next, Program, StreamableChunk};
 use crate::text::{Diagnostic, Severity};
 use axes::Grid;
 use path::{Path, Refusal};
@@ -26,11 +30,14 @@ use std::sync::Arc;
 /// Margin from a singular wrist of RAPID input, whose cell may have no `[cl]`, rad (`docs/reference.md`).
 pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
+/// Targets whose errors are evaluated together: some megabytes.
+const TOGETHER: usize = 8192;
+
 /// Rounds in which targets between knots that cannot be reached become knots.
 const ROUNDS: usize = 4;
 
-/// What the ordered pass takes to the first target of a program that is held whole: its turns about the tool axis are chosen,
-/// where they are free.
+/// What the ordered pass takes to the first target of a program that is held whole, or of one whose turns are known already: its
+/// turns about the tool axis are chosen, where they are free.
 ///
 /// # Errors
 /// See [`choose`].
@@ -39,25 +46,23 @@ pub(super) fn carried<'a>(
     cell: &'a Cell,
     options: &Options,
 ) -> Result<Carried<'a>, Vec<Diagnostic>> {
-    let mut carried = Carried::new(cell);
-    if is_asked(program.language, cell, options) {
-        let found = choose(program, cell, options)?;
-        carried.free = Free::Chosen(found.chosen);
-        carried.notes.extend(found.notes);
+    if options.turns.is_none() && has_free_turns(program.language, cell, options) {
+        return Ok(Carried::with_turns(cell, Some(&choose(program, cell, options)?)));
     }
-    Ok(carried)
+    Ok(Carried::with_turns(cell, options.turns.as_ref()))
 }
 
-/// What was chosen along a path.
-#[derive(Debug)]
-pub(super) struct FreeTurn {
+/// The turns about the tool axis, and the positions of free external axes, that were chosen along a program.
+#[derive(Clone, Debug)]
+pub struct ChosenTurns {
     pub(super) chosen: Arc<[Chosen]>,
-    /// What it gains.
+    /// What they gain.
     pub(super) notes: Vec<Diagnostic>,
 }
 
-/// Whether the turn of a program's targets is to be chosen.
-pub(super) fn is_asked(language: Language, cell: &Cell, options: &Options) -> bool {
+/// Whether the turn about the tool axis of a program's targets is to be chosen.
+#[must_use]
+pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> bool {
     match language {
         Language::Cl => cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest),
         Language::Rapid | Language::Krl | Language::Ls => options.free_spin,
@@ -69,42 +74,93 @@ pub(super) fn is_asked(language: Language, cell: &Cell, options: &Options) -> bo
 /// # Errors
 /// What [`Prepared::new`](super::Prepared::new) refuses, but for targets out of reach; a target or a move at which no turn can be
 /// taken.
-pub(super) fn choose(program: &Program, cell: &Cell, options: &Options) -> Result<FreeTurn, Vec<Diagnostic>> {
+fn choose(program: &Program, cell: &Cell, options: &Options) -> Result<ChosenTurns, Vec<Diagnostic>> {
     let mut carried = Carried::new(cell);
     carried.free = Free::Sought;
     let mut prepared = super::path::prepare(program, cell, options, &mut carried)?;
     removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
-    let mut path = Path::new(program, cell, &prepared, &carried.unreached);
-    let mut forced = BTreeSet::new();
-    let mut grid = Grid::coarse(&path.axes);
-    while !grid.is_fine(&path.axes) {
-        let knots = path.knots(&forced);
-        let found = path.search(&knots, &grid)?;
-        path.base = path.positions(&knots, &found.iter().map(|state| state.position).collect::<Vec<_>>());
-        grid = grid.finer(&path.axes);
+    let mut path = Path::of_program(program, cell, prepared);
+    path.unreached = carried.unreached;
+    path.choose()
+}
+
+/// Chooses the turns of a program that is read a chunk at a time, as [`compensate`](super::compensate) does of one that is held
+/// whole; `None` where they are not free. For [`Options::turns`] of the runs that follow.
+///
+/// # Errors
+/// See [`StreamError`].
+pub fn choose_turns<C: ChunkReader>(
+    mut chunks: C,
+    cell: &Cell,
+    options: &Options,
+) -> Result<Option<ChosenTurns>, StreamError> {
+    // What several motions go to is told by all of the program.
+    if !chunks.has_own_numbers() || cell.stock.is_some() {
+        return Err(StreamError::NotStreamable);
     }
-    let mut left = None;
-    for _ in 0..ROUNDS {
-        let knots = path.knots(&forced);
-        let found = path.search(&knots, &grid)?;
-        let as_found =
-            (found.iter().map(|state| state.turn).collect(), found.iter().map(|state| state.position).collect());
-        for (turns, positions) in [path.smoothed(&knots, &found, &grid), as_found] {
-            match path.follow(&knots, &found, (&turns, &positions)) {
-                Ok(chosen) => return Ok(FreeTurn { notes: notes(&path, &chosen), chosen: chosen.into() }),
-                Err(at) => left = Some(at),
-            }
+    let mut carried = Carried::new(cell);
+    carried.free = Free::Sought;
+    let (mut refused, mut path) = (Messages::default(), None::<Path<'_>>);
+    loop {
+        let chunk = match chunks.take().map_err(StreamError::Read)? {
+            Next::Chunk(chunk) => C::read(chunk),
+            Next::NotStreamable => None,
+            Next::End => break,
+        };
+        let Some(StreamableChunk { program, last, .. }) = chunk else { return Err(StreamError::NotStreamable) };
+        if !has_free_turns(program.language, cell, options) {
+            return Ok(None);
         }
-        forced.extend(left);
+        let leaves = path.is_some() || last || leaves_its_start(&program.targets);
+        if !leaves || program.targets.iter().any(path::has_moved_alone) {
+            return Err(StreamError::NotStreamable);
+        }
+        match super::path::prepare(&program, cell, options, &mut carried) {
+            Ok(prepared) => path.get_or_insert_with(|| Path::new(&program, cell)).extend(&program, prepared),
+            Err(why) => refused.add_once(why),
+        }
     }
-    let at = left.unwrap_or(0);
-    Err(path.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))
+    if !refused.is_empty() {
+        return Err(StreamError::Refused(refused.all()));
+    }
+    let Some(mut path) = path else { return Ok(None) };
+    path.unreached = carried.unreached;
+    path.choose().map(Some).map_err(StreamError::Refused)
+}
+
+impl Path<'_> {
+    /// The choice along all of the path.
+    fn choose(&mut self) -> Result<ChosenTurns, Vec<Diagnostic>> {
+        let mut forced = BTreeSet::new();
+        let mut grid = Grid::coarse(&self.axes);
+        while !grid.is_fine(&self.axes) {
+            let knots = self.knots(&forced);
+            let found = self.search(&knots, &grid)?;
+            self.base = self.positions(&knots, &found.iter().map(|state| state.position).collect::<Vec<_>>());
+            grid = grid.finer(&self.axes);
+        }
+        let mut left = None;
+        for _ in 0..ROUNDS {
+            let knots = self.knots(&forced);
+            let found = self.search(&knots, &grid)?;
+            let as_found =
+                (found.iter().map(|state| state.turn).collect(), found.iter().map(|state| state.position).collect());
+            for (turns, positions) in [self.smoothed(&knots, &found, &grid), as_found] {
+                match self.follow(&knots, &found, (&turns, &positions)) {
+                    Ok(chosen) => return Ok(ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() }),
+                    Err(at) => left = Some(at),
+                }
+            }
+            forced.extend(left);
+        }
+        let at = left.unwrap_or(0);
+        Err(self.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))
+    }
 }
 
 /// What is to be said of the choice.
 fn notes(path: &Path<'_>, chosen: &[Chosen]) -> Vec<Diagnostic> {
-    let source = path.program.sources.first().map_or("", |source| source.name.as_str());
-    let note = |code, message: String| Diagnostic::error(code, source, message).severity(Severity::Note);
+    let note = |code, message: String| Diagnostic::error(code, &path.file, message).severity(Severity::Note);
     let mut notes = vec![note("spin.chosen", gain(path, chosen))];
     notes.extend(path.held.iter().map(|why| note("spin.unit", why.clone())));
     notes
@@ -112,19 +168,18 @@ fn notes(path: &Path<'_>, chosen: &[Chosen]) -> Vec<Diagnostic> {
 
 /// What the choice gains, over the targets that cut.
 fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
-    let program = path.program;
-    let cuts = |i: &usize| path.prepared.points[*i].cuts() && program.targets[*i].is_end();
+    let cuts = |i: &usize| path.sites[*i].cuts() && path.sites[*i].is_end;
     let reached = |i: &usize| path.unreached.binary_search(i).is_err();
     let all: Vec<usize> = (0..chosen.len()).filter(cuts).collect();
     let both: Vec<usize> = all.iter().copied().filter(reached).collect();
-    let rms_mm = |points: Vec<Point>| {
-        let squares = path.squared_errors(&both, points);
-        1e3 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    let rms_mm = |point: &dyn Fn(&usize) -> Point| {
+        let squares = |some: &[usize]| path.squared_errors(some, some.iter().map(point).collect());
+        let sum: f64 = both.chunks(TOGETHER).flat_map(squares).sum();
+        1e3 * (sum / both.len().max(1) as f64).sqrt()
     };
-    let with = |i: &usize| path.chosen_point(*i, &chosen[*i]);
-    let before = rms_mm(both.iter().map(|&i| path.prepared.points[i].clone()).collect());
-    let after = rms_mm(both.iter().map(with).collect());
-    let written = match program.language {
+    let before = rms_mm(&|i| path.sites[*i].point());
+    let after = rms_mm(&|i| path.chosen_point(*i, &chosen[*i]));
+    let written = match path.language {
         Language::Cl => "`spin_deg` throughout",
         Language::Rapid | Language::Krl | Language::Ls => "the turn as written",
     };

@@ -3,12 +3,14 @@
 use super::SINGULAR_MARGIN;
 use super::axes::{FreeAxis, Grid, Position, Stage, with};
 use super::search::{Move, Search};
+use super::site::Site;
 use super::states::{self, FreeTarget, Refused, State};
 use crate::cell::{Cell, MOST_FREE};
 use crate::correct::carried::Chosen;
 use crate::correct::load::{Follows, PointLoad};
-use crate::correct::mount::Moved;
+use crate::correct::mount::{Mount, Moved};
 use crate::correct::parallelism::Parallelism;
+use crate::correct::path::NO_TOOL;
 use crate::correct::point::{Point, tool_axis};
 use crate::correct::solve::Solver;
 use crate::correct::travel::CHORD;
@@ -33,9 +35,12 @@ const AIR: f64 = 1e-6;
 
 /// A program's targets, as the search sees them.
 pub(super) struct Path<'a> {
-    pub(super) program: &'a Program,
+    pub(super) language: Language,
     pub(super) cell: &'a Cell,
-    pub(super) prepared: &'a Prepared,
+    /// Settings and laws of the sites.
+    prepared: Prepared,
+    /// One a target.
+    pub(super) sites: Vec<Site>,
     /// External axes that are free.
     pub(super) axes: SmallVec<[FreeAxis; MOST_FREE]>,
     /// Why axes that the cell has free stay as they are written.
@@ -46,8 +51,12 @@ pub(super) struct Path<'a> {
     is_free: Vec<[bool; 2]>,
     pub(super) moves: Vec<Move>,
     pub(super) margin: f64,
-    /// Targets that the turn as written does not reach.
-    pub(super) unreached: &'a [usize],
+    /// Targets that the turn as written does not reach, rising.
+    pub(super) unreached: Vec<usize>,
+    /// File that messages name.
+    pub(super) file: String,
+    /// The program, where it is held, for the lines that messages quote.
+    whole: Option<&'a Program>,
 }
 
 /// What a refusal advises.
@@ -70,42 +79,73 @@ struct Standing {
 }
 
 impl<'a> Path<'a> {
-    pub(super) fn new(program: &'a Program, cell: &'a Cell, prepared: &'a Prepared, unreached: &'a [usize]) -> Self {
-        let (axes, held) = free_axes(program, cell);
+    /// The path of a program that is held whole.
+    pub(super) fn of_program(program: &'a Program, cell: &'a Cell, prepared: Prepared) -> Self {
+        let mut path = Self::new(program, cell);
+        path.extend(program, prepared);
+        path.whole = Some(program);
+        path
+    }
+
+    /// Without targets; `first` is the program, or its first chunk.
+    pub(super) fn new(first: &Program, cell: &'a Cell) -> Self {
+        let (axes, held) = free_axes(first, cell);
+        Self {
+            language: first.language,
+            cell,
+            prepared: Prepared::of_points(Vec::new(), &cell.arm.robot, NO_TOOL),
+            sites: Vec::new(),
+            axes,
+            held,
+            base: Vec::new(),
+            is_free: Vec::new(),
+            moves: Vec::new(),
+            margin: cell.cl.as_ref().map_or(SINGULAR_MARGIN, |cl| cl.singular_margin),
+            unreached: Vec::new(),
+            file: first.sources.first().map_or_else(String::new, |source| source.name.clone()),
+            whole: None,
+        }
+    }
+
+    /// Takes in the targets of the program or of its next chunk.
+    pub(super) fn extend(&mut self, program: &Program, prepared: Prepared) {
         let shared = shared_numbers(program);
-        let writes_axes = if axes.is_empty() { Vec::new() } else { program.writes_axes() };
-        let is_free = |(i, point): (usize, &Point)| {
-            let target = &program.targets[i];
+        let writes_axes = if self.axes.is_empty() { Vec::new() } else { program.writes_axes() };
+        let first = self.sites.len();
+        for (i, target) in program.targets.iter().enumerate() {
+            let site = Site::of(program, &prepared, i);
             let turn = match target.goal {
-                _ if point.unsolved.is_some() => false,
+                _ if site.unsolved.is_some() => false,
                 Goal::Axis { .. } => true,
                 Goal::Pose { .. } => target.editable == Editable::Pose && !shared(target),
                 Goal::Joints { .. } => false,
             };
             let own = program.language == Language::Cl || writes_axes.get(i) == Some(&true);
-            [turn, turn && own && has_free_axes(program, prepared, &axes, i)]
-        };
-        let is_free: Vec<[bool; 2]> = prepared.points.iter().enumerate().map(is_free).collect();
-        let base = if axes.is_empty() { Vec::new() } else { written(prepared, &axes) };
-        let mut path =
-            Self { program, cell, prepared, axes, held, base, is_free, moves: Vec::new(), margin: 0.0, unreached };
-        path.margin = cell.cl.as_ref().map_or(SINGULAR_MARGIN, |cl| cl.singular_margin);
-        path.moves = (0..prepared.points.len()).map(|i| path.way_to(i)).collect();
-        path
+            self.is_free.push([turn, turn && own && has_free_axes(program, &prepared, &self.axes, i)]);
+            if !self.axes.is_empty() {
+                self.base.push(written(self.base.last(), &site, &self.axes));
+            }
+            self.sites.push(site);
+        }
+        self.prepared = prepared;
+        self.prepared.points = Vec::new();
+        for (i, target) in program.targets.iter().enumerate() {
+            let way = self.way_to(target, first + i);
+            self.moves.push(way);
+        }
     }
 
     /// The move into a target.
-    fn way_to(&self, i: usize) -> Move {
-        let (target, points) = (&self.program.targets[i], &self.prepared.points);
+    fn way_to(&self, target: &Target, i: usize) -> Move {
         let before = i.checked_sub(1);
         // Where a target is not solved nothing is known of how the arm stands.
-        let unsolved = |i: usize| points[i].unsolved.is_some();
+        let unsolved = |i: usize| self.sites[i].unsolved.is_some();
         let length = before.map_or(0.0, |before| {
-            let [from, to] = [before, i].map(|i| points[i].wobj_from_tcp.translation.vector);
-            if points[before].setting == points[i].setting {
+            let [from, to] = [before, i].map(|i| self.sites[i].wobj_from_tcp.translation.vector);
+            if self.sites[before].setting == self.sites[i].setting {
                 return (to - from).norm();
             }
-            let at = |i: usize, at| self.prepared.setting(i).base_from_wobj * nalgebra::Point3::from(at);
+            let at = |i: usize, at| self.written_setting(i).base_from_wobj * nalgebra::Point3::from(at);
             (at(i, to) - at(before, from)).norm()
         });
         let time = target.feed_mm_s.filter(|feed| *feed > 0.0 && length > CHORD).map(|feed| 1e3 * length / feed);
@@ -126,6 +166,15 @@ impl<'a> Path<'a> {
         }
     }
 
+    fn mount(&self, i: usize) -> &Mount {
+        &self.prepared.settings[self.sites[i].setting as usize]
+    }
+
+    /// What a target is run with as it is written.
+    fn written_setting(&self, i: usize) -> &Setting {
+        self.sites[i].moved.as_ref().map_or(&self.mount(i).setting, |moved| &moved.setting)
+    }
+
     pub(super) fn robot(&self) -> &'a Robot {
         &self.cell.arm.robot
     }
@@ -142,8 +191,8 @@ impl<'a> Path<'a> {
 
     /// A target, as far as the arm's kinematics ask.
     pub(super) fn target(&self, i: usize) -> FreeTarget {
-        let point = &self.prepared.points[i];
-        let decided = self.program.language != Language::Cl;
+        let point = &self.sites[i];
+        let decided = self.language != Language::Cl;
         let fixed = (spin::turn_of(&point.wobj_from_tcp), point.motor);
         FreeTarget {
             position: point.wobj_from_tcp.translation.vector,
@@ -156,17 +205,17 @@ impl<'a> Path<'a> {
 
     /// What a target is run with where the free axes are at a position.
     pub(super) fn moved(&self, i: usize, position: &Position) -> Option<Arc<Moved>> {
-        let written = &self.prepared.points[i].moved;
+        let written = &self.sites[i].moved;
         if !self.has_free_axes(i) {
             return written.clone();
         }
         let external = with(&written.as_ref()?.external, &self.axes, position);
-        self.prepared.mount(i).moved(external)
+        self.mount(i).moved(external)
     }
 
     /// The setting of that.
     pub(super) fn setting<'b>(&'b self, i: usize, moved: &'b Option<Arc<Moved>>) -> &'b Setting {
-        moved.as_ref().map_or_else(|| self.prepared.setting(i), |moved| &moved.setting)
+        moved.as_ref().map_or_else(|| self.written_setting(i), |moved| &moved.setting)
     }
 
     /// Indices of the targets whose turn is searched for.
@@ -286,9 +335,9 @@ impl<'a> Path<'a> {
         let (at, points): (Vec<usize>, Vec<Point>) =
             asked.map(|(i, state, moved)| (i, self.turned(i, state.turn, (state.motor, moved.clone())))).unzip();
         let mut errors = self.squared_errors(&at, points).into_iter();
-        let weighed = |i: usize, square: f64| match &self.prepared.points[i] {
-            point if point.unsolved.is_some() => 0.0,
-            point if point.cuts() => square,
+        let weighed = |i: usize, square: f64| match &self.sites[i] {
+            site if site.unsolved.is_some() => 0.0,
+            site if site.cuts() => square,
             _ => AIR * square,
         };
         block
@@ -302,7 +351,7 @@ impl<'a> Path<'a> {
 
     /// Point `i` with another turn (rad), and the motor angles (rad) and the positions of units that reach it.
     fn turned(&self, i: usize, turn: f64, (motor, moved): (Joints, Option<Arc<Moved>>)) -> Point {
-        let point = &self.prepared.points[i];
+        let point = self.sites[i].point();
         let position = point.wobj_from_tcp.translation.vector;
         let pose = spin::turned(position, &tool_axis(&point.wobj_from_tcp), turn);
         let load = match point.load {
@@ -312,14 +361,14 @@ impl<'a> Path<'a> {
             }
             load => load,
         };
-        Point { wobj_from_tcp: pose, reference: pose, motor, moved, load, ..point.clone() }
+        Point { wobj_from_tcp: pose, reference: pose, motor, moved, load, ..point }
     }
 
     /// Point `i` as it was chosen.
     pub(super) fn chosen_point(&self, i: usize, chosen: &Chosen) -> Point {
-        let point = &self.prepared.points[i];
-        let Some(turn) = chosen.turn else { return point.clone() };
-        let moved = match (&chosen.external, &point.moved) {
+        let site = &self.sites[i];
+        let Some(turn) = chosen.turn else { return site.point() };
+        let moved = match (&chosen.external, &site.moved) {
             (Some(external), Some(_)) => {
                 let position: SmallVec<[f64; MOST_FREE]> = self.axes.iter().map(|axis| external[axis.axis]).collect();
                 let mut all = [0.0; MOST_FREE];
@@ -338,20 +387,16 @@ impl<'a> Path<'a> {
         let solver = Solver::new(&self.cell.arm, &with, Parallelism::Threads);
         let predicted = solver.forward(|k| with.points[k].as_programmed(), |_| WarmStart::default());
         let square = |(k, predicted): (usize, &Result<PredictedPose, _>)| match predicted {
-            Ok(there) => match self.program.targets[at[k]].goal {
-                Goal::Axis { normal: Some(_), .. } => {
-                    with.points[k].normal_error(&with.laws, &there.shift, &there.axis).powi(2)
-                }
-                _ => there.shift.norm_squared(),
-            },
+            Ok(there) if self.sites[at[k]].has_normal => {
+                with.points[k].normal_error(&with.laws, &there.shift, &there.axis).powi(2)
+            }
+            Ok(there) => there.shift.norm_squared(),
             Err(_) => f64::INFINITY,
         };
         predicted.iter().enumerate().map(square).collect()
     }
 
     pub(super) fn refuse(&self, i: usize, what: &str, why: Refusal) -> Vec<Diagnostic> {
-        let target = &self.program.targets[i];
-        let source = &self.program.sources[usize::from(target.source)];
         let (why, help) = match why {
             Refusal::Stand(states::Refused { reach, limits, singular }) => (
                 format!(
@@ -366,8 +411,14 @@ impl<'a> Path<'a> {
             ),
             Refusal::Between => (String::new(), "move the part (`[wobjs]`), or lower `[cl] singular_margin_deg`"),
         };
-        let message = format!("target {}: {what}{why}", target.ordinal);
-        vec![Diagnostic::error("spin.none", "", message).on_line(source, target.span, target.line).help(help)]
+        let message = format!("target {}: {what}{why}", self.sites[i].ordinal());
+        let refused = Diagnostic::error("spin.none", "", message).help(help);
+        vec![match self.whole.map(|program| (program, &program.targets[i])) {
+            Some((program, target)) => {
+                refused.on_line(&program.sources[usize::from(target.source)], target.span, target.line)
+            }
+            None => self.sites[i].at(&self.file, refused),
+        }]
     }
 }
 
@@ -383,7 +434,8 @@ fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>
     (SmallVec::new(), held.collect())
 }
 
-fn has_moved_alone(target: &Target) -> bool {
+/// Whether external axes have moved by themselves before a target.
+pub(super) fn has_moved_alone(target: &Target) -> bool {
     target.external.as_ref().is_some_and(|external| external.moved_alone)
 }
 
@@ -400,16 +452,13 @@ fn has_free_axes(program: &Program, prepared: &Prepared, axes: &[FreeAxis], i: u
 }
 
 /// Positions of the free axes as written; those of the target before where a target has none.
-fn written(prepared: &Prepared, axes: &[FreeAxis]) -> Vec<Position> {
-    let mut last = [0.0; MOST_FREE];
-    let at = |i: usize| {
-        for (k, axis) in axes.iter().enumerate() {
-            let position = prepared.external(i).map(|external| external[axis.axis]);
-            last[k] = position.filter(|position| !position.is_nan()).unwrap_or(last[k]);
-        }
-        last
-    };
-    (0..prepared.points.len()).map(at).collect()
+fn written(before: Option<&Position>, site: &Site, axes: &[FreeAxis]) -> Position {
+    let mut at = before.copied().unwrap_or_default();
+    for (k, axis) in axes.iter().enumerate() {
+        let position = site.moved.as_ref().map(|moved| moved.external[axis.axis]);
+        at[k] = position.filter(|position| !position.is_nan()).unwrap_or(at[k]);
+    }
+    at
 }
 
 /// Whether a target's numbers are used more than once: one turn has to suit all uses, so that it stays as written.

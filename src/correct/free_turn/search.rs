@@ -25,14 +25,15 @@ const TURNING: f64 = 1e-12;
 /// States that a joint move may begin at, where there are many: the cheapest ones, since all are allowed.
 const CHEAPEST: usize = 2048;
 
-/// Targets after which it is looked whether all ways that are left begin alike.
+/// Knots after which the ways that have been left are forgotten.
 const SETTLE: usize = 256;
 
 /// What of one way is kept for the way back.
 #[derive(Clone, Copy, Debug)]
 struct Step {
-    /// State before, by its index.
+    /// Step of the knot before, by its index.
     before: u32,
+    /// State, by its index.
     state: u32,
 }
 
@@ -58,16 +59,18 @@ pub(super) struct Search<'a> {
     /// m or rad of a millimetre or a degree of each free axis.
     scales: Position,
     reached: Vec<(State, f64)>,
-    /// Steps of the targets behind those that are settled.
-    back: Vec<Vec<Step>>,
-    /// States of the first targets, by their index: those of every way that is left.
+    /// Steps of the knots behind those that are settled.
+    back: Vec<Box<[Step]>>,
+    /// Of so many of these, only steps of ways that are left.
+    pruned: usize,
+    /// States of the first knots, by their index: those of every way that is left.
     settled: Vec<u32>,
 }
 
 impl<'a> Search<'a> {
     /// Before the first knot.
     pub(super) fn new(lanes: &'a [Lane], scales: Position) -> Self {
-        Self { lanes, scales, reached: Vec::new(), back: Vec::new(), settled: Vec::new() }
+        Self { lanes, scales, reached: Vec::new(), back: Vec::new(), pruned: 0, settled: Vec::new() }
     }
 
     /// Goes on to a knot's states, with the cost of each, whether a stretch of the free axes begins with the way or not; `false`
@@ -124,8 +127,8 @@ impl<'a> Search<'a> {
             }
         }
         self.reached = reached;
-        self.back.push(steps);
-        if self.back.len().is_multiple_of(SETTLE) {
+        self.back.push(steps.into());
+        if self.back.len() - self.pruned >= SETTLE {
             self.settle();
         }
         !self.reached.is_empty()
@@ -142,21 +145,28 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Takes the beginning that all ways have in common out of what is kept for the way back: so memory does not grow with the path.
+    /// Forgets the ways that none of the states reached has come: memory grows with the path by what ways are left far
+    /// behind, one a branch that cannot be left, and by a number where they all begin alike.
     fn settle(&mut self) {
         let mut live: Vec<u32> = (0..self.reached.len()).map(narrow).collect();
-        for at in (1..self.back.len()).rev() {
-            let steps = &self.back[at];
-            live = live.iter().map(|index| steps[*index as usize].before).collect();
+        for at in (0..self.back.len()).rev() {
+            let steps = &mut self.back[at];
+            if at < self.pruned && live.len() == steps.len() {
+                // So all steps before are those of ways that are left.
+                break;
+            }
+            let mut kept: Box<[Step]> = live.iter().map(|index| steps[*index as usize]).collect();
+            live = kept.iter().map(|step| step.before).collect();
             live.sort_unstable();
             live.dedup();
-            if let [only] = live[..] {
-                let states = way_back(&self.back[..at], only as usize);
-                self.settled.extend(states);
-                self.back.drain(..at);
-                return;
+            for step in &mut kept {
+                step.before = narrow(live.partition_point(|before| *before < step.before));
             }
+            *steps = kept;
         }
+        let common = self.back.partition_point(|steps| steps.len() == 1).min(self.back.len() - 1);
+        self.settled.extend(self.back.drain(..common).map(|steps| steps[0].state));
+        self.pruned = self.back.len();
     }
 
     /// Index of the best way's state among those of each target.
@@ -170,13 +180,13 @@ impl<'a> Search<'a> {
 }
 
 /// The states of the way that ends with a step, by its index.
-fn way_back(back: &[Vec<Step>], mut at: usize) -> Vec<u32> {
-    let step = |steps: &Vec<Step>| {
+fn way_back(back: &[Box<[Step]>], mut at: usize) -> Vec<u32> {
+    let mut step = |steps: &[Step]| {
         let step = steps[at];
         at = step.before as usize;
         step.state
     };
-    let mut states: Vec<u32> = back.iter().rev().map(step).collect();
+    let mut states: Vec<u32> = back.iter().rev().map(|steps| step(steps)).collect();
     states.reverse();
     states
 }
@@ -290,5 +300,30 @@ mod tests {
         assert!(chosen.windows(2).all(|pair| pair[0].abs_diff(pair[1]) <= 1));
         let least = table[LENGTH].iter().copied().fold(f64::INFINITY, f64::min);
         assert!((total - least).abs() < 1e-6, "{total} {least}");
+    }
+
+    /// Of two branches that cannot be left, one is cheap at first, then the other: which is best is known at the end.
+    #[test]
+    fn branches_that_are_never_left_are_kept_apart() {
+        const LENGTH: usize = 9 * SETTLE;
+        let state = |index: usize| State {
+            turn: (index % 3) as f64 * STEP,
+            branch: index / 3,
+            motor: Joints::zeros(),
+            lane: 0,
+            position: [0.0; 2],
+        };
+        let way = Move { length: 1e-3, time: None, free: false, fixed: false, room: [0.0; 2] };
+        let lanes = [Lane { from: 0, to: 0 }];
+        let mut search = Search::new(&lanes, [0.0; 2]);
+        for at in 0..LENGTH {
+            let dear = if at < LENGTH / 2 - 3 { 1 } else { 0 };
+            let cost = |index: usize| f64::from(u8::from(index / 3 == dear)) + 0.1 * (index % 3).abs_diff(1) as f64;
+            let states: Vec<(State, f64)> = (0..6).map(|index| (state(index), cost(index))).collect();
+            assert!(search.advance((&way, at == 0), None, &states));
+        }
+        let kept: usize = search.back.iter().map(|steps| steps.len()).sum();
+        assert!(kept < 2 * LENGTH + 6 * SETTLE, "{kept}");
+        assert_eq!(search.best(), vec![4; LENGTH]);
     }
 }
