@@ -39,5 +39,6 @@ mod stream;
 mod stream_cl;
 mod stream_declared;
 mod stream_krl;
+mod stream_units;
 mod units;
 mod units_cl;

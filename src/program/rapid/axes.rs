@@ -55,6 +55,15 @@ pub(super) const COMPUTED: &str = "external axes computed at run time";
 const OFFSET_UNKNOWN: &str = "offset of external axes is known only at run time";
 const UNITS_UNKNOWN: &str = "which mechanical units are active is known only at run time";
 
+/// External axes of a target that has them in use, where the controller adds nothing to them and all units are active.
+pub(super) fn as_written(external: &External) -> Option<Arc<ExternalAxes>> {
+    axes_in_use(external).then(|| Arc::new(ExternalAxes { written: written(external), ..ExternalAxes::default() }))
+}
+
+fn written(external: &External) -> [Option<f64>; EXTERNAL_AXES] {
+    external.map(|v| (v < UNUSED_AXIS).then_some(v))
+}
+
 impl Runner<'_> {
     /// An instruction on external axes.
     pub(super) fn axes_instruction(&mut self, scope: Scope, call: &Call, known: Instruction) {
@@ -116,6 +125,7 @@ impl Runner<'_> {
                     u32::try_from(at).unwrap_or(u32::MAX)
                 });
                 self.state.axes.inactive = inactive.filter(|_| self.only_here(Some(())).is_some());
+                self.events += u64::from(self.state.axes.inactive != Axes::default().inactive);
             }
             _ => {
                 let value = first.map(|span| self.evaluate(scope, span));
@@ -189,7 +199,7 @@ impl Runner<'_> {
             return None;
         }
         let axes = ExternalAxes {
-            written: external.map(|v| (v < UNUSED_AXIS).then_some(v)),
+            written: written(external),
             offset: offset.filter(|_| !without_offset).unwrap_or_default(),
             at_rest: Default::default(),
             inactive: Arc::clone(inactive),

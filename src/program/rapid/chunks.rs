@@ -3,7 +3,7 @@
 //! One procedure that only moves from inline target to inline target is the same wherever it is cut between two
 //! statements: a chunk is the module's head, a stretch of the body, and an end, and so a program of its own, which
 //! [`read`](super::read) reads like any other. What would make a chunk mean something else than the same lines in the whole (an
-//! assignment, a call, a declared target, a moving external axis, …) is looked for in the chunk as read; a program with any
+//! assignment, a call, a declared target, an offset of external axes, …) is looked for in the chunk as read; a program with any
 //! of that is not streamable and is read whole.
 
 use super::chunk::{Chunk, layout};

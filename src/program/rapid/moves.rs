@@ -40,8 +40,8 @@ impl<'a> Runner<'a> {
         if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
         }
-        // Speeds are set in a program's head, which each of its chunks has.
-        self.events += u64::from(known != Instruction::Velocity);
+        // Speeds are set in a program's head, which each of its chunks has, and units activated.
+        self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::UnitOn));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {

@@ -1,12 +1,12 @@
 //! Declarations of the targets that a chunk moves to by name, read line by line: lines that differ in nothing but name and
 //! numbers declare alike.
 
+use super::axes::as_written;
 use super::chunks::line_of;
 use super::index::{declared, hash, is_word};
 use super::literal::Literal;
 use super::sample::{Sample, pose};
-use super::value::axes_in_use;
-use crate::program::Goal;
+use crate::program::{ExternalAxes, Goal};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -37,6 +37,8 @@ pub(super) struct DeclarationTemplate<'a> {
     lead: &'a [u8],
     /// What stands behind the name.
     sample: Option<Sample<'a>>,
+    /// External axes of the last line.
+    external: Option<Arc<ExternalAxes>>,
 }
 
 /// A declared target.
@@ -45,6 +47,7 @@ pub(super) struct Declaration<'a> {
     hash: u64,
     pub(super) way: usize,
     pub(super) goal: Goal,
+    pub(super) external: Option<Arc<ExternalAxes>>,
     /// Its name where it was used first.
     used: Option<Arc<str>>,
 }
@@ -60,14 +63,15 @@ impl<'a> Declarations<'a> {
             if let Some(way) = read.ways.get_mut(last)
                 && let Some((name, literal, goal, len)) = way.read(bytes, start)
             {
-                read.push(name, last, goal)?;
+                let external = way.external.clone();
+                read.push(name, last, (goal, external))?;
                 literals.push(literal);
                 start += len;
                 continue;
             }
             let line = line_of(&bytes[start..]);
             let (way, name, literal, goal) = DeclarationTemplate::of(bytes, start, line)?;
-            read.push(name, 0, goal)?;
+            read.push(name, 0, (goal, way.external.clone()))?;
             literals.push(literal);
             last = read.ways.iter().position(|known| known.is(&way)).unwrap_or(read.ways.len());
             match read.ways.get_mut(last) {
@@ -81,12 +85,12 @@ impl<'a> Declarations<'a> {
         Some((read, literals))
     }
 
-    fn push(&mut self, name: &'a [u8], way: usize, goal: Goal) -> Option<()> {
+    fn push(&mut self, name: &'a [u8], way: usize, (goal, external): (Goal, Option<Arc<ExternalAxes>>)) -> Option<()> {
         // Words of the language have no digits; those that programs begin with are looked for in their text.
         let own = name.first().is_some_and(u8::is_ascii_alphabetic)
             && name.iter().any(|b| !b.is_ascii_alphabetic())
             && name.len() <= LONGEST;
-        own.then(|| self.targets.push(Declaration { name, hash: hash(name), way, goal, used: None }))
+        own.then(|| self.targets.push(Declaration { name, hash: hash(name), way, goal, external, used: None }))
     }
 
     /// Which target has a name: most often the next one.
@@ -123,6 +127,10 @@ impl<'a> Declarations<'a> {
         self.targets[target].goal
     }
 
+    pub(super) fn external(&self, target: usize) -> &Option<Arc<ExternalAxes>> {
+        &self.targets[target].external
+    }
+
     /// A target's name, as it is spelled where it is used first.
     pub(super) fn name(&mut self, target: usize, spelled: &[u8]) -> Option<Arc<str>> {
         let used = &mut self.targets[target].used;
@@ -149,7 +157,7 @@ impl<'a> DeclarationTemplate<'a> {
         let (literal, written) = Literal::read(bytes, 0, start + indent + open)?;
         let behind = literal.span().range().end.checked_sub(start + indent)?;
         // Line ends that only one of two ways counts.
-        if axes_in_use(&written.external) || line.trim_ascii_end().contains(&b'\r') {
+        if line.trim_ascii_end().contains(&b'\r') {
             return None;
         }
         let lead = indent + name.end;
@@ -160,6 +168,7 @@ impl<'a> DeclarationTemplate<'a> {
             line,
             lead: &line[..indent + name.start],
             sample: Sample::new(&line[lead..], start + lead, literal, &written),
+            external: as_written(&written.external),
         };
         let (position_mm, quat) = pose(written.position_mm, written.quat)?;
         Some((way, &text[name], literal, Goal::Pose { position_mm, quat, conf: written.conf }))

@@ -155,7 +155,6 @@ impl Runner<'_> {
             && proc.body.iter().all(|s| matches!(s, Statement::Simple(_) | Statement::Mark(_)))
             && file.odd.is_empty()
             && self.events == 0
-            && self.external.is_none()
             && self.pinned.is_empty()
             && self.unknown.is_empty()
             && self.arcs == 0

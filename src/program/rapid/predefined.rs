@@ -486,7 +486,8 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
 /// Whether a statement is an instruction that changes nothing.
 pub(super) fn harmless(statement: &[u8]) -> bool {
     let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
-    has(NOTHING, name) || has(OPTIONS, name) && !statement.contains(&b'\\')
+    // Units are active until one is deactivated: to activate it again changes nothing.
+    has(NOTHING, name) || has(OPTIONS, name) && !statement.contains(&b'\\') || name.eq_ignore_ascii_case(b"ActUnit")
 }
 
 /// What a predefined function may change besides its value.

@@ -1,6 +1,7 @@
 //! Chunks of streamable programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
 //! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
 
+use super::axes::as_written;
 use super::chunk::Chunk;
 use super::chunks::line_of;
 use super::index::{hash, target};
@@ -10,9 +11,9 @@ use super::literal::Literal;
 use super::moves::index;
 use super::named::Declarations;
 use super::sample::{Found, Named, Sample, pose};
-use super::value::{Place, axes_in_use};
+use super::value::Place;
 use super::{Layout, Site};
-use crate::program::{Language, Mark, Predecessor, Program, Target, Tool, Wobj};
+use crate::program::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj};
 use crate::text::{Source, Span};
 use std::ops::Range;
 use std::sync::Arc;
@@ -48,7 +49,7 @@ struct Kind<'a> {
 /// The last line of a kind.
 enum Last<'a> {
     None,
-    Inline(Box<Sample<'a>>),
+    Inline(Box<(Sample<'a>, Option<Arc<ExternalAxes>>)>),
     Named(Named<'a>),
 }
 
@@ -56,7 +57,7 @@ enum Last<'a> {
 enum To<'s> {
     /// None, or one without a place.
     Nowhere,
-    Inline(Found<'s>),
+    Inline(Found<'s>, &'s Option<Arc<ExternalAxes>>),
     /// A declared one, and where its name stands.
     Named(usize, Range<usize>),
 }
@@ -133,16 +134,17 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
         }
         let kind = &mut kinds[last];
         let Some(like) = &kind.motion else { continue };
-        let at;
+        let (at, axes);
         let to = match (&robtarget, named) {
             (Some((literal, written)), _) => {
-                if axes_in_use(&written.external) || bytes[literal.span().range()].contains(&b'\r') {
+                if bytes[literal.span().range()].contains(&b'\r') {
                     return None;
                 }
+                axes = as_written(&written.external);
                 let sample = Sample::new(line, line_start, *literal, written);
-                kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new(sample)));
+                kind.last = sample.map_or(Last::None, |sample| Last::Inline(Box::new((sample, axes.clone()))));
                 at = pose(written.position_mm, written.quat)?;
-                To::Inline(Found { literal, start: literal.span().start, pose: &at, conf: &written.conf })
+                To::Inline(Found { literal, start: literal.span().start, pose: &at, conf: &written.conf }, &axes)
             }
             (None, Some((target, name))) => {
                 let name = first + name.start..first + name.end;
@@ -179,10 +181,12 @@ impl<'a> Last<'a> {
     ) -> Option<(To<'_>, Range<usize>, usize)> {
         match self {
             Self::None => None,
-            Self::Inline(sample) => {
+            Self::Inline(last) => {
+                // What stands behind the pose is the same text.
+                let (sample, axes) = &mut **last;
                 let (indent, trailing) = (sample.indent, sample.trailing);
                 let (found, len) = sample.read(bytes, start)?;
-                Some((To::Inline(found), start + indent..start + len - trailing, start + len))
+                Some((To::Inline(found, axes), start + indent..start + len - trailing, start + len))
             }
             Self::Named(named) => {
                 let (name, len) = named.read(bytes, start)?;
@@ -211,14 +215,16 @@ impl Read {
         let target = self.targets.last_mut()?;
         let site = match to {
             To::Nowhere => Site::None,
-            To::Inline(found) => {
+            To::Inline(found, axes) => {
                 target.goal = found.goal();
+                target.external.clone_from(axes);
                 self.literals.push(*found.literal);
                 self.literals.last_mut()?.move_to(found.start);
                 Site::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
             }
             To::Named(declared, name) => {
                 target.goal = declarations.goal(declared);
+                target.external.clone_from(declarations.external(declared));
                 target.name = declarations.name(declared, &chunk.source.bytes[name.clone()]);
                 let argument = Some(Place { source: 0, span: Span::new(name.start, name.end) });
                 Site::Literal { literal: u32::try_from(declared).ok()?, argument }

@@ -24,8 +24,12 @@ fn line() -> impl Strategy<Value = String> {
     ]);
     let number = prop_oneof![Just("0".to_owned()), Just("+1.".to_owned()), "-?[0-9]{1,4}\\.[0-9]{0,8}"];
     let quat = prop::sample::select(vec!["1,0,0,0", "0.7071,0,0.7071,0", "0,0.6,-0.8,0", "1,1,0,0", "1,0,0"]);
-    let external =
-        prop::sample::select(vec!["9E9,9E9,9E9,9E9,9E9,9E9", "9E9, 9E+09,9E9,9E9,9E9,9E9", "0,9E9,9E9,9E9,9E9,9E9"]);
+    let external = prop::sample::select(vec![
+        "9E9,9E9,9E9,9E9,9E9,9E9",
+        "9E9, 9E+09,9E9,9E9,9E9,9E9",
+        "0,9E9,9E9,9E9,9E9,9E9",
+        "12.5,-3,9E9,9E9,9E9,9E9",
+    ]);
     // What stops a program from being straight is rare, else none would be.
     let motion = (word, number.clone(), number, quat, external, end).prop_map(|(word, x, y, quat, external, end)| {
         format!("{word} [[{x},{y},1],[{quat}],[0,0,0,0],[{external}]]{end}")
@@ -55,7 +59,10 @@ fn common() -> impl Strategy<Value = String> {
         often("  ", &["", "\t", "   "]),
         (number, often(",", &[", ", " ,"]), quat, often("],[", &["] ,[", "], ["])),
         often("0,-1,0,1", &["0,-1,0,0", "0,-1,0,1 ", "0,-1.0,0,1"]),
-        often("9E9,9E9,9E9,9E9,9E9,9E9", &["9E+09,9E9,9E9,9E9,9E9,9E9", "0,9E9,9E9,9E9,9E9,9E9"]),
+        often(
+            "9E9,9E9,9E9,9E9,9E9,9E9",
+            &["9E+09,9E9,9E9,9E9,9E9,9E9", "0,9E9,9E9,9E9,9E9,9E9", "1,9E9,9E9,9E9,9E9,9E9"],
+        ),
         often(
             ",v50,z1,tA;",
             &[",v200,z1,tB;", ",v50,fine,tA\\WObj:=wobj0;", ",v50,z1,tA; ", ",v50,z1,tA;\t", ",v50,z10,tA;"],
