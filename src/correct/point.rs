@@ -58,8 +58,6 @@ pub(super) struct Milled {
     pub(super) engaged: Option<[f64; 2]>,
     /// On the way into the target, m³.
     pub(super) removed: f64,
-    /// m
-    pub(super) cut_length: f64,
     /// Shares of the way, rising from 0 to 1, and the force there (N, work object axes).
     pub(super) forces: Arc<[(f64, Vector3<f64>)]>,
 }

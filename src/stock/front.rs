@@ -1,6 +1,7 @@
 //! The part of a cutter's front that is in material, and the mean force on it.
 
 use super::dexel::Stock;
+use super::history::Moment;
 use super::refine;
 use super::solid::Solid;
 use super::sweep::ToolPose;
@@ -27,6 +28,8 @@ pub struct Front {
     rise: f64,
     /// Cosine and sine of φ at the columns' edges.
     pub(super) edges: Vec<(f64, f64)>,
+    /// And of κ at the rows' edges, along the corner.
+    rows: Vec<(f64, f64)>,
     /// Rows of the corner and one of the cylinder; in each the columns.
     pub(super) cells: Vec<Vec<Cell>>,
     /// Edge force (N) and cutting force over feed per tooth (N/m), summed as sizes, on the leading half of all these rows.
@@ -86,7 +89,8 @@ impl Front {
             around,
             along,
             rise: size,
-            edges: (0..=around).map(|i| (TAU * i as f64 / around as f64).sin_cos()).map(|(s, c)| (c, s)).collect(),
+            edges: (0..=around).map(|i| cos_sin(TAU * i as f64 / around as f64)).collect(),
+            rows: (0..=along).map(|i| cos_sin(FRAC_PI_2 * i as f64 / along.max(1) as f64)).collect(),
             cells: Vec::new(),
             leading: [0.0; 2],
         };
@@ -108,14 +112,21 @@ impl Front {
     }
 
     /// Profile at a place counted in rows from the tip.
+    #[inline]
     pub(super) fn ring(&self, row: f64) -> Ring {
         let along = self.along as f64;
         if row >= along {
             let up = self.solid.corner + (row - along) * self.rise;
             return Ring { sin: 1.0, cos: 0.0, across: self.solid.radius, up };
         }
-        let (sin, cos) = (FRAC_PI_2 * row / along).sin_cos();
+        let (cos, sin) = between(&self.rows, row, FRAC_PI_2 / along);
         Ring { sin, cos, across: self.solid.flat() + self.solid.corner * sin, up: self.solid.corner * (1.0 - cos) }
+    }
+
+    /// Cosine and sine of φ at a place counted in columns.
+    #[inline]
+    pub(super) fn angle(&self, column: f64) -> (f64, f64) {
+        between(&self.edges, column, TAU / self.around as f64)
     }
 
     /// Length of a row along the profile, m.
@@ -166,11 +177,17 @@ impl Front {
     /// To be asked before that move is removed: on a straight move no point of the front has been there.
     #[must_use]
     pub fn engaged(&self, stock: &Stock, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
+        self.engaged_at(stock, &stock.now(), pose, way)
+    }
+
+    /// The same of the stock as it was at a moment since its history [is kept](Stock::keep_history).
+    #[must_use]
+    pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
         let size = way.norm();
         if size == 0.0 {
             return Engaged::default();
         }
-        let view = View::new(self, stock, pose, way, size);
+        let view = View::new(self, (stock, moment), pose, way, size);
         let [low, high] = stock.blank().bounds();
         let reach = |k: usize| {
             let axis = pose.axis[k];
@@ -188,5 +205,42 @@ impl Front {
         let rows = self.along + (over / self.rise).ceil() as usize;
         let sum = refine::sum(&view, rows);
         view.finish(sum)
+    }
+}
+
+fn cos_sin(angle: f64) -> (f64, f64) {
+    let (sin, cos) = angle.sin_cos();
+    (cos, sin)
+}
+
+/// Cosine and sine at a place counted in steps (rad, a third at most) of a table of them: the nearest of its entries, turned by
+/// the series of a small angle, which leaves less than rounding does.
+#[inline]
+fn between(table: &[(f64, f64)], at: f64, step: f64) -> (f64, f64) {
+    let nearest = (at + 0.5) as usize;
+    let (cos, sin) = table[nearest];
+    let by = (at - nearest as f64) * step;
+    let square = by * by;
+    let s = by * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    let c = 1.0
+        - 0.5 * square * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0))));
+    (cos * c - sin * s, sin * c + cos * s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_between_the_columns_are_those_of_sine_and_cosine() {
+        for parts in [16, 48, 64] {
+            let step = TAU / parts as f64;
+            let table: Vec<_> = (0..=parts).map(|i| cos_sin(i as f64 * step)).collect();
+            for k in 0..=100 * parts {
+                let at = k as f64 / 100.0;
+                let ((cos, sin), (true_cos, true_sin)) = (between(&table, at, step), cos_sin(at * step));
+                assert!((cos - true_cos).abs() < 1e-15 && (sin - true_sin).abs() < 1e-15, "{at} of {parts}");
+            }
+        }
     }
 }

@@ -19,8 +19,11 @@
 
 mod blank;
 mod closed;
+mod cut;
 mod dexel;
 mod front;
+mod history;
+mod line;
 mod mask;
 mod refine;
 mod solid;
@@ -33,6 +36,7 @@ pub use blank::Blank;
 pub use closed::{ClosedMesh, OpenMesh};
 pub use dexel::Stock;
 pub use front::{Engaged, Front};
+pub use history::Moment;
 pub use solid::Solid;
 pub use stl::{StlError, read_stl};
 pub use surface::Mesh;

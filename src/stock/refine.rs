@@ -3,6 +3,7 @@
 
 use super::front::{Cell, Ring};
 use super::mask::engaged_parts;
+use super::solid::HypotFast;
 use super::view::View;
 use nalgebra::Vector3;
 use std::cmp::Ordering;
@@ -171,7 +172,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         let lengths = [size * TAU * ring.across / front.around as f64, size * front.length(at[1])];
         // Depths change no faster than by one: what is farther than this from all corners and yet in the cell is a sliver.
         let far = 0.4 * lengths[0].max(lengths[1]);
-        let across = lengths[0].hypot(lengths[1]);
+        let across = lengths[0].hypot_fast(lengths[1]);
         let least = corners.iter().fold(f64::INFINITY, |a, b| a.min(b.depth));
         let most = corners.iter().fold(f64::NEG_INFINITY, |a, b| a.max(b.depth));
         if most < -far || (most <= 0.0 && least < -across) {

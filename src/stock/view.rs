@@ -2,6 +2,7 @@
 
 use super::dexel::Stock;
 use super::front::{Engaged, Front, Ring};
+use super::history::Moment;
 use super::refine::Sum;
 use super::sweep::ToolPose;
 use crate::cutting::ForceParts;
@@ -18,6 +19,7 @@ const PLUNGE_OF_BOTTOM: f64 = 0.01;
 pub(super) struct View<'a> {
     pub(super) front: &'a Front,
     stock: &'a Stock,
+    moment: &'a Moment,
     pose: &'a ToolPose,
     x: Vector3<f64>,
     y: Vector3<f64>,
@@ -30,7 +32,13 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    pub(super) fn new(front: &'a Front, stock: &'a Stock, pose: &'a ToolPose, way: &Vector3<f64>, size: f64) -> Self {
+    pub(super) fn new(
+        front: &'a Front,
+        (stock, moment): (&'a Stock, &'a Moment),
+        pose: &'a ToolPose,
+        way: &Vector3<f64>,
+        size: f64,
+    ) -> Self {
         let feed = way / size;
         let along = feed.dot(&pose.axis);
         let across = feed - pose.axis.into_inner() * along;
@@ -42,11 +50,11 @@ impl<'a> View<'a> {
             pose.axis.cross(&helper).normalize()
         };
         let feed = [if sine > PLUNGE { sine } else { 0.0 }, along];
-        let before = stock.before(&pose.tip, way);
+        let before = moment.before(&pose.tip, way);
         // About as far as a point is from the silhouette; where the way bends, the depth over what the move before has left
         // goes as chip times way.
         let scale = if before > 0 { front.solid.radius } else { size.min(front.solid.radius) };
-        Self { front, stock, pose, x, y: pose.axis.cross(&x), feed, scale, before }
+        Self { front, stock, moment, pose, x, y: pose.axis.cross(&x), feed, scale, before }
     }
 
     fn point(&self, across: f64, up: f64, (cos, sin): (f64, f64)) -> Vector3<f64> {
@@ -62,7 +70,7 @@ impl<'a> View<'a> {
 
     /// How deep a point is in material, m, and whose surface that is from.
     pub(super) fn depth(&self, ring: &Ring, angle: (f64, f64)) -> (f64, u32) {
-        self.stock.depth_but(&self.point(ring.across, ring.up, angle), self.before)
+        self.stock.depth_at(self.moment, &self.point(ring.across, ring.up, angle), self.before)
     }
 
     /// Above zero where there is material and a chip of it.
@@ -71,8 +79,7 @@ impl<'a> View<'a> {
     }
 
     pub(super) fn angle(&self, column: f64) -> (f64, f64) {
-        let (sin, cos) = (TAU * column / self.front.around as f64).sin_cos();
-        (cos, sin)
+        self.front.angle(column)
     }
 
     pub(super) fn finish(&self, sum: Sum) -> Engaged {
@@ -118,7 +125,7 @@ impl<'a> View<'a> {
         if flat <= 0.0 || self.feed[1] > -PLUNGE_OF_BOTTOM {
             return false;
         }
-        let inside = |across: f64, angle| self.stock.depth(&self.point(across, 0.0, angle)) > 0.0;
+        let inside = |across: f64, angle| self.stock.depth_at(self.moment, &self.point(across, 0.0, angle), 0).0 > 0.0;
         [0.3, 0.6, 0.95]
             .iter()
             .any(|share| (0..8).any(|k| inside(share * flat, self.angle(k as f64 * self.front.around as f64 / 8.0))))

@@ -251,3 +251,30 @@ fn the_bound_holds() {
         assert!(bound < 0.05 * wanted.norm(), "{bound}");
     }
 }
+
+/// What is asked of the stock as it was, after it has been cut on, is what it was then.
+#[test]
+fn a_moment_of_the_stock_is_kept() {
+    let front = Front::new(&cutter(25.0, 5.0), &coefficients());
+    for (lean, dip) in [(0.0, 0.0), (0.08, 0.0), (0.0, 0.3)] {
+        let axis = Unit::new_normalize(Vector3::new(lean, 0.0, 1.0));
+        let mut stock = Stock::new(block(60.0, 30.0, 20.0), 0.5 * MM);
+        let pass = |y: u32| {
+            let along = move |k: u32| if y.is_multiple_of(2) { k } else { 30 - k };
+            (0..=30).map(move |k| (f64::from(2 * along(k)), 2.3 * f64::from(y), -1.5 - dip * f64::from(k % 5)))
+        };
+        let poses: Vec<_> = (0..12).flat_map(pass).map(|(x, y, z)| ToolPose { axis, ..upright(x, y, z) }).collect();
+        for part in poses.chunks(100) {
+            stock.keep_history();
+            let mut asked = Vec::new();
+            for pair in part.windows(2) {
+                let way = pair[1].tip - pair[0].tip;
+                asked.push((stock.now(), pair[1], way, front.engaged(&stock, &pair[1], &way)));
+                stock.remove(front.solid(), &pair[0], &pair[1]);
+            }
+            for (moment, pose, way, then) in asked {
+                assert_eq!(front.engaged_at(&stock, &moment, &pose, &way), then);
+            }
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! The loaded arm removes the material: at every place force and deflection are brought to agree before the cut goes on.
+
+use super::super::Prepared;
+use super::super::point::tool_axis;
+use super::super::segment::Kind;
+use super::{End, Passed, Walk, ahead};
+use crate::effects::{Cutting, Situation};
+use crate::stock::{Engaged, ToolPose};
+use nalgebra::{Rotation3, Vector3};
+use std::sync::Arc;
+
+/// The tool at an equilibrium is found so closely, m.
+const SETTLED: f64 = 5e-7;
+/// Rounds of force and deflection at one place.
+const ROUNDS: usize = 15;
+
+/// A tool that has been brought to agree with its force.
+#[derive(Clone, Copy)]
+struct Settled {
+    engaged: Engaged,
+    /// N, work object axes.
+    force: Vector3<f64>,
+    /// Deflection of the tip, m, work object axes, and of the orientation.
+    bent: (Vector3<f64>, Rotation3<f64>),
+}
+
+/// Where the tool before is.
+#[derive(Clone, Copy)]
+struct Last {
+    /// Index of its point.
+    target: usize,
+    tool: ToolPose,
+    /// Where what it meets follows from the stock.
+    end: Option<(End, Settled)>,
+}
+
+/// Cuts the stock with all points.
+pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
+    let mut last = None;
+    for i in 0..prepared.points.len() {
+        if Kind::of(walk.program, i) != Kind::Point {
+            last = step(walk, prepared, i, last);
+        }
+    }
+}
+
+/// Removes what the move into a point removes.
+fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<Last>) -> Option<Last> {
+    let point = &prepared.points[i];
+    let through = point.through?;
+    let front = Arc::clone(&walk.fronts[through.front as usize]);
+    let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
+    let (places, length, _) = walk.places(prepared, i, feed_per_tooth.is_some());
+    let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
+    let wobj_from_stock = stock_from_wobj.inverse();
+    let mut motor = i.checked_sub(1).map_or(point.motor, |before| prepared.points[before].motor);
+    let mut settled = Settled {
+        engaged: Engaged::default(),
+        force: Vector3::zeros(),
+        bent: (Vector3::zeros(), Rotation3::identity()),
+    };
+    let mut passed =
+        Passed { target: i, through, length, removed: 0.0, forces: Vec::new(), engaged: Engaged::default() };
+    let before = before
+        .filter(|before| places.len() > 1 && prepared.points[before.target].setting == prepared.points[i].setting);
+    let mut from = before.map(|before| before.tool);
+    let mut direction = None;
+    for (k, place) in places.iter().enumerate() {
+        let axis = tool_axis(&place.pose);
+        let way = stock_from_wobj * walk.way(&places, k);
+        let begins = k == 0 && places.len() > 1;
+        let bent_tool = |walk: &Walk<'_>, bent: &(Vector3<f64>, Rotation3<f64>)| {
+            walk.tool(prepared, i, &(place.pose.translation.vector + bent.0), &(bent.1 * axis))
+        };
+        let end = before.and_then(|before| before.end).filter(|_| begins);
+        let tool = if !through.cuts {
+            bent_tool(walk, &(Vector3::zeros(), Rotation3::identity()))
+        } else if let Some((_, there)) = end.filter(|(end, _)| end.goes_on(prepared, i, &way)) {
+            settled = there;
+            bent_tool(walk, &settled.bent)
+        } else {
+            let on = if begins { ahead(&way) } else { Vector3::zeros() };
+            let moment = walk.stock.now();
+            let ask = |tool: &ToolPose| match feed_per_tooth {
+                Some(feed) => {
+                    let tool = ToolPose { tip: tool.tip + on, ..*tool };
+                    let engaged = Walk::meets(&front, (&walk.stock, &moment), &tool, &way);
+                    (engaged, wobj_from_stock * engaged.force.at(feed))
+                }
+                None => (Engaged::default(), Vector3::zeros()),
+            };
+            if k + 1 < places.len() {
+                let before = i.checked_sub(1).and_then(|before| prepared.points[before].moved.as_ref());
+                let moved = prepared.mount(i).between(before, prepared.points[i].moved.as_ref(), place.share);
+                let setting = moved.map_or(prepared.mount(i).setting, |moved| moved.setting);
+                let flange = setting.base_from_wobj * place.pose * setting.tool.flange_from_tcp.inverse();
+                if let Ok(found) = walk.cell.arm.robot.inverse_near(&flange, &motor) {
+                    motor = found;
+                }
+            } else {
+                motor = prepared.points[i].motor;
+            }
+            let own = if feed_per_tooth.is_some() { None } else { Some(prepared.situation(i)) };
+            let base = Situation { wobj_from_tcp: place.pose, cutting: Cutting::Air, ..prepared.situation(i) };
+            let travel = prepared.points[i].travel;
+            let land = |force: &Vector3<f64>| {
+                let situation = match &own {
+                    Some(own) => Situation { wobj_from_tcp: place.pose, ..*own },
+                    None => Situation { cutting: Cutting::Constant(*force), ..base },
+                };
+                let there = walk.cell.arm.predict(&situation, &motor, &travel).ok()?.wobj_from_tcp;
+                let shift = there.translation.vector - place.pose.translation.vector;
+                Some((shift, there.rotation * place.pose.rotation.inverse()))
+            };
+            for round in 0..ROUNDS {
+                (settled.engaged, settled.force) = ask(&bent_tool(walk, &settled.bent));
+                let Some(there) = land(&settled.force) else { break };
+                let step = there.0 - settled.bent.0;
+                // Later rounds go half way: a cut that comes and goes with the deflection swings.
+                let share = if round < 5 { 1.0 } else { 0.5 };
+                settled.bent = (settled.bent.0 + step * share, there.1);
+                if step.norm() < SETTLED {
+                    break;
+                }
+            }
+            bent_tool(walk, &settled.bent)
+        };
+        if way != Vector3::zeros() {
+            direction = Some(way.normalize());
+        }
+        if let Some(feed_per_tooth) = feed_per_tooth {
+            passed.forces.push((place.share, settled.force));
+            if !begins {
+                walk.weigh(&settled.engaged, &settled.force, feed_per_tooth);
+            }
+        }
+        if begins {
+            // The way goes on from where the tool has been.
+            from = Some(from.unwrap_or(tool));
+            continue;
+        }
+        if let Some(from) = from.filter(|_| through.cuts) {
+            passed.removed += walk.stock.remove(front.solid(), &from, &tool);
+        }
+        from = Some(tool);
+    }
+    passed.engaged = settled.engaged;
+    walk.finish(prepared, passed);
+    let end = feed_per_tooth.zip(direction).map(|(feed_per_tooth, direction)| {
+        (End { target: i, front: through.front, feed_per_tooth, direction }, settled)
+    });
+    Some(Last { target: i, tool: from?, end })
+}

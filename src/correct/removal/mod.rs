@@ -1,0 +1,363 @@
+//! A program's moves through the stock, in order: what each leaves, and the force at each target where it follows from that.
+
+mod deflected;
+mod places;
+mod programmed;
+
+use super::frames;
+use super::load::{Follows, PointLoad, Through};
+use super::mount::Mount;
+use super::point::{Milled, Point};
+use super::segment::Kind;
+use super::travel::CHORD;
+use super::{Options, Prepared, against};
+use crate::cell::Cell;
+use crate::program::{Program, Role};
+use crate::robot::Pose;
+use crate::stock::{Engaged, Front, Moment, Stock, ToolPose};
+use crate::text::{Diagnostic, Severity};
+use nalgebra::{Unit, Vector3};
+use places::Place;
+use std::sync::Arc;
+
+/// Whose poses remove the material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cuts {
+    /// Those that the program means: a corrected tool follows them.
+    Programmed,
+    /// Those that the loaded arm takes on the way that the program commands.
+    Deflected,
+}
+
+/// A stock that a program has cut.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Removal {
+    /// What is left.
+    pub stock: Stock,
+    /// The stock's frame in the base.
+    pub base_from_stock: Pose,
+}
+
+/// More than this removed by a move that does not cut is a collision, m³: a twentieth of a cubic millimetre, against the
+/// rounding of printed poses that lift off a surface just cut.
+const COLLISION: f64 = 0.05e-9;
+
+/// Without `resolution_mm`: this share of the smallest cutter's diameter, within a range, m.
+const RESOLUTION_SHARE: f64 = 0.025;
+const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
+
+/// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points.
+///
+/// # Errors
+/// A stock in a work object that nobody declares; moves that do not cut and run through material.
+pub(super) fn run(
+    program: &Program,
+    cell: &Cell,
+    prepared: &mut Prepared,
+    cuts: Cuts,
+) -> Result<Option<Removal>, Vec<Diagnostic>> {
+    let Some(section) = &cell.stock else { return Ok(None) };
+    let Some((mount, base_from_stock)) = stock_frame(program, cell, prepared)? else { return Ok(None) };
+    let Some(blank) = &section.blank else {
+        let name = section.stl.as_deref().unwrap_or_default();
+        let unread = Diagnostic::error("cell.stock", "", format!("[stock] stl = \"{name}\" has not been read"));
+        return Err(vec![unread.help("call Cell::take_meshes before the cell is used")]);
+    };
+    let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
+    let resolution = section
+        .resolution
+        .unwrap_or_else(|| (RESOLUTION_SHARE * smallest).clamp(*RESOLUTION.start(), *RESOLUTION.end()));
+    let mut walk = Walk {
+        program,
+        cell,
+        cuts,
+        stock: Stock::new(blank.clone(), resolution),
+        mount,
+        fronts: prepared.fronts.clone(),
+        errors: Vec::new(),
+        collided: false,
+        bottoms: 0,
+        first_bottom: None,
+        peak: 0.0,
+        bound: 0.0,
+        cut_length: 0.0,
+    };
+    match cuts {
+        Cuts::Programmed => programmed::cut(&mut walk, prepared),
+        Cuts::Deflected => deflected::cut(&mut walk, prepared),
+    }
+    if !walk.errors.is_empty() {
+        return Err(walk.errors);
+    }
+    if cuts == Cuts::Programmed {
+        prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
+    }
+    Ok(Some(Removal { stock: walk.stock, base_from_stock }))
+}
+
+/// The load of a force that follows from the stock, N, work object axes.
+fn load(force: Vector3<f64>) -> PointLoad {
+    if force == Vector3::zeros() { PointLoad::Air } else { PointLoad::Constant { force, follows: Follows::WorkObject } }
+}
+
+/// The stock's work object, and where it is in the base when it is cut first; `None` where nothing cuts.
+fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Option<(Mount, Pose)>, Vec<Diagnostic>> {
+    let name = cell.stock.as_ref().and_then(|stock| stock.wobj.as_deref());
+    let first = prepared.points.iter().position(|point| point.through.is_some_and(|through| through.cuts));
+    let used = |i: usize| (prepared.mount(i).clone(), prepared.base_from_wobj(i));
+    let Some(name) = name else { return Ok(first.map(used)) };
+    if let Some(i) = (0..prepared.points.len())
+        .find(|i| program.wobjs[usize::from(program.targets[*i].wobj)].name.eq_ignore_ascii_case(name))
+    {
+        return Ok(Some(used(i)));
+    }
+    let Some(i) = first else { return Ok(None) };
+    let at = |frame| {
+        let mount = Mount::new(cell, frame, *prepared.tool(i));
+        let setting = mount.at(prepared.points[i].moved.as_ref()).unwrap_or(mount.setting);
+        (mount, setting.base_from_wobj)
+    };
+    frames::wobj(program, cell, name).map(at).map(Some).ok_or_else(|| {
+        vec![
+            Diagnostic::error(
+                "cell.stock",
+                "",
+                format!("[stock] wobj = \"{name}\" is declared neither in the program nor in the cell"),
+            )
+            .help(format!("add [wobjs.{name}] to the cell, or name the work object that the program uses")),
+        ]
+    })
+}
+
+/// Cuts the cell's stock with a program; errors and depth are counted from the original of a corrected one.
+///
+/// # Errors
+/// What [`Prepared::new`] refuses, and a cell without `[stock]`.
+pub fn cut_stock(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    original: Option<&Program>,
+    cuts: Cuts,
+) -> Result<Removal, Vec<Diagnostic>> {
+    let mut prepared = match original {
+        Some(original) => against::judged(program, original, cell, options)?.0,
+        None => Prepared::new(program, cell, options)?,
+    };
+    run(program, cell, &mut prepared, cuts)?.ok_or_else(|| {
+        let message = match &cell.stock {
+            None => "the cell has no [stock] to cut",
+            Some(_) => "nothing in the program cuts the stock",
+        };
+        vec![
+            Diagnostic::error("cell.no-stock", "", message)
+                .help("add [stock] with box_mm or stl to the cell, and a cutter for the tools that cut it"),
+        ]
+    })
+}
+
+/// A stock on the way through a program.
+struct Walk<'a> {
+    program: &'a Program,
+    cell: &'a Cell,
+    cuts: Cuts,
+    stock: Stock,
+    /// The stock's work object.
+    mount: Mount,
+    fronts: Vec<Arc<Front>>,
+    errors: Vec<Diagnostic>,
+    /// The move before was a collision: one is named of a run of them.
+    collided: bool,
+    /// Targets where a flat bottom goes down into material.
+    bottoms: usize,
+    first_bottom: Option<usize>,
+    peak: f64,
+    bound: f64,
+    /// Length cut up to here, m.
+    cut_length: f64,
+}
+
+/// How far on from where a way begins its first force is asked for, m.
+const START_ON: f64 = 0.25e-3;
+
+/// What a move through the stock came to.
+struct Passed {
+    /// Index of its target.
+    target: usize,
+    through: Through,
+    /// Length of the way, m, and what it removed, m³.
+    length: f64,
+    removed: f64,
+    /// Where the force follows from the stock: shares of the way and the force there, N, work object axes.
+    forces: Vec<(f64, Vector3<f64>)>,
+    /// At its end.
+    engaged: Engaged,
+}
+
+/// The end of a way that cuts, as far as it tells what a way that goes on from it meets.
+#[derive(Clone, Copy)]
+struct End {
+    /// Index of the point.
+    target: usize,
+    front: u32,
+    feed_per_tooth: f64,
+    /// Of the way, in the stock.
+    direction: Vector3<f64>,
+}
+
+impl End {
+    /// Sine of a turn of the way that changes the force by some thousandths of it.
+    const STRAIGHT_ON: f64 = 2e-3;
+
+    /// Whether a way (stock) into another point goes straight on, with the same cutter.
+    fn goes_on(&self, prepared: &Prepared, target: usize, way: &Vector3<f64>) -> bool {
+        let (before, point) = (&prepared.points[self.target], &prepared.points[target]);
+        let same = point.through.is_some_and(|through| {
+            through.cuts && through.front == self.front && through.feed_per_tooth == Some(self.feed_per_tooth)
+        });
+        let straight =
+            way.dot(&self.direction) > 0.0 && way.cross(&self.direction).norm() < Self::STRAIGHT_ON * way.norm();
+        same && straight && before.setting == point.setting
+    }
+}
+
+/// A little on from where a way begins: what it meets there, for the front touches what has just been cut.
+fn ahead(way: &Vector3<f64>) -> Vector3<f64> {
+    way * (START_ON / way.norm()).min(0.5)
+}
+
+impl Walk<'_> {
+    /// Where the controller is to lead the TCP at a target.
+    fn goal(&self, point: &Point) -> Pose {
+        match self.cuts {
+            Cuts::Programmed => point.reference,
+            Cuts::Deflected => point.wobj_from_tcp,
+        }
+    }
+
+    /// The work object of a point in the stock.
+    fn stock_from_wobj(&self, prepared: &Prepared, i: usize) -> Pose {
+        let point = &prepared.points[i];
+        match &point.moved {
+            Some(_) if self.mount.shares_wobj(prepared.mount(i)) => Pose::identity(),
+            moved => {
+                let setting = self.mount.at(moved.as_ref()).unwrap_or(self.mount.setting);
+                setting.base_from_wobj.inverse() * prepared.base_from_wobj(i)
+            }
+        }
+    }
+
+    /// A TCP in the work object of a point, in the stock.
+    fn tool(&self, prepared: &Prepared, i: usize, tip: &Vector3<f64>, axis: &Vector3<f64>) -> ToolPose {
+        let stock_from_wobj = self.stock_from_wobj(prepared, i);
+        ToolPose {
+            tip: (stock_from_wobj * nalgebra::Point3::from(*tip)).coords,
+            axis: Unit::new_normalize(stock_from_wobj.rotation * axis),
+        }
+    }
+
+    /// The step that leads to a place, work object axes, m; out of the first.
+    fn way(&self, places: &[Place], k: usize) -> Vector3<f64> {
+        let at = |k: usize| places.get(k).map(|place| place.pose.translation.vector);
+        match (k.checked_sub(1).and_then(at), at(k), at(k + 1)) {
+            (Some(before), Some(here), _) => here - before,
+            (None, Some(here), Some(next)) => next - here,
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// What a tool meets at the end of a way (stock).
+    fn meets(front: &Front, (stock, moment): (&Stock, &Moment), tool: &ToolPose, way: &Vector3<f64>) -> Engaged {
+        if way.norm() > CHORD { front.engaged_at(stock, moment, tool, way) } else { Engaged::default() }
+    }
+
+    /// Takes in what a move came to.
+    fn finish(&mut self, prepared: &mut Prepared, passed: Passed) {
+        let Passed { target: i, through, length, removed, forces, engaged } = passed;
+        let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
+        let collides = !through.cuts && removed > COLLISION;
+        if collides && !self.collided {
+            self.collision(i, removed);
+        }
+        self.collided = collides;
+        if engaged.bottom {
+            self.bottoms += 1;
+            self.first_bottom.get_or_insert(i);
+        }
+        self.cut_length += if removed > COLLISION { length } else { 0.0 };
+        let via = i.checked_sub(1).filter(|via| self.program.targets[*via].role == Role::Via);
+        if let Some(via) = via {
+            prepared.points[via].cut_length = self.cut_length;
+        }
+        let mut milled = Milled { removed, ..Milled::default() };
+        if feed_per_tooth.is_some() {
+            milled.engaged = Some([engaged.depth, engaged.arc]);
+            milled.forces = forces.into();
+            if let Some(via) = via
+                && let (Some(force), Some(_)) =
+                    (milled.at(0.5), prepared.points[via].through.and_then(|t| t.feed_per_tooth))
+            {
+                prepared.points[via].load = load(force);
+            }
+        }
+        let point = &mut prepared.points[i];
+        if let (Some(_), Some((_, force))) = (feed_per_tooth, milled.forces.last()) {
+            point.load = load(*force);
+        }
+        point.cut_length = self.cut_length;
+        point.milled = Some(milled);
+    }
+
+    /// Takes in how large a force is, and how far rims may put it off.
+    fn weigh(&mut self, engaged: &Engaged, force: &Vector3<f64>, feed_per_tooth: f64) {
+        self.peak = self.peak.max(force.norm());
+        self.bound = self.bound.max(engaged.bound[0] + feed_per_tooth * engaged.bound[1]);
+    }
+
+    fn collision(&mut self, i: usize, removed: f64) {
+        let target = &self.program.targets[i];
+        let source = &self.program.sources[usize::from(target.source)];
+        let kind = match (Kind::of(self.program, i), target.feed_mm_s) {
+            (Kind::Joint, _) => "a joint move",
+            (_, None) if !target.rapid => "a move without a known speed, which counts as one that does not cut,",
+            _ => "a move that does not cut",
+        };
+        let message = format!(
+            "target {}: {kind} runs through the stock and would remove {:.2} mm³",
+            target.ordinal,
+            1e9 * removed
+        );
+        self.errors.push(Diagnostic::error("stock.rapid", "", message).on_line(source, target.span, target.line).help(
+            "retract above the material first, or check [stock]: its box, its work object, and `max_cutting_feed_mm_s`",
+        ));
+    }
+
+    fn notes(&self, resolution: f64, chosen: bool) -> Vec<Diagnostic> {
+        let mut notes = Vec::new();
+        let why = if chosen { ", from the smallest cutter" } else { "" };
+        let share = if self.peak > 0.0 { 100.0 * self.bound / self.peak } else { 0.0 };
+        let message = format!(
+            "stock: lines {:.3} mm apart{why}; rims of the engagement put a force off by at most {:.1} N ({share:.1} % of the largest)",
+            1e3 * resolution,
+            self.bound
+        );
+        notes.push(Diagnostic::error("stock.resolution", "", message).severity(Severity::Note));
+        if let Some(i) = self.first_bottom {
+            let target = &self.program.targets[i];
+            let source = &self.program.sources[usize::from(target.source)];
+            let message = format!(
+                "target {}: the flat bottom goes down into material{}: its own force is not in the model, only that of corner and side",
+                target.ordinal,
+                if self.bottoms > 1 { format!(" (and at {} targets more)", self.bottoms - 1) } else { String::new() }
+            );
+            notes.push(
+                Diagnostic::error("stock.bottom", "", message)
+                    .on_line(source, target.span, target.line)
+                    .severity(Severity::Warning)
+                    .help("ramp in gently, and count on more force there"),
+            );
+        }
+        notes
+    }
+}

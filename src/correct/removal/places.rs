@@ -1,0 +1,91 @@
+//! The places on the way into a target at which the tool's cut is looked at.
+
+use super::super::Prepared;
+use super::super::segment::Kind;
+use super::super::track::Track;
+use super::{Cuts, Walk};
+use crate::robot::Pose;
+
+/// The force is asked for at least so often on the way into a target, m: engagement changes within a fraction of a cutter.
+const ASK_EVERY: f64 = 2e-3;
+/// Share of that which rounding to the digits of a program may add.
+const PRINTED: f64 = 1e-3;
+/// And at most so many times.
+const MOST_PLACES: usize = 500;
+/// An arc is followed by chords of this length, m: half a hundredth of a millimetre off a radius of 6 mm.
+const CHORD_OF_ARC: f64 = 0.5e-3;
+/// A turn of the tool is followed in steps of this, rad.
+const TURN: f64 = 0.05;
+/// A joint move is followed in steps of this, rad: a centimetre at a metre.
+const JOINT_STEP: f64 = 0.01;
+
+/// A place on the way into a target.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub(super) share: f64,
+    /// Where the controller leads the TCP, work object of the target.
+    pub(super) pose: Pose,
+}
+
+impl Walk<'_> {
+    /// The places on the way into target `i`, the last of them its own.
+    pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64, Option<Track>) {
+        let point = &prepared.points[i];
+        let goal = self.goal(point);
+        let end = Place { share: 1.0, pose: goal };
+        let kind = Kind::of(self.program, i);
+        let before = match kind {
+            Kind::Arc => i.checked_sub(2),
+            _ => i.checked_sub(1),
+        };
+        let Some(before) = before else { return (vec![end], 0.0, None) };
+        let from = &prepared.points[before];
+        if from.unsolved.is_some() || point.unsolved.is_some() {
+            return (vec![end], 0.0, None);
+        }
+        let (setting, mount) = (prepared.setting(before), prepared.mount(i));
+        if kind == Kind::Joint {
+            let way = point.motor - from.motor;
+            let n = ((way.amax() / JOINT_STEP).ceil() as usize).clamp(1, 4 * MOST_PLACES);
+            let place = |k: usize| {
+                let share = k as f64 / n as f64;
+                let motor = from.motor + way * share;
+                let moved = mount.between(from.moved.as_ref(), point.moved.as_ref(), share);
+                let own = moved.as_ref().map_or(&mount.setting, |moved| &moved.setting);
+                let base_from_tcp = self.cell.arm.robot.forward(&motor) * own.tool.flange_from_tcp;
+                Place { share, pose: own.base_from_wobj.inv_mul(&base_from_tcp) }
+            };
+            let places = (0..n).map(place).chain([end]).collect();
+            return (places, 0.0, None);
+        }
+        // The same flange, with this target's tool and work object.
+        let base_from_flange = setting.base_from_wobj * self.goal(from) * setting.tool.flange_from_tcp.inverse();
+        let own = mount.at(from.moved.as_ref());
+        let start = if from.setting == point.setting || own.as_ref() == Some(setting) {
+            self.goal(from)
+        } else {
+            let Some(own) = own else { return (vec![end], 0.0, None) };
+            own.base_from_wobj.inv_mul(&(base_from_flange * own.tool.flange_from_tcp))
+        };
+        let track = match kind {
+            Kind::Arc => Track::arc(&start, &self.goal(&prepared.points[i - 1]), &goal),
+            _ => Track::line(&start, &goal),
+        };
+        let length = track.length();
+        let turn = start.rotation.angle_to(&goal.rotation);
+        let mut n = (turn / TURN).ceil().max(1.0);
+        if track.is_arc() {
+            n = n.max(length / CHORD_OF_ARC).min(20_000.0);
+        } else if asks || self.cuts == Cuts::Deflected {
+            // Steps of just that length, as printed, are not halved.
+            n = n.max((length / ASK_EVERY - PRINTED).min(MOST_PLACES as f64));
+        }
+        let n = n.ceil() as usize;
+        let place = |k: usize| {
+            let share = k as f64 / n as f64;
+            Place { share, pose: track.pose(share) }
+        };
+        let places = (0..n).map(place).chain([end]).collect();
+        (places, length, Some(track))
+    }
+}

@@ -1,0 +1,136 @@
+//! The programmed path removes the material: what is met at each place does not depend on the forces at others, so that they are
+//! found in parallel, each of the stock as it was then.
+
+use super::super::Prepared;
+use super::super::point::tool_axis;
+use super::super::segment::Kind;
+use super::{End, Passed, Walk, ahead};
+use crate::stock::{Engaged, Moment, ToolPose};
+use nalgebra::{Rotation3, Vector3};
+use rayon::prelude::*;
+
+/// Places that are looked at together: the history of the stock between them is some 10 MB.
+const BATCH: usize = 512;
+
+/// A place at which it is asked what the tool meets.
+struct Asked {
+    moment: Moment,
+    tool: ToolPose,
+    /// Into it, in the stock.
+    way: Vector3<f64>,
+    front: u32,
+}
+
+/// A way that has been cut, and is to be told its forces.
+struct Recorded {
+    passed: Passed,
+    shares: Vec<f64>,
+    /// What is met where it begins is what the way before met at its end.
+    goes_on: bool,
+    wobj_from_stock: Rotation3<f64>,
+}
+
+#[derive(Default)]
+struct Batch {
+    asked: Vec<Asked>,
+    recorded: Vec<Recorded>,
+    end: Option<End>,
+    /// The last answer, and the force, N, work object axes.
+    met: (Engaged, Vector3<f64>),
+}
+
+/// Cuts the stock with all points.
+pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
+    let mut batch = Batch::default();
+    walk.stock.keep_history();
+    for i in 0..prepared.points.len() {
+        if Kind::of(walk.program, i) != Kind::Point {
+            batch.record(walk, prepared, i);
+            if batch.asked.len() >= BATCH {
+                batch.settle(walk, prepared);
+            }
+        }
+    }
+    batch.settle(walk, prepared);
+    walk.stock.drop_history();
+}
+
+impl Batch {
+    /// Removes what the move into a point removes, and notes what is to be asked.
+    fn record(&mut self, walk: &mut Walk<'_>, prepared: &Prepared, i: usize) {
+        let end = self.end.take();
+        let Some(through) = prepared.points[i].through else { return };
+        let solid = walk.fronts[through.front as usize].solid();
+        let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
+        let (places, length, _) = walk.places(prepared, i, feed_per_tooth.is_some());
+        let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
+        let mut goes_on = false;
+        let mut removed = 0.0;
+        let mut direction = None;
+        let mut last: Option<ToolPose> = None;
+        for (k, place) in places.iter().enumerate() {
+            let tool = walk.tool(prepared, i, &place.pose.translation.vector, &tool_axis(&place.pose));
+            let way = stock_from_wobj * walk.way(&places, k);
+            let begins = k == 0 && places.len() > 1;
+            if let Some(from) = last.replace(tool) {
+                // What it meets at the end of a step is what has not been removed by the step.
+                self.ask(walk, feed_per_tooth, &tool, way, through.front);
+                removed += walk.stock.remove(solid, &from, &tool);
+            } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &way)) {
+                goes_on = true;
+            } else {
+                let on = if begins { ahead(&way) } else { Vector3::zeros() };
+                self.ask(walk, feed_per_tooth, &ToolPose { tip: tool.tip + on, ..tool }, way, through.front);
+            }
+            if way != Vector3::zeros() {
+                direction = Some(way.normalize());
+            }
+        }
+        self.end = feed_per_tooth.zip(direction).map(|(feed_per_tooth, direction)| End {
+            target: i,
+            front: through.front,
+            feed_per_tooth,
+            direction,
+        });
+        let shares = places.iter().map(|place| place.share).collect();
+        let passed = Passed { target: i, through, length, removed, forces: Vec::new(), engaged: Engaged::default() };
+        self.recorded.push(Recorded { passed, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
+    }
+
+    fn ask(&mut self, walk: &Walk<'_>, feed_per_tooth: Option<f64>, tool: &ToolPose, way: Vector3<f64>, front: u32) {
+        if feed_per_tooth.is_some() {
+            self.asked.push(Asked { moment: walk.stock.now(), tool: *tool, way, front });
+        }
+    }
+
+    /// Finds what is met at each place, and takes it in.
+    fn settle(&mut self, walk: &mut Walk<'_>, prepared: &mut Prepared) {
+        let (stock, fronts) = (&walk.stock, &walk.fronts);
+        let meets = |asked: &Asked| {
+            let Asked { moment, tool, way, front } = asked;
+            Walk::meets(&fronts[*front as usize], (stock, moment), tool, way)
+        };
+        let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
+        let mut answers = answers.into_iter();
+        for Recorded { mut passed, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
+            let feed_per_tooth = passed.through.feed_per_tooth.filter(|_| passed.through.cuts);
+            for (k, share) in shares.iter().enumerate() {
+                let Some(feed_per_tooth) = feed_per_tooth else { break };
+                let begins = k == 0 && shares.len() > 1;
+                if !(begins && goes_on)
+                    && let Some(engaged) = answers.next()
+                {
+                    self.met = (engaged, wobj_from_stock * engaged.force.at(feed_per_tooth));
+                }
+                passed.forces.push((*share, self.met.1));
+                if !begins {
+                    walk.weigh(&self.met.0, &self.met.1, feed_per_tooth);
+                }
+                passed.engaged = self.met.0;
+            }
+            walk.finish(prepared, passed);
+        }
+        self.asked.clear();
+        walk.stock.keep_history();
+    }
+}

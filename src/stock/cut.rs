@@ -1,0 +1,246 @@
+//! What a sweep takes from the lines.
+
+use super::dexel::{Stock, TILE, turned};
+use super::line::{LEAST_CUT, Line};
+use super::solid::Solid;
+use super::sweep::{Distance, Sweep};
+use nalgebra::Vector3;
+use std::ops::Range;
+
+impl Stock {
+    /// A cutter along the lines.
+    pub(super) fn cut_upright(
+        &mut self,
+        sweep: &Sweep,
+        by: u32,
+        (columns, rows): (Range<usize>, Range<usize>),
+        goes_on: bool,
+    ) -> f64 {
+        let (solid, spacing) = (sweep.solid, self.spacing);
+        let [u, v] = turned(sweep.start.tip.x, sweep.start.tip.y);
+        let way = sweep.end.tip - sweep.start.tip;
+        let [du, dv] = turned(way.x, way.y);
+        let square = du * du + dv * dv;
+        let per_square = if square > 0.0 { 1.0 / square } else { 0.0 };
+        let reach = (solid.radius + spacing) * (solid.radius + spacing);
+        let tip = sweep.start.tip.z - self.origin[2];
+        let rise = sweep.end.tip.z - sweep.start.tip.z;
+        // Going down, the bottom cuts behind the plane of the tip too.
+        let ahead = (goes_on && rise >= 0.0).then_some([du, dv]);
+        let blank_top = self.blank.bounds()[1].z - self.origin[2];
+        let mut removed = 0.0;
+        for j in rows {
+            let from_v = self.origin[1] + (j as f64 + 0.5) * spacing - v;
+            for i in self.ahead_in_row(&columns, ahead, from_v, u) {
+                let from_u = self.origin[0] + (i as f64 + 0.5) * spacing - u;
+                let share = (from_u * du + from_v * dv) * per_square;
+                // Nearest to where it starts: the sweep before has been there.
+                if ahead.is_some() && share <= 0.0 {
+                    continue;
+                }
+                let share = share.clamp(0.0, 1.0);
+                let (ru, rv) = (from_u - share * du, from_v - share * dv);
+                let nearest = ru * ru + rv * rv;
+                if nearest >= reach {
+                    continue;
+                }
+                let across = nearest.sqrt();
+                let meets = across < solid.radius;
+                // No lower than its lower end where it passes nearest.
+                let least = if meets { tip + rise.min(0.0) + solid.height(across) } else { f64::INFINITY };
+                if least > blank_top + spacing && meets {
+                    continue;
+                }
+                let (tile, at) = self.tile_of(i, j);
+                if self.grid[tile].is_none() {
+                    self.make(i / TILE, j / TILE);
+                }
+                let Some(lines) = &mut self.grid[tile] else { continue };
+                let line = &mut lines[at];
+                let Some(top) = line.top() else { continue };
+                let (share, across) = if rise == 0.0 || !meets || least >= top - LEAST_CUT {
+                    (share, across)
+                } else {
+                    lowest_of_ramp(&solid, [from_u, from_v], [du, dv], rise, share)
+                };
+                let tip = tip + share * rise;
+                let low = if across < solid.radius { tip + solid.height(across) } else { f64::INFINITY };
+                if low < top - LEAST_CUT {
+                    removed += self.history.cut(line, low, f64::INFINITY, by);
+                } else if tip < top + spacing && line.near > 0.0 {
+                    let distance = solid.distance(across, top - tip);
+                    if distance < spacing {
+                        self.history.pass(line, distance, by);
+                    }
+                }
+            }
+        }
+        removed
+    }
+
+    /// The columns of a row that are ahead of a plane through a place at `u`: behind it the sweep before has been. The row is
+    /// `from_v` away from the place.
+    fn ahead_in_row(&self, columns: &Range<usize>, way: Option<[f64; 2]>, from_v: f64, u: f64) -> Range<usize> {
+        let Some([du, dv]) = way else { return columns.clone() };
+        if du.abs() <= 1e-6 * dv.abs() {
+            return if from_v * dv < -self.spacing * dv.abs() { 0..0 } else { columns.clone() };
+        }
+        // from_u·du + from_v·dv = 0, and a line more for the rounding.
+        let edge = (u - from_v * dv / du - self.origin[0]) / self.spacing - 0.5;
+        if du > 0.0 {
+            columns.start.max((edge - 1.0).max(0.0) as usize)..columns.end
+        } else {
+            columns.start..columns.end.min((edge + 2.0).max(0.0) as usize)
+        }
+    }
+
+    /// Any cutter on any way.
+    pub(super) fn cut_any(
+        &mut self,
+        sweep: &Sweep,
+        by: u32,
+        (columns, rows): (Range<usize>, Range<usize>),
+        continues: bool,
+    ) -> f64 {
+        let bottom = self.origin[2];
+        let spine = sweep.spine(self.blank.bounds()[1].z);
+        let lowest = spine.iter().fold(f64::INFINITY, |z, p| z.min(p.z)) - 1.01 * sweep.solid.radius;
+        let lowest = lowest - 1e-3;
+        let ahead = sweep.ahead().filter(|_| continues);
+        let tip = sweep.start.tip;
+        // Seen from above: a line behind the plane at every height is left out with its row, and so is what is out of reach.
+        let plane = ahead.map(|ahead| {
+            let over = [lowest, self.blank.bounds()[1].z].map(|z| ahead.z * (z - tip.z));
+            let way = turned(ahead.x, ahead.y);
+            let back = over[0].max(over[1]) / (way[0] * way[0] + way[1] * way[1]).max(f64::MIN_POSITIVE);
+            let [u, v] = turned(tip.x, tip.y);
+            (way, [u - way[0] * back, v - way[1] * back])
+        });
+        let centre = spine.iter().fold(Vector3::zeros(), |sum, point| sum + point / spine.len() as f64);
+        let beside = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
+        let reach = spine.iter().map(beside).fold(0.0, f64::max) + sweep.solid.radius + self.spacing;
+        let [centre_u, centre_v] = turned(centre.x, centre.y);
+        let mut removed = 0.0;
+        for j in rows {
+            let v = self.origin[1] + (j as f64 + 0.5) * self.spacing;
+            let half = (reach * reach - (v - centre_v).powi(2)).max(0.0).sqrt();
+            let column = |u: f64| ((u - self.origin[0]) / self.spacing - 0.5).max(0.0);
+            let first = columns.start.max(column(centre_u - half).floor() as usize);
+            let end = columns.end.min(column(centre_u + half).ceil() as usize + 1);
+            let columns = match &plane {
+                Some((way, [plane_u, plane_v])) => self.ahead_in_row(&(first..end), Some(*way), v - plane_v, *plane_u),
+                None => first..end,
+            };
+            // Where the line before was entered: the next one is entered nearby.
+            let mut last: Option<f64> = None;
+            for i in columns {
+                let [x, y] = self.place(i, j);
+                let top = match self.line(i, j) {
+                    Some(line) => line.top(),
+                    None => Line::of(&self.blank, [x, y], bottom).top(),
+                };
+                let Some(top) = top else { continue };
+                if let Some(ahead) = &ahead {
+                    let side = |z: f64| ahead.dot(&(Vector3::new(x, y, z) - sweep.start.tip));
+                    if side(top + bottom) < 0.0 && side(lowest) < 0.0 {
+                        continue;
+                    }
+                }
+                let at_top = sweep.distance_along_z(&Vector3::new(x, y, top + bottom));
+                if at_top.value > 0.0 {
+                    if at_top.value < self.spacing {
+                        let (line, history) = self.line_mut(i, j);
+                        history.pass(line, at_top.value, by);
+                    }
+                    // The cutter is above the top, or beside the line.
+                    if at_top.slope <= 0.0 {
+                        continue;
+                    }
+                }
+                // From the top first: most lines beside a leaning cutter pass it by, and that is soon told.
+                let high = if at_top.value <= 0.0 {
+                    f64::INFINITY
+                } else {
+                    match enter(sweep, [x, y], top + bottom, -1.0) {
+                        Some(high) => high - bottom,
+                        None => continue,
+                    }
+                };
+                let near = last.map(|z| z - self.spacing).filter(|z| *z > lowest);
+                let near = near.filter(|z| sweep.distance_along_z(&Vector3::new(x, y, *z)).value > 0.0);
+                let Some(low) = enter(sweep, [x, y], near.unwrap_or(lowest), 1.0) else { continue };
+                last = Some(low);
+                let (line, history) = self.line_mut(i, j);
+                removed += history.cut(line, low - bottom, high, by);
+            }
+        }
+        removed
+    }
+}
+
+/// Where on a ramp an upright cutter is lowest over a place, at which it is nearest at a share of the way: that share, and how
+/// far the axis is then, m.
+///
+/// The height is convex along the way: its derivative's change of sign, by false position, halving where that creeps.
+fn lowest_of_ramp(solid: &Solid, from: [f64; 2], way: [f64; 2], rise: f64, nearest: f64) -> (f64, f64) {
+    let across = |share: f64| (from[0] - share * way[0]).hypot(from[1] - share * way[1]);
+    let flat = solid.flat();
+    let slope = |share: f64| {
+        let rho = across(share);
+        let out = rho - flat;
+        if out <= 0.0 {
+            return rise;
+        }
+        let towards = -((from[0] - share * way[0]) * way[0] + (from[1] - share * way[1]) * way[1]) / rho;
+        let under = solid.corner * solid.corner - out * out;
+        // At the cylinder the surface stands upright.
+        if under <= 0.0 { 1e6 * towards } else { rise + out / under.sqrt() * towards }
+    };
+    // Downhill from the nearest place, where the cutter's own height is least.
+    let mut low = nearest;
+    let mut high = if rise < 0.0 { 1.0 } else { 0.0 };
+    let mut at_low = slope(low) * (high - low);
+    let at_high = slope(high) * (high - low);
+    if at_low >= 0.0 {
+        return (low, across(low));
+    }
+    if at_high <= 0.0 {
+        return (high, across(high));
+    }
+    let mut at_high = at_high;
+    const ROUNDS: usize = 12;
+    for round in 0..ROUNDS {
+        let share = if round % 2 == 1 { 0.5 } else { (at_low / (at_low - at_high)).clamp(0.01, 0.99) };
+        let middle = low + (high - low) * share;
+        let at = slope(middle) * (high - low);
+        if at < 0.0 {
+            (low, at_low) = (middle, at);
+        } else {
+            (high, at_high) = (middle, at);
+        }
+    }
+    let there = 0.5 * (low + high);
+    (there, across(there))
+}
+
+/// Height at which a line along z enters a sweep, coming from a height outside; `None` where it passes by.
+///
+/// The distance is convex along the line, so that Newton's steps come to the first place from outside and never pass it.
+fn enter(sweep: &Sweep, [x, y]: [f64; 2], from: f64, upwards: f64) -> Option<f64> {
+    const ROUNDS: usize = 40;
+    /// Nearer than this is there, m.
+    const THERE: f64 = 1e-9;
+    let mut z = from;
+    for _ in 0..ROUNDS {
+        let Distance { value, slope } = sweep.distance_along_z(&Vector3::new(x, y, z));
+        if value <= THERE {
+            return Some(z);
+        }
+        // Getting no nearer.
+        if slope * upwards >= -1e-6 {
+            return None;
+        }
+        z -= value / slope;
+    }
+    None
+}
