@@ -17,6 +17,11 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
+/// Masses of the links of a 100 kg class arm, kg, and their first moments, kg·m: an arm grows lighter towards its wrist, and what
+/// hangs on its flange without being declared is a few kilograms.
+const TYPICAL_MASS: [f64; 6] = [100.0, 100.0, 60.0, 20.0, 10.0, 10.0];
+const TYPICAL_MOMENT: [f64; 6] = [30.0, 30.0, 20.0, 5.0, 2.0, 2.0];
+
 /// Compliance of a joint of a 100 kg class arm, rad/(N·m): where a fit without a declared stiffness starts.
 const TYPICAL_COMPLIANCE: f64 = 3e-6;
 
@@ -96,9 +101,10 @@ impl Effect for Gravity {
     }
 
     fn parameters(&self) -> Vec<Parameter> {
-        let mut all = indexed("mass_kg", &self.mass_kg, "kg", 100.0, 0.0, ANY);
-        for (i, moment) in self.first_moment_kg_m.iter().enumerate() {
-            all.extend(indexed(&format!("first_moment_kg_m[{i}]"), moment, "kg·m", 30.0, 0.0, ANY));
+        let mut all = indexed("mass_kg", &self.mass_kg, "kg", 1.0, 0.0, ANY);
+        all.iter_mut().zip(TYPICAL_MASS).for_each(|(mass, typical)| mass.typical = typical);
+        for (i, (moment, typical)) in self.first_moment_kg_m.iter().zip(TYPICAL_MOMENT).enumerate() {
+            all.extend(indexed(&format!("first_moment_kg_m[{i}]"), moment, "kg·m", typical, 0.0, ANY));
         }
         if let Some(compliance) = &self.compliance_rad_per_nm {
             let key = "compliance_rad_per_nm";

@@ -32,6 +32,8 @@ pub struct Kind {
     pub stage: Stage,
     /// The time constant among its numbers, which is searched over shares of the run and not fitted from nothing.
     pub time_constant: Option<&'static str>,
+    /// Numbers that have one sign at a time: of an arm that warms all links grow, of one that cools all shrink.
+    pub one_sign: &'static [&'static str],
     /// Whether a cell with `[robot.stiffness]` has it without saying so.
     pub implied_by_stiffness: bool,
     /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
@@ -91,6 +93,7 @@ impl Kind {
         is_joint_constant: false,
         stage: Stage::Remainder,
         time_constant: None,
+        one_sign: &[],
         implied_by_stiffness: false,
         read: |_| Err(serde::de::Error::custom("a kind without a reader")),
         candidates: |_| Vec::new(),

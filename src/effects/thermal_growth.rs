@@ -15,6 +15,7 @@ pub(super) const KIND: Kind = Kind {
         "reference_c = 20\ncolumn_mm_per_k = 0.01",
     ],
     time_constant: Some("tau_s"),
+    one_sign: &["column_mm", "upper_arm_mm", "forearm_mm", "column_mm_per_k", "upper_arm_mm_per_k", "forearm_mm_per_k"],
     read: |table| checked(ThermalGrowth::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
     candidates,
     ..Kind::PLAIN

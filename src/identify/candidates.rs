@@ -99,6 +99,30 @@ impl Candidate {
         self.curve.as_ref().map(|curve| &curve.smoothness).or(self.known.as_ref())
     }
 
+    /// The same within what its kind says of its numbers beyond their bounds: of one sign, one candidate for each, and with a time
+    /// constant that the run could show.
+    fn bounded(self, kind: &Kind, survey: &Survey) -> Vec<Self> {
+        /// Of the least time constant that is tried: what is over sooner is an offset from the first rows on.
+        const LEAST: f64 = 0.5;
+        let Home::New(shape) = &self.home else { return vec![self] };
+        let names: Vec<String> = shape.0.parameters().into_iter().map(|p| p.name).collect();
+        let least = survey.time.map_or(0.0, |(from, to)| LEAST * TIME_CONSTANTS[0] * (to - from));
+        let of_sign = |positive: bool| {
+            let mut new = self.clone();
+            for (name, (low, high)) in names.iter().zip(&mut new.bounds) {
+                match name.as_str() {
+                    name if kind.time_constant == Some(name) => *low = low.max(least),
+                    name if !kind.one_sign.contains(&name) => {}
+                    _ if positive => *low = 0.0,
+                    _ => *high = 0.0,
+                }
+            }
+            new
+        };
+        let signs = if kind.one_sign.is_empty() { &[true][..] } else { &[true, false] };
+        signs.iter().map(|&positive| of_sign(positive)).collect()
+    }
+
     /// The candidate as a curve whose smoothness the data choose; `None` if it is no curve of one joint.
     fn into_curve(self) -> Option<Self> {
         let Home::New(shape) = &self.home else { return None };
@@ -173,6 +197,13 @@ impl Candidate {
         self.first..self.first + self.values.len()
     }
 
+    /// Numbers that are bounded, and between what they lie, from their start, in prior sizes.
+    pub(super) fn within(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+        let from_start = |k: usize, end: f64| (end - self.start[k]) / self.size(k);
+        let bounded = self.bounds.iter().enumerate().filter(|(_, (low, high))| low.is_finite() || high.is_finite());
+        bounded.map(move |(k, &(low, high))| (k, from_start(k, low), from_start(k, high)))
+    }
+
     /// Typical size of number `k` under this candidate's prior.
     pub(super) fn size(&self, k: usize) -> f64 {
         self.typical[k] * self.scale
@@ -220,10 +251,11 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
         if let Some(name) = kind.time_constant {
             variants = time_constants(variants, name, &survey);
         }
-        let count = variants.len().max(1) as f64;
+        let signs = if kind.one_sign.is_empty() { 1 } else { 2 };
+        let count = (signs * variants.len().max(1)) as f64;
         let new =
             |effect: Box<dyn Effect>| Candidate::new(effect.as_ref(), Home::New(Shape(effect.clone_box())), count);
-        found.extend(variants.into_iter().map(new));
+        found.extend(variants.into_iter().map(new).flat_map(|new| new.bounded(kind, &survey)));
     }
     // Effects of other sizes than the typical one compete too, on the same columns.
     let sizes = if problem.free_device { &SIZES_WHOLE[..] } else { &SIZES };
@@ -337,7 +369,7 @@ pub(super) fn same_pattern(a: &Candidate, b: &Candidate) -> bool {
     matches!((&a.home, &b.home), (Home::Pattern(a), Home::Pattern(b)) if a == b)
 }
 
-/// Whether two candidates differ in their prior's size only.
+/// Whether two candidates differ in their prior's size and their numbers' bounds only.
 pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
     let same = matches!((&a.home, &b.home), (Home::Declared(a), Home::Declared(b)) if a == b)
         || matches!((&a.home, &b.home), (Home::New(_), Home::New(_)))
@@ -346,7 +378,7 @@ pub(super) fn twins(a: &Candidate, b: &Candidate) -> bool {
         && same
         && a.start == b.start
         && a.start.len() == b.start.len()
-        && (a.scale - b.scale).abs() > 0.0
+        && ((a.scale - b.scale).abs() > 0.0 || a.bounds != b.bounds)
 }
 
 /// The arm with a candidate's numbers in place.

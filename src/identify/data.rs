@@ -1,7 +1,7 @@
 //! Measured rows beside what the cell predicts for them.
 
 use super::device::{self, Device};
-use super::noise::{OVER, Places, Series};
+use super::noise::{OVER, Places, Sample, Series};
 use super::runs::at_line;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
@@ -330,20 +330,31 @@ impl Problem {
     /// Series of the rows that `keep` lets in: one a run and axis.
     pub(super) fn series(&self, keep: impl Fn(&Observation) -> bool) -> Vec<Series> {
         const AXES: usize = 3 + TURNS;
-        let mut series = vec![Series::default(); AXES * self.runs.len()];
+        let mut samples = vec![Vec::new(); AXES * self.runs.len()];
+        let mut rows: Vec<Vec<&Observation>> = vec![Vec::new(); self.runs.len()];
         for row in self.rows.iter().filter(|row| !row.outlier && keep(row)) {
-            let places = self.places(row);
+            rows[row.run].push(row);
             let mut add = |axis: usize, scalar: usize, weight: f64| {
-                let series = &mut series[AXES * row.run + axis];
-                series.samples.push((scalar, row.order, weight));
-                series.places.push(places);
+                samples[AXES * row.run + axis].push((scalar, row.order, weight));
             };
             let shown = (0..row.seen.len()).filter(|&k| row.seen.shows(k));
             shown.for_each(|k| add(k, row.offset + k, row.weight * row.tail));
             row.turns().enumerate().for_each(|(k, scalar)| add(3 + k, scalar, self.turn_weight));
         }
-        series.retain(|series| !series.samples.is_empty());
-        series
+        let places = |rows: &[&Observation]| rows.iter().map(|row| self.places(row)).collect::<Arc<[Places]>>();
+        let of_all: Vec<Arc<[Places]>> = rows.iter().map(|rows| places(rows)).collect();
+        let of_axis = |(axis, samples): (usize, Vec<Sample>)| {
+            let (run, axis) = (axis / AXES, axis % AXES);
+            // Axes that all rows have share their places: of many rows these are most of it.
+            if samples.len() == rows[run].len() {
+                return Series { samples, places: Arc::clone(&of_all[run]) };
+            }
+            let turned = |row: &Observation| axis >= 3 && !row.turns().is_empty();
+            let has = |row: &&&Observation| turned(row) || axis < row.seen.len() && row.seen.shows(axis);
+            let own: Vec<&Observation> = rows[run].iter().filter(has).copied().collect();
+            Series { samples, places: places(&own) }
+        };
+        samples.into_iter().enumerate().filter(|(_, samples)| !samples.is_empty()).map(of_axis).collect()
     }
 
     /// What is left out together when something is tried on rows that its fit has not seen: whole runs where there are
@@ -432,8 +443,9 @@ impl Problem {
 
     /// Takes rows back that were set aside.
     pub(super) fn take_back(&mut self, rows: Vec<Observation>) {
+        self.rows.reserve_exact(rows.len());
         self.rows.extend(rows);
-        self.rows.sort_by_key(|row| (row.run, row.order));
+        self.rows.sort_unstable_by_key(|row| (row.run, row.order));
         self.number();
     }
 

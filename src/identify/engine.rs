@@ -384,7 +384,8 @@ impl Engine {
         let stages = if whole { self.stages() } else { Vec::new() };
         let dense = !self.aside.is_empty();
         if dense {
-            // What follows scores every row; numbers are those of the rows that were searched on.
+            // What follows scores every row; numbers are those of the rows that were searched on, whose columns are no longer needed.
+            (self.comb, self.reuse) = (None, Reuse::of(0));
             self.problem.take_back(std::mem::take(&mut self.aside));
             self.mark_outliers();
         }

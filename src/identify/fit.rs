@@ -83,7 +83,7 @@ impl Engine {
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
             // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
             let wide = columns.list.iter().map(|&(column, _)| (column, 1.0)).collect();
-            let wide = Columns { list: wide, curves: columns.curves.clone(), means: Vec::new() };
+            let wide = Columns { curves: columns.curves.clone(), ..Columns::independent(wide) };
             let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
             let frames = linear.always.len();
             let size = covariance.nrows() - frames;

@@ -222,7 +222,7 @@ mod tests {
     fn products_some_rows_at_a_time_are_those_of_the_whole() {
         let shape = Shape { drift: 0.4, correlation: 0.9, field: None };
         let samples = (0..1300).map(|t| (t, t + t / 100, 1.0 + 0.1 * (t % 3) as f64)).collect();
-        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 1300] }];
+        let series = [Series { samples, places: [[Vector3::zeros(); 3]; 1300].into() }];
         let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
         let whole = whiten(&stacked, &series, shape);
         let (full, log_scale) = products(&Columns::stacked(&stacked), &series, &[shape], None).swap_remove(0);
@@ -234,7 +234,8 @@ mod tests {
     fn products_of_own_ranges_are_those_of_all_there_and_of_each_shape_its_own() {
         let shapes = [0.0, 0.2, 0.4, 0.8, 1.6].map(|drift| Shape { drift, correlation: 0.9, field: None });
         let samples = |from: usize| (0..700).map(|t| (from + t, t, 1.0)).collect();
-        let series = [0, 700].map(|from| Series { samples: samples(from), places: vec![[Vector3::zeros(); 3]; 700] });
+        let series =
+            [0, 700].map(|from| Series { samples: samples(from), places: [[Vector3::zeros(); 3]; 700].into() });
         let stacked = DMatrix::from_fn(1400, 6, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
         let columns = Columns::stacked(&stacked);
         let all = products(&columns, &series, &shapes, None);

@@ -9,6 +9,7 @@
 //! for the effects that are named beside it.
 
 use nalgebra::{DMatrix, DVector, Vector3};
+use std::sync::Arc;
 
 /// Shape of the noise; its size σ is profiled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,7 +147,7 @@ pub(super) type Sample = (usize, usize, f64);
 pub(super) struct Series {
     pub(super) samples: Vec<Sample>,
     /// Where each was taken.
-    pub(super) places: Vec<Places>,
+    pub(super) places: Arc<[Places]>,
 }
 
 /// Whitened columns and the log determinant of the whitening (Σ ½ ln S_t, at σ = 1).
@@ -359,7 +360,7 @@ mod tests {
         let shape = Shape { drift: 0.8, correlation: 0.9, field: None };
         let times = [0usize, 1, 2, 5, 6];
         let samples = times.iter().enumerate().map(|(row, &t)| (row, t, 1.0)).collect();
-        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 5] }];
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 5].into() }];
         let covariance = DMatrix::from_fn(5, 5, |i, j| {
             let lag = times[i].abs_diff(times[j]);
             shape.drift * shape.correlation.powi(lag as i32) + f64::from(u8::from(i == j))

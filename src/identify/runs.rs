@@ -28,6 +28,7 @@ impl Problem {
             forces.forces_given = has_force;
             let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
             let mut prepared = Prepared::new(program, cell, &options)?;
+            drop(options);
             let path = Path::new(program, &prepared, table);
             let run = problem.runs.len();
             let mut errors = Vec::new();

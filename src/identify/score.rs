@@ -3,11 +3,14 @@
 //! With θ ~ N(0, τ²) about neutral and Gaussian noise, the marginal likelihood of the data is
 //! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It punishes
 //! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it. A prior about μ, in the
-//! same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`.
+//! same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`. Numbers that are bounded add the log of the share of their
+//! posterior within the bounds, less that of their prior.
 
 use super::moments::Moments;
 use super::smooth::Smoothness;
 use nalgebra::{DMatrix, DVector};
+use statrs::function::erf::erfc;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::Arc;
 
 /// A scored set of columns.
@@ -38,6 +41,8 @@ pub(super) struct Columns {
     pub(super) curves: Vec<(usize, Arc<Smoothness>)>,
     /// Positions in the list of numbers whose prior is not about zero, and about what, in the list's sizes.
     pub(super) means: Vec<(usize, f64)>,
+    /// Positions in the list of numbers that are bounded, and between what, in the list's sizes.
+    pub(super) limits: Vec<(usize, f64, f64)>,
 }
 
 impl Columns {
@@ -49,7 +54,7 @@ impl Columns {
     /// The same columns as the first ones of a design of their own.
     pub(super) fn numbered(&self) -> Self {
         let list = self.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
-        Self { list, curves: self.curves.clone(), means: self.means.clone() }
+        Self { list, curves: self.curves.clone(), means: self.means.clone(), limits: self.limits.clone() }
     }
 
     /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
@@ -156,7 +161,35 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
         width = if step.abs() < width { (0.3 * width).max(0.01) } else { (2.0 * width).min(0.8) };
         middle = best.1;
     }
-    (best.0, best.1.exp())
+    let sigma = best.1.exp();
+    (best.0 + within_limits(moments, columns, sigma), sigma)
+}
+
+/// What it says for the bounded numbers that they lie where they may, nats: the share of the posterior there over that of the
+/// prior, number by number. A compliance that the data want below nothing is no compliance, however well it fits.
+fn within_limits(moments: &Moments, columns: &Columns, sigma: f64) -> f64 {
+    if columns.limits.is_empty() {
+        return 0.0;
+    }
+    let Some((mean, covariance)) = posterior(moments, columns, sigma) else { return 0.0 };
+    let of = |&(i, low, high): &(usize, f64, f64)| {
+        let (at, spread) = (mean[i], covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt());
+        log_normal_between((low - at) / spread, (high - at) / spread) - log_normal_between(low, high)
+    };
+    columns.limits.iter().map(of).sum()
+}
+
+/// Log of the share of a standard normal distribution between two ends.
+fn log_normal_between(low: f64, high: f64) -> f64 {
+    /// Beyond this the tail is that of its asymptote to a part in a thousand.
+    const FAR: f64 = 20.0;
+    // Towards the tail, where differences of what is nearly one lose everything.
+    let (low, high) = if high < 0.0 { (-high, -low) } else { (low, high) };
+    if low > FAR {
+        return -0.5 * low * low - (low * TAU.sqrt()).ln();
+    }
+    let beyond = |at: f64| 0.5 * erfc(at * FRAC_1_SQRT_2);
+    (beyond(low) - beyond(high)).max(f64::MIN_POSITIVE).ln()
 }
 
 /// Half the log determinant of a symmetric matrix, row by row, and the square of L⁻¹ of a right side, L its Cholesky factor,
@@ -296,7 +329,7 @@ mod tests {
     fn a_prior_about_one_draws_there_and_its_evidence_is_that_of_the_data_about_it() {
         // Two scalars of 1.4 and 0.3 on the column (1, 0): about 1 with a spread of 0.5, σ = 0.5, the mean is halfway, 1.2.
         let stacked = DMatrix::from_row_slice(2, 2, &[1.0, 1.4, 0.0, 0.3]);
-        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![[Vector3::zeros(); 3]; 2] }];
+        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: [[Vector3::zeros(); 3]; 2].into() }];
         let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
         let moments = Moments::of(&stacked, &series, shape);
         let about_one = Columns { means: vec![(0, 2.0)], ..Columns::independent(vec![(0, 0.5)]) };
@@ -310,10 +343,35 @@ mod tests {
     }
 
     #[test]
+    fn a_number_that_may_not_be_negative_gains_where_it_is_positive_and_loses_where_it_is_not() {
+        // ±1.4 on the column 1 with a prior of 0.5, σ = 0.5: mean ±1.4 and variance ½ in prior sizes. Of the prior half is above
+        // nothing, of the posterior Φ(±1.98) = 0.97614 or 0.02386.
+        let series = [Series { samples: vec![(0, 0, 1.0)], places: [[Vector3::zeros(); 3]].into() }];
+        let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
+        let columns = Columns { limits: vec![(0, 0.0, f64::INFINITY)], ..Columns::independent(vec![(0, 0.5)]) };
+        let gain = |seen: f64| {
+            let moments = Moments::of(&DMatrix::from_row_slice(1, 2, &[1.0, seen]), &series, shape);
+            within_limits(&moments, &columns, 0.5)
+        };
+        assert!((gain(1.4) - 0.6690).abs() < 1e-3 && (gain(-1.4) + 3.0425).abs() < 1e-3);
+        // Far out in the tail the share is no number any more, and its logarithm still is: −z²/2 − ln(z √2π) + ln 2, z = 141.42.
+        assert!((gain(-100.0) + 10_005.178).abs() < 0.01);
+        assert!(
+            within_limits(
+                &Moments::of(&DMatrix::from_row_slice(1, 2, &[1.0, 1.0]), &series, shape),
+                &Columns::default(),
+                0.5
+            )
+            .abs()
+                < 1e-12
+        );
+    }
+
+    #[test]
     fn beside_a_number_at_its_bound_the_others_are_solved_anew() {
         // y = (1, 3) on columns (1, 1) and (0, 1): without bounds (1, 2); with the second not above 0, the mean 2 of the first.
         let stacked = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 1.0, 1.0, 1.0, 3.0]);
-        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: vec![[Vector3::zeros(); 3]; 2] }];
+        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: [[Vector3::zeros(); 3]; 2].into() }];
         let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
         let columns = Columns::independent(vec![(0, 1.0), (1, 1.0)]);
         let any = (f64::NEG_INFINITY, f64::INFINITY);

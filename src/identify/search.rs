@@ -76,6 +76,10 @@ impl<'a> Search<'a> {
             if expected > 0.0 {
                 all.means.extend((0..candidate.values.len()).map(|k| (all.list.len() + k, expected)));
             }
+            if candidate.precision().is_none() {
+                let within = candidate.within();
+                all.limits.extend(within.map(|(k, low, high)| (all.list.len() + k, low, high)));
+            }
             all.list.extend(candidate.columns().map(|column| (column, candidate.scale)));
         }
         all

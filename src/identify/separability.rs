@@ -69,7 +69,7 @@ mod tests {
         // Columns (1, 0, 0), (1, 1, 0), (0, 0, 1): of the first, half of its square is outside the second.
         let stacked = DMatrix::from_row_slice(3, 4, &[1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         let series =
-            [Series { samples: (0..3).map(|t| (t, t, 1.0)).collect(), places: vec![[Vector3::zeros(); 3]; 3] }];
+            [Series { samples: (0..3).map(|t| (t, t, 1.0)).collect(), places: [[Vector3::zeros(); 3]; 3].into() }];
         let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
         let one = DVector::from_element(1, 2.0);
         assert!((outside(&moments, vec![0], &one, &[1]) - 2.0).abs() < 1e-6);

@@ -91,8 +91,7 @@ impl Curve {
     pub(super) fn smoothest(&self, beside: &Beside, columns: &Columns) -> (f64, Arc<Smoothness>) {
         let (information, cross) = beside.left_of(columns);
         let gain = |smooth: &Arc<Smoothness>| {
-            let prior =
-                Columns { list: columns.list.clone(), curves: vec![(0, Arc::clone(smooth))], means: Vec::new() };
+            let prior = Columns { curves: vec![(0, Arc::clone(smooth))], ..Columns::independent(columns.list.clone()) };
             (gain(information.clone(), &cross, &prior), Arc::clone(smooth))
         };
         let best = self.grid.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
@@ -162,7 +161,7 @@ mod tests {
     fn moments(stacked: &DMatrix<f64>) -> Moments {
         let rows = stacked.nrows();
         let samples = (0..rows).map(|t| (t, t, 1.0)).collect();
-        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; rows] }];
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; rows].into() }];
         Moments::of(stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None })
     }
 

@@ -10,7 +10,7 @@ use super::draws::Draws;
 use crate::identify::candidates::Candidate;
 use crate::identify::explain::NAMED;
 use crate::identify::search::{NESTED, PRICE, caution, contains};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// What every pair counts beside the share of effects that will be named: pairs that are hopeless so far are not given up.
 const EACH_PAIR: f64 = 0.02;
@@ -188,65 +188,50 @@ impl Criterion {
             whitened.rows_mut(row * self.axes, self.axes).scale_mut(weight.sqrt());
         }
         let gram = whitened.transpose() * &whitened;
-        let crosses: Vec<DVector<f64>> = self
-            .truths
-            .iter()
-            .map(|truth| {
-                let mut cross = DVector::zeros(gram.nrows());
-                truth.numbers.iter().for_each(|&(column, number)| cross.axpy(number, &gram.column(column), 1.0));
-                cross
-            })
-            .collect();
-        let squares: Vec<f64> = self
-            .truths
-            .iter()
-            .zip(&crosses)
-            .map(|(truth, cross)| truth.numbers.iter().map(|&(column, number)| number * cross[column]).sum())
-            .collect();
         let size = (self.truths.len(), self.kinds.len() + 1);
         let mut told = Told {
             distance: DMatrix::from_element(size.0, size.1, f64::INFINITY),
             evidence: DMatrix::from_element(size.0, size.1, f64::NEG_INFINITY),
             scalars: columns.nrows(),
         };
+        let in_frame = |column: &usize| self.frame.contains(column);
+        let is_frame = |truth: &Truth| truth.numbers.iter().any(|(column, _)| in_frame(column));
+        let concerned = |of_frame: bool| (0..size.0).filter(move |&t| is_frame(&self.truths[t]) == of_frame).collect();
+        let (of_frame, others): (Vec<usize>, Vec<usize>) = (concerned(true), concerned(false));
+        let Some(instrument) = Beside::new(&gram, &self.instrument, &self.truths) else { return told };
+        let Some(both) = Beside::new(&gram, &[&self.instrument[..], &self.frame[..]].concat(), &self.truths) else {
+            return told;
+        };
         for rival in &self.rivals {
-            // A frame that is the effect itself is no nuisance to it.
-            for of_frame in [false, true] {
-                let mut moved = rival.columns.clone();
-                moved.extend(&self.instrument);
-                if !of_frame {
-                    moved.extend(self.frame.iter().filter(|column| !rival.columns.contains(column)));
-                }
-                let is_frame = |truth: &Truth| truth.numbers.iter().any(|(column, _)| self.frame.contains(column));
-                let concerned: Vec<usize> =
-                    (0..self.truths.len()).filter(|&t| is_frame(&self.truths[t]) == of_frame).collect();
-                if concerned.is_empty() {
-                    continue;
-                }
-                let inner = DMatrix::from_fn(moved.len(), moved.len(), |i, j| gram[(moved[i], moved[j])]);
-                let scales = if rival.columns.is_empty() { &SCALES[..1] } else { &SCALES[..] };
-                for scale in scales {
-                    let of = |i: usize| if i < rival.columns.len() { *scale } else { 1.0 };
-                    let mut scaled = DMatrix::from_fn(moved.len(), moved.len(), |i, j| inner[(i, j)] * of(i) * of(j));
-                    (0..moved.len()).for_each(|i| scaled[(i, i)] += 1.0);
-                    let Some(factor) = scaled.cholesky() else { continue };
-                    let diagonal = factor.l_dirty().diagonal();
-                    // ½ ln det, less what the noise in the data is fitted away (its trace, by the pivots).
-                    let occam: f64 = diagonal.iter().map(|d| d.ln() - 0.5 * (1.0 - 1.0 / (d * d))).sum();
-                    for &t in &concerned {
-                        let mut cross = DVector::from_fn(moved.len(), |i, _| crosses[t][moved[i]] * of(i));
-                        factor.l_dirty().solve_lower_triangular_mut(&mut cross);
-                        let square = (squares[t] - cross.norm_squared()).max(0.0);
-                        let at = (t, rival.kind);
-                        told.evidence[at] = told.evidence[at].max(-0.5 * square - occam - rival.price);
-                        if self.truths[t].kind != rival.kind {
-                            told.distance[at] = told.distance[at].min(square.sqrt());
-                        }
-                    }
+            // A frame that is the effect itself is no nuisance to it, nor one that is the rival.
+            let beside = if rival.columns.iter().any(in_frame) { &instrument } else { &both };
+            self.tell(rival, &instrument, &of_frame, &mut told);
+            self.tell(rival, beside, &others, &mut told);
+        }
+        told
+    }
+
+    /// What rows say of some truths beside a rival, under each size of its prior.
+    fn tell(&self, rival: &Rival, beside: &Beside, concerned: &[usize], told: &mut Told) {
+        let own = &rival.columns;
+        let inner = DMatrix::from_fn(own.len(), own.len(), |i, j| beside.gram[(own[i], own[j])]);
+        let cross = DMatrix::from_fn(own.len(), concerned.len(), |i, t| beside.crosses[(own[i], concerned[t])]);
+        let scales = if own.is_empty() { &SCALES[..1] } else { &SCALES[..] };
+        for &scale in scales {
+            let scaled = &inner * (scale * scale) + DMatrix::identity(own.len(), own.len());
+            let Some(factor) = scaled.cholesky() else { continue };
+            let occam = beside.occam + occam(&factor);
+            let mut cross = &cross * scale;
+            factor.l_dirty().solve_lower_triangular_mut(&mut cross);
+            for (cross, &t) in cross.column_iter().zip(concerned) {
+                let square = (beside.squares[t] - cross.norm_squared()).max(0.0);
+                let at = (t, rival.kind);
+                told.evidence[at] = told.evidence[at].max(-0.5 * square - occam - rival.price);
+                if self.truths[t].kind != rival.kind {
+                    told.distance[at] = told.distance[at].min(square.sqrt());
                 }
             }
         }
-        told
     }
 
     /// What rows count for: those that `identify` will hold out count less.
@@ -288,6 +273,41 @@ impl Criterion {
         }
         all.sort_by(|a, b| a.2.total_cmp(&b.2));
         all
+    }
+}
+
+/// ½ ln det of a precision, less what the noise in the data is fitted away (its trace, by the pivots).
+fn occam(factor: &Cholesky<f64, Dyn>) -> f64 {
+    factor.l_dirty().diagonal().iter().map(|d| d.ln() - 0.5 * (1.0 - 1.0 / (d * d))).sum()
+}
+
+/// What is left of everything beside some columns that may move under their priors: every rival stands beside the same few.
+struct Beside {
+    /// Products of the columns.
+    gram: DMatrix<f64>,
+    /// Products of each column with what each truth shows.
+    crosses: DMatrix<f64>,
+    /// Squared size of what each truth shows.
+    squares: Vec<f64>,
+    occam: f64,
+}
+
+impl Beside {
+    /// Of a gram matrix over the noise: what is left of it by the Schur complement.
+    fn new(gram: &DMatrix<f64>, moved: &[usize], truths: &[Truth]) -> Option<Self> {
+        let mut inner = gram.select_columns(moved).select_rows(moved);
+        (0..moved.len()).for_each(|i| inner[(i, i)] += 1.0);
+        let factor = inner.cholesky()?;
+        let mut taken = gram.select_rows(moved);
+        factor.l_dirty().solve_lower_triangular_mut(&mut taken);
+        let gram = gram - taken.transpose() * &taken;
+        let mut crosses = DMatrix::zeros(gram.nrows(), truths.len());
+        let mut squares = Vec::with_capacity(truths.len());
+        for (truth, mut cross) in truths.iter().zip(crosses.column_iter_mut()) {
+            truth.numbers.iter().for_each(|&(column, number)| cross.axpy(number, &gram.column(column), 1.0));
+            squares.push(truth.numbers.iter().map(|&(column, number)| number * cross[column]).sum());
+        }
+        Some(Self { gram, crosses, squares, occam: occam(&factor) })
     }
 }
 
