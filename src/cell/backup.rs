@@ -74,7 +74,14 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
             comment(on)
         );
     }
-    head += &place("base_mm", "base_quat", &base, under.is_some() || stands_on.is_some());
+    let leans = leans_otherwise(robot, &base);
+    if let Some(deg) = leans {
+        let _ = writeln!(
+            head,
+            "# << the backup says (gravity_alpha, gravity_beta) that the robot's z axis is {deg:.1}\u{b0} from upright, and its base frame does not: gravity is taken from base_quat"
+        );
+    }
+    head += &place("base_mm", "base_quat", &base, under.is_some() || stands_on.is_some() || leans.is_some());
     head += &cfg.limits(robot, builtin);
     for unit in &units {
         unit.write(&mut head);
@@ -85,6 +92,18 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
     }
     let (tools, wobjs) = declared_frames(modules);
     Ok(backup_cell(&head, builtin.stiffness_nm_per_rad, &frames(&tools, &wobjs)))
+}
+
+/// Angle (degrees) of a robot's z axis from upright, as its controller has it for gravity, where its base frame leans otherwise:
+/// those who only teach leave the world in a base that hangs.
+fn leans_otherwise(robot: &Instance, base: &Pose) -> Option<f64> {
+    /// Closer is as installed, degrees.
+    const LEVEL: f64 = 1.0;
+    let angle = |key: &str| number(robot, key).unwrap_or(0.0);
+    // About x and y of the base, in whatever order.
+    let said = (angle("gravity_alpha").cos() * angle("gravity_beta").cos()).clamp(-1.0, 1.0).acos().to_degrees();
+    let frame = base.rotation.matrix()[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
+    ((said - frame).abs() > LEVEL).then_some(said)
 }
 
 fn name(instance: &Instance) -> &str {
@@ -448,6 +467,26 @@ mod tests {
             text.contains("# << the robot stands on IRBP") && text.contains("base_mm = [0.0, 0.0, 500.0]   # <<"),
             "{text}"
         );
+    }
+
+    /// Gravity pulls a robot that hangs towards its flange, whatever its base frame was left at.
+    #[test]
+    fn a_robot_that_hangs_beside_its_base_frame_is_marked() {
+        let of = |robot: &str| {
+            let moc = MOC.replace("-base_frame_pos_z 0.5 -base_frame_coordinated \"TRACK1\" -gravity_beta -0.1", robot);
+            let text = backup_template(&source("MOC.cfg", &moc), &[], None).unwrap();
+            (text.contains("from upright"), text.contains("base_quat = [1.0, 0.0, 0.0, 0.0]   # <<"), text)
+        };
+        let hung = of("-gravity_beta 3.14159");
+        assert!(hung.0 && hung.1 && hung.2.contains("z axis is 180.0\u{b0} from upright"), "{}", hung.2);
+        // As it hangs, by its base frame; on the floor; leaning a little on the wall of both.
+        for robot in [
+            "-base_frame_orient_u0 0 -base_frame_orient_u2 1 -gravity_beta 3.14159",
+            "-base_frame_pos_z 0.5",
+            "-base_frame_orient_u0 0.707107 -base_frame_orient_u1 0.707107 -gravity_alpha 1.5708",
+        ] {
+            assert!(!of(robot).0, "{robot}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::units::{TABLE, TRACK, cell as cell_with};
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, PostOptions, Prepared, compensate, post, predict};
-use deflex::program::{Language, Program, cl, rapid};
+use deflex::program::{Language, Program, cl, krl, rapid};
 use deflex::robot::Pose;
 use deflex::text::{Severity, Source, apply};
 use nalgebra::{Rotation3, Translation3, Vector3};
@@ -152,6 +152,13 @@ fn a_track_is_sent_where_the_arm_is_stiff() {
         let off = Vector3::from(row.error_mm) + Vector3::from(meant.correction_mm);
         assert!(off.norm() < 1e-3, "{off}");
     }
+    // In KRL each point has its own E1, and the same one.
+    let file = post(&program, &cell, &corrected, &posting(Language::Krl)).unwrap().files.remove(0).1;
+    let in_krl = krl::read(vec![Source::new("m.src", file)], Vec::new()).unwrap();
+    let in_krl = written(&in_krl, 0);
+    assert_eq!(in_krl.len(), along.len());
+    assert!(in_krl.iter().zip(&along).all(|(krl, rapid)| (krl - rapid).abs() < 1e-9), "{in_krl:?} {along:?}");
+    assert!(along.iter().any(|at| (at - along[0]).abs() > 1.0), "{along:?}");
     assert!(post(&program, &cell, &corrected, &posting(Language::Cl)).is_err());
     assert!(post(&program, &cell, &corrected, &posting(Language::Ls)).is_err());
 }
@@ -168,6 +175,28 @@ fn a_table_turns_the_part_to_where_the_arm_is_stiff() {
     let stands = cell("spin = \"stiffest\"\nexternal = { eax_b = 75.0 }\n", &format!("{ON_TABLE}{table}"));
     let from = rms(&errors(&predict(&path(&stands), &stands, &Options::default(), None).unwrap()));
     assert!(from - chosen >= 0.9 * (from - best), "{from} {chosen} {best}");
+}
+
+#[test]
+fn two_units_are_chosen_in_one_search() {
+    // The robot on a track and the part on a table: neither alone, nor both where they stand, is as stiff.
+    let track = TRACK.replace("min = -2000.0", "min = 0.0").replace("max = 2000.0", "max = 500.0");
+    let table = TABLE.replace("min = -360.0", "min = -30.0").replace("max = 360.0", "max = 30.0");
+    let chosen = |external: &str, units: String| {
+        let cell = cell(&format!("spin = \"stiffest\"\n{external}\n"), &format!("{ON_TABLE}{units}"));
+        let there = predict(&path(&cell), &cell, &Options::default(), None).unwrap();
+        (rms(&errors(&there)), note(&there).to_owned())
+    };
+    let (both, said) = chosen("", format!("{track}free = true\n{table}free = true\n"));
+    assert!(said.contains("unit `TRACK1` is sent from") && said.contains("unit `STN1` is sent from"), "{said}");
+    let standing = |external: [f64; 2]| {
+        let external = format!("external = {{ eax_a = {:?}, eax_b = {:?} }}", external[0], external[1]);
+        chosen(&external, format!("{track}{table}")).0
+    };
+    let corners = [[0.0, -30.0], [0.0, 30.0], [500.0, -30.0], [500.0, 30.0]].map(standing);
+    let least = corners.into_iter().fold(f64::INFINITY, f64::min);
+    let middle = standing([250.0, 0.0]);
+    assert!(both <= 1.01 * least && both < 0.95 * middle, "{both} {corners:?} {middle}");
 }
 
 const RAPID_HEAD: &str = "MODULE M\n  PERS tooldata tA:=[TRUE,[[150,0,260],[0.92387953,0,0.38268343,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n  \
