@@ -3,7 +3,7 @@
 use super::frames::{object_frame, tool_frame};
 use crate::cell::Cell;
 use crate::program::Program;
-use crate::robot::Pose;
+use crate::robot::{Pose, turn_between};
 use crate::text::{Diagnostic, Severity};
 
 /// Digits and calibrations leave less, m: a frame that is further off is another one.
@@ -28,7 +28,7 @@ pub(super) fn contradictions(program: &Program, cell: &Cell) -> Vec<Diagnostic> 
 
 fn told(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diagnostic> {
     let apart = (own.translation.vector - of_cell.translation.vector).norm();
-    let turned = own.rotation.rotation_to(&of_cell.rotation).angle();
+    let turned = turn_between(&own.rotation, &of_cell.rotation).norm();
     if apart <= NOISE_M && turned <= NOISE_RAD {
         return None;
     }
@@ -43,4 +43,26 @@ fn told(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diag
             "the controller runs the program's own declaration: mend whichever is wrong, or remove it from the cell",
         ),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::correct::frames;
+    use crate::text::Source;
+
+    /// The cosine of the turn between them is rounded to more than 1.
+    #[test]
+    fn frames_that_are_the_same_do_not_contradict() {
+        let source = Source::new("m.mod", &b"MODULE M\nENDMODULE\n"[..]);
+        let program = crate::program::rapid::read(vec![source], Vec::new()).unwrap();
+        let turned = |q: [f64; 4]| frames::pose([321.5, 0.0, 148.25], q);
+        #[allow(clippy::approx_constant)] // as programs print it
+        let half = 0.707_106_78;
+        for same in [[half, 0.0, half, 0.0], [half, half, 0.0, 0.0], [half, 0.0, 0.0, half], [0.5; 4]] {
+            assert_eq!(told(&program, "tools.tA", &turned(same), &turned(same)), None, "{same:?}");
+        }
+        let other = told(&program, "tools.tA", &turned([1.0, 0.0, 0.0, 0.0]), &turned([0.0, 1.0, 0.0, 0.0])).unwrap();
+        assert!(other.message.contains("180.0000°"), "{}", other.message);
+    }
 }
