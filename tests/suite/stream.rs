@@ -276,7 +276,6 @@ fn what_only_the_whole_tells_is_not_streamed() {
         late("PDispOn tMill;"),
         late(&format!("MoveL Offs({pose},0,0,5),v50,z1,tMill\\WObj:=wPart;")),
         late(&format!("MoveC {pose},{pose},v50,z1,tMill\\WObj:=wPart;")),
-        late(&format!("MoveL {},v50,z1,tMill\\WObj:=wPart;", pose.replace("9E9,9E9]]", "100,9E9]]"))),
         declared.replace("  ENDPROC", "    MoveL p1,v50,z1,tMill\\WObj:=wPart;\n  ENDPROC"),
         text.replace("ENDMODULE", "  PROC more()\n  ENDPROC\nENDMODULE"),
         text.replace("ENDMODULE", "ENDMODULE\nMODULE B\nENDMODULE"),
@@ -285,6 +284,18 @@ fn what_only_the_whole_tells_is_not_streamed() {
     for program in &programs {
         assert!(streamed(program, &cell, &Options::default(), 2).is_none(), "{}", &program[program.len() - 300..]);
     }
+}
+
+/// An external axis that the program uses late, and the cell has no unit for.
+#[test]
+fn an_axis_without_a_unit_is_kept_alike() {
+    let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
+    let target = "[[0,0,40],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,100,9E9]]";
+    let motion = format!("    MoveL {target},v50,z1,tMill\\WObj:=wPart;\n  ENDPROC");
+    let text = text.replace("  ENDPROC", &motion);
+    agree(&text, &cell(CELL), &Options::default()).unwrap();
+    let came = whole(&text, &cell(CELL), &Options::default());
+    assert!(String::from_utf8(came.unwrap().0).unwrap().contains(target), "it stays as it is");
 }
 
 /// A wave, `count` targets 0.05 mm apart.
