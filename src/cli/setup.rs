@@ -9,6 +9,7 @@ use deflex::cell::examples_left;
 use deflex::correct::{self, Correct, Options, StreamError, choose_turns};
 use deflex::program::{ChunkReader, Language, Program};
 use deflex::text::Diagnostic;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Cell, forces and options of a run.
@@ -51,18 +52,18 @@ impl Setup {
         name: &str,
         language: Language,
         chunks: impl FnOnce() -> Result<Option<C>, Vec<Diagnostic>>,
-    ) -> Result<Option<Options>, Vec<Diagnostic>> {
-        let mut options = self.options.clone();
-        if correct::has_free_turns(language, &self.cell.cell, &options) {
-            let Some(chunks) = chunks()? else { return Ok(None) };
-            options.turns = match choose_turns(chunks, &self.cell.cell, &options) {
-                Ok(turns) => turns,
-                Err(StreamError::NotStreamable) => return Ok(None),
-                Err(StreamError::Refused(errors)) => return Err(self.cell.own(errors)),
-                Err(StreamError::Read(error) | StreamError::Write(error)) => return Err(cannot_read(name, &error)),
-            };
+    ) -> Result<Option<Cow<'_, Options>>, Vec<Diagnostic>> {
+        let options = &self.options;
+        if !correct::has_free_turns(language, &self.cell.cell, options) {
+            return Ok(Some(Cow::Borrowed(options)));
         }
-        Ok(Some(options))
+        let Some(chunks) = chunks()? else { return Ok(None) };
+        match choose_turns(chunks, &self.cell.cell, options) {
+            Ok(turns) => Ok(Some(Cow::Owned(Options { turns, ..options.clone() }))),
+            Err(StreamError::NotStreamable) => Ok(None),
+            Err(StreamError::Refused(errors)) => Err(self.cell.own(errors)),
+            Err(StreamError::Read(error) | StreamError::Write(error)) => Err(cannot_read(name, &error)),
+        }
     }
 
     /// Parses a program and checks that the table of forces is its own.

@@ -16,6 +16,7 @@ use deflex::program::{ChunkReader, Language, cl, krl, rapid};
 use deflex::report::FileSummary;
 use deflex::text::{Diagnostic, Patch, apply};
 use indicatif::ProgressBar;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -102,7 +103,7 @@ impl<'a> Long<'a> {
     fn with_turns<C: ChunkReader>(
         &mut self,
         chunks: &mut impl FnMut(&mut Self) -> Result<Option<C>, Vec<Diagnostic>>,
-    ) -> Result<Option<Options>, Vec<Diagnostic>> {
+    ) -> Result<Option<Cow<'a, Options>>, Vec<Diagnostic>> {
         let setup = self.batch.setup;
         setup.options_with_turns(self.name, self.job.language, || chunks(self))
     }

@@ -21,7 +21,6 @@ use super::{
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::rapid::UNWEIGHED_LOAD;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
 use crate::robot::{EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
@@ -118,6 +117,7 @@ pub(super) fn warm_start(
     let moved_mm = if judged.is_judged { prepared.moved_mm() } else { Vec::new() };
     let mut repeated = Repeated::default();
     doubtful_cuts(program, cell, (prepared, options), &mut repeated);
+    unweighed_loads(program, cell, &mut repeated);
     unsolved(program, prepared, &mut repeated);
     Some(Corrected { moved_mm, repeated, ..out.finish(notes, None, Vec::new()) })
 }
@@ -377,6 +377,7 @@ pub(super) fn chunk(
     let notes = notes(program, cell, &prepared, n);
     let mut repeated = Repeated::default();
     doubtful_cuts(program, cell, (&prepared, options), &mut repeated);
+    unweighed_loads(program, cell, &mut repeated);
     unsolved(program, &prepared, &mut repeated);
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
@@ -426,6 +427,21 @@ fn doubtful_cuts(program: &Program, cell: &Cell, (prepared, options): (&Prepared
             let help = "[stock] with `mode = \"stock\"` finds what it cuts; `! deflex air` says that it cuts nothing";
             say("cut.plunge", Severity::Note, message, help);
         }
+    }
+}
+
+/// Says which loads gravity does not act on, where it acts on any.
+fn unweighed_loads(program: &Program, cell: &Cell, repeated: &mut Repeated) {
+    if !cell.arm.weighs_payload() {
+        return;
+    }
+    for target in program.targets.iter().filter(|target| target.is_end() && target.extra_load) {
+        let source = &program.sources[usize::from(target.source)];
+        let message = "a load besides that of the tool (`GripLoad`, `\\TLoad`) is not weighed: gravity acts on the mass of \
+                       the tool's own tooldata";
+        let said = Diagnostic::error("rapid.load", "", message).on_line(source, target.span, target.line);
+        let help = "give the tool's tooldata the whole load where it holds for all of the program";
+        repeated.say(said.severity(Severity::Warning).help(help));
     }
 }
 
@@ -568,17 +584,13 @@ fn turns_along(program: &Program, i: usize, written: &([f64; 3], [f64; 4])) -> b
 /// What is said of chunk `n` of a run. Frames may be met in any chunk: what was said of one is not said again.
 fn notes(program: &Program, cell: &Cell, prepared: &Prepared, n: usize) -> Vec<Diagnostic> {
     let mut notes = if n == 0 { notes_of_all(program, cell, prepared) } else { Vec::new() };
-    if cell.arm.weighs_payload() {
-        notes.extend(program.diagnostics.iter().filter(|told| told.code == UNWEIGHED_LOAD).cloned());
-    }
     notes.extend(contradictions(program, cell));
     notes
 }
 
 /// What is said of a run, once.
 fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diagnostic> {
-    let of_program = program.diagnostics.iter().filter(|told| told.code != UNWEIGHED_LOAD);
-    let mut notes: Vec<Diagnostic> = of_program.cloned().collect();
+    let mut notes = program.diagnostics.clone();
     notes.extend(prepared.notes.iter().cloned());
     if prepared.started == crate::robot::StartedFrom::NearestHome
         && let Some(first) = program.targets.first()

@@ -1,7 +1,9 @@
 //! The proof that a program survives a write: nothing in, nothing changed; a shift in, a shift out.
 
+use super::cl::AMBIGUOUS_LIST;
 use super::{Change, Editable, Goal, Program, RewriteOptions};
 use crate::text::{Diagnostic, Source, apply};
+use std::collections::BTreeSet;
 
 /// What a write in memory showed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,20 +82,30 @@ fn difference(
     changes: &[Option<Change>],
     kept: &[(usize, &'static str)],
 ) -> Option<String> {
-    if again.targets.len() != program.targets.len() {
-        return Some(format!("{} targets became {}", program.targets.len(), again.targets.len()));
+    let ambiguous = first_ambiguous(program, again);
+    let (targets, targets_again) = match ambiguous {
+        Some(line) => {
+            let before = |program: &Program| program.targets.partition_point(|target| (target.line as usize) < line);
+            (&program.targets[..before(program)], &again.targets[..before(again)])
+        }
+        None => (&program.targets[..], &again.targets[..]),
+    };
+    if targets_again.len() != targets.len() {
+        return Some(format!("{} targets became {}", targets.len(), targets_again.len()));
     }
-    if again.literal_targets != program.literal_targets || again.arcs != program.arcs {
-        return Some("another number of literal targets or arcs".to_owned());
-    }
-    if again.kept.len() != program.kept.len() || again.tools != program.tools || again.wobjs != program.wobjs {
-        return Some("another reading of what was not edited".to_owned());
+    if ambiguous.is_none() {
+        if again.literal_targets != program.literal_targets || again.arcs != program.arcs {
+            return Some("another number of literal targets or arcs".to_owned());
+        }
+        if again.kept.len() != program.kept.len() || again.tools != program.tools || again.wobjs != program.wobjs {
+            return Some("another reading of what was not edited".to_owned());
+        }
     }
     let mut unwritten = vec![None; program.targets.len()];
     for &(at, reason) in kept {
         unwritten[at] = Some(reason);
     }
-    for (at, (was, is)) in program.targets.iter().zip(&again.targets).enumerate() {
+    for (at, (was, is)) in targets.iter().zip(targets_again).enumerate() {
         let fault = |what: &str| Some(format!("line {}: {what}", was.line));
         if let (Some(reason), false) = (unwritten[at], matches!(was.editable, Editable::No(_))) {
             return fault(&format!("editable, yet not written: {reason}"));
@@ -109,6 +121,16 @@ fn difference(
         }
     }
     None
+}
+
+/// The line of the first statement that only one of two readings (CL) refuses because of where its numbers lie: a program with one
+/// is not written, and what follows from it is another path.
+fn first_ambiguous(program: &Program, again: &Program) -> Option<usize> {
+    let lines = |program: &Program| -> BTreeSet<usize> {
+        let refused = program.kept.iter().filter(|kept| kept.reason == AMBIGUOUS_LIST.reason);
+        refused.map(|kept| kept.line).collect()
+    };
+    lines(program).symmetric_difference(&lines(again)).next().copied()
 }
 
 /// Whether `is` is `was`, moved as `change` says, within a share `single` of what is far away.

@@ -30,6 +30,8 @@ pub struct Target {
     pub editable: Editable,
     /// Whether the text says where the controller goes, units that move base or work object aside; else `editable` says why not.
     pub located: bool,
+    /// Whether the arm carries, or may carry, a load besides that of the tool's own data (`GripLoad`, `\\TLoad`).
+    pub extra_load: bool,
     /// External axes, where any is in use or a mechanical unit is deactivated.
     pub external: Option<Arc<ExternalAxes>>,
     /// Name of the declared robtarget, where there is one.

@@ -157,7 +157,7 @@ impl Stock {
     /// Signed depth of a point in the material, m: above zero inside. Near a surface it is the distance from it.
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
-        self.depth_at(&self.now(), point, BLANK).0
+        self.depth_at(&Moment::LATEST, point, BLANK).0
     }
 
     /// Keeps from now on what is needed to tell what the stock was at each [moment](Stock::now), and forgets all before.

@@ -16,6 +16,9 @@ pub struct Moment {
 }
 
 impl Moment {
+    /// Behind all that has been swept.
+    pub(super) const LATEST: Self = Self { cuts: u32::MAX, sweeps: BLANK, last: None };
+
     /// The number of the last sweep, where a way (m) goes straight on from it to a tip: no point of a cutter's front there is in
     /// it, and those on the silhouette need not be asked whether they are.
     pub(super) fn before(&self, tip: &Vector3<f64>, way: &Vector3<f64>) -> u32 {

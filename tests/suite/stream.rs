@@ -288,6 +288,22 @@ fn what_only_the_whole_tells_is_not_streamed() {
 
 /// An external axis that the program uses late, and the cell has no unit for.
 #[test]
+fn loads_that_are_not_weighed_are_told_alike() {
+    let heavy = cell(CELL);
+    let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
+    let gripped = text.replacen("  PROC main()\n", "  PROC main()\n    GripLoad tMillLoad;\n", 1);
+    let own = text.replace(",tMill\\WObj:=wPart", ",tMill\\WObj:=wPart\\TLoad:=tMillLoad");
+    for text in [gripped, own] {
+        let (_, _, _, notes) = whole(&text, &heavy, &Options::default()).unwrap();
+        assert_eq!(notes.iter().filter(|told| told.code == "rapid.load").count(), 1);
+        assert!(streamed(&text, &heavy, &Options::default(), 2).is_some(), "it streams");
+        agree(&text, &heavy, &Options::default()).unwrap();
+    }
+    let later = text.replacen("  ENDPROC", "    GripLoad tMillLoad;\n  ENDPROC", 1);
+    assert!(streamed(&later, &heavy, &Options::default(), 2).is_none());
+}
+
+#[test]
 fn an_axis_without_a_unit_is_kept_alike() {
     let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
     let target = "[[0,0,40],[0,0.99419421,0,0.10760048],[0,-1,0,0],[9E9,9E9,9E9,9E9,100,9E9]]";

@@ -49,8 +49,8 @@ fn step(walk: &mut Walk<'_>, prepared: &mut Prepared, i: usize, before: Option<L
     let point = &prepared.points[i];
     let through = point.through?;
     let front = Arc::clone(&walk.fronts[through.front as usize]);
-    let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
-    let (places, length, _) = walk.places(prepared, i, feed_per_tooth.is_some());
+    let feed_per_tooth = through.feed_per_tooth;
+    let (places, length) = walk.places(prepared, i, feed_per_tooth.is_some());
     let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
     let wobj_from_stock = stock_from_wobj.inverse();
     let mut motor = i.checked_sub(1).map_or(point.motor, |before| prepared.points[before].motor);

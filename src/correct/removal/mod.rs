@@ -213,9 +213,9 @@ impl End {
     /// Whether a way (stock) into another point goes straight on, with the same cutter.
     fn goes_on(&self, prepared: &Prepared, target: usize, way: &Vector3<f64>) -> bool {
         let (before, point) = (&prepared.points[self.target], &prepared.points[target]);
-        let same = point.through.is_some_and(|through| {
-            through.cuts && through.front == self.front && through.feed_per_tooth == Some(self.feed_per_tooth)
-        });
+        let same = point
+            .through
+            .is_some_and(|through| through.front == self.front && through.feed_per_tooth == Some(self.feed_per_tooth));
         let straight =
             way.dot(&self.direction) > 0.0 && way.cross(&self.direction).norm() < Self::STRAIGHT_ON * way.norm();
         same && straight && before.setting == point.setting
@@ -275,7 +275,6 @@ impl Walk<'_> {
     /// Takes in what a move came to.
     fn finish(&mut self, prepared: &mut Prepared, passed: Passed) {
         let Passed { target: i, through, length, removed, forces, engaged } = passed;
-        let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
         let collides = !through.cuts && removed > COLLISION;
         if collides && !self.collided {
             self.collision(i, removed);
@@ -291,7 +290,7 @@ impl Walk<'_> {
             prepared.points[via].cut_length = self.cut_length;
         }
         let mut milled = Milled { removed, ..Milled::default() };
-        if feed_per_tooth.is_some() {
+        if through.feed_per_tooth.is_some() {
             milled.engaged = Some([engaged.depth, engaged.arc]);
             milled.forces = forces.into();
             if let Some(via) = via
@@ -302,7 +301,7 @@ impl Walk<'_> {
             }
         }
         let point = &mut prepared.points[i];
-        if let (Some(_), Some((_, force))) = (feed_per_tooth, milled.forces.last()) {
+        if let (Some(_), Some((_, force))) = (through.feed_per_tooth, milled.forces.last()) {
             point.load = load(*force);
         }
         point.cut_length = self.cut_length;

@@ -28,8 +28,8 @@ pub(super) struct Place {
 }
 
 impl Walk<'_> {
-    /// The places on the way into target `i`, the last of them its own.
-    pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64, Option<Track>) {
+    /// The places on the way into target `i`, the last of them its own, and the length of a line or an arc, m.
+    pub(super) fn places(&self, prepared: &Prepared, i: usize, asks: bool) -> (Vec<Place>, f64) {
         let point = &prepared.points[i];
         let goal = self.goal(point);
         let end = Place { share: 1.0, pose: goal };
@@ -38,10 +38,10 @@ impl Walk<'_> {
             Kind::Arc => i.checked_sub(2),
             _ => i.checked_sub(1),
         };
-        let Some(before) = before else { return (vec![end], 0.0, None) };
+        let Some(before) = before else { return (vec![end], 0.0) };
         let from = &prepared.points[before];
         if from.unsolved.is_some() || point.unsolved.is_some() {
-            return (vec![end], 0.0, None);
+            return (vec![end], 0.0);
         }
         let (setting, mount) = (prepared.setting(before), prepared.mount(i));
         if kind == Kind::Joint {
@@ -56,7 +56,7 @@ impl Walk<'_> {
                 Place { share, pose: own.base_from_wobj.inv_mul(&base_from_tcp) }
             };
             let places = (0..n).map(place).chain([end]).collect();
-            return (places, 0.0, None);
+            return (places, 0.0);
         }
         // The same flange, with this target's tool and work object.
         let base_from_flange = setting.base_from_wobj * self.goal(from) * setting.tool.flange_from_tcp.inverse();
@@ -64,7 +64,7 @@ impl Walk<'_> {
         let start = if from.setting == point.setting || own.as_ref() == Some(setting) {
             self.goal(from)
         } else {
-            let Some(own) = own else { return (vec![end], 0.0, None) };
+            let Some(own) = own else { return (vec![end], 0.0) };
             own.base_from_wobj.inv_mul(&(base_from_flange * own.tool.flange_from_tcp))
         };
         let track = match kind {
@@ -86,6 +86,6 @@ impl Walk<'_> {
             Place { share, pose: track.pose(share) }
         };
         let places = (0..n).map(place).chain([end]).collect();
-        (places, length, Some(track))
+        (places, length)
     }
 }

@@ -61,8 +61,8 @@ impl Batch {
         let end = self.end.take();
         let Some(through) = prepared.points[i].through else { return };
         let solid = walk.fronts[through.front as usize].solid();
-        let feed_per_tooth = through.feed_per_tooth.filter(|_| through.cuts);
-        let (places, length, _) = walk.places(prepared, i, feed_per_tooth.is_some());
+        let feed_per_tooth = through.feed_per_tooth;
+        let (places, length) = walk.places(prepared, i, feed_per_tooth.is_some());
         let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
         let mut goes_on = false;
         let mut removed = 0.0;
@@ -113,9 +113,8 @@ impl Batch {
         let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
         let mut answers = answers.into_iter();
         for Recorded { mut passed, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
-            let feed_per_tooth = passed.through.feed_per_tooth.filter(|_| passed.through.cuts);
             for (k, share) in shares.iter().enumerate() {
-                let Some(feed_per_tooth) = feed_per_tooth else { break };
+                let Some(feed_per_tooth) = passed.through.feed_per_tooth else { break };
                 let begins = k == 0 && shares.len() > 1;
                 if !(begins && goes_on)
                     && let Some(engaged) = answers.next()

@@ -39,6 +39,7 @@ mod words;
 pub use chunks::Chunks;
 pub use corrected::{CorrectedPoint, write};
 pub(crate) use layout::Layout;
+pub(crate) use refusal::AMBIGUOUS_LIST;
 pub use spin::{SpinRule, spin};
 pub(crate) use words::may_be_declared_harmless;
 

@@ -324,6 +324,7 @@ impl Reader {
             mark: self.modal.mark,
             editable: Editable::Pose,
             located: true,
+            extra_load: false,
             external: self.options.external.clone(),
             name: None,
             source: 0,

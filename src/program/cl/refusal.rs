@@ -2,9 +2,9 @@
 
 /// A reason with its help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Refusal {
+pub(crate) struct Refusal {
     /// A short fixed phrase that can be counted.
-    pub(super) reason: &'static str,
+    pub(crate) reason: &'static str,
     /// Empty for the help that all motions share.
     pub(super) help: &'static str,
 }
@@ -142,7 +142,8 @@ pub(super) const BEHIND_END: Refusal =
     refusal("motion behind FINI, where the program ends", "give each program a file of its own");
 pub(super) const LOOSE_NUMBERS: Refusal =
     refusal("numbers without a statement", "a continuation ($) may be missing at the end of the line before");
-pub(super) const AMBIGUOUS_LIST: Refusal = refusal(
+/// Numbers that are a position or a vector by where they lie: once shifted, they may be told apart, or be so no more.
+pub(crate) const AMBIGUOUS_LIST: Refusal = refusal(
     "positions and vectors that cannot be told apart",
     "let the CAM system write one position (three, six or nine numbers) in a GOTO",
 );

@@ -435,6 +435,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Options) => call.optional().iter().for_each(|(_, argument)| self.change(*argument)),
             Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
             Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
+            Some(Instruction::Load) => self.out.changes.switches.load = true,
             Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
             Some(
                 Instruction::AxisOffsetSet

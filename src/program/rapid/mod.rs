@@ -160,9 +160,6 @@ struct Offset {
 /// A byte that no text begins with: encrypted modules do.
 const ENCRYPTED: u8 = 0xF0;
 
-/// Code of what is said of loads that gravity does not act on: of use where anything weighs.
-pub(crate) const UNWEIGHED_LOAD: &str = "rapid.load";
-
 /// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
 pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
     /// Of this many bytes at the beginning ...

@@ -10,7 +10,7 @@ use super::run::{Cached, Flow, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner};
 use super::state::{Switch, Switches, Velocity};
 use super::symbols::{Upper, first_word};
 use super::value::{Place, Pose, Value, predefined, unit};
-use super::{Offset, Site, UNWEIGHED_LOAD};
+use super::{Offset, Site};
 use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};
 use smallvec::SmallVec;
@@ -32,16 +32,11 @@ impl<'a> Runner<'a> {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
         }
-        if bytes[call.name.range()].eq_ignore_ascii_case(b"GripLoad")
-            && let Some(load) = call.positional().first()
-        {
-            self.tell_load(scope, *load);
-        }
         if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
             return Flow::Next;
         }
-        // Speeds are set in a program's head, which each of its chunks has, and units activated.
-        self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::UnitOn));
+        // Speeds and loads are set in a program's head, which each of its chunks has, and units activated.
+        self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::Load | Instruction::UnitOn));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -76,6 +71,11 @@ impl<'a> Runner<'a> {
             }
             Instruction::SoftOn | Instruction::SoftOff => {
                 self.state.soft = if known == Instruction::SoftOn { Switch::On } else { Switch::Off };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Load => {
+                let none = call.positional().first().is_some_and(|load| self.is_no_load(scope, *load));
+                self.state.load = if none { Switch::Off } else { Switch::On };
                 self.state.lose(self.others_switch());
             }
             Instruction::Velocity => {
@@ -157,9 +157,6 @@ impl<'a> Runner<'a> {
             self.arcs += usize::from(shape.motion == Motion::Circular);
         }
         let bytes = self.bytes(scope.source as usize);
-        if let Some(load) = call.option(bytes, b"TLoad") {
-            self.tell_load(scope, load);
-        }
         self.other_arguments(scope, call, shape, tool_at);
         let synchronised = is_synchronised(&bytes[call.name.range()]).then(|| arguments.get(shape.to + 4).copied());
         if let Some(procedure) = synchronised {
@@ -184,6 +181,7 @@ impl<'a> Runner<'a> {
                 return self.keep_motion(span, reason);
             }
         };
+        let own_load = call.option(bytes, b"TLoad");
         let feed_mm_s = self.speed(scope, call, arguments.get(shape.to + 1).copied());
         let line = self.lines[scope.source as usize].line(span.start);
         let target = Target {
@@ -199,6 +197,7 @@ impl<'a> Runner<'a> {
             mark: self.state.mark,
             editable: Editable::No("joint target"),
             located: true,
+            extra_load: self.state.load != Switch::Off || own_load.is_some_and(|load| !self.is_no_load(scope, load)),
             external: None,
             name: None,
             source: scope.source,
@@ -520,16 +519,9 @@ impl<'a> Runner<'a> {
         Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
     }
 
-    /// Says that a load besides that of the tool's own tooldata is not weighed, once a place.
-    fn tell_load(&mut self, scope: Scope, load: Span) {
-        let text = &self.bytes(scope.source as usize)[load.range()];
-        if !text.eq_ignore_ascii_case(b"load0") {
-            let message = format!(
-                "load `{}` is not weighed: gravity acts on the mass of the tool's own tooldata",
-                String::from_utf8_lossy(text)
-            );
-            self.tell(load, UNWEIGHED_LOAD, &message, Severity::Warning);
-        }
+    /// Whether a load is `load0`: none besides that of the tool's own data.
+    fn is_no_load(&self, scope: Scope, load: Span) -> bool {
+        self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
     }
 
     /// Says why a frame is not known, once a place.

@@ -23,6 +23,8 @@ pub(super) enum Instruction {
     SoftOn,
     /// Makes them stiff again.
     SoftOff,
+    /// Says what load the robot grips.
+    Load,
     /// Makes other speeds of the programmed ones.
     Velocity,
     /// Sets the offset of external axes.
@@ -56,6 +58,7 @@ impl Instruction {
                 | Self::DisplacementOff
                 | Self::SoftOn
                 | Self::SoftOff
+                | Self::Load
                 | Self::Velocity
                 | Self::AxisOffsetSet
                 | Self::AxisOffsetOn
@@ -88,7 +91,6 @@ pub(super) const NOTHING: &[&str] = &[
     "EraseModule",
     "ErrLog",
     "ErrWrite",
-    "GripLoad",
     "HollowWristReset",
     "IDelete",
     "IDisable",
@@ -261,6 +263,7 @@ const OWN: &[(&str, Instruction)] = &[
     ("EOffsSet", Instruction::AxisOffsetSet),
     ("ErrRaise", Instruction::Raises),
     ("ExitCycle", Instruction::Ends),
+    ("GripLoad", Instruction::Load),
     ("Incr", Instruction::Steps),
     ("MoveExtJ", Instruction::MovesAxes),
     ("PathRecMoveBwd", Instruction::Moves),
@@ -487,7 +490,9 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
 pub(super) fn harmless(statement: &[u8]) -> bool {
     let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
     // Units are active until one is deactivated: to activate it again changes nothing.
-    has(NOTHING, name) || has(OPTIONS, name) && !statement.contains(&b'\\') || name.eq_ignore_ascii_case(b"ActUnit")
+    has(NOTHING, name)
+        || has(OPTIONS, name) && !statement.contains(&b'\\')
+        || instruction(name) == Some(Instruction::UnitOn)
 }
 
 /// What a predefined function may change besides its value.

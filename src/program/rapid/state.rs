@@ -48,6 +48,8 @@ pub(super) struct State {
     pub(super) axes: Axes,
     /// Whether axes yield (`SoftAct`).
     pub(super) soft: Switch,
+    /// Whether the robot grips another load than `load0` (`GripLoad`).
+    pub(super) load: Switch,
     /// `None` where it is known only at run time.
     pub(super) velocity: Option<Velocity>,
 }
@@ -60,6 +62,7 @@ impl Default for State {
             displacement: Switch::Off,
             axes: Axes::default(),
             soft: Switch::Off,
+            load: Switch::Off,
             velocity: Some(Velocity::AS_PROGRAMMED),
         }
     }
@@ -73,13 +76,14 @@ impl State {
             displacement: self.displacement.join(other.displacement),
             axes: self.axes.join(other.axes),
             soft: self.soft.join(other.soft),
+            load: self.load.join(other.load),
             velocity: self.velocity.filter(|_| self.velocity == other.velocity),
         }
     }
 
     /// What may be switched is known no more.
     pub(super) fn lose(&mut self, switches: Switches) {
-        let Switches { displacement, axes, marks, soft, velocity } = switches;
+        let Switches { displacement, axes, marks, soft, load, velocity } = switches;
         if displacement {
             self.displacement = Switch::Unknown;
         }
@@ -88,6 +92,9 @@ impl State {
         }
         if soft {
             self.soft = Switch::Unknown;
+        }
+        if load {
+            self.load = Switch::Unknown;
         }
         if velocity {
             self.velocity = None;
@@ -107,24 +114,29 @@ pub(super) struct Switches {
     pub(super) marks: bool,
     /// Axes may be made to yield.
     pub(super) soft: bool,
+    /// Another load may be gripped.
+    pub(super) load: bool,
     /// Programmed speeds may become others.
     pub(super) velocity: bool,
 }
 
 impl Switches {
-    pub(super) const NONE: Self = Self { displacement: false, axes: false, marks: false, soft: false, velocity: false };
-    /// What a routine may switch of which nothing is known: that it leaves speeds and servos alone is assumed.
+    pub(super) const NONE: Self =
+        Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false };
+    /// What a routine may switch of which nothing is known: that it leaves speeds, servos and loads alone is assumed.
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
-    pub(super) const ALL: Self = Self { displacement: true, axes: true, marks: true, soft: true, velocity: true };
+    pub(super) const ALL: Self =
+        Self { displacement: true, axes: true, marks: true, soft: true, load: true, velocity: true };
 }
 
 impl BitOrAssign for Switches {
     fn bitor_assign(&mut self, other: Self) {
-        let Self { displacement, axes, marks, soft, velocity } = other;
+        let Self { displacement, axes, marks, soft, load, velocity } = other;
         self.displacement |= displacement;
         self.axes |= axes;
         self.marks |= marks;
         self.soft |= soft;
+        self.load |= load;
         self.velocity |= velocity;
     }
 }

@@ -258,6 +258,7 @@ impl<'a> Builder<'a> {
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
             located: true,
+            extra_load: false,
             external: self.external(position),
             name: Some(format!("P[{}]", position.number).into()),
             source: 0,

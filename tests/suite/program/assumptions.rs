@@ -29,6 +29,10 @@ fn a_load_that_gravity_does_not_act_on_is_told_where_there_is_any() {
     let own =
         grips.replace("GripLoad spindle;\n", "").replace(" @", AT).replacen("=wCell;", "=wCell\\TLoad:=spindle;", 1);
     assert!(said(&own, &heavy).contains(&"rapid.load"));
+    let in_a_branch = grips.replace("GripLoad spindle;", "IF TestDI(di1) THEN\nGripLoad spindle;\nENDIF");
+    assert!(said(&in_a_branch, &heavy).contains(&"rapid.load"), "in some runs");
+    let ended = grips.replace("GripLoad spindle;", "GripLoad spindle;\nGripLoad load0;");
+    assert!(!said(&ended, &heavy).contains(&"rapid.load"));
 }
 
 #[test]
