@@ -3,8 +3,10 @@
 //! A matching keeps the order, and what is not matched lies on the way into the next match. Of all matchings the one of the
 //! least cost is taken, by dynamic programming over the ends of motions; circle points go with their ends.
 
-use super::{Motion, Program, Role};
+use super::{Language, Motion, Program, Role};
+use std::collections::BTreeSet;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What the geometry says of a target of the corrected program (first index) and one of the original (second).
 pub(crate) trait Fit {
@@ -23,14 +25,26 @@ struct End {
     is_arc: bool,
     /// What a correction leaves as it is; `None` where the original is of another language.
     written: Option<Written>,
+    /// Of the corrected program: as far as its name tells.
+    may_be_inserted: bool,
 }
 
 /// What of an instruction is not its numbers.
 #[derive(PartialEq)]
 struct Written {
     motion: Motion,
-    is_named: bool,
+    name: Named,
     zone_mm: Option<f64>,
+}
+
+/// What its name tells of a target.
+#[derive(PartialEq)]
+enum Named {
+    /// Numbers in the instruction: as inserted ones are written.
+    No,
+    Yes,
+    /// Of a language whose points all have a name of their own: inserted ones have one that the original has not.
+    Point(Arc<str>),
 }
 
 /// A target of the corrected program that may be a certain one of the original.
@@ -54,7 +68,15 @@ struct Reached {
 /// The first target of the corrected program that is neither one of the original nor on its way.
 pub(crate) fn align(original: &Program, corrected: &Program, fit: &impl Fit) -> Result<Vec<(usize, usize)>, usize> {
     let same_text = original.language == corrected.language;
-    let (wanted, given) = (ends(original, same_text), ends(corrected, same_text));
+    let (wanted, mut given) = (ends(original, same_text), ends(corrected, same_text));
+    let known: BTreeSet<&str> = original.targets.iter().filter_map(|target| target.name.as_deref()).collect();
+    for end in &mut given {
+        end.may_be_inserted = end.written.as_ref().is_none_or(|written| match &written.name {
+            Named::No => true,
+            Named::Yes => false,
+            Named::Point(name) => !known.contains(&**name),
+        });
+    }
     let candidates = candidates(&wanted, &given, fit)?;
     let open = |list: &[Candidate]| list.len() > 1;
     let asked = |j: &usize| open(&candidates[*j]);
@@ -93,9 +115,14 @@ fn ends(program: &Program, same_text: bool) -> Vec<End> {
     let is_arc = |i: usize| i.checked_sub(1).is_some_and(|via| program.targets[via].role == Role::Via);
     let end = |i: usize| {
         let target = &program.targets[i];
-        let (motion, is_named) = (target.motion, target.name.is_some());
-        let written = same_text.then(|| Written { motion, is_named, zone_mm: program.zone_mm(i) });
-        End { target: i, motion, is_arc: is_arc(i), written }
+        let motion = target.motion;
+        let name = match &target.name {
+            Some(name) if program.language == Language::Ls => Named::Point(Arc::clone(name)),
+            Some(_) => Named::Yes,
+            None => Named::No,
+        };
+        let written = same_text.then(|| Written { motion, name, zone_mm: program.zone_mm(i) });
+        End { target: i, motion, is_arc: is_arc(i), written, may_be_inserted: true }
     };
     let ends = (0..program.targets.len()).filter(|i| program.targets[*i].role != Role::Via);
     ends.map(end).collect()
@@ -110,8 +137,7 @@ impl End {
     /// Whether a target may have been inserted on the way into this one.
     fn is_split_by(&self, inserted: &Self) -> bool {
         let is_path = |end: &Self| matches!(end.motion, Motion::Linear | Motion::Circular);
-        let is_inline = inserted.written.as_ref().is_none_or(|written| !written.is_named);
-        is_path(self) && is_path(inserted) && (self.is_arc || !inserted.is_arc) && is_inline
+        is_path(self) && is_path(inserted) && (self.is_arc || !inserted.is_arc) && inserted.may_be_inserted
     }
 }
 

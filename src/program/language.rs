@@ -2,7 +2,7 @@
 
 use super::cl::{self, ClOptions};
 use super::{Change, Insert, Program, RewriteOptions, Rewritten, Role, krl, rapid, tp};
-use crate::text::{Diagnostic, Source};
+use crate::text::{Diagnostic, Edit, Source, Span};
 
 /// Which language a program is written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -162,6 +162,22 @@ pub(super) trait FrontEnd {
         inserts: &[Insert],
         options: &RewriteOptions,
     ) -> Rewritten;
+
+    /// See [`Program::insertion_refused`].
+    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<&'static str> {
+        None
+    }
+
+    /// See [`Program::removal`].
+    fn removal(&self, program: &Program, source: usize, spans: &[Span]) -> Vec<Edit> {
+        let bytes = &program.sources[source].bytes;
+        let without = |span: &Span| {
+            let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
+            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
+            Edit { span: Span::new(span.start as usize, span.end as usize + behind), content: Vec::new().into() }
+        };
+        spans.iter().map(without).collect()
+    }
 
     /// See [`Program::writes_axes`].
     fn writes_axes(&self, program: &Program) -> Vec<bool> {

@@ -290,6 +290,19 @@ impl Program {
         self.layout.front_end().zone_mm(self, target)
     }
 
+    /// Why nothing can be inserted before a target, where its statement already tells; others are refused by
+    /// [`Program::rewrite`].
+    #[must_use]
+    pub(crate) fn insertion_refused(&self, before: usize) -> Option<&'static str> {
+        self.layout.front_end().insertion_refused(self, before)
+    }
+
+    /// Edits of a source that take inserted instructions, which have these spans, out of it again.
+    #[must_use]
+    pub(crate) fn removal(&self, source: usize, spans: &[Span]) -> Vec<Edit> {
+        self.layout.front_end().removal(self, source, spans)
+    }
+
     /// Whether the positions of external axes that each target says are its own, and can be edited.
     #[must_use]
     pub(crate) fn writes_axes(&self) -> Vec<bool> {

@@ -51,15 +51,8 @@ impl Pairs {
 
     /// Edits that take the inserted instructions out of a source of the second program.
     pub(super) fn insertions(&self, second: &Program, source: usize) -> Vec<Edit> {
-        let bytes = &second.sources[source].bytes;
         let here = self.inserted.iter().filter(|(_, (other, _))| *other == source);
-        let without = |(_, (_, span)): &(InsertedTarget, (usize, Span))| {
-            let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
-            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
-            let end = span.end + u32::try_from(behind).unwrap_or(0);
-            Edit { span: Span { start: span.start, end }, content: Vec::new().into() }
-        };
-        here.map(without).collect()
+        second.removal(source, &here.map(|(_, (_, span))| *span).collect::<Vec<_>>())
     }
 }
 

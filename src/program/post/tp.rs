@@ -6,11 +6,10 @@ use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
 use crate::program::Mark;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
+use crate::program::tp::MOST_POINTS;
 use crate::text::number::{printed, write_fixed};
 use std::fmt::Write;
 
-/// Most positions of a program: those of a controller's numbering, three digits.
-const MOST_POINTS: usize = 999;
 /// Decimals of millimetres and degrees, as controllers print them.
 const DECIMALS: usize = 3;
 /// Speed of J moves, per cent: CL data say nothing of joints.

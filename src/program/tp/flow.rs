@@ -295,7 +295,7 @@ fn behind_condition(text: &[u8]) -> &[u8] {
 }
 
 /// Which statements stand in blocks of point logic: behind a motion that announces one, up to a line of dashes.
-fn inner(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<bool> {
+pub(super) fn inner(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<bool> {
     let mut within = false;
     let one = |(line, kind): (&Line<'_>, &Kind<'_>)| {
         let was = within;

@@ -130,6 +130,12 @@ fn line_ends(bytes: &[u8]) -> usize {
     memchr::memchr2_iter(b'\n', b'\r', bytes).filter(|&at| bytes[at] == b'\n' || lone(at)).count()
 }
 
+/// How many digits the number of a statement has, which it begins with; `None` where it has none.
+pub(super) fn numbers(statement: &[u8]) -> Option<usize> {
+    let digits = statement.iter().take_while(|b| b.is_ascii_digit()).count();
+    (unnumbered(statement).0).then_some(digits)
+}
+
 /// A line without its number and colon, and whether it has a number.
 fn unnumbered(line: &[u8]) -> (bool, &[u8]) {
     let text = line.trim_ascii_start();

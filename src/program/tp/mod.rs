@@ -8,17 +8,19 @@
 //! | `flow`, `state`, `calls` | statements | what each makes of what is known, and where a run goes on |
 //! | `run` | flow | the motions that run, with what is known at each |
 //! | `targets`, `arcs` | motions and positions | targets |
-//! | `rewrite` | wanted poses | edits on numbers of `/POS` |
+//! | `rewrite`, `insert`, `renumber` | wanted poses | edits on numbers of `/POS`, points between |
 
 mod arcs;
 mod calls;
 mod dialect;
 mod expression;
 mod flow;
+mod insert;
 mod lex;
 mod lines;
 mod motion;
 mod position;
+mod renumber;
 mod rewrite;
 mod run;
 mod state;
@@ -27,7 +29,8 @@ mod targets;
 
 use super::language::FrontEnd;
 use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
-use crate::text::{Diagnostic, Severity, Source, Span};
+use crate::text::{Diagnostic, Edit, Severity, Source, Span};
+pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
 
 /// Where the numbers of positions stand.
@@ -54,6 +57,14 @@ impl FrontEnd for Layout {
         options: &RewriteOptions,
     ) -> Rewritten {
         rewrite::rewrite(program, self, changes, inserts, options)
+    }
+
+    fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {
+        insert::refusal(program, self, before)
+    }
+
+    fn removal(&self, program: &Program, _: usize, spans: &[Span]) -> Vec<Edit> {
+        insert::removal(program, self, spans)
     }
 
     fn motion_targets(&self, _: &Program) -> usize {

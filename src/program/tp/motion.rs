@@ -7,6 +7,7 @@ use nom::branch::alt;
 use nom::bytes::complete::{tag, tag_no_case, take_while};
 use nom::character::complete::one_of;
 use nom::combinator::{map, opt, recognize};
+use std::ops::Range;
 
 /// A motion as written.
 #[derive(Clone, Debug, PartialEq)]
@@ -215,6 +216,76 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             motion.moved.get_or_insert("motion option that is not known");
         }
         rest = &rest[1..];
+    }
+}
+
+/// What a motion on a part of the way of another has in common with it.
+#[derive(Debug, PartialEq)]
+pub(super) struct Lasting<'a> {
+    /// `L`, `C`, `A`, as written.
+    pub(super) letter: u8,
+    /// Where it stands.
+    pub(super) letter_at: usize,
+    /// Where its points stand: circle point and end, or the end.
+    pub(super) points: Vec<Range<usize>>,
+    /// As written; empty where there is none.
+    pub(super) speed: &'a [u8],
+    /// Those that hold all of the way, as written.
+    pub(super) options: Vec<&'a [u8]>,
+}
+
+const TIMED: &str = "speed that is the time of the whole motion (sec)";
+const ONCE: &str = "motion option that a point between would repeat or shift";
+const UNREAD: &str = "motion is not understood";
+
+/// Words that say how a motion ends, and those that hold all of its way.
+const ENDS: [&[u8]; 5] = [b"FINE", b"FEIN", b"CNT", b"CR", b"CD"];
+const LASTS: [&[u8]; 5] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED"];
+
+/// Looks at a whole statement, number and all, for what a point between would have of it.
+///
+/// # Errors
+/// Why there can be none.
+pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
+    let place = |rest: &[u8]| text.len() - rest.len();
+    let body = text[super::lines::numbers(text).unwrap_or(0)..].trim_ascii_start();
+    let body = body.strip_prefix(b":").unwrap_or(body).trim_ascii_start();
+    let letter = *body.first().ok_or(UNREAD)?;
+    let (mut rest, mut points) = (&body[1..], Vec::new());
+    for _ in 0..1 + usize::from(letter.eq_ignore_ascii_case(&b'C')) {
+        // The colon of a continuation line.
+        rest = rest.trim_ascii_start();
+        rest = rest.strip_prefix(b":").unwrap_or(rest).trim_ascii_start();
+        let (behind, _) = point(rest).map_err(|_| UNREAD)?;
+        points.push(place(rest)..place(behind));
+        rest = behind;
+    }
+    let (behind, _) = speed(rest).unwrap_or((rest, None));
+    let speed = rest[..rest.len() - behind.len()].trim_ascii();
+    // Millimetres, degrees, inches by a time have a stroke.
+    let timed = speed.to_ascii_lowercase();
+    if (timed.ends_with(b"sec") || timed.ends_with(b"sek")) && !timed.contains(&b'/') {
+        return Err(TIMED);
+    }
+    let mut lasting = Lasting { letter, letter_at: place(body), points, speed, options: Vec::new() };
+    let mut rest = behind;
+    loop {
+        rest = rest.trim_ascii_start();
+        if rest.is_empty() || rest == b";" {
+            return Ok(lasting);
+        }
+        let (behind, name) = word(rest).map_err(|_| ONCE)?;
+        let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
+        let upper = name[..letters].to_ascii_uppercase();
+        // `ACC R[3]`
+        let register = (blanks, alt((tag_no_case("AR"), tag_no_case("R"))), brackets).parse(behind);
+        let behind = register.map_or(behind, |(behind, _)| behind);
+        if LASTS.contains(&&upper[..]) {
+            lasting.options.push(&rest[..rest.len() - behind.len()]);
+        } else if !ENDS.contains(&&upper[..]) {
+            return Err(ONCE);
+        }
+        rest = behind;
     }
 }
 

@@ -73,6 +73,8 @@ pub(super) struct Config {
     pub(super) tokens: [Span; 3],
 }
 
+const EXTERNAL: [&str; EXTERNAL_AXES] = ["E1", "E2", "E3", "E4", "E5", "E6"];
+
 const UNITS: &str = "position whose units are not millimetres and degrees";
 const UNSET: &str = "position that is not taught (********)";
 const INCOMPLETE: &str = "position without all numbers of motion group 1";
@@ -110,8 +112,19 @@ impl Base<'_> {
     }
 }
 
+/// Tokens of E1 … E6 of motion group 1.
+pub(super) fn external_tokens(bytes: &[u8], position: &Position) -> [Option<Span>; EXTERNAL_AXES] {
+    let base = &bytes[..position.span.end as usize];
+    let items = head(&base[position.span.start as usize..]).and_then(|(behind, _)| groups(Base(base), behind));
+    let items = items.map_or_else(|_| Vec::new(), |(_, items)| items);
+    EXTERNAL.map(|key| match numbers(&items, [key]) {
+        Some([Value::Number { token, .. }]) => Some(token),
+        _ => None,
+    })
+}
+
 /// `P[3:"pick up"]{`
-fn head(input: &[u8]) -> Parsed<'_, u32> {
+pub(super) fn head(input: &[u8]) -> Parsed<'_, u32> {
     let quoted = delimited(char('"'), take_until("\""), char('"'));
     let plain = take_while1(|b: u8| !matches!(b, b']' | b'\n' | b'\r'));
     let comment = opt(preceded(spaced(char(':')), opt(alt((quoted, plain)))));
@@ -191,7 +204,7 @@ fn value<'a>(base: Base<'a>, input: &'a [u8]) -> Parsed<'a, Value<'a>> {
 }
 
 fn position(number: u32, span: Span, items: &[Item<'_>]) -> Position {
-    let external = |i: usize| match numbers(items, [["E1", "E2", "E3", "E4", "E5", "E6"][i]]) {
+    let external = |i: usize| match numbers(items, [EXTERNAL[i]]) {
         Some([Value::Number { value, .. }]) => Some(value),
         _ => None,
     };

@@ -1,8 +1,8 @@
-//! Corrected poses back into the numbers of `/POS`: nothing but sign and digits changes.
+//! Corrected poses back into the numbers of `/POS`: nothing but sign and digits changes, and points between are [inserted](super::insert).
 
 use super::Layout;
-use super::arcs;
 use super::position::{Body, Config as Written, Pose};
+use super::{arcs, insert};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
 use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptions, Rewritten};
@@ -10,15 +10,14 @@ use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
 /// Least decimals of X … R: as many as every controller prints, and reads (`docs/formats.md`).
-const DECIMALS: usize = 3;
+pub(super) const DECIMALS: usize = 3;
 
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 
 const SHARED: &str = "position used by motions whose corrections differ";
 const HALF_ARC: &str = "other point of an arc that is not edited";
-const POSTURE: &str = "the correction would change the letters of CONFIG";
-const NO_POINTS: &str = "a TP program gets no new positions";
+pub(super) const POSTURE: &str = "the correction would change the letters of CONFIG";
 
 /// New token texts of one position; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -78,15 +77,9 @@ pub(super) fn rewrite(
         let (from, to) = if between.first_half { (a, b) } else { (b, c) };
         written[between.target] = (arcs::middle([a.0, b.0, c.0], between.first_half), halfway(from.1, to.1));
     }
-    let before: BTreeSet<usize> = inserts.iter().map(|insert| insert.before).collect();
-    Rewritten {
-        edits: all,
-        written,
-        inserted: vec![None; inserts.len()],
-        not_inserted: before.into_iter().map(|before| (before, NO_POINTS)).collect(),
-        kept,
-        ..Rewritten::default()
-    }
+    let mut out = Rewritten { edits: all, written, kept, ..Rewritten::default() };
+    insert::write(program, layout, inserts, options, &mut out);
+    out
 }
 
 struct Writer<'a> {
@@ -225,7 +218,7 @@ impl Writer<'_> {
 
 /// Of the angles of one orientation, those next to others: half a turn of the first and the last goes with the second counted
 /// from the other side.
-fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
+pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
     let within = |angle: f64| angle - 360.0 * (angle / 360.0).round();
     let [w, p, r] = wpr;
     let other = [within(w + 180.0), within(180.0 - p), within(r + 180.0)];
@@ -241,6 +234,6 @@ fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
 
 /// The controller's reals are IEEE singles.
 #[allow(clippy::cast_possible_truncation)]
-fn single(value: f64) -> f64 {
+pub(super) fn single(value: f64) -> f64 {
     f64::from(value as f32)
 }

@@ -15,4 +15,5 @@ mod rapid;
 mod rapid_sound;
 mod tp;
 mod tp_hard;
+mod tp_insert;
 mod tp_sound;

@@ -1,0 +1,106 @@
+//! Statements are counted from 1, and the attributes say how many there are: what changes where some are added or taken out.
+
+use super::flow;
+use super::lines::{Line, numbers, sections, statements};
+use super::statement::{Kind, kind};
+use crate::text::{Content, Edit, Span};
+
+/// Names of the line count among the attributes, in English and German.
+const COUNTS: [&[u8]; 2] = [b"LINE_COUNT", b"ZEILEN"];
+
+/// By how much the statements of a text are counted on.
+pub(super) struct Shifts(Vec<(usize, i64)>);
+
+impl Shifts {
+    /// From the places that so many statements come at, in order.
+    pub(super) fn new(counts: impl Iterator<Item = (usize, usize)>) -> Self {
+        let mut sum = 0;
+        let add = |(start, count)| {
+            sum += i64::try_from(count).unwrap_or(0);
+            (start, sum)
+        };
+        Self(counts.map(add).collect())
+    }
+
+    /// At a place, with those that come there.
+    pub(super) fn at(&self, start: usize) -> i64 {
+        self.0.partition_point(|(at, _)| *at <= start).checked_sub(1).map_or(0, |last| self.0[last].1)
+    }
+
+    /// At a place, without those that come there.
+    pub(super) fn before(&self, start: usize) -> i64 {
+        start.checked_sub(1).map_or(0, |start| self.at(start))
+    }
+}
+
+/// The statements, and which of them are counted apart: those of point logic.
+pub(super) fn counted(bytes: &[u8]) -> (Vec<Line<'_>>, Vec<bool>) {
+    let lines = sections(bytes).statements.map_or_else(Vec::new, |section| statements(bytes, section));
+    let kinds: Vec<Kind<'_>> = lines.iter().map(kind).collect();
+    let inner = flow::inner(&lines, &kinds);
+    drop(kinds);
+    (lines, inner)
+}
+
+/// Numbers of the statements that follow others than before, and the count among the attributes where it was the last number.
+/// A number keeps the width that it has with the blanks before it.
+pub(super) fn renumber<'a>(
+    bytes: &'a [u8],
+    lines: &'a [Line<'a>],
+    inner: &'a [bool],
+    shift: impl Fn(usize) -> i64 + 'a,
+) -> impl Iterator<Item = Edit> + 'a {
+    let number = |line: &Line<'_>| numbers(&bytes[line.span.range()]).map(|len| (line.span.start as usize, len));
+    let value = |(start, len): (usize, usize)| std::str::from_utf8(&bytes[start..start + len]).ok()?.parse().ok();
+    let own: Vec<(usize, usize)> =
+        lines.iter().zip(inner).filter(|(_, inner)| !**inner).filter_map(|(line, _)| number(line)).collect();
+    let last: Option<(i64, i64)> = own.last().and_then(|at| Some((value(*at)?, shift(at.0))));
+    let count = last.and_then(|(last, shift)| {
+        let (start, len) = count(bytes)?;
+        (value((start, len)) == Some(last)).then(|| (start, len, last + shift))
+    });
+    let own = own.into_iter().filter_map(move |(start, len)| {
+        let now: i64 = value((start, len))?;
+        Some((start, len, now + shift(start))).filter(|(_, _, new)| *new != now)
+    });
+    let with_blanks = move |(start, len, value): (usize, usize, i64)| {
+        let blanks = bytes[..start].iter().rev().take_while(|byte| **byte == b' ').count();
+        let text = format!("{value:>width$}", width = blanks + len);
+        Edit { span: Span::new(start - blanks, start + len), content: Content::from_slice(text.as_bytes()) }
+    };
+    let count = count.map(|(start, len, value)| Edit {
+        span: Span::new(start, start + len),
+        content: Content::from_slice(value.to_string().as_bytes()),
+    });
+    own.map(with_blanks).chain(count)
+}
+
+/// Where the digits of the line count stand among the attributes, and how many.
+fn count(bytes: &[u8]) -> Option<(usize, usize)> {
+    let head = sections(bytes).head;
+    let upper = bytes[head.clone()].to_ascii_uppercase();
+    let behind = COUNTS.iter().find_map(|name| {
+        let at = memchr::memmem::find(&upper, name)?;
+        let begins = at == 0 || matches!(upper[at - 1], b'\n' | b'\r');
+        begins.then_some(at + name.len())
+    })?;
+    let between = upper[behind..].iter().take_while(|byte| matches!(byte, b' ' | b'\t' | b'=')).count();
+    let len = upper[behind + between..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+    (len > 0).then_some((head.start + behind + between, len))
+}
+
+/// Where the line of a place begins.
+pub(super) fn line_start(bytes: &[u8], at: usize) -> usize {
+    memchr::memrchr2(b'\n', b'\r', &bytes[..at]).map_or(0, |end| end + 1)
+}
+
+/// How the line of a place ends, and how many bytes there are up to the next line.
+pub(super) fn line_end(bytes: &[u8], at: usize) -> (&[u8], usize) {
+    let rest = &bytes[at..];
+    let end = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
+    let returns = rest[end..].iter().take_while(|byte| **byte == b'\r').count();
+    let feed = rest.get(end + returns) == Some(&b'\n');
+    // A return alone ends one line, and the next is empty.
+    let len = if feed { returns + 1 } else { returns.min(1) };
+    (if len == 0 { b"\n" } else { &rest[end..end + len] }, end + len)
+}
