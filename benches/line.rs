@@ -1,6 +1,6 @@
 //! The line from text to text, stage by stage and as a whole, and identification.
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use deflex::cell::Cell;
 use deflex::correct::{Options, Prepared, Sinks, compensate, compensate_chunks};
 use deflex::identify::{Input, identify};
@@ -134,12 +134,16 @@ fn job(c: &mut Criterion) {
 
 fn identification(c: &mut Criterion) {
     let cell = Cell::read(&file("samples/closed-loop/cell.toml")).expect("a valid cell");
-    let program = rapid::read(vec![file("samples/closed-loop/part.mod")], Vec::new()).expect("a valid program");
-    let runs = [(program, Table::read(&file("samples/closed-loop/measured.csv")).expect("a valid table"))];
+    let runs = || {
+        let program = rapid::read(vec![file("samples/closed-loop/part.mod")], Vec::new()).expect("a valid program");
+        vec![(program, Table::read(&file("samples/closed-loop/measured.csv")).expect("a valid table"))]
+    };
     let mut group = c.benchmark_group("identification");
     group.sample_size(10);
     group.bench_function("closed-loop sample", |b| {
-        b.iter(|| identify(&Input { cell: &cell, runs: black_box(&runs), poses: &[], tool: None, data_hash: "" }));
+        let identified =
+            |runs| identify(Input { cell: &cell, runs: black_box(runs), poses: vec![], tool: None, data_hash: "" });
+        b.iter_batched(runs, identified, BatchSize::PerIteration);
     });
 }
 

@@ -24,15 +24,15 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// What is identified from.
+/// What is identified from. Programs and tables are let go once their rows are read: hundreds of thousands are most of the memory.
 #[derive(Debug)]
 pub struct Input<'a> {
     /// The declared cell.
     pub cell: &'a Cell,
     /// Programs with what was measured on them.
-    pub runs: &'a [(Program, Table)],
+    pub runs: Vec<(Program, Table)>,
     /// Measured rows with their own motor angles.
-    pub poses: &'a [Table],
+    pub poses: Vec<Table>,
     /// The tool of `poses`, where the cell has several.
     pub tool: Option<&'a str>,
     /// Goes into the provenance of what is added: tells which data it came from.
@@ -84,12 +84,9 @@ type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 ///
 /// # Errors
 /// Tables that do not belong to their programs, too few rows, targets that the cell does not solve.
-pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
-    let problem = if input.poses.is_empty() {
-        Problem::of_runs(input.cell, input.runs)?
-    } else {
-        Problem::of_poses(input.cell, input.poses, input.tool)?
-    };
+pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
+    let Input { cell, runs, poses, tool, data_hash } = input;
+    let problem = if poses.is_empty() { Problem::of_runs(cell, runs)? } else { Problem::of_poses(cell, poses, tool)? };
     let held_out = problem.rows.iter().filter(|row| row.held_out).count();
     if problem.rows.len() < LEAST_ROWS || held_out == 0 || held_out == problem.rows.len() {
         let message =
@@ -99,7 +96,7 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
                 .help(format!("at least {LEAST_ROWS} rows are needed, some held out and some not")),
         ]);
     }
-    let declared = with(&input.cell.arm, &[]);
+    let declared = with(&cell.arm, &[]);
     let before = problem.residual(&declared);
     if before.iter().any(|v| !v.is_finite()) {
         let message = "the declared cell has no equilibrium at some measured targets";
@@ -107,12 +104,12 @@ pub fn identify(input: &Input) -> Result<Identification, Vec<Diagnostic>> {
             Diagnostic::error("identify.unsolved", "", message).help("run `deflex predict` on the program first"),
         ]);
     }
-    let mut engine = Engine::new(declared, problem, &input.cell.covariances);
+    let mut engine = Engine::new(declared, problem, &cell.covariances);
     let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
     if !engine.problem.free_device {
         engine.questioned(&before)?;
     }
-    Ok(engine.run(&before, input))
+    Ok(engine.run(&before, data_hash))
 }
 
 /// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
@@ -274,7 +271,7 @@ impl Engine {
         data
     }
 
-    pub(super) fn run(&mut self, before: &DVector<f64>, input: &Input) -> Identification {
+    pub(super) fn run(&mut self, before: &DVector<f64>, data_hash: &str) -> Identification {
         let shapes = noise::shapes();
         let mut linear = None;
         let mut posteriors = Vec::new();
@@ -392,7 +389,7 @@ impl Engine {
         let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
         let told = Told { posteriors, ranking, unexplained, stages, refit: !dense && !whole };
-        self.outcome(&before, &after, told, input)
+        self.outcome(&before, &after, told, data_hash)
     }
 
     /// Noises worth trying about the one that was found.

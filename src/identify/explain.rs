@@ -4,7 +4,7 @@ use super::advice::advice;
 use super::candidates::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
-use super::engine::{Engine, Input, Linearised, Posterior, Told};
+use super::engine::{Engine, Linearised, Posterior, Told};
 use super::map::MAP;
 use super::noise;
 use super::outcome::{
@@ -104,7 +104,7 @@ impl Engine {
         before: &DVector<f64>,
         after: &DVector<f64>,
         told: Told,
-        input: &Input,
+        data_hash: &str,
     ) -> Identification {
         let Told { mut posteriors, ranking, unexplained, stages, refit } = told;
         let held_out = |row: &Observation| row.held_out;
@@ -116,7 +116,7 @@ impl Engine {
         let provenance = || {
             let mut provenance = toml::Table::new();
             provenance.insert("by".into(), concat!("deflex ", env!("CARGO_PKG_VERSION"), " identify").into());
-            provenance.insert("data".into(), input.data_hash.into());
+            provenance.insert("data".into(), data_hash.into());
             provenance.insert("rows".into(), rows.into());
             provenance.insert("held_out_rms_before_mm".into(), errors_before.rms_mm.into());
             provenance.insert("held_out_rms_after_mm".into(), errors_after.rms_mm.into());

@@ -302,7 +302,7 @@ mod tests {
             csv.push('\n');
         }
         let table = Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap();
-        let problem = Problem::of_poses(&cell, &[table], None).unwrap();
+        let problem = Problem::of_poses(&cell, vec![table], None).unwrap();
         Engine::new(cell.arm, problem, &[])
     }
 

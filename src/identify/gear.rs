@@ -6,6 +6,7 @@
 use super::candidates::{Candidate, Home, Shape};
 use super::data::Problem;
 use super::noise::{self, Series, Step};
+use super::score::dot;
 use super::search::PRICE;
 use crate::effects::gear_harmonic;
 use crate::robot::Joints;
@@ -44,11 +45,13 @@ pub(super) struct Term {
 pub(super) struct Grid {
     key: Key,
     terms: Vec<Term>,
-    /// Cosine and sine.
-    columns: Vec<DMatrix<f64>>,
+    columns: Vec<Pair>,
     /// Their products.
     grams: Vec<Matrix2<f64>>,
 }
+
+/// Cosine and sine columns, in single precision: what they propose is fitted anew, and they are most of what a search holds.
+type Pair = [Box<[f32]>; 2];
 
 /// What whitened columns depend on: the noise's shape, the scalars and their widths.
 type Key = (noise::Shape, usize, u64);
@@ -96,9 +99,14 @@ impl<'a> Comb<'a> {
     /// The grid over all joints that move.
     fn asked(&self, key: Key) -> Grid {
         let terms = self.grid(&[]);
-        let columns: Vec<DMatrix<f64>> = terms.par_iter().map(|&term| self.columns(term)).collect();
-        let gram = |columns: &DMatrix<f64>| Matrix2::from_fn(|i, j| columns.column(i).dot(&columns.column(j)));
-        let grams = columns.iter().map(gram).collect();
+        let of = |term: &Term| {
+            let columns = self.columns(*term);
+            #[allow(clippy::cast_possible_truncation)] // see `Pair`
+            let single = |k: usize| columns.column(k).iter().map(|value| *value as f32).collect();
+            let gram = Matrix2::from_fn(|i, j| columns.column(i).dot(&columns.column(j)));
+            ([single(0), single(1)], gram)
+        };
+        let (columns, grams) = terms.par_iter().map(of).unzip();
         Grid { key, terms, columns, grams }
     }
 
@@ -285,7 +293,7 @@ struct Crosses {
 
 impl Crosses {
     fn new(grid: Option<&Grid>, data: &DMatrix<f64>) -> Self {
-        let cross = |columns: &DMatrix<f64>| Vector2::from_fn(|i, _| columns.column(i).dot(&data.column(0)));
+        let cross = |columns: &Pair| Vector2::from_fn(|i, _| dot(&columns[i], data.as_slice()));
         Self {
             data: grid.map_or_else(Vec::new, |grid| grid.columns.par_iter().map(cross).collect()),
             terms: Vec::new(),
@@ -296,7 +304,8 @@ impl Crosses {
     fn of(&mut self, comb: &Comb, grid: &Grid, term: Term) -> usize {
         self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
             let own = comb.columns(term);
-            let cross = |columns: &DMatrix<f64>| Matrix2::from_fn(|i, j| columns.column(i).dot(&own.column(j)));
+            let own = [0, 1].map(|j| own.column(j).into_owned());
+            let cross = |columns: &Pair| Matrix2::from_fn(|i, j| dot(&columns[i], own[j].as_slice()));
             self.terms.push((term, grid.columns.par_iter().map(cross).collect()));
             self.terms.len() - 1
         })

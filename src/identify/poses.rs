@@ -37,7 +37,7 @@ type Pair = (Vector3<f64>, Vector3<f64>);
 
 impl Problem {
     /// Aligns rows that carry their own motor angles; the device's pose is unknown.
-    pub(super) fn of_poses(cell: &Cell, tables: &[Table], tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn of_poses(cell: &Cell, tables: Vec<Table>, tool: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let tool = match (tool, cell.tools.len()) {
             (Some(name), _) => Some(named_tool(cell, name)?),
             (None, 1) => cell.tools.values().next().copied(),
@@ -51,6 +51,7 @@ impl Problem {
         };
         let mut problem = Self::empty(true);
         for table in tables {
+            let table = &table;
             let rows = readable(&cell.arm.robot, table)?;
             let blocks = Blocks::of(&rows.iter().map(|read| read.row.holdout).collect::<Vec<_>>());
             let fitted: Vec<&Read> =

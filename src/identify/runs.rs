@@ -10,90 +10,92 @@ use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
-use std::borrow::Cow;
 
 impl Problem {
     /// Aligns runs to their programs.
-    pub(super) fn of_runs(cell: &Cell, runs: &[(Program, Table)]) -> Result<Self, Vec<Diagnostic>> {
+    pub(super) fn of_runs(cell: &Cell, runs: Vec<(Program, Table)>) -> Result<Self, Vec<Diagnostic>> {
         let mut problem = Self::empty(false);
         problem.units = std::sync::Arc::clone(&cell.units);
-        let parts: Vec<(&Program, Cow<Table>)> = runs
-            .iter()
-            .flat_map(|(program, table)| clampings(table).into_iter().map(move |part| (program, part)))
-            .collect();
-        for (program, table) in &parts {
-            let has_force = table.rows.iter().any(|row| row.force_n.is_some());
-            let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
-            let mut forces = table.forces();
-            forces.forces_given = has_force;
-            let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
-            let mut prepared = Prepared::new(program, cell, &options)?;
-            drop(options);
-            let path = Path::new(program, &prepared, table);
-            let run = problem.runs.len();
-            let mut errors = Vec::new();
-            let mut taken: Vec<Taken> = Vec::new();
-            for row in &table.rows {
-                let point = match row.nominal_mm.filter(|_| row.target.is_none()) {
-                    Some(nominal_mm) => path
-                        .place(cell, &mut prepared, row, nominal_mm)
-                        .map_err(|message| misplaced(table, row.line, message)),
-                    None => solved(program, &prepared, row).map_err(|message| at_line(table, row.line, message)),
-                };
-                match point {
-                    Ok(point) => {
-                        let seen = Seen::of(row).map(|seen| beside(seen, row, &prepared.points[point]));
-                        taken.extend(seen.map(|seen| (point, row, seen)));
-                    }
-                    Err(error) => errors.push(error),
-                }
+        let rows = || runs.iter().flat_map(|(_, table)| &table.rows);
+        let declared = rows().all(|row| row.sigma_mm.is_some());
+        problem.steps_mm = steps_mm(rows());
+        for (program, table) in runs {
+            for part in clampings(table) {
+                problem.take_run(cell, &program, &part)?;
             }
-            belongs(&prepared, table, &taken, &mut errors);
-            if taken.is_empty() && errors.is_empty() {
-                errors.push(at_line(table, 1, "no row has a measured position, normal error or distance".to_owned()));
-            }
-            if !errors.is_empty() {
-                errors.truncate(20);
-                return Err(errors);
-            }
-            // Noise and drift follow time, however the file is sorted.
-            if taken.iter().all(|(_, row, _)| row.time_s.is_some()) {
-                taken.sort_by(|a, b| a.1.time_s.unwrap_or(0.0).total_cmp(&b.1.time_s.unwrap_or(0.0)));
-            }
-            let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
-            for (order, (point, row, seen)) in taken.into_iter().enumerate() {
-                let at = &prepared.points[point];
-                let (motor, travel) = (at.motor, at.travel);
-                problem.orientations += usize::from(row.quat.is_some());
-                problem.push(run, point, order, row, motor, travel, seen, &blocks);
-            }
-            problem.runs.push(prepared);
-            problem.devices.push(Device::Known);
-            problem.find_fixed_point(run, table)?;
         }
-        let declared = parts.iter().flat_map(|(_, table)| &table.rows).all(|row| row.sigma_mm.is_some());
         problem.scale_weights(declared);
-        problem.steps_mm = steps_mm(parts.iter().flat_map(|(_, table)| &table.rows));
         Ok(problem)
+    }
+
+    /// Takes in what was measured on a program in one clamping.
+    fn take_run(&mut self, cell: &Cell, program: &Program, table: &Table) -> Result<(), Vec<Diagnostic>> {
+        let has_force = table.rows.iter().any(|row| row.force_n.is_some());
+        let covariates = table.rows.iter().any(|row| row.time_s.or(row.temperature_c).or(row.payload_kg).is_some());
+        let mut forces = table.forces();
+        forces.forces_given = has_force;
+        let options = Options { forces: (has_force || covariates).then_some(forces), ..Options::default() };
+        let mut prepared = Prepared::new(program, cell, &options)?;
+        drop(options);
+        let path = Path::new(program, &prepared, table);
+        let run = self.runs.len();
+        let mut errors = Vec::new();
+        let mut taken: Vec<Taken> = Vec::new();
+        for row in &table.rows {
+            let point = match row.nominal_mm.filter(|_| row.target.is_none()) {
+                Some(nominal_mm) => path
+                    .place(cell, &mut prepared, row, nominal_mm)
+                    .map_err(|message| misplaced(table, row.line, message)),
+                None => solved(program, &prepared, row).map_err(|message| at_line(table, row.line, message)),
+            };
+            match point {
+                Ok(point) => {
+                    let seen = Seen::of(row).map(|seen| beside(seen, row, &prepared.points[point]));
+                    taken.extend(seen.map(|seen| (point, row, seen)));
+                }
+                Err(error) => errors.push(error),
+            }
+        }
+        belongs(&prepared, table, &taken, &mut errors);
+        if taken.is_empty() && errors.is_empty() {
+            errors.push(at_line(table, 1, "no row has a measured position, normal error or distance".to_owned()));
+        }
+        if !errors.is_empty() {
+            errors.truncate(20);
+            return Err(errors);
+        }
+        // Noise and drift follow time, however the file is sorted.
+        if taken.iter().all(|(_, row, _)| row.time_s.is_some()) {
+            taken.sort_by(|a, b| a.1.time_s.unwrap_or(0.0).total_cmp(&b.1.time_s.unwrap_or(0.0)));
+        }
+        let blocks = Blocks::of(&taken.iter().map(|(_, row, _)| row.holdout).collect::<Vec<_>>());
+        for (order, (point, row, seen)) in taken.into_iter().enumerate() {
+            let at = &prepared.points[point];
+            let (motor, travel) = (at.motor, at.travel);
+            self.orientations += usize::from(row.quat.is_some());
+            self.push(run, point, order, row, motor, travel, seen, &blocks);
+        }
+        self.runs.push(prepared);
+        self.devices.push(Device::Known);
+        self.find_fixed_point(run, table)
     }
 }
 
 /// A table's rows by their `run`, in the order in which the runs are first met: each has its own clamping.
-fn clampings(table: &Table) -> Vec<Cow<'_, Table>> {
+fn clampings(table: Table) -> Vec<Table> {
     if table.rows.windows(2).all(|rows| rows[0].run == rows[1].run) {
-        return vec![Cow::Borrowed(table)];
+        return vec![table];
     }
-    let mut parts: Vec<(&Option<String>, Table)> = Vec::new();
-    for row in &table.rows {
-        let at = parts.iter().position(|(run, _)| **run == row.run).unwrap_or_else(|| {
-            let mut part = table.clone();
-            part.rows.clear();
-            parts.push((&row.run, part));
+    let Table { file, rows, match_mm } = table;
+    let mut parts: Vec<Table> = Vec::new();
+    for row in rows {
+        let at = parts.iter().position(|part| part.rows[0].run == row.run).unwrap_or_else(|| {
+            parts.push(Table { file: file.clone(), rows: Vec::new(), match_mm });
             parts.len() - 1
         });
-        parts[at].1.rows.push(row.clone());
+        parts[at].rows.push(row);
     }
-    parts.into_iter().map(|(_, part)| Cow::Owned(part)).collect()
+    parts
 }
 
 pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {

@@ -215,14 +215,14 @@ fn whiten_right(matrix: &mut [f64], right: &mut [f64]) -> Option<(f64, f64)> {
 }
 
 /// Sum of products, some at a time: in the same order on every processor.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot<A: Copy + Into<f64>>(a: &[A], b: &[f64]) -> f64 {
     const TOGETHER: usize = 8;
     let mut sums = [0.0; TOGETHER];
     let (left, right) = (a.chunks_exact(TOGETHER), b.chunks_exact(TOGETHER));
-    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| (*a).into() * b).sum();
     for (a, b) in left.zip(right) {
         for k in 0..TOGETHER {
-            sums[k] += a[k] * b[k];
+            sums[k] += a[k].into() * b[k];
         }
     }
     rest + sums.iter().sum::<f64>()

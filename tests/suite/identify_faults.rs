@@ -24,8 +24,8 @@ fn table(name: &str) -> Table {
 }
 
 fn found(name: &str, table: Table, cell: &Cell) -> Identification {
-    let runs = [(program(name), table)];
-    identify(&Input { cell, runs: &runs, poses: &[], tool: None, data_hash: "test" }).unwrap()
+    let runs = vec![(program(name), table)];
+    identify(Input { cell, runs, poses: vec![], tool: None, data_hash: "test" }).unwrap()
 }
 
 fn cell(name: &str) -> Cell {

@@ -30,8 +30,8 @@ impl Measured {
 
     fn identified(&self, table: Table) -> Result<Identification, Vec<Diagnostic>> {
         let program = rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
-        let runs = [(program, table)];
-        identify(&Input { cell: &self.cell, runs: &runs, poses: &[], tool: None, data_hash: "test" })
+        let runs = vec![(program, table)];
+        identify(Input { cell: &self.cell, runs, poses: vec![], tool: None, data_hash: "test" })
     }
 }
 

@@ -44,7 +44,7 @@ fn functions_take_and_give_what_they_promise() {
     let _: fn(&Program, &Cell, &Options) -> Many<Prepared> = Prepared::new;
     let _: fn(&Program, &[Option<Change>], &[Insert], &RewriteOptions) -> Rewritten = Program::rewrite;
     // Identify.
-    let _: fn(&Input<'_>) -> Many<Identification> = identify::identify;
+    let _: fn(Input<'_>) -> Many<Identification> = identify::identify;
     let _: fn(&str, &[NewEffect]) -> Many<String> = cell::extended;
     // The same as the command, in memory.
     let _: fn(&held::ProgramFiles, &held::Run) -> Many<held::Done> = held::compensate;

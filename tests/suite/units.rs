@@ -476,9 +476,9 @@ fn a_misplaced_table_is_found() {
     }
     let measured = deflex::measured::Table::read(&Source::new("m.csv", table.into_bytes())).unwrap();
     let cell = rigid("");
-    let runs = [(program, measured)];
-    let input = deflex::identify::Input { cell: &cell, runs: &runs, poses: &[], tool: None, data_hash: "test" };
-    let found = deflex::identify::identify(&input).unwrap();
+    let runs = vec![(program, measured)];
+    let input = deflex::identify::Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test" };
+    let found = deflex::identify::identify(input).unwrap();
     let kinds: Vec<&str> = found.added.iter().map(|added| added.kind.as_str()).collect();
     assert_eq!(kinds, ["unit_frame"], "{:?}", found.ranking);
     assert!(found.after.rms_mm < 0.008, "{:?}", found.after);

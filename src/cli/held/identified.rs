@@ -110,8 +110,8 @@ pub fn identify(
     let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
     let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
-    let input = Input { cell: &cell.cell, runs: &programs, poses: &tables, tool, data_hash: &hash };
-    let found = identify::identify(&input).map_err(|errors| cell.own(errors))?;
+    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash };
+    let found = identify::identify(input).map_err(|errors| cell.own(errors))?;
     Ok(Identified {
         found,
         cell: cell.origin(),

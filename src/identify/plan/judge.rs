@@ -63,7 +63,7 @@ pub(super) fn judge(
     let program = rapid::read(vec![Source::new("plan.mod", program.as_bytes())], Vec::new())?;
     let rows_of_table = rows.iter().map(|row| as_planned(section, row)).collect();
     let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None };
-    let problem = Problem::of_runs(cell, &[(program, table)])?;
+    let problem = Problem::of_runs(cell, vec![(program, table)])?;
     let robot = &cell.arm.robot;
     // Degrees: the digits of a program.
     const SAME: f64 = 1e-2;
