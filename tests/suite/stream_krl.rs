@@ -97,6 +97,8 @@ enum Line {
     Smooth,
     Blanks,
     Spline,
+    Status,
+    Binary,
     Comment,
     Empty,
     Air,
@@ -111,6 +113,8 @@ fn line() -> impl Strategy<Value = Line> {
         3 => Just(Line::Smooth),
         2 => Just(Line::Blanks),
         1 => Just(Line::Spline),
+        2 => Just(Line::Status),
+        1 => Just(Line::Binary),
         1 => Just(Line::Comment),
         1 => Just(Line::Empty),
         1 => Just(Line::Air),
@@ -133,6 +137,12 @@ fn program(lines: &[Line]) -> String {
                 writeln!(text, "  LIN {{X   {x:.3}, Y  {y:.3}, Z {z:.3}, A 0.000, B 180.000, C 0.000}} C_DIS")
             }
             Line::Spline => writeln!(text, "  SLIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 180.000,C 0.000}}"),
+            Line::Status => {
+                writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0.000,B 180.000,C 0.000,S {},T {i}}} C_DIS", i % 8)
+            }
+            Line::Binary => {
+                writeln!(text, "LIN {{X {x:.3},Y {y:.3},Z {z:.3},A 0,B 180,C 0, S 'B010', T 'B{:06b}' }} C_DIS", i % 64)
+            }
             Line::Comment => writeln!(text, "  ; LIN {{X 1,Y 2}} is no motion"),
             Line::Empty => writeln!(text),
             Line::Air => writeln!(text, " ; deflex air"),
@@ -176,6 +186,59 @@ proptest! {
             }
         }
     }
+}
+
+/// Along a track, with what leads there and what follows.
+fn on_a_track(axis: impl Fn(usize) -> String) -> String {
+    let mut text = HEAD.replace("A6 0}", &format!("A6 0{}}}", axis(0)));
+    for i in 0..120 {
+        let (x, y) = (0.5 * i as f64, 40.0 - 0.02 * i as f64);
+        writeln!(text, "  LIN {{X {x:.3},Y {y:.3},Z 0.000,A 0.000,B 180.000,C 0.000{}}} C_DIS", axis(i)).unwrap();
+    }
+    text + &TAIL.replace("C 0}", &format!("C 0{}}}", axis(119)))
+}
+
+const TRACK: &str = "
+[[unit]]
+name = \"KL\"
+axis = \"eax_a\"
+kind = \"linear\"
+carries = \"robot\"
+direction = [0.0, 0.96, 0.28]
+min = -2000.0
+max = 2000.0
+";
+
+#[test]
+fn units_that_move_or_stand_give_the_same_in_chunks() {
+    let cell = Cell::read(&Source::new("cell.toml", [CELL, TRACK].concat())).unwrap();
+    let moving = on_a_track(|i| format!(",S 2,T 35,E1 {:.2},E2 0.0", 10.0 + 0.5 * i as f64));
+    let standing = on_a_track(|_| ",E1 150.000,E2 0.0".into());
+    // The last lines of the head say where the axis stands, and so do these.
+    let partly = standing.replace(
+        "LIN {X 20.000,Y 39.200,Z 0.000,A 0.000,B 180.000,C 0.000,E1 150.000,E2 0.0}",
+        "LIN {X 20.000,Y 39.200,Z 0.000,A 0.000,B 180.000,C 0.000}",
+    );
+    assert_ne!(partly, standing);
+    let from_zero = on_a_track(|i| format!(",E1 {i}.0"));
+    let second = on_a_track(|i| format!(",E1 100.0,E2 {}.0", i / 60));
+    for subdivide in [None, Some(5e-6)] {
+        let options = Options { subdivide, ..Options::default() };
+        for (text, goes) in
+            [(&moving, true), (&standing, true), (&partly, false), (&from_zero, false), (&second, false)]
+        {
+            let expected = whole(text, &cell, &options);
+            for (chunk, threads) in [(600, 1), (1500, 3), (1 << 20, 1)] {
+                let came = streamed(text, &cell, &options, chunk, threads);
+                assert!(came.is_some() || !goes, "{text}");
+                assert!(came.is_none_or(|came| came == expected), "{text}");
+            }
+        }
+        assert!(whole(&moving, &cell, &options).is_ok_and(|came| came.0 != moving.as_bytes()));
+    }
+    // Without the unit nothing is solved as if it stood at zero.
+    let (own, options) = (self::cell(), Options::default());
+    assert!(streamed(&moving, &own, &options, 600, 1).unwrap() == whole(&moving, &own, &options));
 }
 
 /// Whatever stands in the middle or behind: read whole, or the same in chunks.

@@ -116,8 +116,7 @@ impl<R: Read> Chunks<R> {
         while let Some(line) = next_line(&begin.bytes[at..]) {
             if is_motion(line) && tried < MOST_KINDS {
                 tried += 1;
-                let reader = Reader::new(name, &begin.bytes[..at], context);
-                if let Some((reader, head)) = reader.filter(|(reader, _)| reader.like(&[], None, line).is_some()) {
+                if let Some((reader, head)) = Reader::new(name, &begin.bytes[..at], context, line) {
                     chunks.lines = begin.bytes[..at].iter().filter(|byte| **byte == b'\n').count();
                     (chunks.reader, chunks.motions) = (Arc::new(reader), head.motion_targets() as u32);
                     (chunks.head, chunks.cut) = (Some(head), at);
@@ -272,7 +271,7 @@ impl Chunk {
         let mut ordinal = self.motions_before;
         let mut number = self.lines_before;
         let (mut at, mut kinds) = (self.lines.start, self.kinds.iter().peekable());
-        let (mut like, mut frames) = (None, [0; 2]);
+        let (mut like, mut frames, mut external) = (None, [0; 2], None);
         let bytes = &self.source.bytes[..self.lines.end];
         let Layout { sites, .. } = layout(&mut program)?;
         let mut sites = std::mem::take(sites);
@@ -288,9 +287,10 @@ impl Chunk {
             if is_motion(line) {
                 ordinal = ordinal.checked_add(1)?;
                 let start = at + (line.len() - line.trim_ascii_start().len());
-                let (goal, site, end) = like?.read(text, start)?;
-                let [tool, wobj] = frames;
-                let (span, line) = (Span::new(start, end), u32::try_from(number).ok()?);
+                let own = like?.read(text, start)?;
+                external = like?.external(&own, &external);
+                let (goal, site, [tool, wobj]) = (own.goal, own.site, frames);
+                let (span, line) = (Span::new(start, own.end), u32::try_from(number).ok()?);
                 let predecessor = Predecessor::Previous;
                 program.targets.push(Target {
                     goal,
@@ -300,6 +300,7 @@ impl Chunk {
                     span,
                     line,
                     predecessor,
+                    external: external.clone(),
                     ..like?.target().clone()
                 });
                 sites.push(site);

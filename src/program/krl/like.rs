@@ -4,10 +4,12 @@
 use super::chunks::layout;
 use super::lex;
 use super::run::Site;
-use super::value::Place;
+use super::value::{EXTERNAL, Place, upper};
 use crate::program::orientation::quaternion_of_zyx_deg;
-use crate::program::{Editable, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
+use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::{Source, Span, number};
+use std::sync::Arc;
 
 /// Ends a program that is not there to its end.
 const END: &[u8] = b"\nEND\n";
@@ -22,13 +24,39 @@ pub(super) struct Like {
     mark: Option<Mark>,
     /// What stands before each number, without blanks at its ends, and which component of X Y Z A B C that is.
     before: [(Vec<u8>, usize); 6],
+    /// The same of what follows these: status and turn, external axes.
+    more: Vec<Further>,
     /// What stands behind the last.
     behind: Vec<u8>,
     /// How much of it is the statement: the rest is a comment.
     code: usize,
+    /// See [`Reader`].
+    used: Axes,
     target: Target,
     tool: Tool,
     wobj: Wobj,
+}
+
+/// What may stand behind X Y Z A B C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum More {
+    /// An external axis, by its index.
+    Axis(usize),
+    /// `S`, `T`: what path motions do not look at.
+    Status,
+}
+
+/// What stands before a number, without blanks at its ends, and what the number is.
+type Further = (Vec<u8>, More);
+
+/// What the numbers of a line come to.
+pub(super) struct Line {
+    pub(super) goal: Goal,
+    pub(super) site: Site,
+    /// Where its statement ends.
+    pub(super) end: usize,
+    /// External axes that it names, mm or degrees.
+    axes: [Option<f64>; EXTERNAL_AXES],
 }
 
 /// Reads lines behind a head.
@@ -40,6 +68,21 @@ pub(super) struct Reader {
     /// Motions and targets of the head.
     motions: usize,
     targets: usize,
+    /// External axes that are in use from the first line on, in all of the program.
+    used: Axes,
+    /// Those that all lines name.
+    named: Axes,
+}
+
+type Axes = [bool; EXTERNAL_AXES];
+
+/// External axes that stand elsewhere than at zero anywhere.
+fn used(program: &Program) -> Axes {
+    let moved = |axis: usize| {
+        let at = |target: &Target| target.external.as_ref().and_then(|external| external.written[axis]);
+        program.targets.iter().any(|target| at(target).is_some_and(|at| at != 0.0))
+    };
+    std::array::from_fn(moved)
 }
 
 /// `$VEL.CP=0.05`: the one assignment that may stand between the lines.
@@ -53,8 +96,9 @@ pub(super) fn is_speed(text: &[u8]) -> bool {
 }
 
 impl Reader {
-    /// With the targets of the head; `None` where it has more than one routine, goes back, or anything in it is not known.
-    pub(super) fn new(name: &str, head: &[u8], context: &[Source]) -> Option<(Self, Program)> {
+    /// With the targets of the head; `None` where it has more than one routine, goes back, or anything in it is not known, or
+    /// where the line that follows it is of no kind.
+    pub(super) fn new(name: &str, head: &[u8], context: &[Source], line: &[u8]) -> Option<(Self, Program)> {
         let mut routines = 0;
         for line in lex::lines(head) {
             let code = &head[line.code.range()];
@@ -65,10 +109,19 @@ impl Reader {
             }
             routines += usize::from(words.any(|word| is(word, "DEF") || is(word, "DEFFCT")));
         }
-        let mut reader =
-            Self { name: name.to_owned(), head: head.to_vec(), context: context.to_vec(), motions: 0, targets: 0 };
-        let program = reader.program(&[END]).filter(|_| routines == 1)?;
+        let (name, head, context) = (name.to_owned(), head.to_vec(), context.to_vec());
+        let mut reader = Self { name, head, context, ..Self::default() };
+        let mut program = reader.program(&[END]).filter(|_| routines == 1)?;
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
+        let first = reader.program(&[line, END])?;
+        reader.used = used(&first);
+        let last = first.targets.last().and_then(|last| last.external.as_ref());
+        reader.named = last.map_or([false; EXTERNAL_AXES], |last| last.written.map(|written| written.is_some()));
+        // An axis that is in use behind the head is so in it.
+        for (target, other) in program.targets.iter_mut().zip(first.targets) {
+            target.external = other.external;
+        }
+        reader.like(&[], None, line)?;
         Some((reader, program))
     }
 
@@ -101,19 +154,18 @@ impl Reader {
     /// The kind of a line behind this speed and mark.
     pub(super) fn like(&self, speed: &[u8], mark: Option<Mark>, line: &[u8]) -> Option<Like> {
         let lead = Self::lead(speed, mark);
-        let mut program = self.program(&[&lead, line, END])?;
+        let mut program = self.program(&[&lead, line, END]).filter(|program| used(program) == self.used)?;
         if program.motion_targets() != self.motions + 1 || program.targets.len() != self.targets + 1 {
             return None;
         }
         let site = *layout(&mut program)?.sites.last()?;
         let target = program.targets.pop()?;
         let plain = target.motion == Motion::Linear && target.role == Role::End && target.editable == Editable::Pose;
-        let rest = target.external.as_ref().is_none_or(|external| external.is_at_rest());
         let start = self.head.len() + lead.len() + (line.len() - line.trim_ascii_start().len());
         let text = line.trim_ascii();
         // A mark behind it would hold for what follows.
         let marked = lex::lines(line).any(|line| line.mark.is_some());
-        if !plain || !rest || marked || target.span.start as usize != start || target.name.is_some() {
+        if !plain || marked || target.span.start as usize != start || target.name.is_some() {
             return None;
         }
         let mut tokens = Vec::new();
@@ -127,19 +179,24 @@ impl Reader {
             before.push((text.get(at - start..token.start - start)?.trim_ascii().to_vec(), component));
             at = token.end;
         }
-        let behind = text.get(at - start..)?.to_vec();
-        // Status and turn stand there, external axes: numbers that are one line's own.
-        let own = behind.iter().take_while(|byte| **byte != b'}');
-        let mut inline = own.clone().count() < behind.len() && own.copied().all(|byte| byte.is_ascii_whitespace());
-        inline &= before[0].0.ends_with(&[&[b'{'][..], &[b"XYZABC"[before[0].1]]].concat());
-        let code = (target.span.end as usize).checked_sub(at)?;
+        let begins = before[0].0.ends_with(&[&[b'{'][..], &[b"XYZABC"[before[0].1]]].concat());
+        let (more, at) = more(text, at - start)?;
+        let behind = text[at..].to_vec();
+        let code = (target.span.end as usize).checked_sub(start + at)?;
         let tool = program.tools.get(usize::from(target.tool))?.clone();
         let wobj = program.wobjs.get(usize::from(target.wobj))?.clone();
-        let like =
-            Like { speed: speed.to_vec(), mark, before: before.try_into().ok()?, behind, code, target, tool, wobj };
-        let (goal, again, end) = like.read(text, start)?;
-        let same = goal == like.target.goal && again.tokens == site.tokens && end == like.target.span.end as usize;
-        Some(like).filter(|_| same && inline)
+        let (speed, before) = (speed.to_vec(), before.try_into().ok()?);
+        let like = Like { speed, mark, before, more, behind, code, used: self.used, target, tool, wobj };
+        // What a line does not name it has from the line before it, whatever kind that is of.
+        let names = |axis: usize| like.more.iter().any(|(_, more)| *more == More::Axis(axis));
+        let has = |axis: usize| like.target.external.as_ref().is_some_and(|axes| axes.written[axis].is_some());
+        let whole = (0..EXTERNAL_AXES).all(|axis| [names(axis), has(axis)] == [self.named[axis]; 2]);
+        let again = like.read(text, start)?;
+        let same = again.goal == like.target.goal
+            && again.site.tokens == site.tokens
+            && again.end == like.target.span.end as usize
+            && like.external(&again, &None) == like.target.external;
+        Some(like).filter(|_| same && whole && begins)
     }
 
     /// The targets behind the last line, which is of this kind, as they are in a chunk where what stands behind it begins at
@@ -175,9 +232,11 @@ impl Reader {
             *place = place.moved(from, at)?;
         }
         *sites = own;
+        let is_used = used(&program) == self.used;
         let mut targets = program.targets.split_off(self.targets + 1);
         let last = program.targets.pop().filter(|last| last.editable == Editable::Pose)?;
-        if last.external != like.target.external {
+        let own = like.read(line.trim_ascii(), 0).filter(|_| is_used)?;
+        if last.external != like.external(&own, &None) {
             return None;
         }
         for target in &mut targets {
@@ -200,7 +259,10 @@ impl Like {
 
     /// Whether a line, without blanks at its ends, is of this kind.
     pub(super) fn fits(&self, text: &[u8]) -> bool {
-        text.ends_with(&self.behind) && self.numbers(text, |_, _, _| ()).is_some()
+        let mut is_known = true;
+        let known =
+            |more, value: f64| is_known &= !matches!(more, More::Axis(axis) if value != 0.0 && !self.used[axis]);
+        text.ends_with(&self.behind) && self.numbers(text, |_, _, _| (), known).is_some() && is_known
     }
 
     pub(super) fn target(&self) -> &Target {
@@ -215,22 +277,42 @@ impl Like {
         ])
     }
 
-    /// Position and tokens of a line of this kind, without blanks at its ends, that begins at this offset; where its statement
-    /// ends.
-    pub(super) fn read(&self, text: &[u8], start: usize) -> Option<(Goal, Site, usize)> {
-        let (mut numbers, mut site) = ([0.0; 6], Site::default());
-        let end = self.numbers(text, |component, at, number| {
+    /// What a line of this kind, without blanks at its ends, says that begins at this offset.
+    pub(super) fn read(&self, text: &[u8], start: usize) -> Option<Line> {
+        let (mut numbers, mut site, mut axes) = ([0.0; 6], Site::default(), [None; EXTERNAL_AXES]);
+        let each = |component: usize, at, number: number::Leading| {
             numbers[component] = number.value;
             let at = start + at;
             site.tokens[component] = Place::new(0, Span::new(at, at + number.len()));
-        })?;
+        };
+        let more = |more, value| {
+            if let More::Axis(axis) = more {
+                axes[axis] = Some(value);
+            }
+        };
+        let end = self.numbers(text, each, more)?;
         let [x, y, z, a, b, c] = numbers;
         let quat = quaternion_of_zyx_deg([a, b, c]);
-        Some((Goal::Pose { position_mm: [x, y, z], quat, conf: None }, site, start + end + self.code))
+        let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
+        Some(Line { goal, site, end: start + end + self.code, axes })
+    }
+
+    /// External axes of a line of this kind, where the line before has these.
+    pub(super) fn external(&self, line: &Line, before: &Option<Arc<ExternalAxes>>) -> Option<Arc<ExternalAxes>> {
+        let own = self.target.external.as_ref()?;
+        let written: [Option<f64>; EXTERNAL_AXES] = std::array::from_fn(|axis| line.axes[axis].or(own.written[axis]));
+        let same = |other: &&Arc<ExternalAxes>| other.written == written && other.at_rest == own.at_rest;
+        let known = [Some(own), before.as_ref()].into_iter().flatten().find(same).cloned();
+        Some(known.unwrap_or_else(|| Arc::new(ExternalAxes { written, ..(**own).clone() })))
     }
 
     /// Tells the numbers of a line of this kind, each with its component and its offset; where the last one ends.
-    fn numbers(&self, text: &[u8], mut each: impl FnMut(usize, usize, number::Leading)) -> Option<usize> {
+    fn numbers(
+        &self,
+        text: &[u8],
+        mut each: impl FnMut(usize, usize, number::Leading),
+        mut further: impl FnMut(More, f64),
+    ) -> Option<usize> {
         let mut at = 0;
         for (before, component) in &self.before {
             at += blanks(&text[at..]);
@@ -245,7 +327,50 @@ impl Like {
             each(*component, at, number);
             at = end;
         }
+        for (before, more) in &self.more {
+            at += blanks(&text[at..]);
+            let behind = text[at..].strip_prefix(&before[..])?;
+            at = text.len() - behind.len() + blanks(behind);
+            let (value, len) = more.value(&text[at..])?;
+            further(*more, value);
+            at += len;
+        }
         (text[at..] == self.behind[..]).then_some(at)
+    }
+}
+
+/// What stands behind X Y Z A B C, up to the brace, from this offset on; and where the last of it ends. `None` where that is
+/// anything else than numbers.
+fn more(text: &[u8], from: usize) -> Option<(Vec<Further>, usize)> {
+    let (mut found, mut at) = (Vec::new(), from);
+    while !text[at..].trim_ascii_start().starts_with(b"}") {
+        let start = at + blanks(&text[at..]);
+        let name = start + 1 + blanks(text.get(start..)?.strip_prefix(b",")?);
+        let len = text[name..].iter().position(|byte| !byte.is_ascii_alphanumeric())?;
+        let more = match &upper(&text[name..name + len])[..] {
+            b"S" | b"T" => More::Status,
+            word => More::Axis(EXTERNAL.iter().position(|axis| *axis == word)?),
+        };
+        let value = name + len + blanks(&text[name + len..]);
+        at = value + more.value(&text[value..])?.1;
+        found.push((text[start..name + len].to_vec(), more));
+    }
+    Some((found, at))
+}
+
+impl More {
+    /// The value that a text begins with, and how long its token is.
+    fn value(self, text: &[u8]) -> Option<(f64, usize)> {
+        // `'B00010110'`
+        let binary = text.strip_prefix(b"'B").filter(|_| self == Self::Status);
+        if let Some(digits) = binary {
+            let len = digits.iter().take_while(|digit| matches!(digit, b'0' | b'1')).count();
+            return (digits.get(len) == Some(&b'\'') && len > 0).then_some((0.0, len + 3));
+        }
+        let number = number::read_leading(text)?;
+        let next = text.get(number.len());
+        let other = next.is_some_and(|next| next.is_ascii_alphanumeric() || matches!(next, b'.' | b'_'));
+        (!other).then_some((number.value, number.len()))
     }
 }
 
