@@ -1,19 +1,19 @@
 //! `predict` and `check` on long programs, in constant memory.
 
 use super::against::Originals;
-use super::files::{self, cannot_read, source};
+use super::files::{self, cannot_read};
 use super::job::{Job, Text};
 use super::output::{Outputs, cannot_write};
+use super::readings::{self, FileText, LongText, Reading};
 use super::report::{Noticed, ProgramReports, Rows};
 use super::setup::Setup;
 use super::{lines, progress};
 use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_chunks};
-use deflex::program::{AnyChunks, Language};
+use deflex::program::AnyChunks;
 use deflex::report::Findings;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
 use indicatif::ProgressBar;
-use std::fs::File;
 use std::path::Path;
 
 /// What all programs of a run have in common.
@@ -73,13 +73,18 @@ pub(super) fn streamed(
     let original = batch.originals.job(job)?;
     // In a batch the bar counts programs.
     let bar = Some(bar).filter(|_| batch.programs == 1);
-    for kind in ChunkKind::ALL {
-        let Some(chunks) = chunks(batch.setup, job, kind)? else { continue };
-        let again = || self::chunks(batch.setup, job, kind);
-        let Some(options) = batch.setup.options_with_turns(name, job.language, again)? else { continue };
+    let text = FileText { name, path };
+    for reading in Reading::ALL {
+        let chunks = |job: &Job| {
+            let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
+            let context = (batch.setup, batch.setup.context.sources());
+            readings::chunks(context, job.language, &FileText { name, path }, reading)
+        };
+        let Some(own) = chunks(job)? else { continue };
+        let Some(options) = batch.setup.options_with_turns(name, job.language, || chunks(job))? else { continue };
         let before = match &original {
-            Some(original) => match self::chunks(batch.setup, original, kind)? {
-                Some(chunks) => Some(chunks),
+            Some(original) => match chunks(original)? {
+                Some(before) => Some(before),
                 None => continue,
             },
             None => None,
@@ -88,7 +93,7 @@ pub(super) fn streamed(
             let bytes = std::fs::metadata(path).map_err(|error| cannot_read(name, &error))?.len();
             progress::bytes(bar, bytes);
         }
-        let names = [chunks.names(), before.as_ref().and_then(AnyChunks::names)];
+        let names = [own.names(), before.as_ref().and_then(AnyChunks::names)];
         let mut outputs = batch.outputs.sibling();
         let mut reports = ProgramReports::open(
             None,
@@ -108,7 +113,7 @@ pub(super) fn streamed(
             findings,
             found: &mut found,
         });
-        let done = reports.filled(bar, |sinks| predict_chunks(chunks, before, cell, &options, threads, judge, sinks));
+        let done = reports.filled(bar, |sinks| predict_chunks(own, before, cell, &options, threads, judge, sinks));
         let streamed = match done {
             Ok(streamed) => streamed,
             Err(StreamError::NotStreamable) => continue,
@@ -128,59 +133,9 @@ pub(super) fn streamed(
         let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
         let (rows, mut trace) = reports.done(name, rows);
         if let Some(trace) = &mut trace {
-            lines::quote(trace, open(job)?);
+            lines::quote(trace, text.open()?);
         }
         return Ok(Some(Foreseen { streamed, findings, outputs, rows, path: trace }));
     }
     Ok(None)
-}
-
-/// How a program is read.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum ChunkKind {
-    /// Without an index, if it begins like that.
-    Any,
-    /// By an index.
-    Indexed,
-    /// By running it.
-    Executed,
-}
-
-impl ChunkKind {
-    /// In the order in which they are tried.
-    pub(super) const ALL: [Self; 3] = [Self::Any, Self::Indexed, Self::Executed];
-}
-
-/// The chunks of a program; `None` where it can only be read whole.
-fn chunks(setup: &Setup, job: &Job, kind: ChunkKind) -> Result<Option<AnyChunks<File>>, Vec<Diagnostic>> {
-    let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
-    let failed = |error: std::io::Error| cannot_read(name, &error);
-    let context = setup.context.sources();
-    match job.language {
-        Language::Cl | Language::Krl if kind == ChunkKind::Executed => Ok(None),
-        Language::Cl => {
-            let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
-            AnyChunks::cl(name, open(job)?, &options).map_err(failed)
-        }
-        Language::Rapid => {
-            let inline = match kind {
-                ChunkKind::Any => AnyChunks::inline(name, open(job)?, context).map_err(failed)?,
-                ChunkKind::Indexed => None,
-                ChunkKind::Executed => return AnyChunks::executed(source(path)?, context),
-            };
-            match inline {
-                Some(chunks) => Ok(Some(chunks)),
-                None => AnyChunks::indexed(name, open(job)?, open(job)?, context).map_err(failed),
-            }
-        }
-        Language::Krl => AnyChunks::krl(name, open(job)?, context).map_err(failed),
-        Language::Ls => Ok(None),
-    }
-}
-
-fn open(job: &Job) -> Result<File, Vec<Diagnostic>> {
-    match &job.texts[..] {
-        [Text::File { name, path }] => File::open(path).map_err(|error| cannot_read(name, &error)),
-        _ => Err(Vec::new()),
-    }
 }

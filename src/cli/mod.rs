@@ -28,6 +28,7 @@ mod plan;
 mod pose;
 mod predict;
 mod progress;
+mod readings;
 mod report;
 mod run;
 mod setup;

@@ -62,7 +62,9 @@ pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stance::Stance;
 pub use stiffness::Stiffness;
-pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
+pub use stream::{
+    compensate_chunks, compensate_declared, compensate_executed, compensate_long, count_chunks, post_chunks,
+};
 pub(crate) use track::Track;
 
 use crate::cell::{Cell, SpinRule};

@@ -209,12 +209,10 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// RAPID that runs through more motions than can be held; see [`rapid::Executed::read`].
     ///
     /// # Errors
-    /// As [`rapid::read`]; no thread can be had.
+    /// As [`rapid::read`].
     pub fn executed(source: Source, context: &[Source]) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let name = source.name.clone();
-        let Some(program) = rapid::Executed::read(vec![source], context.to_vec())? else { return Ok(None) };
-        let cannot = |error: io::Error| Diagnostic::error("io.read", &name, format!("cannot be run through: {error}"));
-        Ok(Some(Self::Executed(program.chunks().map_err(cannot)?)))
+        let program = rapid::Executed::read(vec![source], context.to_vec())?;
+        Ok(program.map(|program| Self::Executed(program.chunks())))
     }
 
     /// CL; `None` where only the whole can be read.
@@ -246,7 +244,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     #[must_use]
     pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
         match self {
-            Self::Executed(chunks) => chunks.distinct().unknown_targets().to_vec(),
+            Self::Executed(chunks) => chunks.program().distinct().unknown_targets().to_vec(),
             Self::Inline(_) | Self::Indexed(_) | Self::Cl(_) | Self::Krl(_) => Vec::new(),
         }
     }
@@ -255,7 +253,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     #[must_use]
     pub fn names(&self) -> Option<Names> {
         match self {
-            Self::Executed(chunks) => Some(Names::of(chunks.distinct())),
+            Self::Executed(chunks) => Some(Names::of(chunks.program().distinct())),
             Self::Indexed(chunks) => Some(chunks.names()),
             Self::Inline(_) | Self::Cl(_) | Self::Krl(_) => None,
         }

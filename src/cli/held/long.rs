@@ -2,18 +2,17 @@
 
 use super::{Done, ProgramFiles, Run, noticed};
 use crate::cli::files::cannot_read;
-use crate::cli::foresee::ChunkKind;
 use crate::cli::job::HEAD;
 use crate::cli::lines::quote;
+use crate::cli::readings::{self, Reading};
 use crate::cli::report::Noticed;
 use deflex::correct::{
-    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_chunks, compensate_declared, compensate_executed,
-    post_chunks, predict_chunks,
+    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_long, post_chunks, predict_chunks,
 };
-use deflex::program::{AnyChunks, Language, cl, rapid};
+use deflex::program::{AnyChunks, Language, cl};
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
-use deflex::text::{Diagnostic, Patch, Source, apply};
+use deflex::text::{Diagnostic, Source};
 use std::io::{self, Cursor, Write};
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -50,18 +49,19 @@ impl<'a> Long<'a> {
 
     /// `None` where only the whole of it tells what it means.
     pub(super) fn compensate(&self) -> Answer {
-        let readings: &[fn(&Self) -> Answer] = match self.program.language() {
-            Language::Rapid if self.long => &[Self::edit, Self::patch, Self::run_again],
-            Language::Rapid => &[Self::run_again],
-            Language::Cl if self.long => &[Self::post],
-            Language::Cl | Language::Krl | Language::Ls => &[],
-        };
-        for reading in readings {
-            if let Some(done) = reading(self)? {
+        if self.program.language() == Language::Cl {
+            return if self.long { self.post() } else { Ok(None) };
+        }
+        for &reading in self.readings() {
+            if let Some(done) = self.edit(reading)? {
                 return Ok(Some(done));
             }
         }
         Ok(None)
+    }
+
+    fn readings(&self) -> &'static [Reading] {
+        if self.long { &Reading::ALL } else { &[Reading::Executed] }
     }
 
     fn text(&self) -> Text<'a> {
@@ -72,54 +72,17 @@ impl<'a> Long<'a> {
         rayon::current_num_threads()
     }
 
-    /// RAPID, edited in place.
-    fn edit(&self) -> Answer {
-        let (name, context) = (&self.source.name, self.program.context());
-        let Some(chunks) = self.read(rapid::Chunks::of_file(name, self.text(), context))? else { return Ok(None) };
-        let mut text = self.held();
+    /// RAPID and KRL: their own text, edited.
+    fn edit(&self, reading: Reading) -> Answer {
+        let Some(chunks) = self.chunks(self.program, reading)? else { return Ok(None) };
+        let (mut text, names) = (self.held(), chunks.names());
         let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
-            let setup = &self.run.setup;
-            compensate_chunks(chunks, &setup.cell.cell, &setup.options, Self::threads(), &mut text, sinks)
+            let (setup, scratch) = (&self.run.setup, || Ok(Cursor::new(Vec::new())));
+            let run = (&setup.cell.cell, &setup.options, Self::threads());
+            compensate_long(chunks, (self.text(), scratch), run, &mut text, sinks)
         });
         let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |_| false)
-    }
-
-    /// RAPID with loops through more motions than can be held: what changes is agreed on in a first run.
-    fn run_again(&self) -> Answer {
-        let read = rapid::Executed::read(vec![self.source.clone()], self.program.context().to_vec())?;
-        let Some(executed) = read else { return Ok(None) };
-        let (mut text, names) = (self.held(), rapid::Names::of(executed.distinct()));
-        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
-            let setup = &self.run.setup;
-            let (done, edits) =
-                compensate_executed(&executed, &setup.cell.cell, &setup.options, Self::threads(), sinks)?;
-            apply(&self.source.bytes, &edits[0], &mut text).map_err(StreamError::Write)?;
-            Ok(done)
-        });
-        let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |name| names.uses(name))
-    }
-
-    /// RAPID with declared targets or several routines: what changes is collected first.
-    fn patch(&self) -> Answer {
-        let (name, context) = (&self.source.name, self.program.context());
-        let chunks = rapid::Declared::new(name, self.text(), self.text(), context);
-        let Some(chunks) = self.read(chunks)? else { return Ok(None) };
-        let mut text = self.held();
-        let mut patch = Patch::new(Cursor::new(Vec::new()));
-        let names = chunks.names();
-        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
-            let setup = &self.run.setup;
-            let done =
-                compensate_declared(chunks, &setup.cell.cell, &setup.options, Self::threads(), &mut patch, sinks)?;
-            if done.failures.is_empty() {
-                patch.apply(self.text(), &mut text).map_err(StreamError::Write)?;
-            }
-            Ok(done)
-        });
-        let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |name| names.uses(name))
+        self.done(done, reports, files, |name| names.as_ref().is_some_and(|names| names.uses(name)))
     }
 
     /// CL, posted as RAPID.
@@ -153,11 +116,10 @@ impl<'a> Long<'a> {
 
     /// What becomes of it as it is; `None` where only the whole of it, or of its original, tells what it means.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
-        let kinds = if self.long { &ChunkKind::ALL[..] } else { &[ChunkKind::Executed] };
-        for &kind in kinds {
-            let Some(chunks) = self.chunks(self.program, kind)? else { continue };
+        for &reading in self.readings() {
+            let Some(chunks) = self.chunks(self.program, reading)? else { continue };
             let before = match against {
-                Some(original) => match self.chunks(original, kind)? {
+                Some(original) => match self.chunks(original, reading)? {
                     Some(before) => Some(before),
                     None => continue,
                 },
@@ -181,26 +143,10 @@ impl<'a> Long<'a> {
     fn chunks<'p>(
         &self,
         program: &'p ProgramFiles,
-        kind: ChunkKind,
+        reading: Reading,
     ) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
         let [source] = program.sources()[..] else { return Ok(None) };
-        let (name, text) = (&source.name, || Cursor::new(&source.bytes[..]));
-        let setup = &self.run.setup;
-        let chunks = match program.language() {
-            Language::Rapid if kind == ChunkKind::Executed => {
-                return AnyChunks::executed(source.clone(), program.context());
-            }
-            _ if kind == ChunkKind::Executed => return Ok(None),
-            Language::Cl => match setup.cell.cl_options(setup.options.tool.as_deref()) {
-                Some(options) => AnyChunks::cl(name, text(), &options),
-                None => return Ok(None),
-            },
-            Language::Krl => AnyChunks::krl(name, text(), program.context()),
-            Language::Ls => return Ok(None),
-            Language::Rapid if kind == ChunkKind::Any => AnyChunks::inline(name, text(), program.context()),
-            Language::Rapid => AnyChunks::indexed(name, text(), text(), program.context()),
-        };
-        self.read(chunks)
+        readings::chunks((&self.run.setup, program.context()), program.language(), &source, reading)
     }
 
     fn read<T>(&self, read: io::Result<T>) -> Result<T, Vec<Diagnostic>> {

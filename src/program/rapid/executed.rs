@@ -20,7 +20,7 @@ const TARGETS: usize = 512;
 const WAITING: usize = 2;
 
 /// A program whose loops and calls run through more motions than are held.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Executed {
     held: Arc<Held>,
     found: Arc<Distinct>,
@@ -81,20 +81,23 @@ impl Executed {
     }
 
     /// What it moves to, nothing of it to be written.
-    ///
-    /// # Errors
-    /// No thread can be had.
-    pub fn chunks(&self) -> io::Result<ExecutedChunks> {
+    #[must_use]
+    pub fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 
     /// What it moves to, twice: first for what is to become of it, then, by what that came to, as it will be written.
-    pub(crate) fn asked(&self) -> io::Result<(ExecutedChunks, Asking<'_>)> {
+    pub(crate) fn asked(&self) -> (ExecutedChunks, Asking<'_>) {
         let asked = Arc::new(Asked::default());
-        Ok((self.run(Agreement::Asked(Arc::clone(&asked)))?, Asking { program: self, asked }))
+        (self.run(Agreement::Asked(Arc::clone(&asked))), Asking { program: self, asked })
     }
 
-    fn run(&self, agreement: Agreement) -> io::Result<ExecutedChunks> {
+    fn run(&self, agreement: Agreement) -> ExecutedChunks {
+        ExecutedChunks { program: self.clone(), agreement, chunks: None, ended: false }
+    }
+
+    /// Runs it on a thread of its own.
+    fn start(&self, agreement: Agreement) -> io::Result<Receiver<StreamableChunk>> {
         let (out, chunks) = sync_channel(WAITING);
         let emitter = Emitter::new(Arc::clone(&self.found), Arc::clone(&self.like), agreement, out, self.targets);
         let held = Arc::clone(&self.held);
@@ -104,7 +107,7 @@ impl Executed {
             runner.emit_all();
         };
         std::thread::Builder::new().name("executed".into()).stack_size(STACK).spawn(run)?;
-        Ok(ExecutedChunks { chunks, like: Arc::clone(&self.like), ended: false })
+        Ok(chunks)
     }
 }
 
@@ -122,7 +125,7 @@ impl<'a> Asking<'a> {
     pub(crate) fn answered(self, options: &RewriteOptions) -> io::Result<(ExecutedChunks, Answer)> {
         let none = || io::Error::other("the program has no layout");
         let agreed = Arc::new(self.asked.agreed(&self.program.like, options).ok_or_else(none)?);
-        Ok((self.program.run(Agreement::Found(Arc::clone(&agreed)))?, Answer(agreed)))
+        Ok((self.program.run(Agreement::Found(Arc::clone(&agreed))), Answer(agreed)))
     }
 }
 
@@ -139,27 +142,33 @@ impl Answer {
 /// Targets in the order in which the program runs through them.
 #[derive(Debug)]
 pub struct ExecutedChunks {
-    chunks: Receiver<StreamableChunk>,
-    like: Arc<Program>,
+    program: Executed,
+    agreement: Agreement,
+    /// Once it runs.
+    chunks: Option<Receiver<StreamableChunk>>,
     ended: bool,
 }
 
 impl ExecutedChunks {
-    /// One motion of those that are alike.
+    /// The program.
     #[must_use]
-    pub fn distinct(&self) -> &Program {
-        &self.like
+    pub fn program(&self) -> &Executed {
+        &self.program
     }
 
     /// The next chunk.
     ///
     /// # Errors
-    /// The run broke off.
+    /// No thread can be had; the run broke off.
     pub fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
         if self.ended {
             return Ok(Next::End);
         }
-        let chunk = self.chunks.recv().map_err(|_| io::Error::other("the run of the program broke off"))?;
+        let chunks = match &mut self.chunks {
+            Some(chunks) => chunks,
+            none => none.insert(self.program.start(self.agreement.clone())?),
+        };
+        let chunk = chunks.recv().map_err(|_| io::Error::other("the run of the program broke off"))?;
         self.ended = chunk.last;
         Ok(Next::Chunk(chunk))
     }
