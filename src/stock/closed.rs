@@ -126,6 +126,28 @@ impl ClosedMesh {
         self.triangles.iter().map(|[a, b, c]| corner(*a).dot(&corner(*b).cross(&corner(*c)))).sum::<f64>() / 6.0
     }
 
+    /// Edges at which its surface turns by more than `angle` (rad), the sharpest first, each as its two ends, m.
+    #[must_use]
+    pub fn sharp_edges(&self, angle: f64) -> Vec<[Vector3<f64>; 2]> {
+        let mut sides: BTreeMap<(u32, u32), Vec<Vector3<f64>>> = BTreeMap::new();
+        for (triangle, [a, b, c]) in self.triangles.iter().enumerate() {
+            let [p, q, r] = self.corners(u32::try_from(triangle).unwrap_or(u32::MAX));
+            // Slivers of no area have no side to turn from.
+            let Some(normal) = (q - p).cross(&(r - p)).try_normalize(0.0) else { continue };
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                sides.entry((from.min(to), from.max(to))).or_default().push(normal);
+            }
+        }
+        let turned = |(ends, normals): ((u32, u32), Vec<Vector3<f64>>)| match normals[..] {
+            [one, other] => Some((one.dot(&other), ends)),
+            _ => None,
+        };
+        let mut sharp: Vec<(f64, (u32, u32))> =
+            sides.into_iter().filter_map(turned).filter(|(cosine, _)| *cosine < angle.cos()).collect();
+        sharp.sort_by(|a, b| a.0.total_cmp(&b.0));
+        sharp.into_iter().map(|(_, (a, b))| [a, b].map(|corner| self.points[corner as usize])).collect()
+    }
+
     /// Lower and upper corner of a box about it, m.
     #[must_use]
     pub fn bounds(&self) -> [Vector3<f64>; 2] {

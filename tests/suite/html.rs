@@ -66,7 +66,8 @@ fn page(rows: &[Row]) -> String {
     .html()
 }
 
-fn data(page: &str) -> Value {
+/// What a page draws.
+pub(crate) fn data(page: &str) -> Value {
     let (_, data) = page.split_once("id=\"data\">").unwrap();
     serde_json::from_str(data.split_once("</script>").unwrap().0).unwrap()
 }

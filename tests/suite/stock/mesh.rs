@@ -1,8 +1,10 @@
 //! Blanks and parts from STL files.
 
 use super::{FEED_PER_TOOTH, MM, block, coefficients, cutter, line, run, upright};
+use crate::html::data;
 use deflex::cell::Cell;
-use deflex::report::{DeviationMap, stl};
+use deflex::report::html::{PathKind, PathPage};
+use deflex::report::{DeviationMap, Origin, stl};
 use deflex::stock::{Blank, ClosedMesh, Front, OpenMesh, StlError, Stock, read_stl};
 use deflex::text::{Diagnostic, Source};
 use nalgebra::Vector3;
@@ -82,6 +84,15 @@ fn a_surface_that_was_written_is_a_blank() {
 }
 
 #[test]
+fn edges_are_where_the_surface_turns() {
+    let edges = mesh(&box_text([0.0; 3], [40.0, 30.0, 10.0])).sharp_edges(0.35);
+    let length: f64 = edges.iter().map(|[a, b]| (b - a).norm()).sum();
+    assert_eq!(edges.len(), 12);
+    assert!((length - 4.0 * (40.0 + 30.0 + 10.0) * MM).abs() < 1e-12);
+    assert!(mesh(&box_text([0.0; 3], [40.0, 30.0, 10.0])).sharp_edges(1.6).is_empty(), "by a right angle, no more");
+}
+
+#[test]
 fn meshes_that_are_no_solids_are_refused() {
     let text = box_text([0.0; 3], [1.0; 3]);
     let open = text.replacen("facet normal 0 0 0\n outer loop\n", "", 1).replacen("endfacet\n", "", 1);
@@ -108,6 +119,12 @@ fn a_cell_names_its_meshes() {
     };
     let mut own = cell("stl = \"blank.stl\"\n[part]\nstl = \"blank.stl\"\n").unwrap();
     own.take_meshes(read).unwrap();
+    let origin = Origin::of("cell.toml", b"");
+    let page = PathPage { kind: PathKind::Compensate, cell: &origin, programs: &[], scene: Some(&own) }.html();
+    let scene = &data(&page)["scene"];
+    for body in ["stock", "part"] {
+        assert_eq!(scene[body].as_array().unwrap().len(), 12, "the edges of a box: no diagonal of its faces");
+    }
     assert_eq!(own.stock.unwrap().blank.unwrap().bounds()[1], Vector3::new(20.0, 10.0, 5.0) * MM);
     assert!(own.part.unwrap().mesh.is_some());
     let missing = cell("stl = \"none.stl\"\n").unwrap().take_meshes(read).unwrap_err();

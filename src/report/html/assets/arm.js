@@ -52,12 +52,9 @@ const chain = (path, i) => {
 // What stands about the path at a target: lines of points, with a width in mm and a colour of the style sheet.
 const standing = (path, i) => {
   const things = [];
-  if (page.scene?.stock) {
-    const [low, high] = page.scene.stock;
-    const corner = (n) => [0, 1, 2].map((k) => (n >> k & 1 ? high : low)[k]);
-    for (let n = 0; n < 8; n++)
-      for (const bit of [1, 2, 4]) if (!(n & bit)) things.push({ line: [corner(n), corner(n | bit)], width: 0, colour: "--muted" });
-  }
+  const edges = (lines, colour) => lines?.forEach((line) => things.push({ line, width: 0, colour }));
+  edges(page.scene?.stock, "--muted");
+  edges(page.scene?.part, "--nominal");
   if (i < 0 || !stands(path, i)) return things;
   const at = (key) => path.column(key).at(i);
   if (path.has(TABLE[0]) && path.column(TABLE[0]).has(i)) {
