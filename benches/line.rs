@@ -141,8 +141,16 @@ fn identification(c: &mut Criterion) {
     let mut group = c.benchmark_group("identification");
     group.sample_size(10);
     group.bench_function("closed-loop sample", |b| {
-        let identified =
-            |runs| identify(Input { cell: &cell, runs: black_box(runs), poses: vec![], tool: None, data_hash: "" });
+        let identified = |runs| {
+            identify(Input {
+                cell: &cell,
+                runs: black_box(runs),
+                poses: vec![],
+                tool: None,
+                data_hash: "",
+                progress: &|_| true,
+            })
+        };
         b.iter_batched(runs, identified, BatchSize::PerIteration);
     });
 }

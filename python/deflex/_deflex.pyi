@@ -7,6 +7,24 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "Cell",
+    "DeflexError",
+    "Diagnostic",
+    "Done",
+    "Found",
+    "Planned",
+    "Program",
+    "Robot",
+    "compensate",
+    "cutting_force",
+    "identify",
+    "main",
+    "plan",
+    "predict",
+    "version",
+]
+
 _Path = str | os.PathLike[str]
 _Array = npt.NDArray[np.float64]
 _Table = str | os.PathLike[str] | tuple[str, str]
@@ -70,16 +88,27 @@ class Cell:
     def effects(self) -> list[str]:
         """Kinds of the effects that act, in order."""
     @property
+    def units(self) -> list[str]:
+        """Names of the mechanical units besides the robot."""
+    @property
     def notes(self) -> list[Diagnostic]:
         """Values that are possible and seldom meant."""
     def tool(self, name: str | None = None) -> _Array:
         """A tool's TCP in the flange, (4, 4), mm; without a name the cell's only tool."""
     def predict_poses(
-        self, q: npt.ArrayLike, forces: npt.ArrayLike | None = None, *, tool: str | None = None
+        self,
+        q: npt.ArrayLike,
+        forces: npt.ArrayLike | None = None,
+        *,
+        tool: str | None = None,
+        wobj: str | None = None,
+        units: dict[str, npt.ArrayLike] | None = None,
     ) -> _Array:
-        """Where the loaded arm's TCP is in the base, (N, 4, 4), mm: NaN where there is no equilibrium.
+        """Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
 
-        `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N, base axes.
+        `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the
+        axes of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one
+        for all by the unit's name, mm or degrees. Raises `DeflexError` where one that matters is not given, or beyond its limits.
         """
 
 @final
@@ -108,7 +137,7 @@ class Program:
 class Robot:
     """An arm as its controller knows it: nominal geometry, and the joints' stiffness where a cell declares it."""
 
-    def __init__(self, model: str) -> None: ...
+    def __new__(cls, model: str) -> Robot: ...
     @staticmethod
     def builtin() -> list[str]:
         """Models that need no kinematics in a cell file."""

@@ -137,8 +137,8 @@ def identify(
     `runs` are programs with what was measured on them, or `poses` measured rows with their own motor angles: paths or tables
     with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
     seen. `columns` are names that the tables have for columns, by the name that deflex has: `{"target": "Punkt Nr"}`; others are then
-    not looked at. `match_mm` is how far from the path a row with `nominal_x_mm`, … and no target may lie (5). `progress` is
-    called once, when it is done.
+    not looked at. `match_mm` is how far from the path a row with `nominal_x_mm`, … and no target may lie (5).
+    `progress(done, total)` is told parts of the work.
 
     Raises `DeflexError` where the command ends with exit code 2.
     """

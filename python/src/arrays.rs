@@ -2,7 +2,8 @@
 
 use deflex::report::{Column, ColumnValues, columns};
 use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike2, PyArrayLike3, PyArrayMethods, PyUntypedArrayMethods,
+    AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLike3, PyArrayMethods,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -29,6 +30,14 @@ pub(crate) fn rows<const N: usize>(name: &str, array: &Rows<'_>) -> PyResult<Vec
     };
     finite(name, all.as_flattened(), N)?;
     Ok(all)
+}
+
+/// A number for each row, or one for all.
+pub(crate) fn column(values: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
+    match values.extract::<f64>() {
+        Ok(value) => Ok(vec![value; count]),
+        Err(_) => Ok(values.extract::<PyArrayLike1<'_, f64, AllowTypeChange>>()?.as_array().iter().copied().collect()),
+    }
 }
 
 /// Matrices of 4 by 4.

@@ -1,13 +1,14 @@
-use crate::arrays::{Rows, rows, shaped};
+use crate::arrays::{Rows, column, rows, shaped};
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::robot::Robot;
 use deflex::cli::held::CellFile;
-use deflex::correct::{predict_poses, tool_of};
+use deflex::correct::{Standing, external_of, predict_poses, tool_of};
 use deflex::robot::{PoseMatrix, pose_matrix};
 use deflex::text::Source;
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -83,11 +84,19 @@ impl Cell {
         shaped(py, pose_matrix(&tool.flange_from_tcp).as_flattened().to_vec(), [4, 4])
     }
 
-    #[pyo3(signature = (q, forces = None, *, tool = None))]
+    /// Names of the mechanical units besides the robot.
+    #[getter]
+    fn units(&self) -> Vec<&str> {
+        self.file.cell().units.all().iter().map(|unit| &*unit.name).collect()
+    }
+
+    #[pyo3(signature = (q, forces = None, *, tool = None, wobj = None, units = None))]
     #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
-    /// Where the loaded arm's TCP is in the base, (N, 4, 4), mm: NaN where there is no equilibrium.
+    /// Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
     ///
-    /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N, base axes.
+    /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the axes
+    /// of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one for
+    /// all by the unit's name, mm or degrees. Raises `DeflexError` where one that matters is not given, or beyond its limits.
     ///
     /// >>> import deflex, numpy
     /// >>> cell = deflex.Cell.read("samples/slot/cell.toml")
@@ -101,6 +110,8 @@ impl Cell {
         q: Rows<'py>,
         forces: Option<Rows<'py>>,
         tool: Option<&str>,
+        wobj: Option<&str>,
+        units: Option<Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let q = rows::<6>("q", &q)?;
         let forces = match forces {
@@ -113,8 +124,17 @@ impl Cell {
         }
         let tool = tool_of(self.file.cell(), tool).or_raise(py)?;
         let count = q.len();
+        let units: Vec<(String, Vec<f64>)> = match &units {
+            Some(units) => {
+                units.iter().map(|(name, at)| Ok((name.extract()?, column(&at, count)?))).collect::<PyResult<_>>()?
+            }
+            None => Vec::new(),
+        };
+        let units: Vec<(&str, &[f64])> = units.iter().map(|(name, at)| (&**name, &**at)).collect();
+        let external = external_of(self.file.cell(), &units, count).or_raise(py)?;
+        let standing = Standing { wobj, external: &external };
+        let found = py.detach(|| predict_poses(self.file.cell(), &tool, &q, &forces, standing)).or_raise(py)?;
         let poses: Vec<PoseMatrix> = py.detach(|| {
-            let found = predict_poses(self.file.cell(), &tool, &q, &forces);
             found.into_iter().map(|pose| pose.map_or([[f64::NAN; 4]; 4], |pose| pose_matrix(&pose))).collect()
         });
         shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])

@@ -194,6 +194,15 @@ pub(crate) fn compensate(
     done(py, held, forces, asked, None, progress.as_ref())
 }
 
+/// Parts of the work that progress is told in.
+const STEPS: u64 = 1000;
+
+/// A share of the work in them.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of a thousand
+fn steps(share: f64) -> u64 {
+    (share * STEPS as f64) as u64
+}
+
 /// What was identified.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Found {
@@ -247,14 +256,15 @@ pub(crate) fn identify(
     let runs: Vec<(Arc<ProgramFiles>, Table)> =
         runs.into_iter().map(|(program, table)| (Arc::clone(&program.files), table)).collect();
     let cell = Arc::clone(&cell.file);
-    let found = work::run(py, (progress.as_ref(), 1), move |_| {
+    let found = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         let names = columns.as_deref().map(ColumnNames::parse).transpose()?;
         let read_as = ReadAs(names, match_mm.unwrap_or(deflex::measured::MATCH_MM));
         let read =
             |(program, table): (Arc<ProgramFiles>, Table)| Ok((program.as_ref().clone(), table.measured(&read_as)?));
         let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
         let poses = poses.into_iter().map(|table| table.measured(&read_as)).collect::<Result<Vec<_>, _>>()?;
-        held::identify(&cell, &runs, &poses, tool.as_deref())
+        let follow = follow.follow();
+        held::identify(&cell, &runs, &poses, tool.as_deref(), &|share| follow(0, steps(share)))
     })?;
     Ok(Found { found })
 }
@@ -292,9 +302,6 @@ impl Planned {
     }
 }
 
-/// Parts of the work that progress is told in.
-const STEPS: u64 = 1000;
-
 /// Plans.
 #[pyfunction]
 pub(crate) fn plan(
@@ -310,9 +317,8 @@ pub(crate) fn plan(
     let cell = Arc::clone(&cell.file);
     let planned = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         let follow = follow.follow();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the steps
         let tell = |share: f64| {
-            follow(0, (share * STEPS as f64) as u64);
+            follow(0, steps(share));
         };
         let after = after.map(|json| Source::new("<identification>", json));
         held::plan(&cell, rows, &pool, after.as_ref(), &name, &tell)

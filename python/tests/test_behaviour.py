@@ -67,6 +67,23 @@ def test_progress_is_told_and_its_errors_stop_the_run(long_program):
         deflex.predict(long_program, "samples/slot/cell.toml", progress=stop)
 
 
+def test_an_identification_tells_its_stages_and_is_called_off():
+    folder = "tests/fixtures/blind/plain_wander_backlash-20"
+    head, *rows = open(f"{folder}/measured.csv").read().splitlines()
+    names = head.split(",")
+    measured = {name: [row.split(",")[i] for row in rows[:16]] for i, name in enumerate(names)}
+    told = []
+
+    def follow(done: int, total: int) -> None:
+        told.append((done, total))
+        if len(told) > 2:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        deflex.identify(runs=[(f"{folder}/part.mod", measured)], cell=f"{folder}/cell.toml", progress=follow)
+    assert [total for _, total in told] == [1000] * 3 and 0 < told[0][0] < told[1][0] < told[2][0] < 1000
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the Unix way")
 def test_ctrl_c_stops_soon(long_program, steep_cell, tmp_path):
     longer = tmp_path / "longer.mod"

@@ -77,6 +77,33 @@ def test_loaded_poses(cell):
     np.testing.assert_allclose(moved, jacobian @ np.diag(1 / (1e3 * np.array(springs))) @ jacobian.T @ force[0], rtol=0.05)
 
 
+def test_poses_on_a_turned_table(cell):
+    table = """
+[[unit]]
+name = "TABLE"
+axis = "eax_b"
+kind = "rotary"
+carries = "part"
+base_mm = [1500.0, 0.0, 600.0]
+base_quat = [1.0, 0.0, 0.0, 0.0]
+min = -180.0
+max = 180.0
+[wobjs.wTurned]
+unit = "TABLE"
+"""
+    on_table = deflex.Cell.parse(cell.to_toml() + table)
+    assert on_table.units == ["TABLE"]
+    q, up = Q[[1, 1]], np.array([[0.0, 0.0, 300.0]] * 2)
+    base = on_table.predict_poses(q, up)[:, :3, 3] - [1500.0, 0.0, 600.0]
+    turned = on_table.predict_poses(q, up, wobj="wTurned", units={"table": [0.0, 90.0]})[:, :3, 3]
+    np.testing.assert_allclose(turned[0], base[0], atol=1e-9)
+    np.testing.assert_allclose(turned[1], [base[1][1], -base[1][0], base[1][2]], atol=1e-9)
+    np.testing.assert_array_equal(on_table.predict_poses(q, up, wobj="wTurned", units={"TABLE": 0})[0, :3, 3], turned[0])
+    for units in (None, {"TABLE": 200.0}, {"TRACK": 0.0}, {"TABLE": [1.0]}):
+        with pytest.raises(deflex.DeflexError, match="TABLE|TRACK"):
+            on_table.predict_poses(q, up, wobj="wTurned", units=units)
+
+
 def test_cutting_force_grows_with_the_chip():
     cut = dict(diameter_mm=20.0, teeth=4, corner_radius_mm=2.0, lead_deg=5.0, ktc_n_mm2=1800.0, krc_n_mm2=900.0, kac_n_mm2=300.0)
     one, two = deflex.cutting_force(depth_mm=2.0, feed_per_tooth_mm=[0.05, 0.1], **cut)

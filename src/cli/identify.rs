@@ -26,9 +26,12 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], table(&pair[1]))));
     let (runs, poses) = both(runs, all(args.poses.iter().map(|path| table(path))))?;
 
-    let bar = progress::bar(1, args.common.quiet);
-    bar.set_message("identifying");
-    let done = held::identify(&cell, &runs, &poses, args.tool.as_deref());
+    let bar = progress::shares("identifying", args.common.quiet);
+    let tell = |share: f64| {
+        progress::reached(&bar, share);
+        true
+    };
+    let done = held::identify(&cell, &runs, &poses, args.tool.as_deref(), &tell);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;

@@ -22,11 +22,8 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let after = args.after.as_deref().map(source).transpose()?;
     let stem = args.output.file_stem().filter(|_| !is_stdout(&args.output));
     let name = stem.map_or_else(|| "plan".into(), |stem| stem.to_string_lossy().into_owned());
-    const STEPS: usize = 1000;
-    let bar = progress::bar(STEPS, args.common.quiet);
-    bar.set_message("planning");
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let tell = |share: f64| bar.set_position((share * STEPS as f64) as u64);
+    let bar = progress::shares("planning", args.common.quiet);
+    let tell = |share: f64| progress::reached(&bar, share);
     let done = held::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), &name, &tell);
     bar.finish_and_clear();
     let done = done?;

@@ -20,6 +20,23 @@ pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     bar
 }
 
+/// Parts that the share of a work is shown in.
+const PARTS: u64 = 1000;
+
+/// A bar over one work that tells its share; hidden where stderr is no terminal.
+pub(super) fn shares(what: &'static str, quiet: bool) -> ProgressBar {
+    let bar = bar(1, quiet);
+    bytes(&bar, PARTS);
+    bar.set_message(what);
+    bar
+}
+
+/// Moves it to a share.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the parts
+pub(super) fn reached(bar: &ProgressBar, share: f64) {
+    bar.set_position((share * PARTS as f64) as u64);
+}
+
 /// Makes it a bar over the bytes of one long program.
 pub(super) fn bytes(bar: &ProgressBar, total: u64) {
     bar.set_length(total);

@@ -109,7 +109,7 @@ impl WobjFrame {
 pub(super) type Declared = Result<WobjFrame, &'static str>;
 
 /// A work object of the cell.
-fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
+pub(super) fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
     let name = name.to_ascii_uppercase();
     let frame = *cell.wobjs.get(&name)?;
     Some(WobjFrame { unit: cell.wobj_units.get(&name).copied(), frame })

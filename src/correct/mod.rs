@@ -56,7 +56,7 @@ pub use judge::{Judge, Judged, predict_chunks};
 pub use line::{compensate, predict};
 pub use messages::Messages;
 pub use point::Point;
-pub use poses::{predict_poses, tool_of};
+pub use poses::{Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};

@@ -106,6 +106,25 @@ impl Mount {
         Some(Arc::new(self.moving.as_ref()?.moved(external, &self.setting)))
     }
 
+    /// The base itself, as the units carry it; `None` where it is not known how it leans.
+    pub(super) fn base(cell: &Cell, external: External, tool: ToolFrame) -> Option<Arc<Moved>> {
+        let gravity = gravity_at(&cell.units.world_from_base(&cell.arm.robot.world_from_base, &external));
+        let setting = Setting { base_from_wobj: Pose::identity(), gravity, tool, held: false };
+        // Nothing that carries the robot moves it against its own base.
+        gravity.iter().all(|g| g.is_finite()).then(|| Arc::new(Moved { external, setting, units: Vec::new() }))
+    }
+
+    /// With the units at these positions; `None` where one that matters is not known.
+    pub(super) fn placed(&self, external: External) -> Option<Arc<Moved>> {
+        match &self.moving {
+            None => Some(Arc::new(Moved { external, setting: self.setting, units: Vec::new() })),
+            Some(moving) => {
+                let known = moving.needed().all(|axis| !external[axis].is_nan());
+                known.then(|| Arc::new(moving.moved(external, &self.setting)))
+            }
+        }
+    }
+
     /// At a share of the way from one target to another: external axes move evenly along it.
     pub(super) fn between(&self, from: Option<&Arc<Moved>>, to: Option<&Arc<Moved>>, share: f64) -> Option<Arc<Moved>> {
         let (Some(moving), Some(from), Some(to)) = (&self.moving, from, to) else { return to.cloned() };

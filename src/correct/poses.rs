@@ -1,11 +1,12 @@
-use super::frames::named_tool;
+use super::frames::{named_tool, of_cell};
+use super::mount::Mount;
 use super::parallelism::Parallelism;
 use super::solve::Solver;
 use super::{Point, Prepared};
 use crate::cell::Cell;
 use crate::effects::ToolFrame;
 use crate::equilibrium::{EquilibriumError, WarmStart};
-use crate::robot::{Joints, Pose};
+use crate::robot::{EXTERNAL_AXES, External, Joints, Pose};
 use crate::text::Diagnostic;
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -27,25 +28,81 @@ pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnos
     }
 }
 
-/// Where the TCP of the loaded arm is, in the base (m): at commanded axis angles as the controller counts them (degrees),
-/// each under its own force on the tool at the TCP (N, base axes). The arm stands: nothing has a direction of travel.
-#[must_use]
+/// In whose axes poses are asked for, and where mechanical units stand.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Standing<'a> {
+    /// A work object of the cell; `None` is the robot's base.
+    pub wobj: Option<&'a str>,
+    /// Positions of the external axes pose by pose (mm or degrees), see [`external_of`]; none where the cell has no unit that matters.
+    pub external: &'a [External],
+}
+
+/// Positions of external axes, `count` of them, from those of units by their names (mm or degrees); NaN for all others.
+///
+/// # Errors
+/// A unit that the cell does not have, another number of positions, a position beyond the unit's limits.
+pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> Result<Vec<External>, Vec<Diagnostic>> {
+    let mut all = vec![[f64::NAN; EXTERNAL_AXES]; count];
+    let units = cell.units.all();
+    let wrong = |message: String, help: String| Err(Diagnostic::error("cell.unit", "", message).help(help).into());
+    for (name, positions) in positions {
+        let Some(unit) = cell.units.named(name).map(|unit| &units[unit]) else {
+            let known = units.iter().map(|unit| &*unit.name).collect::<Vec<_>>().join(", ");
+            let help =
+                if known.is_empty() { "the cell has no [[unit]]".to_owned() } else { format!("name one of {known}") };
+            return wrong(format!("the cell has no unit `{name}`"), help);
+        };
+        if positions.len() != count {
+            let message = format!("unit `{name}` has {} positions, and there are {count} poses", positions.len());
+            return wrong(message, "give a position for each pose".to_owned());
+        }
+        for (external, &position) in all.iter_mut().zip(*positions) {
+            if !(unit.min..=unit.max).contains(&position) {
+                let limits = format!("its limits {} to {}", unit.min, unit.max);
+                let message = format!("unit `{name}` is sent to {position}, outside {limits}");
+                return wrong(message, format!("stay within {limits}"));
+            }
+            external[unit.axis] = position;
+        }
+    }
+    Ok(all)
+}
+
+/// Where the TCP of the loaded arm is (m): at commanded axis angles as the controller counts them (degrees), each under its own
+/// force on the tool at the TCP (N). Poses and forces are in the axes that `standing` says, and units stand as it says. The arm
+/// stands: nothing has a direction of travel.
+///
+/// # Errors
+/// A work object that the cell does not declare; a unit that matters whose position is not given. A pose that has no equilibrium
+/// is an error of its own.
 pub fn predict_poses(
     cell: &Cell,
     tool: &ToolFrame,
     axes_deg: &[[f64; 6]],
     forces_n: &[[f64; 3]],
-) -> Vec<Result<Pose, EquilibriumError>> {
+    standing: Standing<'_>,
+) -> Result<Vec<Result<Pose, EquilibriumError>>, Vec<Diagnostic>> {
     let robot = &cell.arm.robot;
-    let point = |(deg, force): (&[f64; 6], &[f64; 3])| {
+    let mounts = standing.wobj.map(|name| mount_in(cell, name, *tool)).transpose()?;
+    let nowhere = [f64::NAN; EXTERNAL_AXES];
+    let mut points = Vec::with_capacity(axes_deg.len());
+    for (i, (deg, force)) in axes_deg.iter().zip(forces_n).enumerate() {
+        let external = standing.external.get(i).unwrap_or(&nowhere);
+        let moved = match &mounts {
+            Some(mount) => mount.placed(*external),
+            None => Mount::base(cell, *external, *tool),
+        };
+        let moved = moved.ok_or_else(|| unplaced(cell, i))?;
         let motor = robot.motor_from_axes_deg(deg);
-        let mut point = Point::measured(robot.forward(&motor) * tool.flange_from_tcp, motor, Joints::zeros());
+        let wobj_from_tcp = moved.setting.base_from_wobj.inverse() * robot.forward(&motor) * tool.flange_from_tcp;
+        let mut point = Point::measured(wobj_from_tcp, motor, Joints::zeros());
+        point.moved = Some(moved);
         if force.iter().any(|component| component.abs() > 0.0) {
             point.set_force(Vector3::from(*force));
         }
-        point
-    };
-    let prepared = Prepared::of_points(axes_deg.iter().zip(forces_n).map(point).collect(), robot, *tool);
+        points.push(point);
+    }
+    let prepared = Prepared::of_points(points, robot, *tool);
     let solver = Solver::new(&cell.arm, &prepared, Parallelism::Threads);
     let there = solver.forward(|i| prepared.points[i].as_programmed(), |_| WarmStart::default());
     let actual = |(there, point): (Result<_, EquilibriumError>, &Point)| {
@@ -54,7 +111,23 @@ pub fn predict_poses(
         let position = Translation3::from(nominal.translation.vector + there.shift);
         Ok(Pose::from_parts(position, Rotation3::new(there.turn) * nominal.rotation))
     };
-    there.into_iter().zip(&prepared.points).map(actual).collect()
+    Ok(there.into_iter().zip(&prepared.points).map(actual).collect())
+}
+
+/// A tool in a declared work object.
+fn mount_in(cell: &Cell, name: &str, tool: ToolFrame) -> Result<Mount, Vec<Diagnostic>> {
+    let frame = of_cell(cell, name).ok_or_else(|| {
+        let known = cell.wobjs.keys().cloned().collect::<Vec<_>>().join(", ");
+        let message = format!("the cell has no work object `{name}`");
+        vec![Diagnostic::error("cell.unknown-wobj", "", message).help(format!("name one of {known}"))]
+    })?;
+    Ok(Mount::new(cell, frame, tool))
+}
+
+fn unplaced(cell: &Cell, pose: usize) -> Vec<Diagnostic> {
+    let names = cell.units.all().iter().map(|unit| &*unit.name).collect::<Vec<_>>().join(", ");
+    let message = format!("pose {}: it is not said where the mechanical units stand", pose + 1);
+    vec![Diagnostic::error("cell.unit", "", message).help(format!("give the positions of {names}, mm or degrees"))]
 }
 
 #[cfg(test)]
@@ -70,7 +143,7 @@ mod tests {
         let tool = tool_of(&cell, None).unwrap();
         let axes_deg: Vec<[f64; 6]> = (0..20).map(|i| [f64::from(i), 20.0, 10.0, 15.0, 40.0, -30.0]).collect();
         let forces: Vec<[f64; 3]> = (0..20).map(|i| [100.0, -50.0 * f64::from(i), 300.0]).collect();
-        let found = predict_poses(&cell, &tool, &axes_deg, &forces);
+        let found = predict_poses(&cell, &tool, &axes_deg, &forces, Standing::default()).unwrap();
         for ((found, deg), force) in found.iter().zip(&axes_deg).zip(&forces) {
             let motor = cell.arm.robot.motor_from_axes_deg(deg);
             let nominal = cell.arm.robot.forward(&motor) * tool.flange_from_tcp;
@@ -94,5 +167,29 @@ mod tests {
             assert!((one.translation.vector - nominal.translation.vector).norm() > 1e-5);
             assert!((found.as_ref().unwrap().rotation.matrix() - one.rotation.matrix()).amax() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_turned_table_and_a_track_that_hangs() {
+        let text = std::fs::read_to_string("samples/slot/cell.toml").unwrap();
+        let units = "\n[[unit]]\nname = \"TABLE\"\naxis = \"eax_b\"\nkind = \"rotary\"\ncarries = \"part\"\n\
+                     base_mm = [1500.0, 0.0, 600.0]\nbase_quat = [1.0, 0.0, 0.0, 0.0]\nmin = -180.0\nmax = 180.0\n\
+                     [wobjs.wTurned]\nunit = \"TABLE\"\n";
+        let cell = Cell::read(&Source::new("cell.toml", (text + units).into_bytes())).unwrap();
+        let tool = tool_of(&cell, None).unwrap();
+        let (axes, force) = ([[0.0, 20.0, 10.0, 15.0, 40.0, -30.0]; 2], [0.0, 0.0, 400.0]);
+        let external = external_of(&cell, &[("table", &[0.0, 90.0])], 2).unwrap();
+        let standing = Standing { wobj: Some("wTurned"), external: &external };
+        let found = predict_poses(&cell, &tool, &axes, &[force; 2], standing).unwrap();
+        let base = predict_poses(&cell, &tool, &axes, &[force; 2], Standing::default()).unwrap();
+        // The table's frame at zero, turned by hand: x of the table is y of the base at 90 degrees.
+        let there = base[0].as_ref().unwrap().translation.vector - Vector3::new(1.5, 0.0, 0.6);
+        let [zero, quarter] = [0, 1].map(|i| found[i].as_ref().unwrap().translation.vector);
+        assert!((zero - there).norm() < 1e-12 && (quarter - Vector3::new(there.y, -there.x, there.z)).norm() < 1e-12);
+        assert!(
+            predict_poses(&cell, &tool, &axes, &[force; 2], Standing { wobj: Some("wTurned"), external: &[] }).is_err()
+        );
+        assert!(external_of(&cell, &[("TABLE", &[200.0, 0.0])], 2).is_err());
+        assert!(external_of(&cell, &[("TRACK", &[0.0, 0.0])], 2).is_err());
     }
 }

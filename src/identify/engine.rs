@@ -25,7 +25,6 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// What is identified from. Programs and tables are let go once their rows are read: hundreds of thousands are most of the memory.
-#[derive(Debug)]
 pub struct Input<'a> {
     /// The declared cell.
     pub cell: &'a Cell,
@@ -37,6 +36,19 @@ pub struct Input<'a> {
     pub tool: Option<&'a str>,
     /// Goes into the provenance of what is added: tells which data it came from.
     pub data_hash: &'a str,
+    /// Is told what share of the work is done, as far as rounds tell it; `false` calls the run off.
+    pub progress: &'a Progress<'a>,
+}
+
+/// Told what share of a work is done, from 0 to 1; `false` calls it off.
+pub type Progress<'a> = dyn Fn(f64) -> bool + Sync + 'a;
+
+/// Tells how far it is, and ends the run that is called off.
+fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
+    if progress(share) {
+        return Ok(());
+    }
+    Err(Diagnostic::error("run.called-off", "", "the run was called off").into())
 }
 
 /// Fewer rows than this cannot be split into fitted and held-out blocks.
@@ -47,6 +59,14 @@ const ROUNDS: usize = 6;
 const FEW: usize = 500;
 /// Rounds of seeking gear harmonics before anything flexible is let in.
 const GEAR_ROUNDS: usize = 4;
+/// Share of the work that is done when rows are solved.
+const SOLVED: f64 = 0.05;
+/// When gear harmonics are sought.
+const SOUGHT: f64 = 0.3;
+/// When a set is chosen.
+const CHOSEN: f64 = 0.85;
+/// When it is judged.
+const JUDGED: f64 = 0.95;
 
 pub(super) struct Engine {
     pub(super) declared: Arm,
@@ -83,9 +103,9 @@ type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 /// Finds the effects that a cell lacks.
 ///
 /// # Errors
-/// Tables that do not belong to their programs, too few rows, targets that the cell does not solve.
+/// Tables that do not belong to their programs, too few rows, targets that the cell does not solve; `run.called-off`.
 pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
-    let Input { cell, runs, poses, tool, data_hash } = input;
+    let Input { cell, runs, poses, tool, data_hash, progress } = input;
     let problem = if poses.is_empty() { Problem::of_runs(cell, runs)? } else { Problem::of_poses(cell, poses, tool)? };
     let held_out = problem.rows.iter().filter(|row| row.held_out).count();
     if problem.rows.len() < LEAST_ROWS || held_out == 0 || held_out == problem.rows.len() {
@@ -109,7 +129,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     if !engine.problem.free_device {
         engine.questioned(&before)?;
     }
-    Ok(engine.run(&before, data_hash))
+    engine.run(&before, data_hash, progress)
 }
 
 /// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
@@ -271,20 +291,27 @@ impl Engine {
         data
     }
 
-    pub(super) fn run(&mut self, before: &DVector<f64>, data_hash: &str) -> Identification {
+    fn run(
+        &mut self,
+        before: &DVector<f64>,
+        data_hash: &str,
+        progress: &Progress<'_>,
+    ) -> Result<Identification, Vec<Diagnostic>> {
         let shapes = noise::shapes();
         let mut linear = None;
         let mut posteriors = Vec::new();
         let mut ranking = Ranking::default();
         let places = device::places(&self.problem);
         // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
-        for _ in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
+        for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
+            reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
             let now = self.linearise_narrowed(&wanted, &shapes);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let set = search.best_of(&self.chosen, &wanted);
             let score = self.score_of(&now, &search.columns(&set), &shapes);
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
+            reached(progress, within(SOLVED, SOUGHT, 2 * round + 1, 2 * GEAR_ROUNDS))?;
             let first = self.chosen.is_empty() && self.add_gear(&now);
             self.choose(set);
             let tails = self.widen_tails();
@@ -299,7 +326,9 @@ impl Engine {
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
             // Two designs at a time would be twice the memory.
             drop(linear.take());
+            reached(progress, within(SOUGHT, CHOSEN, round, ROUNDS))?;
             let now = self.linearise(&wanted, &shapes);
+            reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * ROUNDS))?;
             let staged = whole.then(|| self.staged(&now));
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let everything = |_: &Candidate| true;
@@ -350,6 +379,7 @@ impl Engine {
             }
             self.shape = field.filter(|_| settled).unwrap_or(self.shape);
         }
+        reached(progress, CHOSEN)?;
         if whole {
             self.drop_idle();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
@@ -374,6 +404,7 @@ impl Engine {
             posteriors.clear();
             device::restore(&mut self.problem, &places);
         }
+        reached(progress, JUDGED)?;
         let map = self.map.take();
         drop(linear.take());
         let unexplained = self.unexplained();
@@ -389,7 +420,7 @@ impl Engine {
         let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
         let told = Told { posteriors, ranking, unexplained, stages, refit: !dense && !whole };
-        self.outcome(&before, &after, told, data_hash)
+        Ok(self.outcome(&before, &after, told, data_hash))
     }
 
     /// Noises worth trying about the one that was found.
@@ -532,6 +563,11 @@ impl Engine {
     pub(super) fn patterns(&self) -> Vec<usize> {
         self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect()
     }
+}
+
+/// The share that is done before one of some rounds between two others.
+fn within(from: f64, to: f64, round: usize, rounds: usize) -> f64 {
+    from + (to - from) * round as f64 / rounds as f64
 }
 
 /// Columns with the data behind them.

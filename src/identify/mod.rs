@@ -34,7 +34,7 @@ mod smooth;
 mod ties;
 mod whole;
 
-pub use engine::{Input, identify};
+pub use engine::{Input, Progress, identify};
 pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
     SetShare, Unexplained,

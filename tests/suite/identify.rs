@@ -31,7 +31,7 @@ fn cell(path: &Path) -> Cell {
 fn of_folder(folder: &Path) -> Identification {
     let cell = cell(&folder.join("cell.toml"));
     let runs = vec![(program(&folder.join("part.mod")), Table::read(&source(&folder.join("measured.csv"))).unwrap())];
-    identify(Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test" }).unwrap()
+    identify(Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &|_| true }).unwrap()
 }
 
 /// Measured minus predicted on a program that was never fitted, mm rms.
@@ -116,7 +116,9 @@ fn a_real_robot_is_explained_in_stages() {
     let data = shared("data");
     let cell = cell(&data.join("ur5.toml"));
     let poses = vec![Table::read(&source(&data.join("ur5_grid.csv"))).unwrap()];
-    let found = identify(Input { cell: &cell, runs: vec![], poses, tool: None, data_hash: "test" }).unwrap();
+    let found =
+        identify(Input { cell: &cell, runs: vec![], poses, tool: None, data_hash: "test", progress: &|_| true })
+            .unwrap();
     let kinds: Vec<&str> = found.added.iter().map(|a| a.kind.as_str()).collect();
     for kind in ["link_geometry", "tool_frame", "joint_error_curve"] {
         assert!(kinds.contains(&kind), "{kinds:?}");
@@ -138,7 +140,8 @@ fn a_large_robot_is_explained_and_every_error_is_a_number() {
             row += 1;
             row % every == 0
         });
-        let input = Input { cell: &cell, runs: vec![], poses: vec![table], tool: None, data_hash: "test" };
+        let input =
+            Input { cell: &cell, runs: vec![], poses: vec![table], tool: None, data_hash: "test", progress: &|_| true };
         let found = identify(input).unwrap();
         assert!(found.after.rms_mm < most, "{file}: {:?}", found.after);
         assert!(found.added.iter().all(|a| a.held_out_rms_before_mm.is_finite()), "{file}");
@@ -183,7 +186,9 @@ const POSES_CELL: &str = include_str!("../fixtures/parallel_axes.toml");
 fn a_tool_far_off_geometry_and_curves_come_apart() {
     let cell = Cell::read(&Source::new("declared", POSES_CELL.as_bytes().to_vec())).unwrap();
     let poses = vec![poses_of_a_wrong_arm(600)];
-    let found = identify(Input { cell: &cell, runs: vec![], poses, tool: None, data_hash: "test" }).unwrap();
+    let found =
+        identify(Input { cell: &cell, runs: vec![], poses, tool: None, data_hash: "test", progress: &|_| true })
+            .unwrap();
     let kinds: Vec<&str> = found.added.iter().map(|a| a.kind.as_str()).collect();
     for kind in ["tool_frame", "link_geometry", "joint_error_curve"] {
         assert!(kinds.contains(&kind), "{kinds:?}");
@@ -205,9 +210,15 @@ fn shuffled_joint_angles_gain_nothing() {
     let mut table = Table::read(&source(&data.join("ur5_grid.csv"))).unwrap();
     let count = table.rows.len();
     // What joint 1 to 3 leave is given to other rows: the residual no longer follows any joint.
-    let registered =
-        identify(Input { cell: &cell, runs: vec![], poses: vec![table.clone()], tool: None, data_hash: "test" })
-            .unwrap();
+    let registered = identify(Input {
+        cell: &cell,
+        runs: vec![],
+        poses: vec![table.clone()],
+        tool: None,
+        data_hash: "test",
+        progress: &|_| true,
+    })
+    .unwrap();
     let left: Vec<[f64; 3]> = registered.residuals.iter().map(|row| row.postfit_mm).collect();
     let prefit: Vec<[f64; 3]> = registered.residuals.iter().map(|row| row.prefit_mm).collect();
     for (i, row) in table.rows.iter_mut().enumerate() {
@@ -218,8 +229,15 @@ fn shuffled_joint_angles_gain_nothing() {
             position[k] += left[other][k] - prefit[i][k];
         }
     }
-    let found =
-        identify(Input { cell: &cell, runs: vec![], poses: vec![table], tool: None, data_hash: "test" }).unwrap();
+    let found = identify(Input {
+        cell: &cell,
+        runs: vec![],
+        poses: vec![table],
+        tool: None,
+        data_hash: "test",
+        progress: &|_| true,
+    })
+    .unwrap();
     assert!(found.added.iter().all(|a| a.kind != "joint_error_curve"), "{:?}", found.added);
     assert!(found.after.rms_mm > 0.9 * found.before.rms_mm);
 }

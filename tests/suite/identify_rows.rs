@@ -29,7 +29,30 @@ fn table(rows: usize) -> Table {
 
 fn found(program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
     let cell = Cell::read(&source(&folder().join("cell.toml"))).unwrap();
-    identify(Input { cell: &cell, runs: vec![(program, table)], poses: vec![], tool: None, data_hash: "test" })
+    identify(Input {
+        cell: &cell,
+        runs: vec![(program, table)],
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        progress: &|_| true,
+    })
+}
+
+#[test]
+fn progress_rises_and_calls_the_run_off() {
+    let cell = Cell::read(&source(&folder().join("cell.toml"))).unwrap();
+    let told = std::sync::Mutex::new(Vec::new());
+    let progress = |share: f64| {
+        let mut told = told.lock().unwrap();
+        told.push(share);
+        told.len() < 3
+    };
+    let runs = vec![(program(), table(16))];
+    let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &progress };
+    assert_eq!(identify(input).unwrap_err()[0].code, "run.called-off");
+    let told = told.lock().unwrap();
+    assert!(told.len() == 3 && told.is_sorted() && told.iter().all(|share| (0.01..1.0).contains(share)), "{told:?}");
 }
 
 /// Rows that name where they were taken instead of their targets: points so far above the path.
@@ -93,6 +116,7 @@ fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_asked_f
             poses: vec![],
             tool: None,
             data_hash: "test",
+            progress: &|_| true,
         })
     };
     let once = found_on("200,300,0", 0.0).unwrap();
@@ -118,7 +142,14 @@ fn a_factor_of_the_force_is_named_from_planned_rows() {
     // One gauge reading among the points: its other axes are not measured.
     let [x, ..] = table.rows[0].position_mm.take().unwrap();
     table.rows[0].axes_mm = [Some(x), None, None];
-    let input = Input { cell: &cell, runs: vec![(program, table)], poses: vec![], tool: None, data_hash: "test" };
+    let input = Input {
+        cell: &cell,
+        runs: vec![(program, table)],
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        progress: &|_| true,
+    };
     let found = identify(input).unwrap();
     let [added] = &found.added[..] else { panic!("{:?}", found.added) };
     assert_eq!(added.kind, "force_scale");

@@ -477,7 +477,14 @@ fn a_misplaced_table_is_found() {
     let measured = deflex::measured::Table::read(&Source::new("m.csv", table.into_bytes())).unwrap();
     let cell = rigid("");
     let runs = vec![(program, measured)];
-    let input = deflex::identify::Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test" };
+    let input = deflex::identify::Input {
+        cell: &cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        progress: &|_| true,
+    };
     let found = deflex::identify::identify(input).unwrap();
     let kinds: Vec<&str> = found.added.iter().map(|added| added.kind.as_str()).collect();
     assert_eq!(kinds, ["unit_frame"], "{:?}", found.ranking);

@@ -3,7 +3,7 @@ use crate::cli::files::{all, both};
 use crate::cli::input;
 use crate::cli::report::pretty;
 use deflex::cell::extended;
-use deflex::identify::{self, Identification, Input};
+use deflex::identify::{self, Identification, Input, Progress};
 use deflex::measured::{ColumnNames, Table};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
@@ -95,22 +95,24 @@ impl Identified {
 }
 
 /// Finds the effects that a cell lacks: what `deflex identify` does. `runs` are programs with what was measured on them, or
-/// `poses` rows with their own motor angles; `tool` is that of `--tool`.
+/// `poses` rows with their own motor angles; `tool` is that of `--tool`; `progress` is told what share of the work is done, and
+/// calls it off with `false`.
 ///
 /// # Errors
-/// All for which the command ends with exit code 2.
+/// All for which the command ends with exit code 2, and `run.called-off`.
 pub fn identify(
     cell: &CellFile,
     runs: &[(ProgramFiles, MeasuredFile)],
     poses: &[MeasuredFile],
     tool: Option<&str>,
+    progress: &Progress<'_>,
 ) -> Result<Identified, Vec<Diagnostic>> {
     let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table());
     let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(MeasuredFile::table)))?;
     let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
     let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
-    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash };
+    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash, progress };
     let found = identify::identify(input).map_err(|errors| cell.own(errors))?;
     Ok(Identified {
         found,
