@@ -201,12 +201,13 @@ class View {
   drawStanding(context, scale) {
     if (this.only || !this.standing) return;
     const place = this.placer(scale);
-    context.lineCap = "round";
     for (const { line, width, colour, capsule } of this.standing) {
+      // A tool ends at its tip.
+      context.lineCap = capsule ? "round" : "butt";
       context.beginPath();
       line.forEach((point, k) => (k ? context.lineTo(...place(point)) : context.moveTo(...place(point))));
       context.strokeStyle = theme(colour);
-      context.globalAlpha = capsule ? 0.45 : 0.8;
+      context.globalAlpha = capsule ? 0.45 : width ? 0.35 : 0.8;
       context.lineWidth = Math.max(1.25, width * scale);
       context.stroke();
       if (!capsule) continue;
@@ -216,6 +217,7 @@ class View {
       context.stroke();
     }
     context.globalAlpha = 1;
+    context.lineCap = "round";
   }
 
   // Screen places of points in the work object.
