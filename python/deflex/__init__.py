@@ -14,8 +14,8 @@ with its position in mm; motor angles are degrees as the controller counts them.
 
 from deflex._deflex import Cell, DeflexError, Diagnostic, Program, Robot
 from deflex._deflex import version as _version
-from deflex._results import Correction, Identification, Planned, Prediction, Record
-from deflex._run import compensate, cutting_force, identify, plan, predict
+from deflex._results import Correction, Identification, Planned, Prediction, Record, Simulation
+from deflex._run import compensate, cutting_force, identify, plan, predict, simulate
 
 __version__ = _version()
 
@@ -30,10 +30,12 @@ __all__ = [
     "Program",
     "Record",
     "Robot",
+    "Simulation",
     "__version__",
     "compensate",
     "cutting_force",
     "identify",
     "plan",
     "predict",
+    "simulate",
 ]

@@ -16,12 +16,14 @@ __all__ = [
     "Planned",
     "Program",
     "Robot",
+    "Simulated",
     "compensate",
     "cutting_force",
     "identify",
     "main",
     "plan",
     "predict",
+    "simulate",
     "version",
 ]
 
@@ -205,6 +207,29 @@ class Planned:
     def table(self) -> str: ...
     def page(self) -> str: ...
 
+@final
+class Simulated:
+    @property
+    def json(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def csv(self) -> bytes: ...
+    @property
+    def report(self) -> dict[str, npt.NDArray[Any]]: ...
+    @property
+    def stl(self) -> bytes: ...
+    @property
+    def notes(self) -> list[Diagnostic]: ...
+    def page(self) -> str: ...
+
+def simulate(
+    held: tuple[Program, Cell],
+    forces: _Table | None,
+    against: Program | None,
+    asked: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> Simulated: ...
 def predict(
     held: tuple[Program, Cell],
     forces: _Table | None,

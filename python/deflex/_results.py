@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from deflex._deflex import Cell, Diagnostic, Done, Found
 from deflex._deflex import Planned as _Planned
+from deflex._deflex import Simulated as _Simulated
 
 Report = dict[str, npt.NDArray[Any]]
 
@@ -270,3 +271,51 @@ class Planned:
 
     def __repr__(self) -> str:
         return f"<Planned: {self.text.partition(chr(10))[0]}>"
+
+
+class Simulation:
+    """A part before it is cut: what the loaded arm leaves of the stock, held against what is meant."""
+
+    def __init__(self, simulated: _Simulated) -> None:
+        self._simulated = simulated
+
+    @cached_property
+    def summary(self) -> Record:
+        """What `deflex simulate --json` says of the program: `rms_mm`, `mean_mm`, `max_mm`, `gouge`, `leftover`, `removed_mm3`, …"""
+        return record(self._simulated.json)
+
+    @cached_property
+    def report(self) -> Report:
+        """Points of the cut surface, by column: `x_mm`, `y_mm`, `z_mm` in the stock's frame and `deviation_mm` (above zero: left over), (N,)."""
+        return self._simulated.report
+
+    @property
+    def csv(self) -> str:
+        """The points as the command writes them."""
+        return self._simulated.csv.decode()
+
+    @property
+    def stl(self) -> bytes:
+        """The part as it will be cut, binary STL, mm."""
+        return self._simulated.stl
+
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """What the command says on stderr: notes and warnings."""
+        return self._simulated.notes
+
+    @property
+    def text(self) -> str:
+        """The figures for people, as the command prints them."""
+        return self._simulated.text
+
+    @property
+    def html(self) -> str:
+        """The page: the part in 3-D, coloured by its deviation, complete in one file."""
+        return self._simulated.page()
+
+    def _repr_html_(self) -> str:
+        return _framed(self.html)
+
+    def __repr__(self) -> str:
+        return f"<Simulation of {self.text.rstrip()}>"

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from deflex import _deflex
 from deflex._deflex import Cell, Program
-from deflex._results import Correction, Identification, Prediction, Planned
+from deflex._results import Correction, Identification, Planned, Prediction, Simulation
 from deflex._tables import Table, given
 
 Path = str | os.PathLike[str]
@@ -120,6 +120,29 @@ def compensate(
         feed_mm_s=feed_mm_s,
     )
     return Correction(_deflex.compensate((_program(program), _cell(cell)), forced, asked, progress))
+
+
+def simulate(
+    program: AnyProgram,
+    cell: Cell | Path,
+    forces: Table | None = None,
+    *,
+    against: AnyProgram | None = None,
+    tool: str | None = None,
+    free_spin: bool = False,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Cuts the cell's `[stock]` with the poses that the loaded arm takes: `deflex simulate`.
+
+    `program`, `forces`, `tool` and `free_spin` are those of `predict`. `against` is the original of a corrected program: the part
+    is held against what it programs, or against `[part] stl`. `progress(done, total)` is told parts of the work.
+
+    Raises `DeflexError` where the command ends with exit code 2.
+    """
+    forced = None if forces is None else given(forces, "<forces>")
+    original = None if against is None else _program(against)
+    held = (_program(program), _cell(cell))
+    return Simulation(_deflex.simulate(held, forced, original, _asked(tool=tool, free_spin=free_spin), progress))
 
 
 def identify(

@@ -23,7 +23,7 @@ mod _deflex {
     #[pymodule_export]
     use super::robot::{Robot, cutting_force};
     #[pymodule_export]
-    use super::run::{Done, Found, Planned, compensate, identify, plan, predict};
+    use super::run::{Done, Found, Planned, Simulated, compensate, identify, plan, predict, simulate};
     #[pymodule_export]
     use super::{main, version};
 }

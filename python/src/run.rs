@@ -269,6 +269,70 @@ pub(crate) fn identify(
     Ok(Found { found })
 }
 
+/// What was simulated.
+#[pyclass(frozen, module = "deflex._deflex")]
+pub(crate) struct Simulated {
+    simulated: held::Simulated,
+}
+
+#[pymethods]
+impl Simulated {
+    #[getter]
+    fn json(&self, py: Python<'_>) -> PyResult<String> {
+        self.simulated.json().or_raise(py)
+    }
+
+    #[getter]
+    fn text(&self) -> String {
+        self.simulated.text()
+    }
+
+    #[getter]
+    fn csv<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.simulated.csv())
+    }
+
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report(py, &self.simulated.csv())
+    }
+
+    #[getter]
+    fn stl<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &py.detach(|| self.simulated.stl()))
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<Diagnostic> {
+        diagnostics(self.simulated.notes.clone())
+    }
+
+    fn page(&self, py: Python<'_>) -> String {
+        py.detach(|| self.simulated.page())
+    }
+}
+
+/// Cuts.
+#[pyfunction]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    held: Held<'_>,
+    forces: Option<Table>,
+    against: Option<PyRef<'_, Program>>,
+    asked: Asked,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<Simulated> {
+    let (program, cell) = held;
+    let (files, against) = (Arc::clone(&program.files), against.map(|program| Arc::clone(&program.files)));
+    let mut run = asked.run(&cell.file, &files);
+    let simulated = work::run(py, (progress.as_ref(), STEPS), move |follow| {
+        forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
+        let follow = follow.follow();
+        held::simulate(&files, against.as_deref(), &run, &|share| follow(0, steps(share)))
+    })?;
+    Ok(Simulated { simulated })
+}
+
 /// What was planned.
 #[pyclass(frozen, module = "deflex._deflex")]
 pub(crate) struct Planned {

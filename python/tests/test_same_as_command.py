@@ -123,6 +123,23 @@ def test_identify(command, tmp_path):
         assert framed.json[key] == found.json[key], key
 
 
+def test_simulate(command, tmp_path):
+    program, cell = "samples/stock/part.mod", tmp_path / "cell.toml"
+    # Coarser than the sample's own stock.
+    text = Path("samples/stock/cell.toml").read_text()
+    cell.write_text(text.replace("resolution_mm = 0.25", "resolution_mm = 1.0"))
+    names = ("report", "json", "html", "stl")
+    out = {name: tmp_path / f"out.{name}" for name in names}
+    command("simulate", program, "--cell", cell, *(part for name in names for part in (f"--{name}", out[name])))
+    told = []
+    found = deflex.simulate(program, cell, progress=lambda done, total: told.append(done / total))
+    assert found.csv == out["report"].read_text() and found.stl == out["stl"].read_bytes()
+    assert found.html == out["html"].read_text() and found._repr_html_().startswith("<iframe")
+    same_report(found.report, out["report"].read_text())
+    same_summary(found.summary, out["json"])
+    assert told[-1] == 1 and told == sorted(told) and "rms" in repr(found)
+
+
 def test_columns_of_other_names(command, tmp_path):
     cell, program, measured = (f"samples/closed-loop/{name}" for name in ("cell.toml", "part.mod", "measured.csv"))
     head, rows = Path(measured).read_text().split("\n", 1)

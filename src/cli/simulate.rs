@@ -3,24 +3,19 @@
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
 use super::files::{both, source};
+use super::held::Simulated;
 use super::input::Context;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
 use super::report::pretty;
 use super::setup::Setup;
 use super::{Answer, Outcome, message, progress};
-use deflex::correct::{Cuts, Removal, cut_stock};
-use deflex::program::Program;
-use deflex::report::html::simulation_page;
-use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, probe, stl};
-use deflex::stock::{Blank, Stock};
+use deflex::correct::Removal;
+use deflex::report::{SurfacePoint, map_csv, probe};
 use deflex::text::Diagnostic;
 use nalgebra::Vector3;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::Path;
-
-/// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
-const PAGE_TRIANGLES: f64 = 40_000.0;
 
 pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
@@ -41,70 +36,32 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
     let mut outputs = Outputs::new(read.chain(&args.against).chain(&args.probe));
     let (mut files, mut text) = (Vec::new(), String::new());
-    // Cut as programmed, as commanded, and before a correction.
-    let steps = jobs.len() * if args.against.is_some() { 4 } else { 3 };
-    let bar = progress::bar(steps, args.common.quiet);
-    for job in jobs {
+    let count = jobs.len() as f64;
+    let bar = progress::shares("cutting", args.common.quiet);
+    for (i, job) in jobs.into_iter().enumerate() {
         let name = job.name.clone();
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;
-        let meant = original.as_ref().unwrap_or(&program);
-        let cut = |program: &Program, against: Option<&Program>, cuts: Cuts| -> Result<Removal, Vec<Diagnostic>> {
-            let done = cut_stock(program, &setup.cell.cell, &setup.options, against, cuts);
-            bar.inc(1);
-            done.map_err(|errors| setup.cell.own(errors))
+        let tell = |share: f64| {
+            progress::reached(&bar, (i as f64 + share) / count);
+            true
         };
-        let programmed = cut(meant, None, Cuts::Programmed)?;
-        let mut actual = Vec::new();
-        if let Some(original) = &original {
-            actual.push(("before", cut(original, None, Cuts::Deflected)?));
-        }
-        actual.push(("after", cut(&program, original.as_ref(), Cuts::Deflected)?));
-        if original.is_none() {
-            actual[0].0 = "as it is";
-        }
-        let cell = map_cell(&programmed.stock);
-        // A part is a stock that nobody has cut.
-        let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
-        let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
-        let intended = nominal.as_ref().unwrap_or(&programmed.stock);
-        let blank = programmed.stock.blank();
-        let mesh = intended.surface(cell);
-        let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
-        let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
-        let figures: Vec<(&str, MapFigures)> = maps.iter().map(|(name, map)| (*name, map.figures())).collect();
-        let Some(((_, last), (_, last_map))) = actual.last().zip(maps.last()) else { continue };
+        let simulated = Simulated::of(&name, &program, original.as_ref(), &setup, &tell)?;
         if let Some(path) = &args.stl {
-            outputs.add_report(path, &stl(&last.stock.surface(cell)))?;
+            outputs.add_report(path, &simulated.stl())?;
         }
         if let Some(path) = &args.html {
-            let larger = (last_map.programmed.triangles.len() as f64 / PAGE_TRIANGLES).sqrt().max(1.0);
-            let mesh = intended.surface(cell * larger);
-            let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
-            let maps: Vec<(&str, DeviationMap)> = actual.iter().map(|(name, removal)| (*name, map(removal))).collect();
-            outputs.add_report(path, simulation_page(&name, &setup.cell.name, &maps, &figures).as_bytes())?;
+            outputs.add_report(path, simulated.page().as_bytes())?;
         }
-        let probed = probes.as_ref().map(|points| probed(points, last)).transpose()?;
-        let rows = probed.unwrap_or_else(|| last_map.points());
+        let probed = probes.as_ref().map(|points| probed(points, simulated.removal())).transpose()?;
+        let rows = probed.unwrap_or_else(|| simulated.points());
         if let Some(path) = &args.report {
             outputs.add_report(path, &map_csv(&rows))?;
         } else if probes.is_some() && printed == 0 {
             outputs.add(Path::new("-"), &map_csv(&rows))?;
         }
-        for (which, f) in &figures {
-            text += &format!(
-                "{name}, {which}: deviation rms {:.4} mm, mean {:.4}, largest {:.4}; gouge at most {:.4} ({:.1} % of the surface), left over at most {:.4} ({:.1} %)\n",
-                f.rms_mm,
-                f.mean_mm,
-                f.max_mm,
-                f.gouge.max_mm,
-                100.0 * f.gouge.share,
-                f.leftover.max_mm,
-                100.0 * f.leftover.share
-            );
-        }
-        files.push(summary(&name, &programmed, last, &figures));
-        bar.inc(1);
+        text += &simulated.text();
+        files.push(simulated.summary());
     }
     bar.finish_and_clear();
     if let Some(path) = &args.json {
@@ -119,28 +76,6 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         message::print(&setup.notes(), true);
     }
     Ok(Answer::Yes)
-}
-
-fn summary(name: &str, programmed: &Removal, actual: &Removal, figures: &[(&str, MapFigures)]) -> Value {
-    let of = |wanted: &str| figures.iter().find(|(name, _)| *name == wanted).map(|(_, figures)| *figures);
-    let after = figures.last().map(|(_, figures)| *figures).unwrap_or_default();
-    let mm3 = |volume: f64| 1e9 * volume;
-    json!({
-        "path": name,
-        "resolution_mm": 1e3 * programmed.stock.spacing(),
-        "removed_programmed_mm3": mm3(programmed.stock.removed()),
-        "removed_mm3": mm3(actual.stock.removed()),
-        "left_mm3": mm3(actual.stock.volume()),
-        "rms_mm": after.rms_mm,
-        "mean_mm": after.mean_mm,
-        "mean_signed_mm": after.mean_signed_mm,
-        "max_mm": after.max_mm,
-        "points": after.points,
-        "gouge": after.gouge,
-        "leftover": after.leftover,
-        "before": of("before"),
-        "after": after,
-    })
 }
 
 /// A nominal point, and its normal where the file has one; m.

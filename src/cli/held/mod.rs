@@ -19,11 +19,13 @@ mod files;
 mod identified;
 mod long;
 mod planned;
+mod simulated;
 
 pub use super::input::CellFile;
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, identify};
 pub use planned::{Planned, plan};
+pub use simulated::{Simulated, simulate};
 
 use super::again::Again;
 use super::batch::posted_from;

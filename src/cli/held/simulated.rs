@@ -1,0 +1,177 @@
+use super::{ProgramFiles, Run};
+use crate::cli::report::pretty;
+use crate::cli::setup::Setup;
+use deflex::correct::{Cuts, Removal, cut_stock};
+use deflex::identify::Progress;
+use deflex::program::Program;
+use deflex::report::html::simulation_page;
+use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, stl};
+use deflex::stock::{Blank, Stock};
+use deflex::text::Diagnostic;
+use serde_json::{Value, json};
+
+/// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
+const PAGE_TRIANGLES: f64 = 40_000.0;
+
+/// A part before it is cut: what the loaded arm leaves of the stock, held against what is meant.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Simulated {
+    name: String,
+    cell: String,
+    programmed: Removal,
+    /// The nominal part, where the cell has one: what is meant in place of what is programmed.
+    nominal: Option<Stock>,
+    /// What is left by the program before its correction, where there is one, and by the program, under their names.
+    actual: Vec<(&'static str, Removal)>,
+    maps: Vec<(&'static str, DeviationMap)>,
+    /// What the command says besides.
+    pub notes: Vec<Diagnostic>,
+}
+
+/// Cuts the cell's stock with the poses that the loaded arm takes: what `deflex simulate` does; `against` is the original of a
+/// corrected program. `progress` is told what share of the cuts is done, and calls the run off with `false`.
+///
+/// # Errors
+/// All for which the command ends with exit code 2, and `run.called-off`.
+pub fn simulate(
+    program: &ProgramFiles,
+    against: Option<&ProgramFiles>,
+    run: &Run,
+    progress: &Progress<'_>,
+) -> Result<Simulated, Vec<Diagnostic>> {
+    let original = against.map(|original| run.parse(original)).transpose()?;
+    let parsed = run.parse(program)?;
+    let simulated = Simulated::of(program.name(), &parsed, original.as_ref(), &run.setup, progress)?;
+    Ok(Simulated { notes: run.setup.cell.own(run.setup.notes()), ..simulated })
+}
+
+impl Simulated {
+    pub(in crate::cli) fn of(
+        name: &str,
+        program: &Program,
+        original: Option<&Program>,
+        setup: &Setup,
+        progress: &Progress<'_>,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let cuts = if original.is_some() { 3.0 } else { 2.0 };
+        let cut = |done: f64, program: &Program, against: Option<&Program>, how: Cuts| {
+            if !progress(done / (cuts + 1.0)) {
+                return Err(Diagnostic::error("run.called-off", name, "the run was called off").into());
+            }
+            cut_stock(program, &setup.cell.cell, &setup.options, against, how).map_err(|errors| setup.cell.own(errors))
+        };
+        let programmed = cut(0.0, original.unwrap_or(program), None, Cuts::Programmed)?;
+        let mut actual = Vec::new();
+        if let Some(original) = original {
+            actual.push(("before", cut(1.0, original, None, Cuts::Deflected)?));
+        }
+        let last = if original.is_some() { "after" } else { "as it is" };
+        actual.push((last, cut(cuts - 1.0, program, original, Cuts::Deflected)?));
+        progress(cuts / (cuts + 1.0));
+        // A part is a stock that nobody has cut.
+        let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
+        let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
+        let (name, cell) = (name.to_owned(), setup.cell.name.clone());
+        let mut simulated = Self { name, cell, programmed, nominal, actual, maps: Vec::new(), notes: Vec::new() };
+        simulated.maps = simulated.maps(1.0);
+        Ok(simulated)
+    }
+
+    /// Deviations at the corners of cells that are larger than usual by a factor.
+    fn maps(&self, larger: f64) -> Vec<(&'static str, DeviationMap)> {
+        let intended = self.nominal.as_ref().unwrap_or(&self.programmed.stock);
+        let mesh = intended.surface(map_cell(&self.programmed.stock) * larger);
+        let blank = self.programmed.stock.blank();
+        let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
+        self.actual.iter().map(|(name, removal)| (*name, map(removal))).collect()
+    }
+
+    fn figures(&self) -> Vec<(&'static str, MapFigures)> {
+        self.maps.iter().map(|(name, map)| (*name, map.figures())).collect()
+    }
+
+    /// What the program leaves of the stock.
+    #[must_use]
+    pub fn removal(&self) -> &Removal {
+        // There is always one.
+        self.actual.last().map_or(&self.programmed, |(_, removal)| removal)
+    }
+
+    /// Points of the cut surface with their deviations, mm.
+    #[must_use]
+    pub fn points(&self) -> Vec<SurfacePoint> {
+        self.maps.last().map(|(_, map)| map.points()).unwrap_or_default()
+    }
+
+    /// What `--report` writes.
+    #[must_use]
+    pub fn csv(&self) -> Vec<u8> {
+        map_csv(&self.points())
+    }
+
+    /// What `--stl` writes.
+    #[must_use]
+    pub fn stl(&self) -> Vec<u8> {
+        stl(&self.removal().stock.surface(map_cell(&self.programmed.stock)))
+    }
+
+    /// The page that `--html` writes.
+    #[must_use]
+    pub fn page(&self) -> String {
+        let triangles = self.maps.last().map_or(0, |(_, map)| map.programmed.triangles.len());
+        let maps = self.maps((triangles as f64 / PAGE_TRIANGLES).sqrt().max(1.0));
+        simulation_page(&self.name, &self.cell, &maps, &self.figures())
+    }
+
+    /// What the command prints.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let line = |(which, f): &(&str, MapFigures)| {
+            format!(
+                "{}, {which}: deviation rms {:.4} mm, mean {:.4}, largest {:.4}; gouge at most {:.4} ({:.1} % of the surface), left over at most {:.4} ({:.1} %)\n",
+                self.name,
+                f.rms_mm,
+                f.mean_mm,
+                f.max_mm,
+                f.gouge.max_mm,
+                100.0 * f.gouge.share,
+                f.leftover.max_mm,
+                100.0 * f.leftover.share
+            )
+        };
+        self.figures().iter().map(line).collect()
+    }
+
+    /// What `--json` says of the program.
+    ///
+    /// # Errors
+    /// It cannot be written as JSON.
+    pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
+        pretty(&self.summary())
+    }
+
+    pub(in crate::cli) fn summary(&self) -> Value {
+        let figures = self.figures();
+        let of = |wanted: &str| figures.iter().find(|(name, _)| *name == wanted).map(|(_, figures)| *figures);
+        let after = figures.last().map(|(_, figures)| *figures).unwrap_or_default();
+        let mm3 = |volume: f64| 1e9 * volume;
+        let left = &self.removal().stock;
+        json!({
+            "path": self.name,
+            "resolution_mm": 1e3 * self.programmed.stock.spacing(),
+            "removed_programmed_mm3": mm3(self.programmed.stock.removed()),
+            "removed_mm3": mm3(left.removed()),
+            "left_mm3": mm3(left.volume()),
+            "rms_mm": after.rms_mm,
+            "mean_mm": after.mean_mm,
+            "mean_signed_mm": after.mean_signed_mm,
+            "max_mm": after.max_mm,
+            "points": after.points,
+            "gouge": after.gouge,
+            "leftover": after.leftover,
+            "before": of("before"),
+            "after": after,
+        })
+    }
+}
