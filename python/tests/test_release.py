@@ -49,3 +49,8 @@ def test_the_workflow_names_what_is_there():
     for name in ("release/assets.sh", "release/Containerfile", ".ci/run", "THIRD-PARTY.md", "LICENSE-MIT", "LICENSE-APACHE", "CHANGELOG.md"):
         assert name in workflow and Path(name).is_file()
     assert "release/check.sh" in Path("action.yml").read_text()
+    # The container's build says of the binary what the workflow gives it, and holds nothing else.
+    container = Path("release/Containerfile").read_text().splitlines()
+    said = [line.split()[0] for line in container if line and not line.startswith("#")]
+    assert said == ["FROM", "ARG", "COPY", "WORKDIR", "ENV", "ENTRYPOINT"] and "FROM scratch" in container
+    assert "--build-arg BINARY=" in workflow and "COPY ${BINARY} /deflex" in container and 'ENTRYPOINT ["/deflex"]' in container
