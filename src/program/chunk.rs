@@ -228,7 +228,7 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// # Errors
     /// What `input` reports.
     pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(krl::Chunks::new(name, input, context)?.map(|chunks| Self::Krl(Box::new(chunks))))
+        Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
     }
 
     /// What was noticed in the text so far.

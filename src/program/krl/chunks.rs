@@ -5,11 +5,11 @@
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
-use super::like::{Like, Reader, is_speed};
+use super::like::{Axes, Like, Reader, is_speed, moved_axes};
 use super::{Layout, dialect, lex};
 use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
-use std::io::{self, Read};
+use std::io::{self, BufRead, BufReader, Read, Seek};
 use std::sync::Arc;
 
 /// Bytes of lines in a chunk: some thousand targets. Any number of threads sees the same chunks.
@@ -50,6 +50,7 @@ pub struct Chunks<R> {
 /// A stretch of lines, not yet read.
 #[derive(Debug)]
 pub struct Chunk {
+    reader: Arc<Reader>,
     source: Source,
     dialect: &'static str,
     /// The targets of the head, where the stretch is the first.
@@ -88,6 +89,30 @@ impl<R: Read> Chunks<R> {
     /// # Errors
     /// What `input` reports.
     pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
+        Self::knowing(name, input, context, chunk, Axes::default())
+    }
+
+    /// The same for a file, which is looked through for external axes that begin to move where the first lines have them at
+    /// zero.
+    ///
+    /// # Errors
+    /// What `file` reports.
+    pub fn of_file(name: &str, mut file: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>>
+    where
+        R: Seek,
+    {
+        let begun = Chunks::sized(name, &mut file, context, chunk)?.map(|chunks| chunks.reader.has_axes_at_rest());
+        file.rewind()?;
+        let moving = match begun {
+            None => return Ok(None),
+            Some(false) => Axes::default(),
+            Some(true) => axes_that_move(BufReader::with_capacity(chunk.max(CHUNK), &mut file))?,
+        };
+        file.rewind()?;
+        Self::knowing(name, file, context, chunk, moving)
+    }
+
+    fn knowing(name: &str, input: R, context: &[Source], chunk: usize, moving: Axes) -> io::Result<Option<Self>> {
         let mut chunks = Self {
             input,
             chunk,
@@ -116,7 +141,7 @@ impl<R: Read> Chunks<R> {
         while let Some(line) = next_line(&begin.bytes[at..]) {
             if is_motion(line) && tried < MOST_KINDS {
                 tried += 1;
-                if let Some((reader, head)) = Reader::new(name, &begin.bytes[..at], context, line) {
+                if let Some((reader, head)) = Reader::new((name, &begin.bytes[..at], context), line, moving) {
                     chunks.lines = begin.bytes[..at].iter().filter(|byte| **byte == b'\n').count();
                     (chunks.reader, chunks.motions) = (Arc::new(reader), head.motion_targets() as u32);
                     (chunks.head, chunks.cut) = (Some(head), at);
@@ -163,9 +188,13 @@ impl<R: Read> Chunks<R> {
         if cut.last {
             self.fill(HEAD + 1)?;
             let behind = &self.rest[self.cut..];
-            let last = self.last.as_ref().filter(|_| behind.len() <= HEAD);
-            tail = last
-                .and_then(|(like, line)| self.reader.tail(like, line, behind, (bytes.len(), self.lines, self.motions)));
+            let last = self.last.take().filter(|_| behind.len() <= HEAD);
+            tail = last.and_then(|(mut like, line)| {
+                if !like.fits(line.trim_ascii()) {
+                    like = Arc::new(self.reader.like_instead(&like, &line)?);
+                }
+                self.reader.tail(&like, &line, behind, (bytes.len(), self.lines, self.motions))
+            });
             if tail.is_none() {
                 return Ok(Next::NotStreamable);
             }
@@ -178,6 +207,7 @@ impl<R: Read> Chunks<R> {
         let (dialect, last) = (self.dialect, cut.last);
         let motions = self.motions - motions_before;
         Ok(Next::Chunk(Chunk {
+            reader: Arc::clone(&self.reader),
             source,
             dialect,
             head,
@@ -225,7 +255,7 @@ impl<R: Read> Chunks<R> {
                     like = None;
                 }
                 Some(_) if is_motion(line) => {
-                    if !like.as_ref().is_some_and(|like| like.fits(text)) {
+                    if !like.as_ref().is_some_and(|like| like.looks_like(text)) {
                         let known = self.kinds.iter().find(|like| like.holds(&speed, mark) && like.fits(text)).cloned();
                         let found = match known {
                             Some(known) => known,
@@ -271,7 +301,9 @@ impl Chunk {
         let mut ordinal = self.motions_before;
         let mut number = self.lines_before;
         let (mut at, mut kinds) = (self.lines.start, self.kinds.iter().peekable());
-        let (mut like, mut frames, mut external) = (None, [0; 2], None);
+        let (mut like, mut frames, mut external): (Option<&Like>, _, _) = (None, [0; 2], None);
+        // Kinds of lines that only looked like theirs.
+        let mut others: Vec<Like> = Vec::new();
         let bytes = &self.source.bytes[..self.lines.end];
         let Layout { sites, .. } = layout(&mut program)?;
         let mut sites = std::mem::take(sites);
@@ -287,8 +319,21 @@ impl Chunk {
             if is_motion(line) {
                 ordinal = ordinal.checked_add(1)?;
                 let start = at + (line.len() - line.trim_ascii_start().len());
-                let own = like?.read(text, start)?;
-                external = like?.external(&own, &external);
+                let (mut kind, mut own) = (like?, like?.read(text, start));
+                if own.is_none() {
+                    let fits = |other: &&Like| other.holds_as(kind) && other.fits(text);
+                    kind = match others.iter().find(fits) {
+                        Some(other) => other,
+                        None if others.len() < MOST_KINDS => {
+                            others.push(self.reader.like_instead(kind, line)?);
+                            others.last()?
+                        }
+                        None => return None,
+                    };
+                    own = kind.read(text, start);
+                }
+                let own = own?;
+                external = kind.external(&own, &external);
                 let (goal, site, [tool, wobj]) = (own.goal, own.site, frames);
                 let (span, line) = (Span::new(start, own.end), u32::try_from(number).ok()?);
                 let predecessor = Predecessor::Previous;
@@ -301,7 +346,7 @@ impl Chunk {
                     line,
                     predecessor,
                     external: external.clone(),
-                    ..like?.target().clone()
+                    ..kind.target().clone()
                 });
                 sites.push(site);
                 program.literal_targets += 1;
@@ -343,6 +388,19 @@ pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
 fn empty(dialect: &'static str) -> Program {
     let layout = crate::program::Layout::Krl(Layout::default());
     Program::empty(Language::Krl, dialect, (Arc::new([]), 1), layout)
+}
+
+/// External axes that a line has elsewhere than at zero.
+fn axes_that_move(mut text: impl BufRead) -> io::Result<Axes> {
+    let (mut found, mut line) = (Axes::default(), Vec::new());
+    // One without an end is no line of a kind.
+    while text.by_ref().take(LONGEST as u64).read_until(b'\n', &mut line)? > 0 {
+        if is_motion(&line) {
+            moved_axes(&line, &mut found);
+        }
+        line.clear();
+    }
+    Ok(found)
 }
 
 fn is_motion(line: &[u8]) -> bool {

@@ -74,7 +74,7 @@ pub(super) struct Reader {
     named: Axes,
 }
 
-type Axes = [bool; EXTERNAL_AXES];
+pub(super) type Axes = [bool; EXTERNAL_AXES];
 
 /// External axes that stand elsewhere than at zero anywhere.
 fn used(program: &Program) -> Axes {
@@ -97,8 +97,12 @@ pub(super) fn is_speed(text: &[u8]) -> bool {
 
 impl Reader {
     /// With the targets of the head; `None` where it has more than one routine, goes back, or anything in it is not known, or
-    /// where the line that follows it is of no kind.
-    pub(super) fn new(name: &str, head: &[u8], context: &[Source], line: &[u8]) -> Option<(Self, Program)> {
+    /// where the line that follows it is of no kind. `moving` are axes that are known to be in use further on.
+    pub(super) fn new(
+        (name, head, context): (&str, &[u8], &[Source]),
+        line: &[u8],
+        moving: Axes,
+    ) -> Option<(Self, Program)> {
         let mut routines = 0;
         for line in lex::lines(head) {
             let code = &head[line.code.range()];
@@ -110,15 +114,15 @@ impl Reader {
             routines += usize::from(words.any(|word| is(word, "DEF") || is(word, "DEFFCT")));
         }
         let (name, head, context) = (name.to_owned(), head.to_vec(), context.to_vec());
-        let mut reader = Self { name, head, context, ..Self::default() };
+        let mut reader = Self { name, head, context, used: moving, ..Self::default() };
         let mut program = reader.program(&[END]).filter(|_| routines == 1)?;
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
         let first = reader.program(&[line, END])?;
-        reader.used = used(&first);
+        reader.used = std::array::from_fn(|axis| moving[axis] || used(&first)[axis]);
         let last = first.targets.last().and_then(|last| last.external.as_ref());
         reader.named = last.map_or([false; EXTERNAL_AXES], |last| last.written.map(|written| written.is_some()));
         // An axis that is in use behind the head is so in it.
-        for (target, other) in program.targets.iter_mut().zip(first.targets) {
+        for (target, other) in program.targets.iter_mut().zip(reader.program(&[line, END])?.targets) {
             target.external = other.external;
         }
         reader.like(&[], None, line)?;
@@ -133,10 +137,26 @@ impl Reader {
         &self.head
     }
 
+    /// Whether a line names an axis that none is known to move.
+    pub(super) fn has_axes_at_rest(&self) -> bool {
+        self.named.iter().zip(self.used).any(|(named, used)| *named && !used)
+    }
+
+    /// Whether no other axes are in use in a program than are known to be.
+    fn knows_axes_of(&self, program: &Program) -> bool {
+        used(program).iter().zip(self.used).all(|(used, known)| known || !used)
+    }
+
     /// The program of head and these, where all of it is known and nobody has anything to say about it.
     fn program(&self, parts: &[&[u8]]) -> Option<Program> {
         let text = [&[&self.head[..]][..], parts].concat().concat();
-        let program = super::read(vec![Source::new(self.name.clone(), text)], self.context.clone()).ok()?;
+        let mut program = super::read(vec![Source::new(self.name.clone(), text)], self.context.clone()).ok()?;
+        for axes in program.targets.iter_mut().filter_map(|target| target.external.as_mut()) {
+            if axes.at_rest.iter().zip(self.used).any(|(at_rest, used)| *at_rest && used) {
+                let at_rest = std::array::from_fn(|axis| axes.at_rest[axis] && !self.used[axis]);
+                *axes = Arc::new(ExternalAxes { at_rest, ..(**axes).clone() });
+            }
+        }
         let known = program.kept.is_empty() && program.diagnostics.is_empty() && program.unknown_targets().is_empty();
         Some(program).filter(|_| known)
     }
@@ -151,10 +171,15 @@ impl Reader {
         [speed, if speed.is_empty() { b"" } else { b"\n" }, mark].concat()
     }
 
+    /// The kind of a line that only looked like one of another kind.
+    pub(super) fn like_instead(&self, other: &Like, line: &[u8]) -> Option<Like> {
+        self.like(&other.speed, other.mark, line)
+    }
+
     /// The kind of a line behind this speed and mark.
     pub(super) fn like(&self, speed: &[u8], mark: Option<Mark>, line: &[u8]) -> Option<Like> {
         let lead = Self::lead(speed, mark);
-        let mut program = self.program(&[&lead, line, END]).filter(|program| used(program) == self.used)?;
+        let mut program = self.program(&[&lead, line, END]).filter(|program| self.knows_axes_of(program))?;
         if program.motion_targets() != self.motions + 1 || program.targets.len() != self.targets + 1 {
             return None;
         }
@@ -232,10 +257,10 @@ impl Reader {
             *place = place.moved(from, at)?;
         }
         *sites = own;
-        let is_used = used(&program) == self.used;
+        let is_known = self.knows_axes_of(&program);
         let mut targets = program.targets.split_off(self.targets + 1);
         let last = program.targets.pop().filter(|last| last.editable == Editable::Pose)?;
-        let own = like.read(line.trim_ascii(), 0).filter(|_| is_used)?;
+        let own = like.read(line.trim_ascii(), 0).filter(|_| is_known)?;
         if last.external != like.external(&own, &None) {
             return None;
         }
@@ -255,6 +280,17 @@ impl Like {
     /// Whether it is that of lines behind this speed and mark.
     pub(super) fn holds(&self, speed: &[u8], mark: Option<Mark>) -> bool {
         self.speed == speed && self.mark == mark
+    }
+
+    /// The same for lines behind the speed and the mark of another kind.
+    pub(super) fn holds_as(&self, other: &Self) -> bool {
+        self.holds(&other.speed, other.mark)
+    }
+
+    /// Whether a line, without blanks at its ends, begins and ends as those of this kind: what is between is seen when it is
+    /// read.
+    pub(super) fn looks_like(&self, text: &[u8]) -> bool {
+        text.starts_with(&self.before[0].0) && text.ends_with(&self.behind)
     }
 
     /// Whether a line, without blanks at its ends, is of this kind.
@@ -291,6 +327,10 @@ impl Like {
             }
         };
         let end = self.numbers(text, each, more)?;
+        // One that begins to move makes all lines before it others than they were read as.
+        if axes.iter().zip(self.used).any(|(at, used)| !used && at.is_some_and(|at| at != 0.0)) {
+            return None;
+        }
         let [x, y, z, a, b, c] = numbers;
         let quat = quaternion_of_zyx_deg([a, b, c]);
         let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
@@ -356,6 +396,20 @@ fn more(text: &[u8], from: usize) -> Option<(Vec<Further>, usize)> {
         found.push((text[start..name + len].to_vec(), more));
     }
     Some((found, at))
+}
+
+/// Adds the external axes that a line, up to its comment, has elsewhere than at zero.
+pub(super) fn moved_axes(line: &[u8], found: &mut Axes) {
+    let code = &line[..memchr::memchr(b';', line).unwrap_or(line.len())];
+    for at in memchr::memchr2_iter(b'E', b'e', code) {
+        let axis =
+            EXTERNAL.iter().position(|name| code[at..].get(..2).is_some_and(|own| own.eq_ignore_ascii_case(name)));
+        let begins = at > 0 && matches!(code[at - 1], b',' | b' ' | b'\t' | b'{');
+        let (Some(axis), true) = (axis, begins) else { continue };
+        let value = &code[at + 2..];
+        let number = number::read_leading(&value[blanks(value)..]);
+        found[axis] |= number.is_some_and(|number| number.value != 0.0);
+    }
 }
 
 impl More {

@@ -7,7 +7,7 @@ use crate::program::language::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
-use crate::text::{Content, Edit, Token};
+use crate::text::{Content, Edit, Span, Token};
 use std::collections::{HashMap, HashSet};
 
 /// Least decimals of a position, mm: half of the last digit is below what a robot repeats by two orders.
@@ -64,6 +64,10 @@ impl FrontEnd for Layout {
                 continue;
             }
             out.written.push(written(program, site, i, &wish));
+            if apart && let Some((source, edit)) = together(program, site, &wish) {
+                out.edits[source].push(edit);
+                continue;
+            }
             for (place, token) in site.tokens.iter().zip(wish.tokens) {
                 let (Some(place), Some(token)) = (place, token) else { continue };
                 if apart || done.insert(*place) {
@@ -132,6 +136,31 @@ impl Layout {
             }
         }
     }
+}
+
+/// One edit for all numbers that change, with what stands between them; `None` where nothing does, or they are far apart.
+fn together(program: &Program, site: &Site, wish: &Wish) -> Option<(usize, Edit)> {
+    /// As much as an edit holds in place.
+    const NEAR: usize = 80;
+    let mut changed =
+        site.tokens.iter().zip(&wish.tokens).filter_map(|(place, token)| place.as_ref().zip(token.as_ref()));
+    let (first, token) = changed.next()?;
+    let source = usize::from(first.source);
+    let text = &program.sources[source].bytes;
+    let (start, mut end) = (first.span().start as usize, first.span().end as usize);
+    let mut content = Content::from_slice(token);
+    for (place, token) in changed {
+        let own = place.span().range();
+        let between = text.get(end..own.start).filter(|_| place.source == first.source && own.end - start <= NEAR)?;
+        // What a point between two targets goes before is at the start of a line.
+        if memchr::memchr2(b'\n', b'\r', between).is_some() {
+            return None;
+        }
+        content.extend_from_slice(between);
+        content.extend_from_slice(token);
+        end = own.end;
+    }
+    Some((source, Edit { span: Span::new(start, end), content }))
 }
 
 pub(super) fn bytes(program: &Program, place: Place) -> &[u8] {
