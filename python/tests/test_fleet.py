@@ -64,11 +64,42 @@ def test_into_a_folder(client, tmp_path):
     assert (out / "slot.report.csv").read_text() == done.csv
 
 
+def test_a_task_that_fails_otherwise_is_tried_again(client, tmp_path):
+    from deflex.fleet import _mapped
+
+    def flaky(marker):
+        if not os.path.exists(marker):
+            with open(marker, "w"):
+                raise OSError("a share that was away")
+        return {"error": None}, {"made": b"1"}
+
+    marker = str(tmp_path / "marker")
+    once = _mapped(flaky, [("a", (marker,))], client, 0, None)
+    assert "a share that was away" in once.failed[0].error
+    os.remove(marker)
+    again = _mapped(flaky, [("a", (marker,))], client, 1, None)
+    assert not again.failed and again.files == {"a": {"made": b"1"}}
+
+
 @pytest.mark.slow
-def test_a_fleet_is_identified(client):
+def test_a_fleet_is_identified(client, tmp_path):
     import deflex.fleet
 
     part, measured, cell = (os.path.abspath(f"samples/closed-loop/{name}") for name in ("part.mod", "measured.csv", "cell.toml"))
-    found = deflex.fleet.identify({"robot 7": ([(part, measured)], cell)}, client=client)
-    assert found.rows[0].added == ["backlash"] and found.rows[0].after_rms_mm < found.rows[0].before_rms_mm
-    assert b"half_gap_rad" in found.files["robot 7"]["cell.toml"]
+    foreign = tmp_path / "foreign.csv"
+    foreign.write_text("target,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n100000,1,2,3,0,0,0\n")
+    fleet = {f"robot {n}": ([(part, measured)], cell) for n in range(3)} | {"robot 3": ([(part, str(foreign))], cell)}
+    before, told = pids(client), []
+
+    def kill(done: int, total: int) -> None:
+        if not told:
+            os.kill(before[0], signal.SIGKILL)
+        told.append((done, total))
+
+    found = deflex.fleet.identify(fleet, client=client, progress=kill)
+    assert told == [(done, 4) for done in range(1, 5)] and [row.name for row in found.rows] == list(fleet)
+    assert [row.name for row in found.failed] == ["robot 3"] and "foreign.csv" in found.failed[0].error
+    alone = deflex.identify(runs=[(part, measured)], cell=cell)
+    for row in found.rows[:3]:
+        assert row.added == ["backlash"] and row.after_rms_mm < row.before_rms_mm
+        assert found.files[row.name] == {"cell.toml": alone.cell.to_toml().encode()}, "the bytes of one process"
