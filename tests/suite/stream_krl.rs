@@ -241,6 +241,22 @@ fn units_that_move_or_stand_give_the_same_in_chunks() {
     assert!(streamed(&moving, &own, &options, 600, 1).unwrap() == whole(&moving, &own, &options));
 }
 
+/// Frames as numbers in the program, as posts write them: nobody says what the tool weighs, and that is told once.
+#[test]
+fn a_tool_without_a_load_is_told_once_in_chunks_too() {
+    let text = program(&[Line::Cut; 200]);
+    let text = text.replace("$BASE=BASE_DATA[2]", "$BASE={X 1100,Y -150,Z 300,A 0,B 0,C 0}");
+    let text = text.replace("$TOOL=TOOL_DATA[3]", "$TOOL={X 10,Y -20,Z 200,A 0,B 0,C 0}");
+    let expected = whole(&text, &cell(), &Options::default());
+    assert!(expected.as_ref().is_ok_and(|came| came.3.iter().filter(|said| said.contains("no-load")).count() == 1));
+    for (chunk, threads) in [(600, 1), (600, 2), (1 << 20, 2)] {
+        assert!(
+            streamed(&text, &cell(), &Options::default(), chunk, threads).unwrap() == expected,
+            "{chunk} {threads}"
+        );
+    }
+}
+
 /// Whatever stands in the middle or behind: read whole, or the same in chunks.
 #[test]
 fn what_only_the_whole_tells_is_read_whole() {

@@ -8,7 +8,7 @@ use super::value::{EXTERNAL, Place, upper};
 use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::program::{Editable, ExternalAxes, Goal, Mark, Motion, Program, Role, Target, Tool, Wobj};
 use crate::robot::EXTERNAL_AXES;
-use crate::text::{Source, Span, number};
+use crate::text::{Diagnostic, Source, Span, number};
 use std::sync::Arc;
 
 /// Ends a program that is not there to its end.
@@ -72,6 +72,8 @@ pub(super) struct Reader {
     used: Axes,
     /// Those that all lines name.
     named: Axes,
+    /// What is said of the program and of none of its lines (a tool without a load).
+    said: Vec<Diagnostic>,
 }
 
 pub(super) type Axes = [bool; EXTERNAL_AXES];
@@ -115,9 +117,11 @@ impl Reader {
         }
         let (name, head, context) = (name.to_owned(), head.to_vec(), context.to_vec());
         let mut reader = Self { name, head, context, used: moving, ..Self::default() };
-        let mut program = reader.program(&[END]).filter(|_| routines == 1)?;
+        let first = reader.read(&[line, END]).filter(|_| routines == 1)?;
+        reader.said.clone_from(&first.diagnostics);
+        let mut program = reader.program(&[END]).filter(|_| reader.said.iter().all(|told| told.line == 0))?;
+        program.diagnostics.clone_from(&reader.said);
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
-        let first = reader.program(&[line, END])?;
         reader.used = std::array::from_fn(|axis| moving[axis] || used(&first)[axis]);
         let last = first.targets.last().and_then(|last| last.external.as_ref());
         reader.named = last.map_or([false; EXTERNAL_AXES], |last| last.written.map(|written| written.is_some()));
@@ -147,8 +151,14 @@ impl Reader {
         used(program).iter().zip(self.used).all(|(used, known)| known || !used)
     }
 
-    /// The program of head and these, where all of it is known and nobody has anything to say about it.
+    /// The program of head and these, where all of it is known and nothing else is said of it than of the whole.
     fn program(&self, parts: &[&[u8]]) -> Option<Program> {
+        let is_said = |told: &Diagnostic| self.said.contains(told);
+        self.read(parts).filter(|program| program.diagnostics.iter().all(is_said))
+    }
+
+    /// The program of head and these, where all of it is known.
+    fn read(&self, parts: &[&[u8]]) -> Option<Program> {
         let text = [&[&self.head[..]][..], parts].concat().concat();
         let mut program = super::read(vec![Source::new(self.name.clone(), text)], self.context.clone()).ok()?;
         for axes in program.targets.iter_mut().filter_map(|target| target.external.as_mut()) {
@@ -157,7 +167,7 @@ impl Reader {
                 *axes = Arc::new(ExternalAxes { at_rest, ..(**axes).clone() });
             }
         }
-        let known = program.kept.is_empty() && program.diagnostics.is_empty() && program.unknown_targets().is_empty();
+        let known = program.kept.is_empty() && program.unknown_targets().is_empty();
         Some(program).filter(|_| known)
     }
 
