@@ -28,15 +28,12 @@ fn table(rows: usize) -> Table {
 }
 
 fn found(program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
-    let cell = Cell::read(&source(&folder().join("cell.toml"))).unwrap();
-    identify(Input {
-        cell: &cell,
-        runs: vec![(program, table)],
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        progress: &|_| true,
-    })
+    found_by(&Cell::read(&source(&folder().join("cell.toml"))).unwrap(), program, table)
+}
+
+fn found_by(cell: &Cell, program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
+    let runs = vec![(program, table)];
+    identify(Input { cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &|_| true })
 }
 
 #[test]
@@ -110,14 +107,7 @@ fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_asked_f
         let mut cell = std::fs::read_to_string(folder().join("cell.toml")).unwrap();
         cell = cell.replace("force = \"table\"", "force = \"none\"");
         let cell = Cell::read(&Source::new("cell.toml", cell.into_bytes())).unwrap();
-        identify(Input {
-            cell: &cell,
-            runs: vec![(text(last), rows(shift))],
-            poses: vec![],
-            tool: None,
-            data_hash: "test",
-            progress: &|_| true,
-        })
+        found_by(&cell, text(last), rows(shift))
     };
     let once = found_on("200,300,0", 0.0).unwrap();
     // Nothing is off by more than the numbers above say, and nothing is named.
@@ -142,15 +132,7 @@ fn a_factor_of_the_force_is_named_from_planned_rows() {
     // One gauge reading among the points: its other axes are not measured.
     let [x, ..] = table.rows[0].position_mm.take().unwrap();
     table.rows[0].axes_mm = [Some(x), None, None];
-    let input = Input {
-        cell: &cell,
-        runs: vec![(program, table)],
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        progress: &|_| true,
-    };
-    let found = identify(input).unwrap();
+    let found = found_by(&cell, program, table).unwrap();
     let [added] = &found.added[..] else { panic!("{:?}", found.added) };
     assert_eq!(added.kind, "force_scale");
     assert!(added.posterior >= 0.9 && added.not_told_apart_from.is_empty(), "{added:?}");

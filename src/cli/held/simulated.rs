@@ -25,6 +25,7 @@ pub struct Simulated {
     /// What is left by the program before its correction, where there is one, and by the program, under their names.
     actual: Vec<(&'static str, Removal)>,
     maps: Vec<(&'static str, DeviationMap)>,
+    figures: Vec<(&'static str, MapFigures)>,
     /// What the command says besides.
     pub notes: Vec<Diagnostic>,
 }
@@ -73,8 +74,10 @@ impl Simulated {
         let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
         let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));
         let (name, cell) = (name.to_owned(), setup.cell.name.clone());
-        let mut simulated = Self { name, cell, programmed, nominal, actual, maps: Vec::new(), notes: Vec::new() };
+        let (maps, figures, notes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut simulated = Self { name, cell, programmed, nominal, actual, maps, figures, notes };
         simulated.maps = simulated.maps(1.0);
+        simulated.figures = simulated.maps.iter().map(|(name, map)| (*name, map.figures())).collect();
         Ok(simulated)
     }
 
@@ -85,10 +88,6 @@ impl Simulated {
         let blank = self.programmed.stock.blank();
         let map = |removal: &Removal| DeviationMap::new(mesh.clone(), intended, blank, &removal.stock);
         self.actual.iter().map(|(name, removal)| (*name, map(removal))).collect()
-    }
-
-    fn figures(&self) -> Vec<(&'static str, MapFigures)> {
-        self.maps.iter().map(|(name, map)| (*name, map.figures())).collect()
     }
 
     /// What the program leaves of the stock.
@@ -121,7 +120,7 @@ impl Simulated {
     pub fn page(&self) -> String {
         let triangles = self.maps.last().map_or(0, |(_, map)| map.programmed.triangles.len());
         let maps = self.maps((triangles as f64 / PAGE_TRIANGLES).sqrt().max(1.0));
-        simulation_page(&self.name, &self.cell, &maps, &self.figures())
+        simulation_page(&self.name, &self.cell, &maps, &self.figures)
     }
 
     /// What the command prints.
@@ -140,7 +139,7 @@ impl Simulated {
                 100.0 * f.leftover.share
             )
         };
-        self.figures().iter().map(line).collect()
+        self.figures.iter().map(line).collect()
     }
 
     /// What `--json` says of the program.
@@ -152,7 +151,7 @@ impl Simulated {
     }
 
     pub(in crate::cli) fn summary(&self) -> Value {
-        let figures = self.figures();
+        let figures = &self.figures;
         let of = |wanted: &str| figures.iter().find(|(name, _)| *name == wanted).map(|(_, figures)| *figures);
         let after = figures.last().map(|(_, figures)| *figures).unwrap_or_default();
         let mm3 = |volume: f64| 1e9 * volume;

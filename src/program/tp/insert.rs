@@ -7,7 +7,7 @@ use super::lines::{Line, numbers, sections};
 use super::motion::{Lasting, lasting};
 use super::position::{self, Body, Pose, Position};
 use super::renumber::{Shifts, counted, line_end, line_start, renumber};
-use super::rewrite::{DECIMALS, POSTURE, nearest, single};
+use super::written::{DECIMALS, POSTURE, nearest, single};
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
 use crate::program::{Conf, Editable, Insert, Motion, Program, RewriteOptions, Rewritten, Role, Target};

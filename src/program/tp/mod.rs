@@ -26,6 +26,7 @@ mod run;
 mod state;
 mod statement;
 mod targets;
+mod written;
 
 use super::language::FrontEnd;
 use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};

@@ -2,6 +2,7 @@
 
 use super::Layout;
 use super::position::{Body, Config as Written, Pose};
+use super::written::{DECIMALS, POSTURE, nearest, single};
 use super::{arcs, insert};
 use crate::program::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
 use crate::program::token::New;
@@ -9,15 +10,11 @@ use crate::program::{Change, Conf, Editable, Goal, Insert, Program, RewriteOptio
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
-/// Least decimals of X … R: as many as every controller prints, and reads (`docs/formats.md`).
-pub(super) const DECIMALS: usize = 3;
-
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 
 const SHARED: &str = "position used by motions whose corrections differ";
 const HALF_ARC: &str = "other point of an arc that is not edited";
-pub(super) const POSTURE: &str = "the correction would change the letters of CONFIG";
 
 /// New token texts of one position; `None` where a token stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -216,24 +213,8 @@ impl Writer<'_> {
     }
 }
 
-/// Of the angles of one orientation, those next to others: half a turn of the first and the last goes with the second counted
-/// from the other side.
-pub(super) fn nearest(wpr: [f64; 3], before: [f64; 3]) -> [f64; 3] {
-    let within = |angle: f64| angle - 360.0 * (angle / 360.0).round();
-    let [w, p, r] = wpr;
-    let other = [within(w + 180.0), within(180.0 - p), within(r + 180.0)];
-    let off = |angles: &[f64; 3]| (0..3).map(|i| within(angles[i] - before[i]).powi(2)).sum::<f64>();
-    if off(&other) < off(&wpr) { other } else { wpr }
-}
-
 /// Whether two unit quaternions are different orientations.
 fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
     let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
     !same(1.0) && !same(-1.0)
-}
-
-/// The controller's reals are IEEE singles.
-#[allow(clippy::cast_possible_truncation)]
-pub(super) fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }

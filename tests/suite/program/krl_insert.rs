@@ -91,7 +91,7 @@ fn where_a_line_between_would_be_wrong_none_is_written() {
     assert!(why.is_none() && out.contains("C 0.00000} C_DIS C_DIS\nLIN XP1 C_DIS C_DIS"), "{out}");
 }
 
-const CELL: &str = r#"
+pub(super) const CELL: &str = r#"
 [robot]
 model = "irb6660-205-1.9"
 start_deg = [0, 0, 0, 0, 30, 0]

@@ -2,6 +2,7 @@
 
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
+use super::krl_insert::CELL;
 use deflex::cell::Cell;
 use deflex::correct::{Options, Summary, compensate, predict};
 use deflex::program::{Conf, Config, Goal, Insert, Motion, Program, RewriteOptions, Role, rapid, tp};
@@ -284,26 +285,6 @@ proptest! {
     }
 }
 
-const CELL: &str = r#"
-[robot]
-model = "irb6660-205-1.9"
-start_deg = [0, 0, 0, 0, 30, 0]
-[robot.stiffness]
-joint_nm_per_rad = [1.0e6, 1.2e6, 9.0e5, 2.0e5, 2.2e5, 1.0e5]
-[tools."UT 1"]
-tcp_mm = [10.0, -20.0, 200.0]
-tcp_quat = [1.0, 0.0, 0.0, 0.0]
-mass_kg = 20.0
-cog_mm = [90.0, 0.0, 60.0]
-[wobjs."UF 1"]
-uframe_mm = [1100.0, -150.0, 300.0]
-uframe_quat = [1.0, 0.0, 0.0, 0.0]
-[cut]
-force = "constant"
-force_n = [310.0, -120.0, 260.0]
-frame = "feed"
-"#;
-
 fn cell(text: &str) -> Cell {
     Cell::read(&Source::new("cell.toml", text)).unwrap()
 }
@@ -327,8 +308,9 @@ fn both() -> [(Program, Cell); 2] {
     let _ = write!(statements, "C P[{via}]    |  P[{end}] 50mm/sec FINE");
     let module = format!("MODULE M\nPROC main()\n{moves}ENDPROC\nENDMODULE\n");
     let rapid = rapid::read(vec![Source::new("m.mod", module)], Vec::new()).unwrap();
-    let rapid_cell = cell(&CELL.replace("\"UT 1\"", "tMill").replace("\"UF 1\"", "wPart"));
-    [(read(&program(&statements, &positions)), cell(CELL)), (rapid, rapid_cell)]
+    let rapid_cell = cell(&CELL.replace("\"TOOL_DATA[1]\"", "tMill").replace("\"BASE_DATA[1]\"", "wPart"));
+    let tp_cell = cell(&CELL.replace("TOOL_DATA[1]", "UT 1").replace("BASE_DATA[1]", "UF 1"));
+    [(read(&program(&statements, &positions)), tp_cell), (rapid, rapid_cell)]
 }
 
 #[test]
