@@ -5,7 +5,7 @@ shopt -s globstar nullglob
 PATH="${RUNNER_TEMP:-/nowhere}/deflex/bin:$PATH"
 
 # Wildcards and words are the caller's to write: they are split here, and nothing of them is run.
-# shellcheck disable=SC2206
+# shellcheck disable=SC2153,SC2206
 programs=($PROGRAMS)
 # shellcheck disable=SC2206
 arguments=(${ARGUMENTS:-})

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Packs a release binary as a Debian package, unpacks it and runs what is in it, then packs the crate without publishing it:
-#   release/try.sh target/release/deflex     (cargo install cargo-deb; the workflow is linted where actionlint is there)
+#   release/try.sh target/release/deflex     (cargo install cargo-deb)
 set -eu
 cd "$(dirname "$0")/.."
 binary=$1
@@ -21,5 +21,4 @@ for file in man/man1/deflex-compensate.1.gz bash-completion/completions/deflex z
   test -s "$folder/root/usr/share/$file" || { echo "the package has no $file" >&2; exit 1; }
 done
 
-if command -v actionlint >/dev/null; then actionlint .github/workflows/*.yml; else echo "no actionlint: the workflow is not linted" >&2; fi
 cargo publish --dry-run --allow-dirty -p deflex

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -85,6 +86,20 @@ def test_an_identification_tells_its_stages_and_is_called_off():
     assert len(stopped) == 1 and 0 < stopped[0] < 1000
 
 
+def interrupted(run: Callable[[], object]) -> float:
+    """Seconds from a Ctrl-C soon after the start to the KeyboardInterrupt."""
+    sent = []
+
+    def interrupt() -> None:
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Timer(0.15, interrupt).start()
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    return time.monotonic() - sent[0]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the Unix way")
 def test_ctrl_c_stops_soon(long_program, steep_cell, tmp_path):
     longer = tmp_path / "longer.mod"
@@ -92,17 +107,16 @@ def test_ctrl_c_stops_soon(long_program, steep_cell, tmp_path):
     first = text.index("MoveL")
     body, tail = text[first:].rsplit("ENDPROC", 1)[0], text[text.rindex("ENDPROC") :]
     longer.write_text(text[:first] + body * 30 + "\n  " + tail)
-    sent = []
-
-    def interrupt() -> None:
-        sent.append(time.monotonic())
-        os.kill(os.getpid(), signal.SIGINT)
-
     # The run takes a second or more on two cores.
-    threading.Timer(0.15, interrupt).start()
-    with pytest.raises(KeyboardInterrupt):
-        deflex.compensate(longer, steep_cell)
-    assert time.monotonic() - sent[0] < 1.0
+    assert interrupted(lambda: deflex.compensate(longer, steep_cell)) < 1.0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent the Unix way")
+def test_ctrl_c_stops_an_identification():
+    folder = "samples/closed-loop"
+    run = {"runs": [(f"{folder}/part.mod", f"{folder}/measured.csv")], "cell": f"{folder}/cell.toml"}
+    assert interrupted(lambda: deflex.identify(**run)) < 1.0
+    assert deflex.identify(**run).added
 
 
 def test_other_threads_run_meanwhile(long_program):
