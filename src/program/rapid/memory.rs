@@ -29,6 +29,7 @@ pub(super) struct Left {
 impl Runner<'_> {
     /// Changes a variable.
     pub(super) fn set(&mut self, at: usize, value: Value) {
+        self.assigns(at);
         (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
         let variable = &mut self.symbols.variables[at];
         variable.foreign = false;

@@ -16,6 +16,7 @@ mod changes;
 mod chunk;
 mod chunks;
 mod clone;
+mod cycle;
 mod data;
 mod declared;
 mod dialect;

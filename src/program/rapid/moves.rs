@@ -62,10 +62,12 @@ impl<'a> Runner<'a> {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
                     self.hold_where_it_stands();
                 }
+                self.displaces();
                 self.state.displacement = Switch::On;
                 self.state.lose(self.others_switch());
             }
             Instruction::DisplacementOff => {
+                self.displaces();
                 self.state.displacement = Switch::Off;
                 self.state.lose(self.others_switch());
             }

@@ -1,6 +1,7 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
 use super::again::Gathering;
+use super::cycle::Begun;
 use super::eval::{BROKEN_AGGREGATE, NOT_A_NUMBER, Scope};
 use super::literal::Literal;
 use super::memory::{Layer, Left};
@@ -160,6 +161,7 @@ pub(super) struct Runner<'a> {
     /// Motions without a target, by reason.
     pub(super) unknown: Vec<(&'static str, usize)>,
     pub(super) arcs: usize,
+    pub(super) begun: Begun,
 }
 
 impl<'a> Runner<'a> {
@@ -229,6 +231,7 @@ impl<'a> Runner<'a> {
             motions: 0,
             unknown: Vec::new(),
             arcs: 0,
+            begun: Begun::default(),
         };
         for (source, file) in files.iter().enumerate().take(written) {
             for &(span, reason) in &file.odd {
@@ -260,7 +263,11 @@ impl<'a> Runner<'a> {
     pub(super) fn follow(&mut self) -> Vec<RoutineId> {
         let procs = self.procedures();
         let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
+        self.begin_cycle();
         self.enter_all(main.as_slice());
+        if let Some(main) = main {
+            self.tell_next_cycle(main);
+        }
         if self.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             self.enter_all(&others);

@@ -46,3 +46,25 @@ fn a_plunge_is_told_where_the_force_follows_the_feed() {
     let level = "MoveL [[0,0,0] @MoveL [[50,0,0] @";
     assert!(!said(level, &feed).contains(&"cut.plunge"));
 }
+
+#[test]
+fn what_the_next_cycle_finds_otherwise_is_told() {
+    let frame = "PERS wobjdata wOwn:=[FALSE,TRUE,\"\",[[900,0,500],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n";
+    let said = |body: &str| {
+        let text = format!("MODULE M\n{frame}PROC main()\n{body}ENDPROC\nENDMODULE\n").replace(" @", AT);
+        let program = rapid::read(vec![Source::new("m.mod", text.replace("=wCell", "=wOwn"))], Vec::new()).unwrap();
+        program.diagnostics.iter().filter(|told| told.code == "rapid.next-cycle").count()
+    };
+    let (moves, shifts, on, off) =
+        ("MoveL [[0,0,0] @", "wOwn.oframe.trans.z:=2;\n", "PDispSet [[0,0,5],[1,0,0,0]];\n", "PDispOff;\n");
+    assert_eq!(said(&[moves, moves].concat()), 0);
+    assert_eq!(said(&[moves, shifts, moves].concat()), 1, "the first motion is elsewhere in the next cycle");
+    assert_eq!(said(&[shifts, moves].concat()), 0, "what every cycle sets first");
+    assert_eq!(said(&["wOwn.oframe.trans.z:=0;\n", moves, shifts, moves].concat()), 0);
+    let back = "wOwn.oframe.trans.z:=0;\n";
+    assert_eq!(said(&[moves, shifts, moves, back].concat()), 0, "what is set back");
+    assert_eq!(said(&[moves, "IF TestDI(di1) THEN\n", shifts, "ENDIF\n"].concat()), 1, "in some runs");
+    assert_eq!(said(&[moves, on, moves].concat()), 1);
+    assert_eq!(said(&[on, moves].concat()), 0);
+    assert_eq!(said(&[moves, on, moves, off].concat()), 0);
+}
