@@ -220,6 +220,7 @@ impl<'a> Runner<'a> {
             }
             b"SBASE" => self.table(b"BASE_DATA", &value),
             b"SLOAD" => self.table(b"LOAD_DATA", &value),
+            b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
             b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
             _ => value,
         }
@@ -348,7 +349,9 @@ impl<'a> Runner<'a> {
             b"CP_PARAMS" => {
                 self.frames_of_act();
                 self.set_speed(number);
+                self.orientation_of_act();
             }
+            b"CP_DAT" => self.orientation_of_act(),
             b"INITMOV" => {
                 // What was in force before stays only where it was nothing but that.
                 let names = [
@@ -365,6 +368,7 @@ impl<'a> Runner<'a> {
                 let position = Value::unknown("the position before is counted in another frame");
                 self.state.values.insert(self.symbols.position, position);
                 self.set_speed(Value::unknown(RUN_TIME));
+                self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
             }
             known if names::HARMLESS_COMMANDS.contains(&known) => {}
             _ => self.frames_unknown(),
@@ -373,7 +377,8 @@ impl<'a> Runner<'a> {
 
     fn frames_unknown(&mut self) {
         let symbols = &self.symbols;
-        let ids = [symbols.base, symbols.tool, symbols.load, symbols.speed, symbols.mode, symbols.position];
+        let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
+        let ids = [base, tool, load, speed, symbols.mode, symbols.orientation, symbols.position];
         self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
     }
 
@@ -406,6 +411,20 @@ impl<'a> Runner<'a> {
         self.set_tool(&tool);
         self.set_base(&base);
         self.state.values.insert(self.symbols.mode, mode);
+    }
+
+    /// `LDAT_ACT={… ORI_TYP #VAR}` comes into force; the controller's own, where the program sets none, says #VAR, and a BAS that
+    /// reads what the record does not have stops.
+    fn orientation_of_act(&mut self) {
+        let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
+        let act = self.value(id);
+        let kind = match act {
+            Value::Record(_) => act.component(b"ORI_TYP").cloned(),
+            _ => self.state.values.contains_key(&id).then(|| Value::unknown(RUN_TIME)),
+        };
+        if let Some(kind) = kind {
+            self.state.values.insert(self.symbols.orientation, kind);
+        }
     }
 
     /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
@@ -514,6 +533,7 @@ impl<'a> Runner<'a> {
             symbols.load,
             symbols.speed,
             symbols.mode,
+            symbols.orientation,
         ] {
             match before.values.get(&id) {
                 Some(value) => self.state.values.insert(id, value.clone()),

@@ -137,9 +137,12 @@ impl<'a> Runner<'a> {
                 let (base, tool) = (&command[..] != b"TOOL", &command[..] != b"BASE");
                 if &command[..] == b"VEL_CP" {
                     changes.ids.insert(self.symbols.speed);
+                } else if &command[..] == b"CP_DAT" {
+                    changes.ids.insert(self.symbols.orientation);
                 } else if !names::HARMLESS_COMMANDS.contains(&&command[..]) {
                     self.frames_change(changes, base, tool);
-                    changes.ids.extend([self.symbols.load, self.symbols.speed, self.symbols.mode]);
+                    let [load, speed] = [self.symbols.load, self.symbols.speed];
+                    changes.ids.extend([load, speed, self.symbols.mode, self.symbols.orientation]);
                 }
                 continue;
             }
@@ -299,7 +302,7 @@ impl<'a> Runner<'a> {
 
 /// Functions that name a table's frame or a speed.
 pub(super) fn is_frame_function(name: &[u8]) -> bool {
-    matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SVEL_CP")
+    matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SORI_TYP" | b"SVEL_CP")
 }
 
 /// Whether a statement is one of those that are known, by how it begins.

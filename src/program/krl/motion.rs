@@ -146,7 +146,8 @@ impl<'a> Runner<'a> {
         // First of all: what it takes from the motion before stays there.
         let to = self.position(end);
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
-        let to = to?;
+        let mut to = to?;
+        let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
         let (mark, mark_known) = self.mark();
         #[allow(clippy::cast_possible_truncation)]
         let source = self.here() as u16;
@@ -164,12 +165,13 @@ impl<'a> Runner<'a> {
             }
             _ => (None, true),
         };
-        let unlocated = self.unlocated(&to);
+        let unlocated = self.unlocated(&to).or(turns.err());
         let editable = match unlocated {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No("air or cut is known only at run time"),
             None if self.is_beside() => Editable::No(BESIDE),
             None if posture => Editable::No("joint motion of which status or turn is not known"),
+            None if turns == Ok(false) => Editable::Position,
             None => Editable::Pose,
         };
         let target = Target {
@@ -196,7 +198,14 @@ impl<'a> Runner<'a> {
         if let Some(via) = via {
             self.via(via, &to, &target)?;
         }
-        let numbers = to.numbers.iter().zip(to.places).map(|(v, place)| Value::Number(*v, place));
+        if turns != Ok(true) {
+            // Whoever turns there would turn this one too.
+            self.pinned.extend(to.places[3..].iter_mut().filter_map(Option::take));
+        }
+        let numbers = to.numbers.iter().zip(to.places).enumerate().map(|(i, (v, place))| match turns {
+            Err(why) if i >= 3 => Value::unknown(why),
+            _ => Value::Number(*v, place),
+        });
         self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
         let named = EXTERNAL.iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
         let all = POSE.iter().zip(numbers).chain(named);
@@ -301,6 +310,24 @@ impl<'a> Runner<'a> {
             Value::Constant(mode) if &mode[..] == b"BASE" => None,
             Value::Constant(_) => Some("the robot holds the part ($IPO_MODE is #TCP)"),
             _ => Some("$IPO_MODE known only at run time"),
+        }
+    }
+
+    /// Whether a path motion turns to the orientation at its end (`$ORI_TYPE`): with `#CONSTANT` the controller disregards it,
+    /// which is all the same where it is that of the start. KUKA System Software, *Operating and Programming Instructions for
+    /// System Integrators*, orientation control of LIN and CIRC.
+    fn turns(&self, to: &Position) -> Result<bool, &'static str> {
+        let kind = match self.value(self.symbols.orientation) {
+            Value::Constant(kind) if !self.volatile.contains(&self.symbols.orientation) => kind,
+            _ => return Err("$ORI_TYPE known only at run time"),
+        };
+        let before =
+            Some(self.value(self.symbols.position)).filter(|_| !self.volatile.contains(&self.symbols.position));
+        let before = before.and_then(|before| before.numbers([b"A", b"B", b"C"]));
+        match &kind[..] {
+            b"VAR" | b"JOINT" => Ok(true),
+            b"CONSTANT" if before.is_some_and(|before| before[..] == to.numbers[3..]) => Ok(false),
+            _ => Err("the programmed orientation is disregarded ($ORI_TYPE)"),
         }
     }
 

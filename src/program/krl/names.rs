@@ -45,7 +45,7 @@ pub(super) const HARMLESS_STATEMENTS: [&[u8]; 14] = [
 ];
 
 /// Functions and procedures of the system that change no data but what they are given, and move nothing.
-pub(super) const HARMLESS_ROUTINES: [&[u8]; 60] = [
+pub(super) const HARMLESS_ROUTINES: [&[u8]; 59] = [
     b"ABS",
     b"ACOS",
     b"ASIN",
@@ -103,24 +103,14 @@ pub(super) const HARMLESS_ROUTINES: [&[u8]; 60] = [
     b"SAPO_PTP",
     b"SGEAR_JERK",
     b"SJERK",
-    b"SORI_TYP",
     b"SACC_JOINT",
     b"USE_CM_PRO_VALUES",
 ];
 
 /// System data that keep what they are assigned; all others change by themselves.
-pub(super) const SETTLED: [&[u8]; 7] = [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$NULLFRAME", b"$WORLD"];
+pub(super) const SETTLED: [&[u8]; 8] =
+    [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
 /// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
-pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
-    b"VEL_PTP",
-    b"ACC_PTP",
-    b"ACC_CP",
-    b"ACC_GLUE",
-    b"VEL_GLUE",
-    b"PTP_DAT",
-    b"CP_DAT",
-    b"OUT_SYNC",
-    b"OUT_ASYNC",
-    b"OV_PRO",
-];
+pub(super) const HARMLESS_COMMANDS: [&[u8]; 9] =
+    [b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"OV_PRO"];

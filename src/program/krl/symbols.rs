@@ -35,6 +35,8 @@ pub(super) struct Symbols<'a> {
     pub(super) load: Id,
     pub(super) speed: Id,
     pub(super) mode: Id,
+    /// `$ORI_TYPE`.
+    pub(super) orientation: Id,
     /// Names of base and tool, as they were assigned.
     pub(super) base_name: Id,
     pub(super) tool_name: Id,
@@ -75,6 +77,7 @@ impl<'a> Symbols<'a> {
             load: 0,
             speed: 0,
             mode: 0,
+            orientation: 0,
             base_name: 0,
             tool_name: 0,
             position: 0,
@@ -99,6 +102,7 @@ impl<'a> Symbols<'a> {
         symbols.load = symbols.global(b"$LOAD", Value::unknown(NO_VALUE));
         symbols.speed = symbols.global(b"$VEL", Value::unknown(NO_VALUE));
         symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
+        symbols.orientation = symbols.global(b"$ORI_TYPE", Value::Constant(upper(b"VAR")));
         for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
             symbols.global(world, pose_record([0.0; 6]));
         }
@@ -196,9 +200,21 @@ impl<'a> Symbols<'a> {
     }
 
     /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 10] {
-        let [base, tool] = [self.base_name, self.tool_name];
-        [self.base, self.tool, self.load, self.speed, self.mode, base, tool, self.position, self.stands, self.mark]
+    pub(super) fn own_state(&self) -> [Id; 11] {
+        let [base, tool, turns] = [self.base_name, self.tool_name, self.orientation];
+        [
+            self.base,
+            self.tool,
+            self.load,
+            self.speed,
+            self.mode,
+            turns,
+            base,
+            tool,
+            self.position,
+            self.stands,
+            self.mark,
+        ]
     }
 
     /// Whether an element that nothing sets is the controller's own.

@@ -203,6 +203,57 @@ fn spline_forms_name_their_frames() {
     assert_eq!((p.targets[0].feed_mm_s, p.targets[0].editable), (Some(500.0), Editable::Pose));
 }
 
+/// Whether each target's whole pose may be edited, its position alone, or nothing.
+fn editable(program: &Program) -> Vec<char> {
+    let letter = |target: &crate::program::Target| match target.editable {
+        Editable::Pose => 'P',
+        Editable::Position => 'p',
+        Editable::No(_) => '-',
+    };
+    program.targets.iter().map(letter).collect()
+}
+
+#[test]
+fn an_orientation_that_the_controller_disregards_is_not_edited() {
+    let to = |x: f64, a: f64| format!("{{X {x:.1},Y 2.0,Z 3.0,A {a:.1},B 0.0,C 0.0}}");
+    let lines = format!("LIN {}\nLIN {}\nLIN {}\n", to(1.0, 0.0), to(2.0, 0.0), to(3.0, 5.0));
+    let held = program(&format!("PTP {}\n$ORI_TYPE=#CONSTANT\n{lines}LIN {}", to(0.0, 0.0), to(4.0, 5.0)));
+    assert_eq!(editable(&held), ['P', 'p', 'p', '-', '-'], "the robot still stands as before the first");
+    assert!(!held.targets[3].located && held.kept[0].reason == "the programmed orientation is disregarded ($ORI_TYPE)");
+    let edited = &moved(&held, 0.5)[0];
+    assert!(edited.contains("LIN {X 1.500,Y 2.500,Z 3.500,A 0.0,B 0.0,C 0.0}"), "{edited}");
+    assert_eq!(editable(&program(&format!("$ORI_TYPE=#CONSTANT\n{lines}"))), ['-'; 3], "nobody knows how it begins");
+    assert_eq!(editable(&program(&format!("$ORI_TYPE=#JOINT\n{lines}"))), ['P'; 3]);
+    assert_eq!(
+        editable(&program(&format!(
+            "$ORI_TYPE=#CONSTANT\nBAS(#INITMOV,0)\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{lines}"
+        ))),
+        ['P'; 3]
+    );
+    assert_eq!(editable(&program(&format!("IF $IN[1] THEN\n$ORI_TYPE=#CONSTANT\nENDIF\n{lines}"))), ['-'; 3]);
+    let with = format!("SLIN {} WITH $ORI_TYPE=#CONSTANT\nSLIN {}", to(1.0, 9.0), to(2.0, 0.0));
+    assert_eq!(editable(&program(&with)), ['-', 'P'], "for one motion");
+}
+
+#[test]
+fn the_orientation_of_inline_forms_is_that_of_their_data() {
+    let src = "DEF a()\nFDAT_ACT=FP1\nLDAT_ACT=LCPDAT1\nBAS(#CP_PARAMS,0.1)\nLIN XP1\nEND\n";
+    let kinds = |kind: &str| {
+        let point = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+        let dat = format!(
+            "DEFDAT a\nDECL E6POS XP1={point}\nDECL FDAT FP1={{TOOL_NO 1,BASE_NO 4,IPO_FRAME #BASE}}\nDECL LDAT LCPDAT1={{VEL 2.0,ACC 100.0,APO_DIST 100.0,APO_FAC 50.0{kind}}}\nENDDAT\n"
+        );
+        editable(&program_of(&[("a.src", src), ("a.dat", &dat)], &[]))
+    };
+    assert_eq!(kinds(",ORI_TYP #VAR"), ['P']);
+    assert_eq!(kinds(",ORI_TYP #CONSTANT"), ['-']);
+    assert_eq!(kinds(""), ['P'], "a controller whose BAS reads it stops");
+    assert_eq!(
+        editable(&program("XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nLDAT_ACT=LOTHER\nBAS(#CP_DAT)\nLIN XP1")),
+        ['-']
+    );
+}
+
 #[test]
 fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
