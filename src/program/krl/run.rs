@@ -546,12 +546,25 @@ impl<'a> Runner<'a> {
         self.diagnostics.push(warning.severity(Severity::Warning).help("give the file that has it with --context"));
     }
 
+    /// Once: no name of a program has a blank.
+    fn tell_curve(&mut self, span: Span) {
+        if self.told.insert(upper(b" SPL")) {
+            let source = &self.symbols.sources[self.here()];
+            let message = "the curve that joins SPL points is taken for straight lines: figures at the points hold, those on the way as far as the curve keeps to the lines";
+            let note = Diagnostic::error("krl.spline", &source.name, message).at(source, span);
+            self.diagnostics.push(note.severity(Severity::Note).help("put SPL points close together, or use SLIN"));
+        }
+    }
+
     fn simple(&mut self, span: Span) -> Flow {
         let mut cursor = self.cursor(span);
         let first = cursor.peek();
         let word = upper(cursor.text(first));
         if let Some(motion) = names::motion(&word) {
             cursor.next();
+            if &word[..] == b"SPL" {
+                self.tell_curve(first.span());
+            }
             self.motion(motion, cursor, span);
         } else if let Some(reason) = names::relative(&word) {
             self.relative(cursor, span, reason);

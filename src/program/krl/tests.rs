@@ -126,6 +126,7 @@ fn arcs_have_a_via_and_splines_their_points() {
     assert_eq!(p.targets[1].role, Role::Via);
     assert_eq!((p.targets[2].motion, p.arcs, p.targets.len()), (Motion::Circular, 2, 4));
     assert_eq!(p.targets[3].feed_mm_s, Some(500.0));
+    assert_eq!(p.diagnostics.iter().filter(|told| told.code == "krl.spline").count(), 1);
     assert_eq!(reasons(&p), ["circle with an angle"]);
     assert_eq!(moved(&p, 0.5)[0].matches(".500").count(), 12);
 }
