@@ -75,7 +75,7 @@ pub(super) enum Frame {
 }
 
 /// Words that a statement begins with which does nothing to motion, upper case.
-const PLAIN: [&str; 22] = [
+const PLAIN: [&str; 23] = [
     "WAIT",
     "WARTE",
     "MESSAGE",
@@ -91,6 +91,7 @@ const PLAIN: [&str; 22] = [
     "SKIP",
     "OFFSET",
     "TOOL_OFFSET",
+    "VOFFSET",
     "LOCK",
     "UNLOCK",
     "ACC",
@@ -101,9 +102,9 @@ const PLAIN: [&str; 22] = [
 ];
 
 /// Data that a statement sets without doing anything to motion: an index follows.
-const DATA: [&str; 20] = [
-    "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "PR", "PL", "AR", "DI", "A", "E", "TIMER",
-    "VR",
+const DATA: [&str; 21] = [
+    "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "PR", "P", "PL", "AR", "DI", "A", "E",
+    "TIMER", "VR",
 ];
 
 /// The statement.
