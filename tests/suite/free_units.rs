@@ -270,3 +270,23 @@ fn what_cannot_be_free_is_refused() {
     assert!(refused(&format!("{}{}{third}", free(TRACK), free(TABLE))).contains("besides 2 others"));
     assert!(refused(&format!("{TRACK}max_speed = 0.0\n")).contains("max_speed"));
 }
+
+#[test]
+fn a_gain_is_told_of_targets_that_both_turns_reach() {
+    let mut seen = [false; 3];
+    for turn in (0..360).step_by(60) {
+        let cell = cell(&format!("spin = \"stiffest\"\nspin_deg = {turn}\n"), FIXED);
+        let corrected = compensate(&path(&cell), &cell, &Options::default()).unwrap();
+        let said = note(&corrected);
+        assert!(!said.contains("-0.0") && !said.contains("NaN"), "{said}");
+        let unreached =
+            |n: &usize| said.ends_with(&format!("; with `spin_deg` throughout {n} targets are not reached"));
+        let unreached = (1..=TARGETS).find(unreached).unwrap_or(0);
+        let reached = TARGETS - unreached;
+        assert_eq!(said.contains(", "), reached > 0, "{said}");
+        let on = format!("with the chosen one on the {reached} that both reach");
+        assert_eq!(said.contains(&on), unreached > 0 && reached > 0, "{said}");
+        seen[usize::from(unreached > 0) + usize::from(reached == 0)] = true;
+    }
+    assert!(seen[0] && (seen[1] || seen[2]), "{seen:?}");
+}

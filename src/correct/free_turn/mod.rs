@@ -172,13 +172,12 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
     let reached = |i: &usize| path.unreached.binary_search(i).is_err();
     let all: Vec<usize> = (0..chosen.len()).filter(cuts).collect();
     let both: Vec<usize> = all.iter().copied().filter(reached).collect();
-    let rms_mm = |point: &dyn Fn(&usize) -> Point| {
+    let rms_mm = |some: &[usize], point: &dyn Fn(&usize) -> Point| {
         let squares = |some: &[usize]| path.squared_errors(some, some.iter().map(point).collect());
-        let sum: f64 = both.chunks(TOGETHER).flat_map(squares).sum();
-        1e3 * (sum / both.len().max(1) as f64).sqrt()
+        let sum: f64 = some.chunks(TOGETHER).flat_map(squares).sum();
+        1e3 * (sum / some.len() as f64).sqrt()
     };
-    let before = rms_mm(&|i| path.sites[*i].point());
-    let after = rms_mm(&|i| path.chosen_point(*i, &chosen[*i]));
+    let chosen_point = |i: &usize| path.chosen_point(*i, &chosen[*i]);
     let written = match path.language {
         Language::Cl => "`spin_deg` throughout",
         Language::Rapid | Language::Krl | Language::Ls => "the turn as written",
@@ -191,10 +190,18 @@ fn gain(path: &Path<'_>, chosen: &[Chosen]) -> String {
             units += &format!("; unit `{}` is sent from {least} to {most}", axis.name);
         }
     }
-    let mut message = format!(
-        "the turn about the tool axis is chosen at {} targets: predicted error rms {before:.4} mm with {written}, {after:.4} mm with the chosen one{units}",
-        chosen.iter().filter(|chosen| chosen.turn.is_some()).count(),
-    );
+    let turned = chosen.iter().filter(|chosen| chosen.turn.is_some()).count();
+    let mut message = format!("the turn about the tool axis is chosen at {turned} targets");
+    // Errors are compared where there are both.
+    if !both.is_empty() {
+        let (before, after) = (rms_mm(&both, &|i| path.sites[*i].point()), rms_mm(&both, &chosen_point));
+        let on = if both.len() < all.len() { format!(" on the {} that both reach", both.len()) } else { String::new() };
+        message +=
+            &format!(": predicted error rms {before:.4} mm with {written}, {after:.4} mm with the chosen one{on}");
+    } else if !all.is_empty() {
+        message += &format!(": predicted error rms {:.4} mm", rms_mm(&all, &chosen_point));
+    }
+    message += &units;
     if !path.unreached.is_empty() {
         message += &format!("; with {written} {} targets are not reached", path.unreached.len());
     }
