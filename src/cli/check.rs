@@ -3,11 +3,11 @@
 use super::against::Originals;
 use super::args::{Check, CheckFormat, Form};
 use super::files::both;
-use super::foresee::{self, Batch, Foreseen, Question};
 use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
+use super::predicted::{self, Batch, Predicted, Question};
 use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
@@ -132,8 +132,8 @@ fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<C
     let origins = if named { job.origins()? } else { Vec::new() };
     job.marked()?;
     let question = Question { corrects: corrects(args), findings: &findings };
-    let mut checked = match foresee::streamed(batch, &job, bar, Some(question))? {
-        Some(foreseen) => streamed(batch, &job.name, foreseen),
+    let mut checked = match predicted::streamed(batch, &job, bar, Some(question))? {
+        Some(predicted) => streamed(batch, &job.name, predicted),
         None => whole(args, batch, job),
     }?;
     if let Some((summary, _)) = &mut checked.path {
@@ -149,8 +149,8 @@ fn corrects(args: &Check) -> bool {
 }
 
 /// A program that went through a chunk at a time.
-fn streamed(batch: &Batch<'_>, name: &str, foreseen: Foreseen) -> Result<Checked, Vec<Diagnostic>> {
-    let Foreseen { streamed, findings, outputs, rows, path } = foreseen;
+fn streamed(batch: &Batch<'_>, name: &str, predicted: Predicted) -> Result<Checked, Vec<Diagnostic>> {
+    let Predicted { streamed, findings, outputs, rows, path } = predicted;
     let (found, sum) = if streamed.refused.is_empty() {
         (findings.into_parts(), streamed.summary)
     } else {

@@ -4,11 +4,11 @@ use super::Outcome;
 use super::against::Originals;
 use super::args::Predict;
 use super::files::both;
-use super::foresee::{self, Batch};
 use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, one_thing};
 use super::piped::{Piped, jobs};
+use super::predicted::{self, Batch};
 use super::report::Noticed;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
@@ -41,8 +41,8 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
         let origins = job.origins_for(&args.reports)?;
-        let done = match foresee::streamed(&batch, &job, bar, None)? {
-            Some(foreseen) => Done::streamed(&job.name, foreseen)?,
+        let done = match predicted::streamed(&batch, &job, bar, None)? {
+            Some(predicted) => Done::streamed(&job.name, predicted)?,
             None => whole(&batch, job)?,
         };
         Ok(done.made_from(origins))

@@ -3,9 +3,9 @@
 
 use super::args::Reports;
 use super::files::parted;
-use super::foresee::Foreseen;
 use super::job::Job;
 use super::output::Outputs;
+use super::predicted::Predicted;
 use super::report::{self, Noticed, Rows};
 use super::setup::Setup;
 use super::{Answer, Outcome, message, progress};
@@ -63,8 +63,8 @@ impl Done {
     }
 
     /// A program that was predicted a chunk at a time.
-    pub(super) fn streamed(name: &str, foreseen: Foreseen) -> Result<Self, Vec<Diagnostic>> {
-        let Foreseen { streamed, outputs, rows, path, .. } = foreseen;
+    pub(super) fn streamed(name: &str, predicted: Predicted) -> Result<Self, Vec<Diagnostic>> {
+        let Predicted { streamed, outputs, rows, path, .. } = predicted;
         if !streamed.failures.is_empty() {
             return Err(streamed.failures);
         }

@@ -256,15 +256,15 @@ impl<'a> Subdivided<'a> {
 /// Moves inserted targets to the place of the path nearest to where the tool lands; whether any has moved.
 fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
     let solver = Solver::new(arm, batch, Parallelism::Threads);
-    let landed = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+    let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
     let (mut moved, mut least, mut way) = (false, 0.0, None);
-    for (k, landed) in landed.iter().enumerate() {
+    for (k, predicted) in predicted.iter().enumerate() {
         let inserted = &mut inserted[k];
         if way.replace(inserted.before) != Some(inserted.before) {
             least = 0.0;
         }
-        let (Some(segment), Ok(landed)) = (&segments[inserted.before], landed) else { continue };
-        let place = batch.points[k].reference.translation.vector + landed.shift;
+        let (Some(segment), Ok(predicted)) = (&segments[inserted.before], predicted) else { continue };
+        let place = batch.points[k].reference.translation.vector + predicted.shift;
         let share = segment.track.nearest(&place).max(least);
         moved |= (share - inserted.share).abs() * segment.track.length() > SETTLED;
         (inserted.share, least) = (share, share);
@@ -350,13 +350,14 @@ impl Fit for Places<'_> {
             };
             let batch = self.original.1.with_points(pairs.iter().map(point).collect());
             let solver = Solver::new(self.arm, &batch, Parallelism::Threads);
-            let landed = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
-            let cost = |(&(corrected, original), landed): (&(usize, usize), Result<PredictedPose, _>)| match landed {
-                _ if self.is_unchanged(corrected, original) => 0.0,
-                Ok(landed) => landed.shift.norm_squared(),
-                Err(_) => self.most * self.most,
-            };
-            out.extend(pairs.iter().zip(landed).map(cost));
+            let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+            let cost =
+                |(&(corrected, original), predicted): (&(usize, usize), Result<PredictedPose, _>)| match predicted {
+                    _ if self.is_unchanged(corrected, original) => 0.0,
+                    Ok(predicted) => predicted.shift.norm_squared(),
+                    Err(_) => self.most * self.most,
+                };
+            out.extend(pairs.iter().zip(predicted).map(cost));
         }
         out
     }

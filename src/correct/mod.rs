@@ -89,7 +89,7 @@ pub enum Correct {
     /// Position and orientation.
     #[default]
     Pose,
-    /// Position only: orientation tokens stay, and the TCP is landed all the same.
+    /// Position only: orientation tokens stay, and the TCP is brought to its place all the same.
     Position,
 }
 

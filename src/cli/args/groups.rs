@@ -20,7 +20,7 @@ pub(in crate::cli) enum Corrected {
     /// Position and orientation
     #[default]
     Pose,
-    /// Position only: orientation tokens stay, and the TCP is landed all the same
+    /// Position only: orientation tokens stay, and the TCP is brought to its place all the same
     Position,
 }
 

@@ -21,7 +21,7 @@ const SHARED: &str = "point used by motions whose corrections differ";
 
 /// What one motion wants of its six tokens; `None` where one stays.
 #[derive(Clone, Debug, Default)]
-struct Wish {
+struct NewTokens {
     tokens: [Option<Token>; 6],
     values: [Option<f64>; 6],
 }
@@ -36,18 +36,18 @@ impl FrontEnd for Layout {
     ) -> Rewritten {
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
-        let wished = |i: usize| wish(program, &self.sites[i], i, changes[i].as_ref());
+        let tokens_of = |i: usize| new_tokens_of(program, &self.sites[i], i, changes[i].as_ref());
         // Where no number is used twice, nobody has to agree with anybody.
-        let wishes: Vec<Wish> = if apart { Vec::new() } else { (0..changes.len()).map(wished).collect() };
-        let frozen = self.frozen(program, &wishes, changes, apart);
-        let mut wishes = wishes.into_iter();
+        let new_tokens: Vec<NewTokens> = if apart { Vec::new() } else { (0..changes.len()).map(tokens_of).collect() };
+        let frozen = self.frozen(program, &new_tokens, changes, apart);
+        let mut new_tokens = new_tokens.into_iter();
         let mut done = HashSet::new();
         out.written.reserve(changes.len());
         if let Some(edits) = out.edits.first_mut() {
             edits.reserve(6 * changes.len());
         }
         for i in 0..changes.len() {
-            let wish = wishes.next().unwrap_or_else(|| wished(i));
+            let own = new_tokens.next().unwrap_or_else(|| tokens_of(i));
             let site = &self.sites[i];
             let stays = !frozen.is_empty() && site.tokens.iter().flatten().any(|place| frozen.contains(place));
             let untrue = changes[i].as_ref().is_some_and(|change| change.conf.is_some());
@@ -60,15 +60,15 @@ impl FrontEnd for Layout {
                     };
                     out.kept.push((i, own));
                 }
-                out.written.push(written(program, site, i, &Wish::default()));
+                out.written.push(written(program, site, i, &NewTokens::default()));
                 continue;
             }
-            out.written.push(written(program, site, i, &wish));
-            if apart && let Some((source, edit)) = together(program, site, &wish) {
+            out.written.push(written(program, site, i, &own));
+            if apart && let Some((source, edit)) = together(program, site, &own) {
                 out.edits[source].push(edit);
                 continue;
             }
-            for (place, token) in site.tokens.iter().zip(wish.tokens) {
+            for (place, token) in site.tokens.iter().zip(own.tokens) {
                 let (Some(place), Some(token)) = (place, token) else { continue };
                 if apart || done.insert(*place) {
                     let edit = Edit { span: place.span(), content: Content::from_slice(&token) };
@@ -100,7 +100,13 @@ impl Layout {
     }
 
     /// Numbers that stay because those who use them do not want the same, and all that moves with them.
-    fn frozen(&self, program: &Program, wishes: &[Wish], changes: &[Option<Change>], apart: bool) -> HashSet<Place> {
+    fn frozen(
+        &self,
+        program: &Program,
+        new_tokens: &[NewTokens],
+        changes: &[Option<Change>],
+        apart: bool,
+    ) -> HashSet<Place> {
         // A joint motion whose status or turn would be untrue stays with its numbers.
         let changed = self.sites.iter().zip(changes);
         let untrue = changed.filter(|(_, change)| change.as_ref().is_some_and(|change| change.conf.is_some()));
@@ -111,8 +117,8 @@ impl Layout {
             return frozen;
         }
         let mut wanted: HashMap<Place, &Option<Token>> = HashMap::new();
-        for (site, wish) in self.sites.iter().zip(wishes) {
-            for (place, token) in site.tokens.iter().zip(&wish.tokens) {
+        for (site, own) in self.sites.iter().zip(new_tokens) {
+            for (place, token) in site.tokens.iter().zip(&own.tokens) {
                 let Some(place) = place else { continue };
                 if wanted.insert(*place, token).is_some_and(|other| other != token) {
                     frozen.insert(*place);
@@ -139,11 +145,11 @@ impl Layout {
 }
 
 /// One edit for all numbers that change, with what stands between them; `None` where nothing does, or they are far apart.
-fn together(program: &Program, site: &Site, wish: &Wish) -> Option<(usize, Edit)> {
+fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, Edit)> {
     /// As much as an edit holds in place.
     const NEAR: usize = 80;
     let mut changed =
-        site.tokens.iter().zip(&wish.tokens).filter_map(|(place, token)| place.as_ref().zip(token.as_ref()));
+        site.tokens.iter().zip(&own.tokens).filter_map(|(place, token)| place.as_ref().zip(token.as_ref()));
     let (first, token) = changed.next()?;
     let source = usize::from(first.source);
     let text = &program.sources[source].bytes;
@@ -181,13 +187,13 @@ fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
     !same(1.0) && !same(-1.0)
 }
 
-fn wish(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> Wish {
-    let mut wish = Wish::default();
-    let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return wish };
+fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> NewTokens {
+    let mut own = NewTokens::default();
+    let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return own };
     let mut put = |axis: usize, value: f64, decimals: usize| {
         if let Some(place) = site.tokens[axis] {
             let new = New::of(bytes(program, place), value, decimals);
-            (wish.tokens[axis], wish.values[axis]) = (new.token, new.value);
+            (own.tokens[axis], own.values[axis]) = (new.token, new.value);
         }
     };
     for axis in 0..3 {
@@ -201,7 +207,7 @@ fn wish(program: &Program, site: &Site, i: usize, change: Option<&Change>) -> Wi
             put(3 + axis, value, ANGLE_DECIMALS);
         }
     }
-    wish
+    own
 }
 
 /// Of the two triples of angles that are one rotation the one nearer to another, within half a turn either way.
@@ -221,13 +227,13 @@ pub(super) fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
 }
 
 /// Position and orientation as the controller will hold them.
-fn written(program: &Program, site: &Site, i: usize, wish: &Wish) -> ([f64; 3], [f64; 4]) {
+fn written(program: &Program, site: &Site, i: usize, own: &NewTokens) -> ([f64; 3], [f64; 4]) {
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], [1.0, 0.0, 0.0, 0.0]) };
     #[allow(clippy::cast_possible_truncation)]
     let single = |value: f64| f64::from(value as f32);
     let value = |axis: usize| {
         let stands = || site.tokens[axis].and_then(|place| signed(bytes(program, place)));
-        wish.values[axis].or_else(stands).map(single)
+        own.values[axis].or_else(stands).map(single)
     };
     let position = std::array::from_fn(|axis| value(axis).unwrap_or(position_mm[axis]));
     let angles = [3, 4, 5].map(value);

@@ -50,7 +50,7 @@ pub(super) struct Question<'a> {
 }
 
 /// A long program that went through.
-pub(super) struct Foreseen {
+pub(super) struct Predicted {
     pub(super) streamed: Streamed,
     /// Where there was a question.
     pub(super) findings: Findings,
@@ -68,7 +68,7 @@ pub(super) fn streamed(
     job: &Job,
     bar: &ProgressBar,
     question: Option<Question<'_>>,
-) -> Result<Option<Foreseen>, Vec<Diagnostic>> {
+) -> Result<Option<Predicted>, Vec<Diagnostic>> {
     let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
     let original = batch.originals.job(job)?;
     // In a batch the bar counts programs.
@@ -135,7 +135,7 @@ pub(super) fn streamed(
         if let Some(trace) = &mut trace {
             lines::quote(trace, text.open()?);
         }
-        return Ok(Some(Foreseen { streamed, findings, outputs, rows, path: trace }));
+        return Ok(Some(Predicted { streamed, findings, outputs, rows, path: trace }));
     }
     Ok(None)
 }
