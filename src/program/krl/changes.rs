@@ -337,7 +337,7 @@ fn assigned(mut cursor: Cursor<'_>) -> Option<Name> {
 }
 
 /// Names within the brackets that follow.
-fn arguments(mut cursor: Cursor<'_>) -> Vec<Name> {
+pub(super) fn arguments(mut cursor: Cursor<'_>) -> Vec<Name> {
     let (mut depth, mut found) = (0_usize, Vec::new());
     loop {
         let lexeme = cursor.next();

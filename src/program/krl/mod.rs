@@ -12,10 +12,13 @@
 //!
 //! A mark `; deflex air` or `; deflex cut` holds from the next statement on, in the order in which statements run.
 
+mod bas;
 mod calls;
 mod changes;
 mod chunks;
 mod eval;
+mod flow;
+mod frames;
 mod insert;
 mod lex;
 mod like;
@@ -23,6 +26,7 @@ mod motion;
 mod names;
 mod rewrite;
 mod run;
+mod settle;
 mod state;
 mod symbols;
 mod syntax;

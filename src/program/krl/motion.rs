@@ -3,19 +3,14 @@
 use super::eval::RUN_TIME;
 use super::lex::Cursor;
 use super::run::{Runner, Site};
-use super::state::Id;
-use super::symbols::spans;
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
 use crate::program::orientation::{halfway, quaternion_of_zyx_deg};
-use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, Mark, Motion, Predecessor, Role, Status, Target, Tool, ToolData, Wobj, WobjData,
-};
-use crate::text::{Diagnostic, Severity, Span};
-use std::collections::HashMap;
+use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Role, Status, Target};
+use crate::text::Span;
 use std::sync::Arc;
 
 /// Why motions of handlers, functions and routines that call themselves stay.
-const BESIDE: &str = "in a routine that may run at any moment";
+pub(super) const BESIDE: &str = "in a routine that may run at any moment";
 
 /// A position as a motion takes it.
 struct Position {
@@ -45,38 +40,13 @@ impl<'a> Runner<'a> {
     }
 
     /// Axes that a motion without a target may move.
-    fn use_axes_of(&mut self, value: &Value) {
+    pub(super) fn use_axes_of(&mut self, value: &Value) {
         match value {
             Value::Unknown(_, Some(was)) => self.use_axes_of(was),
             Value::Array(items) => items.values().for_each(|item| self.use_axes_of(item)),
             _ => {
                 for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
                     *used |= value.component(name).is_some_and(|axis| axis.number() != Some(0.0));
-                }
-            }
-        }
-    }
-
-    /// The same of a motion that is not run: of what its text says and of the data that it names.
-    fn use_axes_in(&mut self, file: usize, span: Span) {
-        let mut cursor = Cursor::new(self.bytes(file), 0, span);
-        while !cursor.is_done() {
-            let lexeme = cursor.next();
-            if lexeme.kind != super::lex::Kind::Word {
-                continue;
-            }
-            let name = super::value::upper(cursor.text(lexeme));
-            match EXTERNAL.iter().position(|axis| name[..] == **axis) {
-                Some(axis) => {
-                    let next = cursor.peek();
-                    let text = cursor.text(next);
-                    let zero = crate::text::number::read(text) == Some(0.0);
-                    self.used_axes[axis] |= !zero;
-                }
-                None => {
-                    let id = self.symbols.find(file, &name);
-                    let value = self.symbols.start[id].clone();
-                    self.use_axes_of(&value);
                 }
             }
         }
@@ -341,78 +311,6 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn name(&self, id: Id) -> Arc<str> {
-        match self.value(id) {
-            Value::Own(name) => (&*name).into(),
-            _ => "?".into(),
-        }
-    }
-
-    fn tool_index(&mut self) -> Result<u16, &'static str> {
-        let value = self.value(self.symbols.tool);
-        if self.volatile.contains(&self.symbols.tool) {
-            return Err("tool may be changed at any moment");
-        }
-        let tool = match &value {
-            Value::Own(name) => Tool { name: (&**name).into(), data: None },
-            Value::Record(_) => {
-                let (tcp_mm, tcp_quat) = value.frame().ok_or("tool known only at run time")?;
-                let load = self.value(self.symbols.load);
-                let mass = load.component(b"M").and_then(Value::number).filter(|mass| *mass >= 0.0);
-                let cog = load.component(b"CM").and_then(|cm| cm.numbers([b"X", b"Y", b"Z"]));
-                let data = ToolData {
-                    robhold: true,
-                    tcp_mm,
-                    tcp_quat,
-                    mass_kg: mass.unwrap_or(0.0),
-                    cog_mm: cog.unwrap_or([0.0; 3]),
-                };
-                Tool { name: self.name(self.symbols.tool_name), data: Some(data) }
-            }
-            _ => return Err("tool known only at run time"),
-        };
-        if let Some(at) = self.tools.iter().rposition(|known| known.is(&tool)) {
-            return u16::try_from(at).map_err(|_| "too many tools");
-        }
-        if tool.data.is_some_and(|data| data.mass_kg == 0.0) {
-            let message = format!("the load of `{}` is in none of the files: it is taken as 0 kg", tool.name);
-            let warning = Diagnostic::error("krl.no-load", &self.symbols.sources[self.here()].name, message);
-            let help = "assign $LOAD, give $config.dat with --context, or name the tool by its number and declare it in the cell";
-            self.diagnostics.push(warning.severity(Severity::Warning).help(help));
-        }
-        self.tools.push(tool);
-        u16::try_from(self.tools.len() - 1).map_err(|_| "too many tools")
-    }
-
-    fn wobj_index(&mut self) -> Result<u16, &'static str> {
-        let value = self.value(self.symbols.base);
-        if self.volatile.contains(&self.symbols.base) {
-            return Err("base may be changed at any moment");
-        }
-        let wobj = match &value {
-            Value::Own(name) => Wobj { name: (&**name).into(), data: None, unit: None },
-            Value::Record(_) => {
-                let (uframe_mm, uframe_quat) = value.frame().ok_or("base known only at run time")?;
-                let data = WobjData {
-                    robhold: false,
-                    fixed: true,
-                    uframe_mm,
-                    uframe_quat,
-                    oframe_mm: [0.0; 3],
-                    oframe_quat: [1.0, 0.0, 0.0, 0.0],
-                };
-                Wobj { name: self.name(self.symbols.base_name), data: Some(data), unit: None }
-            }
-            _ => return Err("base known only at run time"),
-        };
-        let known = self.wobjs.iter().rposition(|known| known.is(&wobj));
-        let at = known.unwrap_or_else(|| {
-            self.wobjs.push(wobj);
-            self.wobjs.len() - 1
-        });
-        u16::try_from(at).map_err(|_| "too many bases")
-    }
-
     fn push(&mut self, mut target: Target, site: Site) {
         // The motion at whose end the robot stands, and the one before in the order of the text.
         let last = self.targets.last().map(|last| f64::from(last.ordinal));
@@ -429,127 +327,6 @@ impl<'a> Runner<'a> {
         self.state.values.insert(self.symbols.stands, Value::Number(f64::from(target.ordinal), None));
         self.targets.push(target);
         self.sites.push(site);
-    }
-
-    /// What of the targets may be edited, now that all that reads their numbers is known: what stays holds its numbers, and
-    /// with them what else uses these, until that is so of all.
-    pub(super) fn settle(&mut self) {
-        self.use_axes();
-        self.hold_shared_angles();
-        loop {
-            let before = self.pinned.len();
-            for i in 0..self.targets.len() {
-                let arc = self.targets[i].role == Role::Via && i + 1 < self.targets.len();
-                let reasons = [Some(i), arc.then_some(i + 1)].map(|at| self.fixed(at?));
-                let places = |at: usize, tokens: std::ops::Range<usize>| self.sites[at].tokens[tokens].iter().flatten();
-                if let Some(reason) = reasons.into_iter().flatten().next() {
-                    for at in [Some(i), arc.then_some(i + 1)].into_iter().flatten() {
-                        self.targets[at].editable = Editable::No(reason);
-                        let held: Vec<Place> = places(at, 0..6).copied().collect();
-                        self.pinned.extend(held);
-                    }
-                } else if self.sites[i].tokens[3..].iter().any(|place| self.holds(*place).is_some()) {
-                    self.targets[i].editable = Editable::Position;
-                    let held: Vec<Place> = places(i, 3..6).copied().collect();
-                    self.pinned.extend(held);
-                }
-            }
-            if self.pinned.len() == before {
-                break;
-            }
-        }
-        for i in 0..self.targets.len() {
-            let target = &self.targets[i];
-            match target.editable {
-                Editable::No(reason) => {
-                    let (source, span) = (usize::from(target.source), target.span);
-                    self.sites[i] = Site::default();
-                    if target.motion != Motion::AbsoluteJoint {
-                        self.keep(source, span, reason);
-                    }
-                }
-                Editable::Position => self.sites[i].tokens[3..].fill(None),
-                Editable::Pose => {}
-            }
-        }
-    }
-
-    /// External axes that positions name; those that are nowhere elsewhere than at zero are at rest.
-    fn use_axes(&mut self) {
-        let moved = |axis: usize| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0));
-        let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
-        let used: [bool; 6] = std::array::from_fn(|axis| self.used_axes[axis] || moved(axis));
-        let at_rest: [bool; 6] = std::array::from_fn(|axis| !used[axis] && named(axis));
-        if used == [false; 6] && at_rest == [false; 6] {
-            return;
-        }
-        let mut last: Option<Arc<ExternalAxes>> = None;
-        for (target, external) in self.targets.iter_mut().zip(&self.external) {
-            if last.as_ref().is_none_or(|last| last.written != *external) {
-                last = Some(Arc::new(ExternalAxes { written: *external, at_rest, ..ExternalAxes::default() }));
-            }
-            target.external.clone_from(&last);
-        }
-    }
-
-    /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
-    fn hold_shared_angles(&mut self) {
-        let mut owners: HashMap<Place, Option<Place>> = HashMap::new();
-        for site in &self.sites {
-            let [x, _, _, angles @ ..] = site.tokens;
-            for angle in angles.into_iter().flatten() {
-                if *owners.entry(angle).or_insert(x) != x {
-                    self.pinned.insert(angle);
-                }
-            }
-        }
-    }
-
-    /// Why a number stays as it is.
-    fn holds(&self, place: Option<Place>) -> Option<&'static str> {
-        match place {
-            None => Some(RUN_TIME),
-            Some(place) if usize::from(place.source) >= self.written => Some("declared in a context file"),
-            Some(place) if self.pinned.contains(&place) => {
-                Some("its numbers are read by more than motions that are known")
-            }
-            Some(_) => None,
-        }
-    }
-
-    /// Why a target stays as it is.
-    fn fixed(&self, i: usize) -> Option<&'static str> {
-        if let Editable::No(reason) = self.targets[i].editable {
-            return Some(reason);
-        }
-        let [x, y, z, ..] = self.sites[i].tokens;
-        let one = (x == y || y == z || x == z).then_some("one number is several components");
-        [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
-    }
-
-    /// Whether the routine runs elsewhere too, where nobody knows what holds.
-    fn is_beside(&self) -> bool {
-        self.frames.last().is_some_and(|frame| self.beside.contains(&frame.routine))
-    }
-
-    /// Routines that nothing runs: what they name stays, and so do their motions.
-    pub(super) fn keep_what_is_not_run(&mut self) {
-        for id in self.symbols.all().collect::<Vec<_>>() {
-            if self.entered.contains(&id) {
-                continue;
-            }
-            drop(self.pin_names(id));
-            let bytes = self.bytes(id.file);
-            for span in spans(&self.symbols.routine(id).body) {
-                let cursor = Cursor::new(bytes, 0, span);
-                let word = super::value::upper(cursor.text(cursor.peek()));
-                if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
-                    self.use_axes_in(id.file, span);
-                    let beside = self.beside.contains(&id);
-                    self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });
-                }
-            }
-        }
     }
 }
 

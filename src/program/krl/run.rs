@@ -5,7 +5,7 @@ use super::lex::{Cursor, Kind};
 use super::names;
 use super::state::{Id, State};
 use super::symbols::{RoutineId, Symbols};
-use super::tree::{Condition, File, Routine, Statement};
+use super::tree::{File, Routine, Statement};
 use super::value::{Name, Place, Value, upper};
 use crate::program::{Kept, Mark, Target, Tool, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
@@ -18,14 +18,10 @@ const STEPS_PER_BYTE: usize = 4;
 /// Targets in all, loops expanded, and for each byte of the program besides: a short file must not fill the memory.
 const TARGETS: usize = 200_000;
 const TARGETS_PER_BYTE: usize = 1;
-/// A WHILE that goes round more often is taken for one whose end is known only at run time.
-const MAX_ROUNDS: usize = 100_000;
 /// Calls within one another.
 pub(super) const MAX_CALLS: usize = 60;
 /// Blocks within one another, through calls: more than anybody writes, and what a thread's stack holds.
 const MAX_NESTING: usize = 250;
-/// Why data are not known in a loop.
-const LOOP: &str = "changed in a loop whose rounds are known only at run time";
 
 /// Whether the statement behind is run next.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -64,10 +60,10 @@ pub(super) struct Runner<'a> {
     pub(super) state: State,
     pub(super) frames: Vec<Frame>,
     /// What EXIT leaves of each loop on the way.
-    loops: Vec<Vec<State>>,
+    pub(super) loops: Vec<Vec<State>>,
     nested: usize,
     pub(super) steps: usize,
-    most_steps: usize,
+    pub(super) most_steps: usize,
     most_targets: usize,
     pub(super) entered: HashSet<RoutineId>,
     /// Numbers that something else than a motion reads.
@@ -259,19 +255,7 @@ impl<'a> Runner<'a> {
         found.then(|| self.changes_in(&routine.body))
     }
 
-    /// What holds where any of these may.
-    fn joined(&mut self, states: Vec<State>) -> Option<State> {
-        let mut states = states.into_iter();
-        let first = states.next()?;
-        let (start, pinned) = (&self.symbols.start, &mut self.pinned);
-        Some(states.fold(first, |all, state| {
-            all.join(&state, start, &mut |place| {
-                pinned.insert(place);
-            })
-        }))
-    }
-
-    fn block(&mut self, block: &'a [Statement]) -> Flow {
+    pub(super) fn block(&mut self, block: &'a [Statement]) -> Flow {
         self.nested += 1;
         let mut flow = Flow::Next;
         for statement in block {
@@ -341,182 +325,6 @@ impl<'a> Runner<'a> {
                 Flow::Next
             }
         }
-    }
-
-    /// Every branch from what holds before all of them, since any may be the one that runs.
-    fn branches(&mut self, branches: &[&'a [Statement]]) -> Flow {
-        let before = std::mem::take(&mut self.state);
-        let mut left = Vec::new();
-        for branch in branches {
-            self.state = before.clone();
-            if self.block(branch) == Flow::Next {
-                left.push(std::mem::take(&mut self.state));
-            }
-        }
-        self.go_on(left)
-    }
-
-    /// Goes on with what holds where any of these may.
-    fn go_on(&mut self, left: Vec<State>) -> Flow {
-        match self.joined(left) {
-            Some(state) => {
-                self.state = state;
-                Flow::Next
-            }
-            None => Flow::Gone,
-        }
-    }
-
-    fn choice(&mut self, subject: Span, cases: &'a [(Span, Vec<Statement>)], otherwise: &'a [Statement]) -> Flow {
-        let subject = self.evaluate(subject);
-        for (i, (values, body)) in cases.iter().enumerate() {
-            match self.is_among(&subject, *values) {
-                Some(true) => return self.block(body),
-                Some(false) => {}
-                None => {
-                    let rest: Vec<&'a [Statement]> =
-                        cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]).collect();
-                    return self.branches(&rest);
-                }
-            }
-        }
-        self.block(otherwise)
-    }
-
-    fn counted(
-        &mut self,
-        variable: Span,
-        bounds: [Span; 2],
-        step: Option<Span>,
-        body: &'a [Statement],
-        place: Span,
-    ) -> Flow {
-        let [from, to] = bounds.map(|span| self.evaluate(span).index());
-        let step = step.map_or(Some(1), |span| self.evaluate(span).index()).filter(|step| *step != 0);
-        let counter = self.resolve(&upper(&self.bytes(self.here())[variable.range()]));
-        let (Some(from), Some(to), Some(step)) = (from, to, step) else {
-            return self.rounds(body, Some(counter));
-        };
-        let most = i64::try_from(self.most_steps).unwrap_or(i64::MAX);
-        if (to - from) / step > most || self.volatile.contains(&counter) {
-            return self.rounds(body, Some(counter));
-        }
-        self.loops.push(Vec::new());
-        let mut at = from;
-        let mut flow = Flow::Next;
-        while flow == Flow::Next && if step > 0 { at <= to } else { at >= to } {
-            #[allow(clippy::cast_precision_loss)]
-            self.state.values.insert(counter, Value::Number(at as f64, None));
-            self.steps += 1;
-            flow = self.block(body);
-            // The body may set its own counter.
-            let counted = self.value(counter).index();
-            match counted {
-                Some(counted) => at = counted + step,
-                None if flow == Flow::Next => {
-                    flow = self.rounds(body, Some(counter));
-                    break;
-                }
-                None => {}
-            }
-            if self.steps > self.most_steps {
-                flow = self.give_up(place);
-            }
-        }
-        let mut left = self.loops.pop().unwrap_or_default();
-        if flow == Flow::Next {
-            self.state.values.insert(counter, Value::unknown("a counter behind its loop"));
-            left.push(std::mem::take(&mut self.state));
-        }
-        self.go_on(left)
-    }
-
-    fn repeat(&mut self, condition: Option<Condition>, body: &'a [Statement]) -> Flow {
-        let Some(condition) = condition else { return self.rounds(body, None) };
-        let changes = self.changes_in(body);
-        // A condition that nothing in the loop changes never ends it.
-        let steady = !self.depends(condition.span, &changes);
-        let (before, targets) = (self.state.clone(), self.marker());
-        self.loops.push(Vec::new());
-        let mut rounds = 0;
-        let flow = loop {
-            let looked = if condition.is_behind && rounds == 0 {
-                Some(true)
-            } else {
-                let holds = self.evaluate(condition.span).bool();
-                if condition.is_behind { holds.map(|end| !end) } else { holds }
-            };
-            match looked {
-                Some(false) => break Some(Flow::Next),
-                Some(true) if rounds < MAX_ROUNDS && !(steady && rounds > 0) => {}
-                _ => break None,
-            }
-            rounds += 1;
-            if self.block(body) == Flow::Gone {
-                break Some(Flow::Gone);
-            }
-        };
-        let mut left = self.loops.pop().unwrap_or_default();
-        match flow {
-            Some(flow) => {
-                if flow == Flow::Next {
-                    left.push(std::mem::take(&mut self.state));
-                }
-                self.go_on(left)
-            }
-            None => {
-                // Known for some rounds, and then no more: taken as one whose rounds are not known at all.
-                self.state = before;
-                self.back_to(targets);
-                self.rounds(body, None)
-            }
-        }
-    }
-
-    /// Rounds of a number that is not known: one, from what holds whenever one begins.
-    fn rounds(&mut self, body: &'a [Statement], counter: Option<Id>) -> Flow {
-        let mut changes = self.changes_in(body);
-        changes.ids.extend(counter);
-        self.forget(&changes, LOOP);
-        loop {
-            let (before, targets, volatile) = (self.state.clone(), self.marker(), self.volatile.len());
-            let partials = self.open_partials;
-            self.loops.push(Vec::new());
-            let flow = self.block(body);
-            let mut left = self.loops.pop().unwrap_or_default();
-            if flow == Flow::Next {
-                if self.open_partials > partials {
-                    // The motion before may be the last one of a round.
-                    let last = self.value(self.symbols.position);
-                    self.pin(&last);
-                }
-                let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
-                if !holds && self.steps <= self.most_steps {
-                    // What a round leaves is what another begins with: once more, with what holds in both.
-                    let behind = std::mem::take(&mut self.state);
-                    self.state = self.joined(vec![before, behind]).unwrap_or_default();
-                    self.back_to(targets);
-                    continue;
-                }
-                left.push(std::mem::take(&mut self.state));
-            }
-            left.push(before);
-            let flow = self.go_on(left);
-            self.forget(&changes, LOOP);
-            return flow;
-        }
-    }
-
-    /// How much was found so far.
-    fn marker(&self) -> (usize, u32, usize, Vec<(&'static str, usize)>) {
-        (self.targets.len(), self.motions, self.arcs, self.unknown.clone())
-    }
-
-    fn back_to(&mut self, (targets, motions, arcs, unknown): (usize, u32, usize, Vec<(&'static str, usize)>)) {
-        self.targets.truncate(targets);
-        self.sites.truncate(targets);
-        self.external.truncate(targets);
-        (self.motions, self.arcs, self.unknown) = (motions, arcs, unknown);
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
@@ -589,7 +397,7 @@ impl<'a> Runner<'a> {
 }
 
 /// Where a statement stands.
-fn place(statement: &Statement) -> Span {
+pub(super) fn place(statement: &Statement) -> Span {
     match statement {
         Statement::Simple(span) | Statement::Return(span) => *span,
         Statement::If { at, .. } | Statement::For { at, .. } | Statement::Loop { at, .. } => *at,

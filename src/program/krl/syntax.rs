@@ -247,7 +247,7 @@ impl<'a> Parser<'a> {
     }
 
     /// Statements up to one of these words, which of them it was, and the words behind it.
-    fn block(&mut self, ends: &[&[u8]], data: &mut Vec<Data>) -> Result<Block, TooDeep> {
+    pub(super) fn block(&mut self, ends: &[&[u8]], data: &mut Vec<Data>) -> Result<Block, TooDeep> {
         self.depth += 1;
         let mut block = Vec::new();
         while let Some(line) = self.lines.get(self.at).copied() {

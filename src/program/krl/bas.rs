@@ -1,0 +1,208 @@
+//! KUKA's own BAS, and what `WITH` sets for one motion.
+
+use super::calls::Argument;
+use super::changes::{Changes, is_frame_function};
+use super::eval::{Path, RUN_TIME};
+use super::lex::Kind;
+use super::names;
+use super::run::Runner;
+use super::state::{Id, State};
+use super::value::{Step, Value, upper};
+use crate::text::Span;
+use std::rc::Rc;
+
+impl<'a> Runner<'a> {
+    /// What spline inline forms use: `STOOL2(FP1)`, `SBASE(FP1.BASE_NO)`, `SVEL_CP(2.0, , LCPDAT1)`.
+    pub(super) fn frame_function(&mut self, name: &[u8], first: Option<Value>) -> Value {
+        let Some(value) = first else { return Value::unknown(RUN_TIME) };
+        self.pin(&value);
+        match name {
+            b"STOOL2" | b"STOOL" => {
+                let number = value.component(b"TOOL_NO").cloned().unwrap_or(value);
+                self.table(b"TOOL_DATA", &number)
+            }
+            b"SBASE" => self.table(b"BASE_DATA", &value),
+            b"SLOAD" => self.table(b"LOAD_DATA", &value),
+            b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
+            b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
+            _ => value,
+        }
+    }
+
+    /// An element of the controller's tables; number 0 is the flange, or the world.
+    pub(super) fn table(&mut self, table: &[u8], number: &Value) -> Value {
+        let name = upper(table);
+        let id = self.symbols.find(self.here(), &name);
+        let (steps, known) = match number.index() {
+            Some(0) => {
+                let zero = self.symbols.find(self.here(), &upper(b"$NULLFRAME"));
+                return if table == b"LOAD_DATA" { Value::unknown(RUN_TIME) } else { self.value(zero) };
+            }
+            Some(at) => (vec![Step::Element(at)], true),
+            None => (Vec::new(), false),
+        };
+        self.read(&Path { id, name, steps, known, label: String::new() })
+    }
+
+    /// The name of such an element.
+    pub(super) fn table_name(table: &str, number: &Value) -> Option<String> {
+        match number.index()? {
+            0 => Some("$NULLFRAME".to_owned()),
+            at => Some(format!("{table}[{at}]")),
+        }
+    }
+
+    /// KUKA's own BAS.SRC.
+    pub(super) fn bas(&mut self, arguments: &[Argument]) {
+        let Some(Value::Constant(command)) = arguments.first().map(|a| a.value.clone()) else {
+            return self.frames_unknown();
+        };
+        let number = arguments.get(1).map_or(Value::unknown(RUN_TIME), |a| a.value.clone());
+        self.pin(&number);
+        match &command[..] {
+            b"BASE" => self.set_base(&number),
+            b"TOOL" => self.set_tool(&number),
+            b"VEL_CP" => self.set_speed(number),
+            b"FRAMES" | b"PTP_PARAMS" | b"PARAMS" => self.frames_of_act(),
+            b"CP_PARAMS" => {
+                self.frames_of_act();
+                self.set_speed(number);
+                self.orientation_of_act();
+            }
+            b"CP_DAT" => self.orientation_of_act(),
+            b"INITMOV" => {
+                // What was in force before stays only where it was nothing but that.
+                let names = [
+                    (self.symbols.base, self.symbols.base_name, "$BASE"),
+                    (self.symbols.tool, self.symbols.tool_name, "$TOOL"),
+                ];
+                for (id, _, own) in names {
+                    if !matches!(self.value(id), Value::Own(name) if &*name == own) {
+                        let value = Value::unknown("BAS(#INITMOV) may set it");
+                        self.state.values.insert(id, value);
+                        self.name_frame(id, None);
+                    }
+                }
+                let position = Value::unknown("the position before is counted in another frame");
+                self.state.values.insert(self.symbols.position, position);
+                self.set_speed(Value::unknown(RUN_TIME));
+                self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
+            }
+            known if names::HARMLESS_COMMANDS.contains(&known) => {}
+            _ => self.frames_unknown(),
+        }
+    }
+
+    pub(super) fn frames_unknown(&mut self) {
+        let symbols = &self.symbols;
+        let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
+        let ids = [base, tool, load, speed, symbols.mode, symbols.orientation, symbols.position];
+        self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
+    }
+
+    pub(super) fn set_base(&mut self, number: &Value) {
+        let value = self.table(b"BASE_DATA", number);
+        self.state.values.insert(self.symbols.base, value);
+        self.name_frame(self.symbols.base, Self::table_name("BASE_DATA", number));
+    }
+
+    pub(super) fn set_tool(&mut self, number: &Value) {
+        let value = self.table(b"TOOL_DATA", number);
+        let load = self.table(b"LOAD_DATA", number);
+        self.state.values.insert(self.symbols.tool, value);
+        self.state.values.insert(self.symbols.load, load);
+        self.name_frame(self.symbols.tool, Self::table_name("TOOL_DATA", number));
+    }
+
+    pub(super) fn set_speed(&mut self, value: Value) {
+        let mut speed = self.value(self.symbols.speed);
+        speed.set(&[Step::Component(upper(b"CP"))], value);
+        self.state.values.insert(self.symbols.speed, speed);
+    }
+
+    /// `FDAT_ACT={TOOL_NO n,BASE_NO m,IPO_FRAME #BASE}` comes into force.
+    pub(super) fn frames_of_act(&mut self) {
+        let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
+        let act = self.value(id);
+        let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(RUN_TIME));
+        let (tool, base, mode) = (part(b"TOOL_NO"), part(b"BASE_NO"), part(b"IPO_FRAME"));
+        self.set_tool(&tool);
+        self.set_base(&base);
+        self.state.values.insert(self.symbols.mode, mode);
+    }
+
+    /// `LDAT_ACT={… ORI_TYP #VAR}` comes into force; the controller's own, where the program sets none, says #VAR, and a BAS that
+    /// reads what the record does not have stops.
+    pub(super) fn orientation_of_act(&mut self) {
+        let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
+        let act = self.value(id);
+        let kind = match act {
+            Value::Record(_) => act.component(b"ORI_TYP").cloned(),
+            _ => self.state.values.contains_key(&id).then(|| Value::unknown(RUN_TIME)),
+        };
+        if let Some(kind) = kind {
+            self.state.values.insert(self.symbols.orientation, kind);
+        }
+    }
+
+    /// What `WITH` sets for one motion; gives what held before.
+    pub(super) fn with(&mut self, span: Span) -> State {
+        let before = self.state.clone();
+        let mut cursor = self.cursor(span);
+        while let Some(path) = self.path(&mut cursor, 0) {
+            if !cursor.accept_mark(b'=') {
+                break;
+            }
+            let named = {
+                let mut behind = cursor;
+                let name = upper(cursor.text(behind.next()));
+                is_frame_function(&name).then(|| (name, self.arguments(&mut behind, 0)))
+            };
+            let name = named.and_then(|(name, arguments)| {
+                let value = &arguments.first()?.value;
+                match &name[..] {
+                    b"SBASE" => Self::table_name("BASE_DATA", value),
+                    b"STOOL2" | b"STOOL" => Self::table_name("TOOL_DATA", value.component(b"TOOL_NO").unwrap_or(value)),
+                    _ => None,
+                }
+            });
+            let name = name.or_else(|| {
+                let mut behind = cursor;
+                self.path(&mut behind, 0)
+                    .filter(|_| behind.peek().kind == Kind::Mark(b',') || behind.is_done())
+                    .map(|p| p.label)
+            });
+            let value = self.expression(&mut cursor);
+            self.assign(&path, value, name);
+            if !cursor.accept_mark(b',') {
+                break;
+            }
+        }
+        before
+    }
+
+    /// Puts back what `WITH` set; the position is where the motion went.
+    pub(super) fn restore(&mut self, before: State) {
+        let symbols = &self.symbols;
+        let was = |id: Id| before.values.get(&id).unwrap_or(&symbols.start[id]);
+        if [symbols.base, symbols.tool].into_iter().any(|id| !was(id).is(&self.value(id))) {
+            let position = Value::unknown("the position before is counted in another frame");
+            self.state.values.insert(symbols.position, position);
+        }
+        for id in [
+            symbols.base,
+            symbols.tool,
+            symbols.base_name,
+            symbols.tool_name,
+            symbols.load,
+            symbols.speed,
+            symbols.mode,
+            symbols.orientation,
+        ] {
+            match before.values.get(&id) {
+                Some(value) => self.state.values.insert(id, value.clone()),
+                None => self.state.values.remove(&id),
+            };
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! Branches and loops.
+
+use super::run::{Flow, Runner};
+use super::state::{Id, State};
+use super::tree::{Condition, Statement};
+use super::value::{Value, upper};
+use crate::text::Span;
+
+/// A WHILE that goes round more often is taken for one whose end is known only at run time.
+pub(super) const MAX_ROUNDS: usize = 100_000;
+/// Why data are not known in a loop.
+pub(super) const LOOP: &str = "changed in a loop whose rounds are known only at run time";
+
+impl<'a> Runner<'a> {
+    /// What holds where any of these may.
+    pub(super) fn joined(&mut self, states: Vec<State>) -> Option<State> {
+        let mut states = states.into_iter();
+        let first = states.next()?;
+        let (start, pinned) = (&self.symbols.start, &mut self.pinned);
+        Some(states.fold(first, |all, state| {
+            all.join(&state, start, &mut |place| {
+                pinned.insert(place);
+            })
+        }))
+    }
+
+    /// Every branch from what holds before all of them, since any may be the one that runs.
+    pub(super) fn branches(&mut self, branches: &[&'a [Statement]]) -> Flow {
+        let before = std::mem::take(&mut self.state);
+        let mut left = Vec::new();
+        for branch in branches {
+            self.state = before.clone();
+            if self.block(branch) == Flow::Next {
+                left.push(std::mem::take(&mut self.state));
+            }
+        }
+        self.go_on(left)
+    }
+
+    /// Goes on with what holds where any of these may.
+    pub(super) fn go_on(&mut self, left: Vec<State>) -> Flow {
+        match self.joined(left) {
+            Some(state) => {
+                self.state = state;
+                Flow::Next
+            }
+            None => Flow::Gone,
+        }
+    }
+
+    pub(super) fn choice(
+        &mut self,
+        subject: Span,
+        cases: &'a [(Span, Vec<Statement>)],
+        otherwise: &'a [Statement],
+    ) -> Flow {
+        let subject = self.evaluate(subject);
+        for (i, (values, body)) in cases.iter().enumerate() {
+            match self.is_among(&subject, *values) {
+                Some(true) => return self.block(body),
+                Some(false) => {}
+                None => {
+                    let rest: Vec<&'a [Statement]> =
+                        cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]).collect();
+                    return self.branches(&rest);
+                }
+            }
+        }
+        self.block(otherwise)
+    }
+
+    pub(super) fn counted(
+        &mut self,
+        variable: Span,
+        bounds: [Span; 2],
+        step: Option<Span>,
+        body: &'a [Statement],
+        place: Span,
+    ) -> Flow {
+        let [from, to] = bounds.map(|span| self.evaluate(span).index());
+        let step = step.map_or(Some(1), |span| self.evaluate(span).index()).filter(|step| *step != 0);
+        let counter = self.resolve(&upper(&self.bytes(self.here())[variable.range()]));
+        let (Some(from), Some(to), Some(step)) = (from, to, step) else {
+            return self.rounds(body, Some(counter));
+        };
+        let most = i64::try_from(self.most_steps).unwrap_or(i64::MAX);
+        if (to - from) / step > most || self.volatile.contains(&counter) {
+            return self.rounds(body, Some(counter));
+        }
+        self.loops.push(Vec::new());
+        let mut at = from;
+        let mut flow = Flow::Next;
+        while flow == Flow::Next && if step > 0 { at <= to } else { at >= to } {
+            #[allow(clippy::cast_precision_loss)]
+            self.state.values.insert(counter, Value::Number(at as f64, None));
+            self.steps += 1;
+            flow = self.block(body);
+            // The body may set its own counter.
+            let counted = self.value(counter).index();
+            match counted {
+                Some(counted) => at = counted + step,
+                None if flow == Flow::Next => {
+                    flow = self.rounds(body, Some(counter));
+                    break;
+                }
+                None => {}
+            }
+            if self.steps > self.most_steps {
+                flow = self.give_up(place);
+            }
+        }
+        let mut left = self.loops.pop().unwrap_or_default();
+        if flow == Flow::Next {
+            self.state.values.insert(counter, Value::unknown("a counter behind its loop"));
+            left.push(std::mem::take(&mut self.state));
+        }
+        self.go_on(left)
+    }
+
+    pub(super) fn repeat(&mut self, condition: Option<Condition>, body: &'a [Statement]) -> Flow {
+        let Some(condition) = condition else { return self.rounds(body, None) };
+        let changes = self.changes_in(body);
+        // A condition that nothing in the loop changes never ends it.
+        let steady = !self.depends(condition.span, &changes);
+        let (before, targets) = (self.state.clone(), self.marker());
+        self.loops.push(Vec::new());
+        let mut rounds = 0;
+        let flow = loop {
+            let looked = if condition.is_behind && rounds == 0 {
+                Some(true)
+            } else {
+                let holds = self.evaluate(condition.span).bool();
+                if condition.is_behind { holds.map(|end| !end) } else { holds }
+            };
+            match looked {
+                Some(false) => break Some(Flow::Next),
+                Some(true) if rounds < MAX_ROUNDS && !(steady && rounds > 0) => {}
+                _ => break None,
+            }
+            rounds += 1;
+            if self.block(body) == Flow::Gone {
+                break Some(Flow::Gone);
+            }
+        };
+        let mut left = self.loops.pop().unwrap_or_default();
+        match flow {
+            Some(flow) => {
+                if flow == Flow::Next {
+                    left.push(std::mem::take(&mut self.state));
+                }
+                self.go_on(left)
+            }
+            None => {
+                // Known for some rounds, and then no more: taken as one whose rounds are not known at all.
+                self.state = before;
+                self.back_to(targets);
+                self.rounds(body, None)
+            }
+        }
+    }
+
+    /// Rounds of a number that is not known: one, from what holds whenever one begins.
+    pub(super) fn rounds(&mut self, body: &'a [Statement], counter: Option<Id>) -> Flow {
+        let mut changes = self.changes_in(body);
+        changes.ids.extend(counter);
+        self.forget(&changes, LOOP);
+        loop {
+            let (before, targets, volatile) = (self.state.clone(), self.marker(), self.volatile.len());
+            let partials = self.open_partials;
+            self.loops.push(Vec::new());
+            let flow = self.block(body);
+            let mut left = self.loops.pop().unwrap_or_default();
+            if flow == Flow::Next {
+                if self.open_partials > partials {
+                    // The motion before may be the last one of a round.
+                    let last = self.value(self.symbols.position);
+                    self.pin(&last);
+                }
+                let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
+                if !holds && self.steps <= self.most_steps {
+                    // What a round leaves is what another begins with: once more, with what holds in both.
+                    let behind = std::mem::take(&mut self.state);
+                    self.state = self.joined(vec![before, behind]).unwrap_or_default();
+                    self.back_to(targets);
+                    continue;
+                }
+                left.push(std::mem::take(&mut self.state));
+            }
+            left.push(before);
+            let flow = self.go_on(left);
+            self.forget(&changes, LOOP);
+            return flow;
+        }
+    }
+
+    /// How much was found so far.
+    pub(super) fn marker(&self) -> (usize, u32, usize, Vec<(&'static str, usize)>) {
+        (self.targets.len(), self.motions, self.arcs, self.unknown.clone())
+    }
+
+    pub(super) fn back_to(
+        &mut self,
+        (targets, motions, arcs, unknown): (usize, u32, usize, Vec<(&'static str, usize)>),
+    ) {
+        self.targets.truncate(targets);
+        self.sites.truncate(targets);
+        self.external.truncate(targets);
+        (self.motions, self.arcs, self.unknown) = (motions, arcs, unknown);
+    }
+}

@@ -1,0 +1,160 @@
+//! What of the targets may be edited, once all that reads their numbers is known.
+
+use super::eval::RUN_TIME;
+use super::lex::Cursor;
+use super::motion::BESIDE;
+use super::run::{Runner, Site};
+use super::symbols::spans;
+use super::value::{EXTERNAL, Place};
+use crate::program::{Editable, ExternalAxes, Motion, Role};
+use crate::text::Span;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+impl Runner<'_> {
+    /// The same of a motion that is not run: of what its text says and of the data that it names.
+    pub(super) fn use_axes_in(&mut self, file: usize, span: Span) {
+        let mut cursor = Cursor::new(self.bytes(file), 0, span);
+        while !cursor.is_done() {
+            let lexeme = cursor.next();
+            if lexeme.kind != super::lex::Kind::Word {
+                continue;
+            }
+            let name = super::value::upper(cursor.text(lexeme));
+            match EXTERNAL.iter().position(|axis| name[..] == **axis) {
+                Some(axis) => {
+                    let next = cursor.peek();
+                    let text = cursor.text(next);
+                    let zero = crate::text::number::read(text) == Some(0.0);
+                    self.used_axes[axis] |= !zero;
+                }
+                None => {
+                    let id = self.symbols.find(file, &name);
+                    let value = self.symbols.start[id].clone();
+                    self.use_axes_of(&value);
+                }
+            }
+        }
+    }
+
+    /// What of the targets may be edited, now that all that reads their numbers is known: what stays holds its numbers, and
+    /// with them what else uses these, until that is so of all.
+    pub(super) fn settle(&mut self) {
+        self.use_axes();
+        self.hold_shared_angles();
+        loop {
+            let before = self.pinned.len();
+            for i in 0..self.targets.len() {
+                let arc = self.targets[i].role == Role::Via && i + 1 < self.targets.len();
+                let reasons = [Some(i), arc.then_some(i + 1)].map(|at| self.fixed(at?));
+                let places = |at: usize, tokens: std::ops::Range<usize>| self.sites[at].tokens[tokens].iter().flatten();
+                if let Some(reason) = reasons.into_iter().flatten().next() {
+                    for at in [Some(i), arc.then_some(i + 1)].into_iter().flatten() {
+                        self.targets[at].editable = Editable::No(reason);
+                        let held: Vec<Place> = places(at, 0..6).copied().collect();
+                        self.pinned.extend(held);
+                    }
+                } else if self.sites[i].tokens[3..].iter().any(|place| self.holds(*place).is_some()) {
+                    self.targets[i].editable = Editable::Position;
+                    let held: Vec<Place> = places(i, 3..6).copied().collect();
+                    self.pinned.extend(held);
+                }
+            }
+            if self.pinned.len() == before {
+                break;
+            }
+        }
+        for i in 0..self.targets.len() {
+            let target = &self.targets[i];
+            match target.editable {
+                Editable::No(reason) => {
+                    let (source, span) = (usize::from(target.source), target.span);
+                    self.sites[i] = Site::default();
+                    if target.motion != Motion::AbsoluteJoint {
+                        self.keep(source, span, reason);
+                    }
+                }
+                Editable::Position => self.sites[i].tokens[3..].fill(None),
+                Editable::Pose => {}
+            }
+        }
+    }
+
+    /// External axes that positions name; those that are nowhere elsewhere than at zero are at rest.
+    pub(super) fn use_axes(&mut self) {
+        let moved = |axis: usize| self.external.iter().any(|external| external[axis].is_some_and(|at| at != 0.0));
+        let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
+        let used: [bool; 6] = std::array::from_fn(|axis| self.used_axes[axis] || moved(axis));
+        let at_rest: [bool; 6] = std::array::from_fn(|axis| !used[axis] && named(axis));
+        if used == [false; 6] && at_rest == [false; 6] {
+            return;
+        }
+        let mut last: Option<Arc<ExternalAxes>> = None;
+        for (target, external) in self.targets.iter_mut().zip(&self.external) {
+            if last.as_ref().is_none_or(|last| last.written != *external) {
+                last = Some(Arc::new(ExternalAxes { written: *external, at_rest, ..ExternalAxes::default() }));
+            }
+            target.external.clone_from(&last);
+        }
+    }
+
+    /// An angle that several points have (`P[i].A=-30` in a loop) turns all of them: it stays, their positions are their own.
+    pub(super) fn hold_shared_angles(&mut self) {
+        let mut owners: HashMap<Place, Option<Place>> = HashMap::new();
+        for site in &self.sites {
+            let [x, _, _, angles @ ..] = site.tokens;
+            for angle in angles.into_iter().flatten() {
+                if *owners.entry(angle).or_insert(x) != x {
+                    self.pinned.insert(angle);
+                }
+            }
+        }
+    }
+
+    /// Why a number stays as it is.
+    pub(super) fn holds(&self, place: Option<Place>) -> Option<&'static str> {
+        match place {
+            None => Some(RUN_TIME),
+            Some(place) if usize::from(place.source) >= self.written => Some("declared in a context file"),
+            Some(place) if self.pinned.contains(&place) => {
+                Some("its numbers are read by more than motions that are known")
+            }
+            Some(_) => None,
+        }
+    }
+
+    /// Why a target stays as it is.
+    pub(super) fn fixed(&self, i: usize) -> Option<&'static str> {
+        if let Editable::No(reason) = self.targets[i].editable {
+            return Some(reason);
+        }
+        let [x, y, z, ..] = self.sites[i].tokens;
+        let one = (x == y || y == z || x == z).then_some("one number is several components");
+        [x, y, z].into_iter().find_map(|place| self.holds(place)).or(one)
+    }
+
+    /// Whether the routine runs elsewhere too, where nobody knows what holds.
+    pub(super) fn is_beside(&self) -> bool {
+        self.frames.last().is_some_and(|frame| self.beside.contains(&frame.routine))
+    }
+
+    /// Routines that nothing runs: what they name stays, and so do their motions.
+    pub(super) fn keep_what_is_not_run(&mut self) {
+        for id in self.symbols.all().collect::<Vec<_>>() {
+            if self.entered.contains(&id) {
+                continue;
+            }
+            drop(self.pin_names(id));
+            let bytes = self.bytes(id.file);
+            for span in spans(&self.symbols.routine(id).body) {
+                let cursor = Cursor::new(bytes, 0, span);
+                let word = super::value::upper(cursor.text(cursor.peek()));
+                if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
+                    self.use_axes_in(id.file, span);
+                    let beside = self.beside.contains(&id);
+                    self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });
+                }
+            }
+        }
+    }
+}
