@@ -77,12 +77,13 @@ impl Engine {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let own = search.objective(&set);
         let mut best: Option<(f64, usize)> = None;
-        for c in first..self.candidates.len() {
-            let without = |out: usize| set.iter().copied().filter(|&o| o != out).chain([c]).collect::<Vec<_>>();
-            let sets = set.iter().map(|&out| without(out)).chain([vec![c], without(c)]);
-            let value = sets.map(|set| search.objective(&set)).fold(f64::NEG_INFINITY, f64::max);
-            if value > own && best.is_none_or(|(most, _)| value > most) {
-                best = Some((value, c));
+        let without = |out: &usize| set.iter().copied().filter(|o| o != out).collect::<Vec<_>>();
+        for others in set.iter().map(without).chain([vec![], set.clone()]) {
+            for c in first..self.candidates.len() {
+                let value = search.objective(&[&others[..], &[c]].concat());
+                if value > own && best.is_none_or(|(most, _)| value > most) {
+                    best = Some((value, c));
+                }
             }
         }
         let kept = best.map(|(_, c)| self.candidates[c].clone());

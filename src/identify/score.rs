@@ -1,16 +1,13 @@
 //! Evidence of a set of effects, from moments alone.
 //!
-//! With θ ~ N(0, τ²) about neutral and Gaussian noise, the marginal likelihood of the data is
-//! `−n ln σ − ½ yᵀy/σ² + ½ (b/σ²)ᵀ(I + G/σ²)⁻¹(b/σ²) − ½ ln det(I + G/σ²)`, G and b over the prior sizes. It punishes
-//! parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it. A prior about μ, in the
-//! same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`. Numbers that are bounded add the log of the share of their
-//! posterior within the bounds, less that of their prior.
+//! It punishes parameters that the data do not need by itself; σ is profiled, the noise's shape chosen with it (see
+//! [`profiled`]). A prior about μ, in the same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`. Numbers that are bounded
+//! add the log of the share of their posterior within the bounds, less that of their prior.
 
 use super::moments::Moments;
+use super::profile::{LEAST_SIGMA, profiled};
 use super::smooth::Smoothness;
 use nalgebra::{DMatrix, DVector};
-use statrs::function::erf::erfc;
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::Arc;
 
 /// A scored set of columns.
@@ -23,12 +20,6 @@ pub(super) struct Score {
     /// Index of the noise's shape.
     pub(super) shape: usize,
 }
-
-/// Noise below this is not believed, mm: no instrument measures a robot to a tenth of a micrometre.
-const LEAST_SIGMA: f64 = 1e-4;
-
-/// How well an instrument's declared standard deviation is known, as a share of it.
-const DECLARED: f64 = 0.15;
 
 /// A column of the design and the share of its typical size that the prior has.
 pub(super) type Column = (usize, f64);
@@ -103,115 +94,6 @@ pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) 
         }
     }
     best
-}
-
-/// Evidence for one shape with σ at its best, searched from `guess`.
-pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>) -> (f64, f64) {
-    let (gram, cross) = (columns.gram(moments), columns.cross(moments));
-    let n = moments.count as f64;
-    let size = columns.list.len();
-    let expected: f64 = columns.means.iter().map(|(_, mean)| mean * mean).sum();
-    let prior = {
-        let mut prior = DMatrix::zeros(size, size);
-        columns.add_precision(&mut prior);
-        prior
-    };
-    let mut rows = vec![0.0; size * size];
-    let mut white = vec![0.0; size];
-    let mut at = |log_sigma: f64| {
-        let precision = (-2.0 * log_sigma).exp();
-        let declared = moments.declared.map_or(0.0, |declared| -0.5 * ((log_sigma - declared.ln()) / DECLARED).powi(2));
-        let base = -n * log_sigma - 0.5 * moments.square * precision - moments.log_scale
-            + moments.shape.log_prior()
-            + declared;
-        if size == 0 {
-            return base;
-        }
-        for ((value, gram), prior) in rows.iter_mut().zip(gram.iter()).zip(prior.iter()) {
-            *value = gram * precision + prior;
-        }
-        white.iter_mut().zip(cross.iter()).for_each(|(white, cross)| *white = cross * precision);
-        columns.means.iter().for_each(|&(i, mean)| white[i] += mean);
-        let Some((half_log_det, square)) = whiten_right(&mut rows, &mut white) else { return f64::NEG_INFINITY };
-        base + 0.5 * (square - expected) - half_log_det + columns.half_log_det()
-    };
-    let rms = 0.5 * (moments.square / n.max(1.0)).max(LEAST_SIGMA * LEAST_SIGMA).ln();
-    let mut middle = guess.map_or(rms, f64::ln);
-    let mut width = if guess.is_some() { 0.05 } else { 0.4 };
-    let mut best = (at(middle), middle);
-    // Parabola through three points.
-    for _ in 0..20 {
-        let (left, right) = (at(middle - width), at(middle + width));
-        let centre = best.0;
-        let curve = left - 2.0 * centre + right;
-        let step = if curve < 0.0 { 0.5 * width * (left - right) / curve } else { width.copysign(right - left) };
-        let step = step.clamp(-2.0 * width, 2.0 * width);
-        let next = (middle + step).max(LEAST_SIGMA.ln());
-        let value = at(next);
-        for (evidence, place) in [(left, middle - width), (right, middle + width), (value, next)] {
-            if evidence > best.0 {
-                best = (evidence, place);
-            }
-        }
-        // The evidence falls by n·δ²: a hundredth of a nat is enough.
-        if n * step * step < 0.01 {
-            break;
-        }
-        // Far from the top the steps grow, near it they shrink.
-        width = if step.abs() < width { (0.3 * width).max(0.01) } else { (2.0 * width).min(0.8) };
-        middle = best.1;
-    }
-    let sigma = best.1.exp();
-    (best.0 + within_limits(moments, columns, sigma), sigma)
-}
-
-/// What it says for the bounded numbers that they lie where they may, nats: the share of the posterior there over that of the
-/// prior, number by number. A compliance that the data want below nothing is no compliance, however well it fits.
-fn within_limits(moments: &Moments, columns: &Columns, sigma: f64) -> f64 {
-    if columns.limits.is_empty() {
-        return 0.0;
-    }
-    let Some((mean, covariance)) = posterior(moments, columns, sigma) else { return 0.0 };
-    let of = |&(i, low, high): &(usize, f64, f64)| {
-        let (at, spread) = (mean[i], covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt());
-        log_normal_between((low - at) / spread, (high - at) / spread) - log_normal_between(low, high)
-    };
-    columns.limits.iter().map(of).sum()
-}
-
-/// Log of the share of a standard normal distribution between two ends.
-fn log_normal_between(low: f64, high: f64) -> f64 {
-    /// Beyond this the tail is that of its asymptote to a part in a thousand.
-    const FAR: f64 = 20.0;
-    // Towards the tail, where differences of what is nearly one lose everything.
-    let (low, high) = if high < 0.0 { (-high, -low) } else { (low, high) };
-    if low > FAR {
-        return -0.5 * low * low - (low * TAU.sqrt()).ln();
-    }
-    let beyond = |at: f64| 0.5 * erfc(at * FRAC_1_SQRT_2);
-    (beyond(low) - beyond(high)).max(f64::MIN_POSITIVE).ln()
-}
-
-/// Half the log determinant of a symmetric matrix, row by row, and the square of L⁻¹ of a right side, L its Cholesky factor,
-/// which takes the matrix's place; `None` where it is not positive definite.
-fn whiten_right(matrix: &mut [f64], right: &mut [f64]) -> Option<(f64, f64)> {
-    let size = right.len();
-    let mut half_log_det = 0.0;
-    for i in 0..size {
-        let (above, below) = matrix.split_at_mut(i * size);
-        let own = &mut below[..=i];
-        for (j, row) in above.chunks_exact(size).enumerate() {
-            own[j] = (own[j] - dot(&own[..j], &row[..j])) / row[j];
-        }
-        let square = own[i] - dot(&own[..i], &own[..i]);
-        if square.is_nan() || square <= 0.0 {
-            return None;
-        }
-        own[i] = square.sqrt();
-        half_log_det += 0.5 * square.ln();
-        right[i] = (right[i] - dot(&own[..i], &right[..i])) / own[i];
-    }
-    Some((half_log_det, dot(right, right)))
 }
 
 /// Sum of products, some at a time: in the same order on every processor.
@@ -310,62 +192,6 @@ mod tests {
     use super::super::noise::{Series, Shape};
     use super::*;
     use nalgebra::Vector3;
-
-    #[test]
-    fn a_right_side_is_whitened_by_the_cholesky_factor() {
-        let matrix = DMatrix::from_fn(21, 21, |i, j| {
-            let near = (-0.1 * i.abs_diff(j) as f64).exp();
-            if i == j { 2.0 + 0.01 * i as f64 } else { near }
-        });
-        let right = DVector::from_fn(21, |i, _| (i as f64 * 0.7).sin());
-        let mut factor = matrix.as_slice().to_vec();
-        let (half_log_det, square) = whiten_right(&mut factor, &mut right.as_slice().to_vec()).unwrap();
-        assert!((half_log_det - 0.5 * matrix.determinant().ln()).abs() < 1e-12);
-        assert!((square - right.dot(&(matrix.clone().try_inverse().unwrap() * &right))).abs() < 1e-12);
-        assert!(whiten_right(&mut (-matrix).as_slice().to_vec(), &mut right.as_slice().to_vec()).is_none());
-    }
-
-    #[test]
-    fn a_prior_about_one_draws_there_and_its_evidence_is_that_of_the_data_about_it() {
-        // Two scalars of 1.4 and 0.3 on the column (1, 0): about 1 with a spread of 0.5, σ = 0.5, the mean is halfway, 1.2.
-        let stacked = DMatrix::from_row_slice(2, 2, &[1.0, 1.4, 0.0, 0.3]);
-        let series = [Series { samples: vec![(0, 0, 1.0), (1, 1, 1.0)], places: [[Vector3::zeros(); 3]; 2].into() }];
-        let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
-        let moments = Moments::of(&stacked, &series, shape);
-        let about_one = Columns { means: vec![(0, 2.0)], ..Columns::independent(vec![(0, 0.5)]) };
-        let (mean, _) = posterior(&moments, &about_one, 0.5).unwrap();
-        assert!((0.5 * mean[0] - 1.2).abs() < 1e-12);
-        // The same as data of 0.4 with a prior about zero.
-        let shifted = Moments::of(&DMatrix::from_row_slice(2, 2, &[1.0, 0.4, 0.0, 0.3]), &series, shape);
-        let about_zero = Columns::independent(vec![(0, 0.5)]);
-        let evidence = |moments: &Moments, columns: &Columns| profiled(moments, columns, Some(0.3)).0;
-        assert!((evidence(&moments, &about_one) - evidence(&shifted, &about_zero)).abs() < 1e-6);
-    }
-
-    #[test]
-    fn a_number_that_may_not_be_negative_gains_where_it_is_positive_and_loses_where_it_is_not() {
-        // ±1.4 on the column 1 with a prior of 0.5, σ = 0.5: mean ±1.4 and variance ½ in prior sizes. Of the prior half is above
-        // nothing, of the posterior Φ(±1.98) = 0.97614 or 0.02386.
-        let series = [Series { samples: vec![(0, 0, 1.0)], places: [[Vector3::zeros(); 3]].into() }];
-        let shape = Shape { drift: 0.0, correlation: 0.0, field: None };
-        let columns = Columns { limits: vec![(0, 0.0, f64::INFINITY)], ..Columns::independent(vec![(0, 0.5)]) };
-        let gain = |seen: f64| {
-            let moments = Moments::of(&DMatrix::from_row_slice(1, 2, &[1.0, seen]), &series, shape);
-            within_limits(&moments, &columns, 0.5)
-        };
-        assert!((gain(1.4) - 0.6690).abs() < 1e-3 && (gain(-1.4) + 3.0425).abs() < 1e-3);
-        // Far out in the tail the share is no number any more, and its logarithm still is: −z²/2 − ln(z √2π) + ln 2, z = 141.42.
-        assert!((gain(-100.0) + 10_005.178).abs() < 0.01);
-        assert!(
-            within_limits(
-                &Moments::of(&DMatrix::from_row_slice(1, 2, &[1.0, 1.0]), &series, shape),
-                &Columns::default(),
-                0.5
-            )
-            .abs()
-                < 1e-12
-        );
-    }
 
     #[test]
     fn beside_a_number_at_its_bound_the_others_are_solved_anew() {

@@ -8,7 +8,8 @@
 use super::candidates::{Candidate, Home, SPRING};
 use super::moments::Moments;
 use super::pattern::Standing;
-use super::score::{Columns, Score, profiled, score};
+use super::profile::Profile;
+use super::score::{Columns, Score, score};
 use crate::effects::kind;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -57,17 +58,26 @@ pub(super) struct Search<'a> {
     known: RefCell<BTreeMap<Vec<usize>, f64>>,
     /// Last σ of each shape: where the next profile starts.
     sigmas: RefCell<Vec<Option<f64>>>,
+    /// Members that the last sets began with, and the profile of each shape beside them.
+    shared: RefCell<(Vec<usize>, Vec<Profile>)>,
 }
 
 impl<'a> Search<'a> {
     pub(super) fn new(candidates: &'a [Candidate], moments: &'a [Moments], always: &'a [usize]) -> Self {
         let all = (0..moments.len()).collect();
         let sigmas = RefCell::new(vec![None; moments.len()]);
-        Self { candidates, moments, always, active: RefCell::new(all), known: RefCell::default(), sigmas }
+        let (active, known) = (RefCell::new(all), RefCell::default());
+        let search = Self { candidates, moments, always, active, known, sigmas, shared: RefCell::default() };
+        search.share(&[]);
+        search
     }
 
     pub(super) fn columns(&self, set: &[usize]) -> Columns {
-        let mut all = Columns::independent(self.always.iter().map(|&column| (column, 1.0)).collect());
+        self.joined(Columns::independent(self.always.iter().map(|&column| (column, 1.0)).collect()), set)
+    }
+
+    /// Columns with those of a set behind them.
+    fn joined(&self, mut all: Columns, set: &[usize]) -> Columns {
         for candidate in set.iter().map(|&c| &self.candidates[c]) {
             if let Some(prior) = candidate.precision() {
                 all.curves.push((all.list.len(), Arc::clone(prior)));
@@ -106,17 +116,34 @@ impl<'a> Search<'a> {
         if let Some(known) = self.known.borrow().get(&key) {
             return *known;
         }
-        let columns = self.columns(&key);
-        let active = self.active.borrow();
-        let evidence = active.iter().map(|&s| self.profile(s, &columns)).fold(f64::NEG_INFINITY, f64::max);
+        let more = self.beyond_shared(set);
+        let evidence = self.active.borrow().iter().map(|&s| self.profile(s, &more)).fold(f64::NEG_INFINITY, f64::max);
         let value = evidence - self.prices(&key);
         self.known.borrow_mut().insert(key, value);
         value
     }
 
-    fn profile(&self, shape: usize, columns: &Columns) -> f64 {
+    /// Columns of a set beyond the shared ones, which are all but its last member's: sets are asked that differ in that.
+    fn beyond_shared(&self, set: &[usize]) -> Columns {
+        let first = set.len().saturating_sub(1);
+        let known = [set, &set[..first]].into_iter().find(|begin| *begin == self.shared.borrow().0);
+        let begin = known.unwrap_or_else(|| {
+            self.share(&set[..first]);
+            &set[..first]
+        });
+        self.joined(Columns::default(), &set[begin.len()..])
+    }
+
+    fn share(&self, set: &[usize]) {
+        let columns = self.columns(set);
+        *self.shared.borrow_mut() =
+            (set.to_vec(), self.moments.iter().map(|_| Profile::new(columns.clone())).collect());
+    }
+
+    /// Evidence of columns beside the shared ones under one shape.
+    fn profile(&self, shape: usize, more: &Columns) -> f64 {
         let guess = self.sigmas.borrow()[shape];
-        let (evidence, sigma) = profiled(&self.moments[shape], columns, guess);
+        let (evidence, sigma) = self.shared.borrow_mut().1[shape].beside(&self.moments[shape], more, guess);
         self.sigmas.borrow_mut()[shape] = Some(sigma);
         evidence
     }
@@ -191,8 +218,8 @@ impl<'a> Search<'a> {
         let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
         let mut wanted = Vec::new();
         for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {
-            let columns = self.columns(&set);
-            let each: Vec<f64> = (0..self.moments.len()).map(|s| self.profile(s, &columns)).collect();
+            let more = self.beyond_shared(&set);
+            let each: Vec<f64> = (0..self.moments.len()).map(|s| self.profile(s, &more)).collect();
             let best = (0..each.len()).max_by(|&a, &b| each[a].total_cmp(&each[b])).unwrap_or(0);
             votes[best] = votes[best].max(each[best]);
         }
@@ -263,8 +290,8 @@ impl<'a> Search<'a> {
             Home::Declared(_) | Home::New(_) => false,
         };
         let (kinds, faults) = (best_of_each(&|candidate| !candidate.is_pattern()), best_of_each(&is_fault));
-        let with = |c: usize| faults.iter().map(move |&f| (c, [set, &[c, f]].concat())).collect::<Vec<_>>();
-        kinds.into_iter().flat_map(with).collect()
+        let with = |f: usize| kinds.iter().map(move |&c| (c, [set, &[f, c]].concat())).collect::<Vec<_>>();
+        faults.into_iter().flat_map(with).collect()
     }
 
     /// Posterior over the sets about one: itself, without each member, with each swapped for another, with each further

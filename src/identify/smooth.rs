@@ -153,7 +153,7 @@ fn gain(mut information: DMatrix<f64>, cross: &DVector<f64>, prior: &Columns) ->
 #[cfg(test)]
 mod tests {
     use super::super::noise::{Series, Shape};
-    use super::super::score::profiled;
+    use super::super::profile::profiled;
     use super::*;
     use crate::effects::joint_error_curve;
     use nalgebra::Vector3;
