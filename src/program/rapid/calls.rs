@@ -1,55 +1,25 @@
 //! Calls of procedures: what parameters stand for while a routine runs, and what it leaves, at its end or by an error.
 
+use super::errors::FAILED;
 use super::eval::{RUN_TIME, Scope};
 use super::memory::Left;
-use super::motion::{self, Call};
+use super::memory::note;
+use super::motion::Call;
+use super::parameters::Bound;
 use super::run::{Flow, Frame, Mode, Runner};
 use super::state::Switches;
-use super::symbols::{Content, Names, Part, RoutineId, Upper, declared, first_word};
+use super::symbols::{Content, RoutineId, Upper, first_word};
 use super::tree::{Param, Statement, any, simple_statements};
 use super::value::Value;
 use crate::text::{Diagnostic, Severity, Span};
-use std::collections::{BTreeMap, HashSet};
-use std::rc::Rc;
-use std::sync::Arc;
+use std::collections::HashSet;
 
 /// Calls deeper than this are not followed: a procedure that calls itself has no end when reading.
 const MAX_CALLS: usize = 48;
-/// What an optional parameter holds that the call does not give.
-pub(super) const ABSENT: &str = "optional argument that is not given";
-/// What a parameter holds of a procedure that nothing in the files calls.
-pub(super) const NOT_KNOWN: &str = "argument is not known";
 /// Why data are not known behind a procedure that is not in the files.
 const UNDECLARED: &str = "may be changed by a procedure that is not in the files";
 const CALLS_ITSELF: &str = "may be changed by a procedure that calls itself";
 const JUMPS: &str = "changed in a routine with GOTO";
-const HANDLED: &str = "may be changed by an error handler";
-const FAILED: &str = "may be changed by a procedure that is run again after an error";
-/// More returns of one routine are taken together.
-const MOST_RETURNS: usize = 8;
-
-/// What a parameter stands for.
-#[derive(Clone, Debug)]
-enum Bound {
-    /// The caller's own, by reference.
-    Variable(usize),
-    /// A part of the caller's, by reference.
-    Part(Rc<Part>),
-    /// A copy, under the name that it was declared with, and whether the files declare that.
-    Value(Value, Span, bool),
-}
-
-/// What an ERROR handler may do with an error.
-#[derive(Clone, Copy)]
-struct Handler {
-    /// TRYNEXT: goes on behind what failed.
-    goes_on: bool,
-    /// RETRY: runs again what failed.
-    again: bool,
-    /// RAISE: hands it on to the caller.
-    hands_on: bool,
-}
-
 /// What was known before a routine with labels was entered.
 struct Loosened {
     /// Data and why each was not known.
@@ -106,30 +76,6 @@ impl<'a> Runner<'a> {
         self.symbols.variables.truncate(before);
         self.epoch += 1;
         flow
-    }
-
-    /// What a call hands to the parameters of a routine, by their number.
-    fn arguments(&mut self, scope: Scope, id: RoutineId, call: &Call) -> Vec<(usize, Bound)> {
-        let routine = self.symbols.routine(id);
-        let callee = self.bytes(id.file);
-        let mut bound = Vec::new();
-        let required = routine.params.iter().enumerate().filter(|(_, p)| !p.optional);
-        for ((at, param), argument) in required.zip(call.positional()) {
-            bound.push((at, self.bind(scope, param, *argument)));
-        }
-        for (name, value) in call.optional() {
-            let name = &self.bytes(scope.source as usize)[name.range()];
-            let is = |p: &Param| callee[p.name.range()].eq_ignore_ascii_case(name);
-            if let Some(at) = routine.params.iter().position(is) {
-                let given = if value.is_empty() {
-                    Bound::Value(Value::Bool(true), *value, true)
-                } else {
-                    self.bind(scope, &routine.params[at], *value)
-                };
-                bound.push((at, given));
-            }
-        }
-        bound
     }
 
     /// Goes on behind a call that may have ended in several ways.
@@ -395,230 +341,12 @@ impl<'a> Runner<'a> {
     }
 
     /// The running routine may return here, leaving this.
-    fn note_return(&mut self, left: Left) {
+    pub(super) fn note_return(&mut self, left: Left) {
         let stands = self.stands;
         if let Some(frame) = self.frames.last_mut() {
             note(&mut frame.returns, left);
             frame.returns_from = Some(frame.returns_from.map_or(stands, |known| known.filter(|_| known == stands)));
         }
-    }
-
-    /// What the ERROR handler of the running routine may do.
-    fn handler(&self) -> Option<Handler> {
-        let routine = self.symbols.routine(self.frames.last()?.routine);
-        routine.error.is_some().then(|| Handler {
-            goes_on: any(routine.on_error(), &|s| matches!(s, Statement::TryNext)),
-            again: any(routine.on_error(), &|s| matches!(s, Statement::Retry)),
-            hands_on: any(routine.on_error(), &|s| matches!(s, Statement::Raise)),
-        })
-    }
-
-    /// An error, here: to the routine's own handler, or to whoever called it.
-    pub(super) fn raise(&mut self) -> Flow {
-        self.events += 1;
-        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
-        let handler = self.handler();
-        self.open();
-        self.run_handler();
-        let left = self.since(layer);
-        self.take();
-        if let Some(frame) = self.frames.last_mut()
-            && handler.is_none_or(|handler| handler.hands_on)
-        {
-            note(&mut frame.raises, left.clone());
-        }
-        // A handler that comes to its end returns.
-        if handler.is_some() {
-            self.note_return(left);
-        }
-        if handler.is_some_and(|handler| handler.goes_on) {
-            self.run_handler();
-            return Flow::Next;
-        }
-        Flow::Gone
-    }
-
-    /// What the ERROR handler of the running routine may change is not known behind it.
-    pub(super) fn run_handler(&mut self) {
-        let Some(id) = self.frames.last().map(|frame| frame.routine) else { return };
-        let routine = self.symbols.routine(id);
-        if routine.on_error().is_empty() {
-            return;
-        }
-        let changes = self.symbols.changed_in(id, routine.on_error());
-        self.forget(&changes, HANDLED);
-        self.state.lose(changes.switches);
-        self.may_have_moved(id, routine.on_error());
-    }
-
-    /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.
-    pub(super) fn may_be_handled(&mut self, behind: bool) {
-        if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
-            self.run_handler();
-        }
-    }
-
-    /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.
-    fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
-        let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-        let moves = |span: Span| {
-            let name = &bytes[first_word(bytes, span).range()];
-            motion::shape(name).is_some() || self.symbols.find_routine(module, name).is_some()
-        };
-        if self.stands.is_some() && simple_statements(block).into_iter().any(moves) {
-            self.stands = None;
-        }
-    }
-
-    /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.
-    pub(super) fn may_fail(&mut self) {
-        let Some(frame) = self.frames.last() else { return };
-        let now = Some((self.epoch, self.state));
-        if frame.noted == now {
-            return;
-        }
-        self.open();
-        let _ = self.raise();
-        self.take();
-        if let Some(frame) = self.frames.last_mut() {
-            frame.noted = now;
-        }
-    }
-
-    /// A routine's parameters, with what they stand for, and its own data.
-    fn own_names(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Names {
-        let routine = self.symbols.routine(id);
-        let bytes = self.bytes(id.file);
-        let module = self.symbols.module_of(id);
-        let mut names = Names::new();
-        let volatile = self.symbols.volatile_own.get(&id).cloned().unwrap_or_default();
-        for (p, param) in routine.params.iter().enumerate() {
-            let bound = arguments.iter().find(|(at, _)| *at == p).map(|(_, b)| b.clone());
-            let key = Upper::new(&bytes[param.name.range()]);
-            let new = |this: &mut Self, value: Value| {
-                this.new_variable(bytes, id.file, module, param.kind, param.name, value)
-            };
-            let at = match bound {
-                Some(Bound::Variable(at)) => at,
-                Some(Bound::Part(part)) => {
-                    let at = new(self, Value::Unknown(RUN_TIME));
-                    self.symbols.variables[at].content = Content::Part(part);
-                    at
-                }
-                Some(Bound::Value(value, name, declared)) => {
-                    let at = new(self, value);
-                    let caller = self.scope().source;
-                    if !name.is_empty() {
-                        let text = &self.bytes(caller as usize)[name.range()];
-                        self.symbols.variables[at].name = crate::text::decode(text).as_ref().into();
-                    }
-                    self.symbols.variables[at].foreign = !declared;
-                    at
-                }
-                None if param.optional && !self.frames.is_empty() => new(self, Value::Unknown(ABSENT)),
-                None => new(self, Value::Unknown(NOT_KNOWN)),
-            };
-            if volatile.contains(&Box::from(&*key)) {
-                let of = match &self.symbols.variables[at].content {
-                    Content::Part(part) => part.of,
-                    _ => at,
-                };
-                self.forget_data(of, super::changes::CHANGED_AT_ANY_MOMENT);
-                self.symbols.variables[of].volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
-            }
-            if routine.error.is_some()
-                && let Value::Target(pose) = self.content(at)
-                && let Some(root) = pose.root
-            {
-                let given = self.given.entry((id, Box::from(&*key))).or_default();
-                if given.last() != Some(&root) && !given.contains(&root) {
-                    given.push(root);
-                }
-            }
-            names.insert(Box::from(&*key), at);
-        }
-        if routine.data.is_empty() {
-            return names;
-        }
-        let assigned = &self.symbols.changed_by(id).own;
-        let assigned: HashSet<Box<[u8]>> = assigned.iter().cloned().collect();
-        for data in &routine.data {
-            let mut variable = declared(bytes, id.file, module, data);
-            let key = Upper::new(&bytes[data.name.range()]);
-            variable.assigned = assigned.contains(&*key);
-            if volatile.contains(&Box::from(&*key)) {
-                variable.volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
-            }
-            names.insert(Box::from(&*key), self.symbols.variables.len());
-            self.symbols.variables.push(variable);
-        }
-        names
-    }
-
-    fn bind(&mut self, scope: Scope, param: &Param, argument: Span) -> Bound {
-        let bytes = self.bytes(scope.source as usize);
-        let word = first_word(bytes, argument);
-        let named = (word == argument).then(|| self.find(scope, &Upper::new(&bytes[word.range()])));
-        if param.by_reference {
-            if let Some(Some(at)) = named {
-                return Bound::Variable(at);
-            }
-            if word != argument
-                && !word.is_empty()
-                && let Some(part) = self.place(scope, argument)
-            {
-                return Bound::Part(Rc::new(part));
-            }
-        }
-        let value = match self.evaluate(scope, argument) {
-            Value::Num(v, _) => Value::Num(v, None),
-            other => other,
-        };
-        match named {
-            Some(Some(at)) => {
-                // Through several routines it keeps the name that it was declared with.
-                Bound::Variable(self.copied(value, at, scope, argument))
-            }
-            Some(None) => {
-                // A name that the files do not declare, or a predefined one: it goes along with its value.
-                let declared = super::value::predefined(&Upper::new(&bytes[word.range()])).is_some();
-                Bound::Value(value, word, declared)
-            }
-            None => Bound::Value(value, argument, true),
-        }
-    }
-
-    /// A variable of its own with the value of another.
-    fn copied(&mut self, value: Value, of: usize, scope: Scope, at: Span) -> usize {
-        let variable = &self.symbols.variables[of];
-        let (name, kind, foreign) = (Arc::clone(&variable.name), Arc::clone(&variable.kind), variable.foreign);
-        let bytes = self.bytes(scope.source as usize);
-        let none = Span { start: at.start, end: at.start };
-        let copy = self.new_variable(bytes, scope.source as usize, scope.module, none, none, value);
-        self.symbols.variables[copy].name = name;
-        self.symbols.variables[copy].kind = kind;
-        self.symbols.variables[copy].foreign = foreign;
-        copy
-    }
-}
-
-/// Notes one more state; many become one, in which what they do not all have is unknown.
-fn note(states: &mut Vec<Left>, left: Left) {
-    states.push(left);
-    if states.len() > MOST_RETURNS {
-        let mut all = states.drain(..);
-        let Some(first) = all.next() else { return };
-        let mut changed: BTreeMap<usize, Value> = first.changed;
-        let mut state = first.state;
-        for other in all.by_ref() {
-            state = state.join(other.state);
-            for at in other.changed.keys() {
-                changed.insert(*at, Value::Unknown(RUN_TIME));
-            }
-            changed.values_mut().for_each(|value| *value = Value::Unknown(RUN_TIME));
-        }
-        drop(all);
-        states.push(Left { changed, state });
     }
 }
 

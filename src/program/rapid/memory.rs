@@ -1,6 +1,7 @@
 //! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
 
 use super::changes::Changes;
+use super::eval::RUN_TIME;
 use super::lex::{Cursor, Kind};
 use super::run::Runner;
 use super::state::State;
@@ -10,6 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Why a value is not known behind branches.
 const BRANCHES: &str = "different from branch to branch";
+
+/// More returns of one routine are taken together.
+const MOST_RETURNS: usize = 8;
 
 /// What was there when a branch began.
 pub(super) struct Layer {
@@ -207,5 +211,25 @@ impl Runner<'_> {
                 }
             }
         }
+    }
+}
+
+/// Notes one more state; many become one, in which what they do not all have is unknown.
+pub(super) fn note(states: &mut Vec<Left>, left: Left) {
+    states.push(left);
+    if states.len() > MOST_RETURNS {
+        let mut all = states.drain(..);
+        let Some(first) = all.next() else { return };
+        let mut changed: BTreeMap<usize, Value> = first.changed;
+        let mut state = first.state;
+        for other in all.by_ref() {
+            state = state.join(other.state);
+            for at in other.changed.keys() {
+                changed.insert(*at, Value::Unknown(RUN_TIME));
+            }
+            changed.values_mut().for_each(|value| *value = Value::Unknown(RUN_TIME));
+        }
+        drop(all);
+        states.push(Left { changed, state });
     }
 }

@@ -1,6 +1,7 @@
 //! Chunks of streamable programs, read line by line: lines that differ in nothing but the numbers of their robtarget, or its
 //! name, mean the same, so that one of each kind is read by [`read_as`](super::read_as) and the others by what is their own.
 
+use super::arguments::index;
 use super::axes::as_written;
 use super::chunk::Chunk;
 use super::chunks::line_of;
@@ -8,7 +9,6 @@ use super::index::{hash, target};
 use super::kinds::{Meaning, Motion, words};
 use super::lex;
 use super::literal::Literal;
-use super::moves::index;
 use super::named::Declarations;
 use super::sample::{Found, Named, Sample, pose};
 use super::value::Place;

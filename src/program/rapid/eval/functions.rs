@@ -1,8 +1,8 @@
 //! Predefined functions, as far as their arguments are known when reading.
 
-use super::super::calls::{ABSENT, NOT_KNOWN};
 use super::super::lex::Cursor;
 use super::super::motion::Call;
+use super::super::parameters::{ABSENT, NOT_KNOWN};
 use super::super::predefined;
 use super::super::run::Runner;
 use super::super::symbols::Upper;

@@ -1,0 +1,205 @@
+//! What the tool, work object and speed arguments of a motion mean.
+
+use super::eval::{RUN_TIME, Scope};
+use super::motion::Call;
+use super::parameters::ABSENT;
+use super::run::{Cached, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner};
+use super::symbols::{Upper, first_word};
+use super::value::{Place, Value, predefined, unit};
+use crate::program::{Tool, ToolData, Wobj, WobjData};
+use crate::text::{Severity, Span, decode};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+pub(super) const MANY_FRAMES: &str = "the program has more than 65,536 tools or work objects";
+
+impl<'a> Runner<'a> {
+    pub(super) fn tool_index(&mut self, scope: Scope, argument: Span) -> Result<u16, &'static str> {
+        let place = Place { source: scope.source, span: argument };
+        if self.fresh(self.tool, place) {
+            return Ok(self.tool.index);
+        }
+        let (name, value, declared) = self.named(scope, argument);
+        let data = value.tool();
+        if declared && data.is_none() {
+            self.tell_frame(argument, "tool", &name, &value);
+            return Err("tool known only at run time");
+        }
+        if data.is_some_and(|data| !is_unit(data.tcp_quat)) {
+            return Err(NOT_UNIT);
+        }
+        let numbers = data.map_or(Vec::new(), |d| {
+            [&d.tcp_mm[..], &d.tcp_quat, &[d.mass_kg], &d.cog_mm, &[f64::from(u8::from(d.robhold))]].concat()
+        });
+        let key = frame_key(&name, &numbers);
+        let data = data.map(|data| ToolData { tcp_quat: unit(data.tcp_quat), ..data });
+        let index = number(&mut self.tools, &mut self.tool_numbers, key, self.mode, Tool { name, data })?;
+        let Some(index) = index else {
+            self.refuse(scope.source, argument, "rapid.frames", MANY_FRAMES, "split the program");
+            return Err("too many tools");
+        };
+        self.tool = self.cached(scope, place, index);
+        Ok(index)
+    }
+
+    pub(super) fn wobj_index(&mut self, scope: Scope, argument: Option<Span>) -> Result<u16, &'static str> {
+        let argument = argument.filter(|a| !a.is_empty());
+        // No argument: the same empty place whatever the instruction.
+        let place = Place { source: scope.source, span: argument.unwrap_or_default() };
+        if self.fresh(self.wobj, place) {
+            return Ok(self.wobj.index);
+        }
+        let wobj0 = || ("wobj0".into(), predefined(b"WOBJ0").unwrap_or(Value::Unknown(RUN_TIME)), true);
+        let (name, value, declared) = match argument {
+            Some(argument) => match self.named(scope, argument) {
+                (_, Value::Unknown(ABSENT), _) => wobj0(),
+                named => named,
+            },
+            None => wobj0(),
+        };
+        let data = value.wobj();
+        if let Some(argument) = argument.filter(|_| declared && data.is_none()) {
+            self.tell_frame(argument, "work object", &name, &value);
+            return Err("work object known only at run time");
+        }
+        if data.as_ref().is_some_and(|data| !is_unit(data.uframe_quat) || !is_unit(data.oframe_quat)) {
+            return Err(NOT_UNIT);
+        }
+        let numbers = data.map_or(Vec::new(), |d| {
+            let flags = [f64::from(u8::from(d.robhold)), f64::from(u8::from(d.fixed))];
+            [&d.uframe_mm[..], &d.uframe_quat, &d.oframe_mm, &d.oframe_quat, &flags].concat()
+        });
+        let mechanical_unit: Option<Arc<str>> = value.wobj_unit().map(|unit| decode(unit).as_ref().into());
+        let mut key = frame_key(&name, &numbers);
+        key.extend_from_slice(mechanical_unit.as_deref().unwrap_or("").as_bytes());
+        let data = data.map(|data| WobjData {
+            uframe_quat: unit(data.uframe_quat),
+            oframe_quat: unit(data.oframe_quat),
+            ..data
+        });
+        let index = number(
+            &mut self.wobjs,
+            &mut self.wobj_numbers,
+            key,
+            self.mode,
+            Wobj { name, data, unit: mechanical_unit },
+        )?;
+        let Some(index) = index else {
+            self.refuse(scope.source, argument.unwrap_or_default(), "rapid.frames", MANY_FRAMES, "split the program");
+            return Err("too many work objects");
+        };
+        self.wobj = self.cached(scope, place, index);
+        Ok(index)
+    }
+
+    /// What is remembered of an argument: a plain name means the same until something is assigned or called.
+    pub(super) fn cached(&self, scope: Scope, place: Place, index: u16) -> Cached {
+        let bytes = self.bytes(scope.source as usize);
+        let plain = place.span.is_empty() || first_word(bytes, place.span) == place.span;
+        Cached { place: Some(place).filter(|_| plain), epoch: self.epoch, index }
+    }
+
+    /// Says why a frame is not known, once a place.
+    pub(super) fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
+        let why = value.unknown().unwrap_or("not of numbers");
+        let message = format!("{what} `{name}` is known only at run time here: {why}");
+        self.tell(argument, "rapid.frame", &message, Severity::Note);
+    }
+
+    /// Whether an argument reads like the last one, and nothing was assigned or called in between.
+    pub(super) fn fresh(&self, cached: Cached, place: Place) -> bool {
+        cached.epoch == self.epoch
+            && cached.place.is_some_and(|last| {
+                let text = |p: Place| &self.bytes(p.source as usize)[p.span.range()];
+                last.source == place.source && text(last) == text(place)
+            })
+    }
+
+    /// Tool or work object: the name that it was declared with, also through parameters, its value, and whether the program
+    /// says what that is: else the cell may.
+    pub(super) fn named(&mut self, scope: Scope, argument: Span) -> (Arc<str>, Value, bool) {
+        let bytes = self.bytes(scope.source as usize);
+        let word = first_word(bytes, argument);
+        if word == argument {
+            let key = Upper::new(&bytes[word.range()]);
+            if let Some(at) = self.find(scope, &key) {
+                let variable = &self.symbols.variables[at];
+                let (name, foreign) = (Arc::clone(&variable.name), variable.foreign);
+                let assigned = foreign && self.symbols.foreign_assigned.contains(&*Upper::new(name.as_bytes()));
+                return (name, self.content(at), !foreign || assigned);
+            }
+            let known = predefined(&key);
+            let declared = known.is_some() || self.symbols.foreign_assigned.contains(&*key);
+            let value = known.unwrap_or(Value::Unknown("name is not declared in the files given"));
+            return (decode(&bytes[argument.range()]).as_ref().into(), value, declared);
+        }
+        (decode(&bytes[argument.range()]).as_ref().into(), self.evaluate(scope, argument), true)
+    }
+
+    /// TCP speed of a motion, mm/s.
+    pub(super) fn speed(&mut self, scope: Scope, call: &Call, argument: Option<Span>) -> Option<f64> {
+        let bytes = self.bytes(scope.source as usize);
+        if call.option(bytes, b"T").is_some() {
+            return None;
+        }
+        let programmed = match call.option(bytes, b"V") {
+            Some(own) => self.evaluate(scope, own).num(),
+            None => self.speeddata(scope, argument?),
+        };
+        programmed.zip(self.state.velocity).map(|(programmed, velocity)| velocity.of(programmed))
+    }
+
+    /// The TCP speed of a speeddata, mm/s.
+    pub(super) fn speeddata(&mut self, scope: Scope, argument: Span) -> Option<f64> {
+        let place = Place { source: scope.source, span: argument };
+        if !self.fresh(self.speed.0, place) {
+            let value = self.evaluate(scope, argument);
+            let speed = value.list().and_then(|items| items.first()?.num()).filter(|v| *v > 0.0);
+            self.speed = (Cached { place: Some(place), epoch: self.epoch, index: 0 }, speed);
+        }
+        self.speed.1
+    }
+}
+
+/// Whether a quaternion is one of an orientation, but for printing.
+pub(super) fn is_unit(quat: [f64; 4]) -> bool {
+    let norm = quat.iter().map(|c| c * c).sum::<f64>();
+    (norm - 1.0).abs() <= MAX_NORM_ERROR
+}
+
+/// A tool or work object as a key: its name, whatever the case, and its numbers.
+pub(super) fn frame_key(name: &str, numbers: &[f64]) -> Vec<u8> {
+    let mut key = name.to_ascii_uppercase().into_bytes();
+    key.push(0);
+    numbers.iter().for_each(|number| key.extend_from_slice(&number.to_bits().to_le_bytes()));
+    key
+}
+
+/// The number of a frame; it gets one where it has none, as long as there are any.
+pub(super) fn number<T>(
+    all: &mut Vec<T>,
+    numbers: &mut HashMap<Vec<u8>, u16>,
+    key: Vec<u8>,
+    mode: Mode,
+    one: T,
+) -> Result<Option<u16>, &'static str> {
+    if let Some(known) = numbers.get(&key) {
+        return Ok(Some(*known));
+    }
+    if mode != Mode::Real {
+        return Err("not a frame of the program as it runs");
+    }
+    let Ok(number) = u16::try_from(all.len()) else { return Ok(None) };
+    all.push(one);
+    numbers.insert(key, number);
+    Ok(Some(number))
+}
+
+/// Where one of a few stands; it is added where it does not.
+pub(super) fn index<T>(all: &mut Vec<T>, one: T, same: impl Fn(&T, &T) -> bool) -> u16 {
+    let at = all.iter().position(|known| same(known, &one)).unwrap_or_else(|| {
+        all.push(one);
+        all.len() - 1
+    });
+    u16::try_from(at).unwrap_or(u16::MAX)
+}

@@ -1,0 +1,106 @@
+//! Errors: what handlers get, and what holds behind them.
+
+use super::memory::note;
+use super::motion::{self};
+use super::run::{Flow, Runner};
+use super::symbols::{RoutineId, first_word};
+use super::tree::{Statement, any, simple_statements};
+use crate::text::Span;
+
+pub(super) const HANDLED: &str = "may be changed by an error handler";
+pub(super) const FAILED: &str = "may be changed by a procedure that is run again after an error";
+
+/// What an ERROR handler may do with an error.
+#[derive(Clone, Copy)]
+pub(super) struct Handler {
+    /// TRYNEXT: goes on behind what failed.
+    pub(super) goes_on: bool,
+    /// RETRY: runs again what failed.
+    pub(super) again: bool,
+    /// RAISE: hands it on to the caller.
+    pub(super) hands_on: bool,
+}
+
+impl<'a> Runner<'a> {
+    /// What the ERROR handler of the running routine may do.
+    pub(super) fn handler(&self) -> Option<Handler> {
+        let routine = self.symbols.routine(self.frames.last()?.routine);
+        routine.error.is_some().then(|| Handler {
+            goes_on: any(routine.on_error(), &|s| matches!(s, Statement::TryNext)),
+            again: any(routine.on_error(), &|s| matches!(s, Statement::Retry)),
+            hands_on: any(routine.on_error(), &|s| matches!(s, Statement::Raise)),
+        })
+    }
+
+    /// An error, here: to the routine's own handler, or to whoever called it.
+    pub(super) fn raise(&mut self) -> Flow {
+        self.events += 1;
+        let Some(layer) = self.frames.last().map(|frame| frame.layer) else { return Flow::Gone };
+        let handler = self.handler();
+        self.open();
+        self.run_handler();
+        let left = self.since(layer);
+        self.take();
+        if let Some(frame) = self.frames.last_mut()
+            && handler.is_none_or(|handler| handler.hands_on)
+        {
+            note(&mut frame.raises, left.clone());
+        }
+        // A handler that comes to its end returns.
+        if handler.is_some() {
+            self.note_return(left);
+        }
+        if handler.is_some_and(|handler| handler.goes_on) {
+            self.run_handler();
+            return Flow::Next;
+        }
+        Flow::Gone
+    }
+
+    /// What the ERROR handler of the running routine may change is not known behind it.
+    pub(super) fn run_handler(&mut self) {
+        let Some(id) = self.frames.last().map(|frame| frame.routine) else { return };
+        let routine = self.symbols.routine(id);
+        if routine.on_error().is_empty() {
+            return;
+        }
+        let changes = self.symbols.changed_in(id, routine.on_error());
+        self.forget(&changes, HANDLED);
+        self.state.lose(changes.switches);
+        self.may_have_moved(id, routine.on_error());
+    }
+
+    /// Before and behind a statement that may fail: what the handler changes that runs it again, or goes on behind it.
+    pub(super) fn may_be_handled(&mut self, behind: bool) {
+        if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
+            self.run_handler();
+        }
+    }
+
+    /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.
+    pub(super) fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
+        let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
+        let moves = |span: Span| {
+            let name = &bytes[first_word(bytes, span).range()];
+            motion::shape(name).is_some() || self.symbols.find_routine(module, name).is_some()
+        };
+        if self.stands.is_some() && simple_statements(block).into_iter().any(moves) {
+            self.stands = None;
+        }
+    }
+
+    /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.
+    pub(super) fn may_fail(&mut self) {
+        let Some(frame) = self.frames.last() else { return };
+        let now = Some((self.epoch, self.state));
+        if frame.noted == now {
+            return;
+        }
+        self.open();
+        let _ = self.raise();
+        self.take();
+        if let Some(frame) = self.frames.last_mut() {
+            frame.noted = now;
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Instructions of the controller that are no motions: what they set, switch and forget.
+
+use super::eval::{RUN_TIME, Scope};
+use super::motion::Call;
+use super::predefined::Instruction;
+use super::run::{Flow, Runner};
+use super::state::{Switch, Switches, Velocity};
+use super::symbols::Upper;
+use super::value::Value;
+use crate::program::Editable;
+use crate::text::Span;
+use smallvec::SmallVec;
+
+impl<'a> Runner<'a> {
+    /// A predefined instruction that does not move to a robtarget.
+    pub(super) fn instruction(&mut self, scope: Scope, call: &Call, known: Instruction, span: Span) -> Flow {
+        let bytes = self.bytes(scope.source as usize);
+        // What it is told of a robtarget is told of the numbers that stand there.
+        for argument in call.given().filter(|argument| !argument.is_empty()).collect::<SmallVec<[Span; 4]>>() {
+            let value = self.evaluate(scope, argument);
+            self.pin_value(&value);
+        }
+        if known == Instruction::Nothing || known == Instruction::Options && call.optional().is_empty() {
+            return Flow::Next;
+        }
+        // Speeds and loads are set in a program's head, which each of its chunks has, and units activated.
+        self.events += u64::from(!matches!(known, Instruction::Velocity | Instruction::Load | Instruction::UnitOn));
+        match known {
+            Instruction::Nothing => {}
+            Instruction::Arguments => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"GetDataVal") {
+                    // Data that it reads by their name.
+                    let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                        Some(Value::Text(name)) => self.symbols.all_named(Some(&name)),
+                        _ => self.symbols.all_named(None),
+                    };
+                    named.into_iter().for_each(|at| self.pin_read(at));
+                }
+                for argument in call.given().collect::<SmallVec<[Span; 4]>>() {
+                    self.forget_argument(scope, argument, RUN_TIME);
+                }
+            }
+            Instruction::Options => {
+                for (_, argument) in call.optional().iter().copied().collect::<SmallVec<[(Span, Span); 4]>>() {
+                    self.forget_argument(scope, argument, RUN_TIME);
+                }
+            }
+            Instruction::Steps => self.step_variable(scope, call, &Upper::new(&bytes[call.name.range()])),
+            Instruction::DisplacementOn => {
+                if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && call.option(bytes, b"ExeP").is_none() {
+                    self.hold_where_it_stands();
+                }
+                self.displaces();
+                self.state.displacement = Switch::On;
+                self.state.lose(self.others_switch());
+            }
+            Instruction::DisplacementOff => {
+                self.displaces();
+                self.state.displacement = Switch::Off;
+                self.state.lose(self.others_switch());
+            }
+            Instruction::SoftOn | Instruction::SoftOff => {
+                self.state.soft = if known == Instruction::SoftOn { Switch::On } else { Switch::Off };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Load => {
+                let none = call.positional().first().is_some_and(|load| self.is_no_load(scope, *load));
+                self.state.load = if none { Switch::Off } else { Switch::On };
+                self.state.lose(self.others_switch());
+            }
+            Instruction::Velocity => {
+                self.state.velocity = self.velocity(scope, call);
+                self.state.lose(self.others_switch());
+            }
+            Instruction::AxisOffsetSet
+            | Instruction::AxisOffsetOn
+            | Instruction::AxisOffsetOff
+            | Instruction::UnitOn
+            | Instruction::UnitOff => self.axes_instruction(scope, call, known),
+            Instruction::MovesAxes => {
+                self.axes_instruction(scope, call, known);
+                self.keep_here(span, "moves external axes only, or along a recorded path");
+            }
+            Instruction::DataByName => {
+                let named = match call.positional().first().map(|name| self.evaluate(scope, *name)) {
+                    Some(Value::Text(name)) if bytes[call.name.range()].eq_ignore_ascii_case(b"SetDataVal") => {
+                        self.symbols.data_named(Some(&name))
+                    }
+                    _ => self.symbols.data_named(None),
+                };
+                named.into_iter().for_each(|at| self.forget_data(at, RUN_TIME));
+            }
+            Instruction::Moves => {
+                self.stands = None;
+                self.keep_here(span, "moves external axes only, or along a recorded path");
+            }
+            Instruction::Ends => return Flow::Gone,
+            Instruction::Raises => return self.raise(),
+        }
+        Flow::Next
+    }
+
+    /// Something is counted from where the robot stands: that must not move.
+    pub(super) fn hold_where_it_stands(&mut self) {
+        for at in std::mem::take(&mut self.standing) {
+            if let Some(target) = self.targets.get_mut(at)
+                && !matches!(target.editable, Editable::No(_))
+            {
+                target.editable = Editable::No("program displacement is counted from it");
+            }
+        }
+    }
+
+    /// What something else may switch at any moment.
+    pub(super) fn others_switch(&self) -> Switches {
+        let mut others = Switches { marks: false, ..self.symbols.known.at_any_moment.switches };
+        others |= self.jumping;
+        others
+    }
+
+    /// What becomes of programmed speeds behind `VelSet`; `None` where its numbers are not known, and behind `SpeedRefresh`.
+    pub(super) fn velocity(&mut self, scope: Scope, call: &Call) -> Option<Velocity> {
+        let [percent, most] = call.positional() else { return None };
+        let [percent, most_mm_s] = [percent, most].map(|argument| self.evaluate(scope, *argument).num());
+        Some(Velocity { share: percent? / 100.0, most_mm_s: most_mm_s? })
+    }
+
+    /// Whether a load is `load0`: none besides that of the tool's own data.
+    pub(super) fn is_no_load(&self, scope: Scope, load: Span) -> bool {
+        self.bytes(scope.source as usize)[load.range()].eq_ignore_ascii_case(b"load0")
+    }
+}

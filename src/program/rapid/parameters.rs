@@ -1,0 +1,170 @@
+//! What a routine is given: copies, and names for the places of others.
+
+use super::eval::{RUN_TIME, Scope};
+use super::motion::Call;
+use super::run::Runner;
+use super::symbols::{Content, Names, Part, RoutineId, Upper, declared, first_word};
+use super::tree::Param;
+use super::value::Value;
+use crate::text::Span;
+use std::collections::HashSet;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// What an optional parameter holds that the call does not give.
+pub(super) const ABSENT: &str = "optional argument that is not given";
+/// What a parameter holds of a procedure that nothing in the files calls.
+pub(super) const NOT_KNOWN: &str = "argument is not known";
+
+/// What a parameter stands for.
+#[derive(Clone, Debug)]
+pub(super) enum Bound {
+    /// The caller's own, by reference.
+    Variable(usize),
+    /// A part of the caller's, by reference.
+    Part(Rc<Part>),
+    /// A copy, under the name that it was declared with, and whether the files declare that.
+    Value(Value, Span, bool),
+}
+
+impl<'a> Runner<'a> {
+    /// What a call hands to the parameters of a routine, by their number.
+    pub(super) fn arguments(&mut self, scope: Scope, id: RoutineId, call: &Call) -> Vec<(usize, Bound)> {
+        let routine = self.symbols.routine(id);
+        let callee = self.bytes(id.file);
+        let mut bound = Vec::new();
+        let required = routine.params.iter().enumerate().filter(|(_, p)| !p.optional);
+        for ((at, param), argument) in required.zip(call.positional()) {
+            bound.push((at, self.bind(scope, param, *argument)));
+        }
+        for (name, value) in call.optional() {
+            let name = &self.bytes(scope.source as usize)[name.range()];
+            let is = |p: &Param| callee[p.name.range()].eq_ignore_ascii_case(name);
+            if let Some(at) = routine.params.iter().position(is) {
+                let given = if value.is_empty() {
+                    Bound::Value(Value::Bool(true), *value, true)
+                } else {
+                    self.bind(scope, &routine.params[at], *value)
+                };
+                bound.push((at, given));
+            }
+        }
+        bound
+    }
+
+    /// A routine's parameters, with what they stand for, and its own data.
+    pub(super) fn own_names(&mut self, id: RoutineId, arguments: &[(usize, Bound)]) -> Names {
+        let routine = self.symbols.routine(id);
+        let bytes = self.bytes(id.file);
+        let module = self.symbols.module_of(id);
+        let mut names = Names::new();
+        let volatile = self.symbols.volatile_own.get(&id).cloned().unwrap_or_default();
+        for (p, param) in routine.params.iter().enumerate() {
+            let bound = arguments.iter().find(|(at, _)| *at == p).map(|(_, b)| b.clone());
+            let key = Upper::new(&bytes[param.name.range()]);
+            let new = |this: &mut Self, value: Value| {
+                this.new_variable(bytes, id.file, module, param.kind, param.name, value)
+            };
+            let at = match bound {
+                Some(Bound::Variable(at)) => at,
+                Some(Bound::Part(part)) => {
+                    let at = new(self, Value::Unknown(RUN_TIME));
+                    self.symbols.variables[at].content = Content::Part(part);
+                    at
+                }
+                Some(Bound::Value(value, name, declared)) => {
+                    let at = new(self, value);
+                    let caller = self.scope().source;
+                    if !name.is_empty() {
+                        let text = &self.bytes(caller as usize)[name.range()];
+                        self.symbols.variables[at].name = crate::text::decode(text).as_ref().into();
+                    }
+                    self.symbols.variables[at].foreign = !declared;
+                    at
+                }
+                None if param.optional && !self.frames.is_empty() => new(self, Value::Unknown(ABSENT)),
+                None => new(self, Value::Unknown(NOT_KNOWN)),
+            };
+            if volatile.contains(&Box::from(&*key)) {
+                let of = match &self.symbols.variables[at].content {
+                    Content::Part(part) => part.of,
+                    _ => at,
+                };
+                self.forget_data(of, super::changes::CHANGED_AT_ANY_MOMENT);
+                self.symbols.variables[of].volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
+            }
+            if routine.error.is_some()
+                && let Value::Target(pose) = self.content(at)
+                && let Some(root) = pose.root
+            {
+                let given = self.given.entry((id, Box::from(&*key))).or_default();
+                if given.last() != Some(&root) && !given.contains(&root) {
+                    given.push(root);
+                }
+            }
+            names.insert(Box::from(&*key), at);
+        }
+        if routine.data.is_empty() {
+            return names;
+        }
+        let assigned = &self.symbols.changed_by(id).own;
+        let assigned: HashSet<Box<[u8]>> = assigned.iter().cloned().collect();
+        for data in &routine.data {
+            let mut variable = declared(bytes, id.file, module, data);
+            let key = Upper::new(&bytes[data.name.range()]);
+            variable.assigned = assigned.contains(&*key);
+            if volatile.contains(&Box::from(&*key)) {
+                variable.volatile = Some(super::changes::CHANGED_AT_ANY_MOMENT);
+            }
+            names.insert(Box::from(&*key), self.symbols.variables.len());
+            self.symbols.variables.push(variable);
+        }
+        names
+    }
+
+    pub(super) fn bind(&mut self, scope: Scope, param: &Param, argument: Span) -> Bound {
+        let bytes = self.bytes(scope.source as usize);
+        let word = first_word(bytes, argument);
+        let named = (word == argument).then(|| self.find(scope, &Upper::new(&bytes[word.range()])));
+        if param.by_reference {
+            if let Some(Some(at)) = named {
+                return Bound::Variable(at);
+            }
+            if word != argument
+                && !word.is_empty()
+                && let Some(part) = self.place(scope, argument)
+            {
+                return Bound::Part(Rc::new(part));
+            }
+        }
+        let value = match self.evaluate(scope, argument) {
+            Value::Num(v, _) => Value::Num(v, None),
+            other => other,
+        };
+        match named {
+            Some(Some(at)) => {
+                // Through several routines it keeps the name that it was declared with.
+                Bound::Variable(self.copied(value, at, scope, argument))
+            }
+            Some(None) => {
+                // A name that the files do not declare, or a predefined one: it goes along with its value.
+                let declared = super::value::predefined(&Upper::new(&bytes[word.range()])).is_some();
+                Bound::Value(value, word, declared)
+            }
+            None => Bound::Value(value, argument, true),
+        }
+    }
+
+    /// A variable of its own with the value of another.
+    pub(super) fn copied(&mut self, value: Value, of: usize, scope: Scope, at: Span) -> usize {
+        let variable = &self.symbols.variables[of];
+        let (name, kind, foreign) = (Arc::clone(&variable.name), Arc::clone(&variable.kind), variable.foreign);
+        let bytes = self.bytes(scope.source as usize);
+        let none = Span { start: at.start, end: at.start };
+        let copy = self.new_variable(bytes, scope.source as usize, scope.module, none, none, value);
+        self.symbols.variables[copy].name = name;
+        self.symbols.variables[copy].kind = kind;
+        self.symbols.variables[copy].foreign = foreign;
+        copy
+    }
+}
