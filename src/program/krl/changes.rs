@@ -7,7 +7,7 @@ use super::state::Id;
 use super::symbols::{RoutineId, spans};
 use super::tree::{Statement, walk};
 use super::value::{Name, Value, upper};
-use crate::text::Span;
+use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
@@ -233,6 +233,7 @@ impl<'a> Runner<'a> {
     pub(super) fn find_beside(&mut self) {
         let all: Vec<RoutineId> = self.symbols.all().collect();
         let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
+        let mut handlers = Vec::new();
         for &id in &all {
             let bytes = self.bytes(id.file);
             if self.symbols.routine(id).is_function {
@@ -240,7 +241,8 @@ impl<'a> Runner<'a> {
             }
             for span in spans(&self.symbols.routine(id).body) {
                 let mut cursor = Cursor::new(bytes, 0, span);
-                let starts = cursor.is_at(b"TRIGGER") || cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL");
+                let interrupts = cursor.is_at(b"INTERRUPT") || cursor.is_at(b"GLOBAL");
+                let starts = interrupts || cursor.is_at(b"TRIGGER");
                 self.resumes |= cursor.is_at(b"RESUME");
                 while !cursor.is_done() {
                     let lexeme = cursor.next();
@@ -250,6 +252,7 @@ impl<'a> Runner<'a> {
                     let Some(called) = self.symbols.find_routine(id.file, cursor.text(lexeme)) else { continue };
                     if starts {
                         self.beside.insert(called);
+                        handlers.extend(interrupts.then_some((called, id.file, lexeme.span())));
                     } else {
                         calls.entry(id).or_default().insert(called);
                     }
@@ -263,6 +266,14 @@ impl<'a> Runner<'a> {
             }
             found
         };
+        for (handler, file, span) in handlers {
+            let moves = |id: RoutineId| {
+                spans(&self.symbols.routine(id).body).into_iter().any(|span| self.is_motion(id.file, span))
+            };
+            if within(handler).into_iter().chain([handler]).any(moves) {
+                self.tell_interrupt_that_moves(handler, file, span);
+            }
+        }
         for id in all {
             let called = within(id);
             if called.contains(&id) {
@@ -276,6 +287,30 @@ impl<'a> Runner<'a> {
             let named = self.pin_names(id);
             self.read_beside.extend(named);
         }
+    }
+
+    /// Whether a statement moves the robot.
+    pub(super) fn is_motion(&self, file: usize, span: Span) -> bool {
+        let cursor = Cursor::new(self.bytes(file), 0, span);
+        let word = upper(cursor.text(cursor.peek()));
+        names::motion(&word).is_some() || names::relative(&word).is_some()
+    }
+
+    /// The motion behind an interrupt begins where its routine leaves the robot.
+    fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
+        let name = upper(&self.bytes(handler.file)[self.symbols.routine(handler).name.range()]);
+        // No name of a program has a blank.
+        if !self.told.insert([b" INTERRUPT ", &*name].concat().into()) {
+            return;
+        }
+        let message = format!(
+            "`{}` moves the robot: where it interrupts, the motion that follows may begin elsewhere than is corrected for",
+            decode(&name)
+        );
+        let source = &self.symbols.sources[file];
+        let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).at(source, span);
+        let help = "let it go back to $POS_INT before the program goes on";
+        self.diagnostics.push(note.severity(Severity::Note).help(help));
     }
 
     /// Pins the data that a routine names, as they are at the start; which these are.

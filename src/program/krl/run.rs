@@ -96,7 +96,7 @@ pub(super) struct Runner<'a> {
     pub(super) unknown: Vec<(&'static str, usize)>,
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, &'static str)>,
-    told: BTreeSet<Name>,
+    pub(super) told: BTreeSet<Name>,
     pub(super) diagnostics: Vec<Diagnostic>,
     pub(super) lines: Vec<LineIndex>,
 }

@@ -145,11 +145,8 @@ impl Runner<'_> {
                 continue;
             }
             drop(self.pin_names(id));
-            let bytes = self.bytes(id.file);
             for span in spans(&self.symbols.routine(id).body) {
-                let cursor = Cursor::new(bytes, 0, span);
-                let word = super::value::upper(cursor.text(cursor.peek()));
-                if super::names::motion(&word).is_some() || super::names::relative(&word).is_some() {
+                if self.is_motion(id.file, span) {
                     self.use_axes_in(id.file, span);
                     let beside = self.beside.contains(&id);
                     self.keep(id.file, span, if beside { BESIDE } else { "routine that nothing in the files runs" });

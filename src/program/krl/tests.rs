@@ -269,6 +269,20 @@ fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
 }
 
 #[test]
+fn an_interrupt_that_moves_is_told() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let told = |handlers: &str| {
+        let p = program(&format!("INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n{line}\nEND\n{handlers}"));
+        p.diagnostics.iter().filter(|told| told.code == "krl.interrupt-moves").count()
+    };
+    assert_eq!(told("DEF isr()\nBRAKE\nHALT"), 0);
+    assert_eq!(told(&format!("DEF isr()\nBRAKE\n{line}\nPTP $POS_INT")), 1);
+    assert_eq!(told("DEF isr()\naway()\nEND\nDEF away()\nLIN_REL {Z 50.0}"), 1, "what it calls moves");
+    let twice = format!("DEF isr()\n{line}\nEND\nDEF other()\nINTERRUPT DECL 6 WHEN $IN[2] DO isr()");
+    assert_eq!(told(&twice), 1, "once");
+}
+
+#[test]
 fn jumps_leave_what_the_routine_changes_unknown() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p =

@@ -254,6 +254,7 @@ impl<'a> Runner<'a> {
         let procs = self.follow();
         self.look_aside(&procs);
         self.keep_what_is_not_run();
+        self.tell_traps_that_move();
         let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
         let motions = self.motions;
         (self.finish(files), gathering, motions)

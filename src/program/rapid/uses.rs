@@ -211,6 +211,39 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// Traps that move the robot: where one interrupts, the motion behind begins where it ends.
+    pub(super) fn tell_traps_that_move(&mut self) {
+        let is_trap = |id: &RoutineId| self.symbols.routine(*id).kind == RoutineKind::Trap;
+        for id in self.symbols.all().filter(is_trap).collect::<Vec<_>>() {
+            let (mut reached, mut waiting) = (BTreeSet::from([id]), vec![id]);
+            while let Some(caller) = waiting.pop() {
+                let called = self.calls(caller, &self.symbols.routine(caller).body);
+                waiting.extend(called.filter(|callee| reached.insert(*callee)));
+            }
+            let moves = |id: RoutineId| {
+                simple_statements(&self.symbols.routine(id).body).into_iter().any(|span| self.is_motion(id, span))
+            };
+            if !reached.into_iter().any(moves) {
+                continue;
+            }
+            let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
+            let message = format!(
+                "trap `{name}` moves the robot: where it interrupts, the motion that follows may begin elsewhere than is corrected for"
+            );
+            let source = &self.symbols.sources[id.file];
+            let note = Diagnostic::error("rapid.trap-moves", "", message).at(source, self.symbols.routine(id).name);
+            let help = "let it go back to where it interrupted (StorePath, CRobT, RestoPath) before the program goes on";
+            self.diagnostics.push(note.severity(Severity::Note).help(help));
+        }
+    }
+
+    /// Whether a statement is a motion, and not a call of a routine of that name.
+    fn is_motion(&self, id: RoutineId, span: Span) -> bool {
+        let bytes = self.bytes(id.file);
+        let name = &bytes[first_word(bytes, span).range()];
+        motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
+    }
+
     /// Motions that were not run: their targets stay as they are.
     pub(super) fn keep_what_is_not_run(&mut self) {
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
@@ -223,16 +256,10 @@ impl<'a> Runner<'a> {
                 RoutineKind::Proc => "motion that nothing reaches",
             };
             for (block, reason) in [(&routine.body, body), (&routine.handlers, "motion in an error handler")] {
-                let bytes = self.bytes(id.file);
-                let module = self.symbols.module_of(id);
-                let is_motion = |span: &Span| {
-                    let name = &bytes[first_word(bytes, *span).range()];
-                    motion::shape(name).is_some() && self.symbols.find_routine(module, name).is_none()
-                };
                 let idle: Vec<Span> = simple_statements(block)
                     .into_iter()
                     .filter(|span| !self.ran.has(id.file, span.start))
-                    .filter(is_motion)
+                    .filter(|span| self.is_motion(id, *span))
                     .collect();
                 let Some(first) = idle.first() else { continue };
                 let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();

@@ -68,3 +68,18 @@ fn what_the_next_cycle_finds_otherwise_is_told() {
     assert_eq!(said(&[on, moves].concat()), 0);
     assert_eq!(said(&[moves, on, moves, off].concat()), 0);
 }
+
+#[test]
+fn a_trap_that_moves_is_told() {
+    let said = |trap: &str| {
+        let text = format!(
+            "MODULE M\nVAR intnum alarm;\nPROC main()\nCONNECT alarm WITH tStop;\nMoveL [[0,0,0] @MoveL [[50,0,0] @ENDPROC\n\
+             TRAP tStop\n{trap}ENDTRAP\nPROC away()\nMoveL [[0,0,90] @ENDPROC\nENDMODULE\n"
+        );
+        let program = rapid::read(vec![Source::new("m.mod", text.replace(" @", AT))], Vec::new()).unwrap();
+        program.diagnostics.iter().filter(|told| told.code == "rapid.trap-moves").count()
+    };
+    assert_eq!(said("StopMove;\nTPWrite \"stop\";\nStartMove;\n"), 0);
+    assert_eq!(said("StopMove;\nStorePath;\nMoveL [[0,0,90] @RestoPath;\nStartMove;\n"), 1);
+    assert_eq!(said("IF TestDI(di1) THEN\naway;\nENDIF\n"), 1, "what it calls moves");
+}
