@@ -99,6 +99,9 @@ const MAX_CHORDS: f64 = 16_384.0;
 /// stay a hundred times below on real files.
 const OFF_CIRCLE: f64 = 0.02;
 
+/// A radius below this share of the way from the centre, which may lie anywhere along the axis, is what rounding leaves.
+const LOST: f64 = 1e-9;
+
 /// Angles below this are the printed start point again: a full turn.
 const SAME_ANGLE: f64 = 1e-9;
 
@@ -110,7 +113,7 @@ impl Arc {
         let flat = |v: [f64; 3]| sub(v, scale(n, dot(v, n)));
         let (flat_a, flat_b) = (flat(a), flat(b));
         let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
-        let x = unit(flat_a).ok_or("arc of no radius")?;
+        let x = unit(flat_a).filter(|_| radius_a > LOST * norm(a)).ok_or("arc of no radius")?;
         let y = cross(n, x);
         let radius = circle.radius.map_or(radius_a, f64::abs);
         let off = (radius_a - radius).abs().max((radius_b - radius).abs());

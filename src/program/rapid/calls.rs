@@ -53,8 +53,9 @@ impl<'a> Runner<'a> {
     /// A call of a procedure that is in the files.
     pub(super) fn enter(&mut self, scope: Scope, id: RoutineId, call: &Call, span: Span) -> Flow {
         self.events += 1;
-        // Under a condition that is not known, a procedure that calls itself has no end.
-        let ring = self.layers.len() > self.frames.len() && self.frames.iter().any(|f| f.routine == id);
+        // Under a condition that is not known, a procedure that calls itself has no end; nor does one that was found to have none.
+        let may_end = self.layers.len() <= self.frames.len() && !self.endless.contains(&id);
+        let ring = !may_end && self.frames.iter().any(|f| f.routine == id);
         if self.frames.len() >= MAX_CALLS || ring {
             let reason = if ring { "procedure that calls itself" } else { "calls are nested too deeply" };
             self.keep_here(span, reason);
