@@ -1,9 +1,11 @@
 """Tracks, tables, tilted tracks under gravity and stationary tools on the MuJoCo arm, against deflex.
 
-    units.py DEFLEX FOLDER
+    units.py correct DEFLEX FOLDER
+    units.py identify DEFLEX FOLDER
 
-For each scenario: a program of random targets, forces and external axes; how far `deflex predict` is from where the arm comes to
-rest, and how far from the programmed targets it comes to rest on what `deflex compensate` has written.
+For each scenario: a program of random targets, forces and external axes. `correct`: how far `deflex predict` is from where the arm
+comes to rest, and how far from the programmed targets it comes to rest on what `deflex compensate` has written. `identify`: the
+arm has an effect that its cell lacks; what `deflex identify` finds in 160 noisy rows.
 """
 
 import csv
@@ -24,6 +26,18 @@ from program import BUILT_IN, MM, Cell, Frame, Tool, quat_to_rot, rot_to_quat, r
 ROBOT = "irb6660-205-1.9"
 START_DEG = [0, 0, 20, 0, 70, 0]
 TARGETS = 24
+ROWS = 160
+NOISE_MM = 0.015
+HIDDEN = [
+    {
+        "kind": "gravity",
+        "tool": True,
+        "mass_kg": [0, 60, 50, 20, 10, 4],
+        "first_moment_kg_m": [[0, 0, 0], [20, 0, 0], [8, 15, 0], [0, 0, -3], [0, 0.3, 0.5], [0, 0, 0.2]],
+    },
+    {"kind": "base_compliance", "rad_per_nm": [6e-8, 6e-8, 6e-8]},
+    {"kind": "joint_stiffness", "scale": [1, 0.75, 1, 1, 0.7, 1]},
+]
 TOUCHES = 4  # each is a thousand times nearer to where the part is touched
 STANDARD_GRAVITY = 9.80665  # as deflex has it
 AXES = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"]
@@ -88,7 +102,7 @@ class Target:
 class Scenario:
     """A cell with units; `part`: the unit that the work object is on."""
 
-    def __init__(self, name, units=(), base=None, part=None, stationary=False):
+    def __init__(self, name, units=(), base=None, part=None, stationary=False, effects=EFFECTS):
         self.name, self.units, self.base = name, list(units), base or frame()
         self.part, self.stationary = part, stationary
         self.tool = Tool(frame([30, -20, 310], [0.02, 0.3, 0.1]), 18.0, np.array([0.01, 0.0, 0.12]))
@@ -99,8 +113,11 @@ class Scenario:
         rows = np.array(kin["links"], float) * [np.pi / 180, MM, MM, np.pi / 180]
         stiffness = np.array([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])
         self.cell = Cell(rows, True, frame(), stiffness, np.radians(kin["axis_min_deg"]), np.radians(kin["axis_max_deg"]), np.radians(START_DEG), {}, {})
-        # A tool that stands hangs on no flange.
-        self.effects = [{**e, "tool": not stationary} if e["kind"] == "gravity" else e for e in EFFECTS]
+        self.effects = self.felt(effects)
+
+    def felt(self, effects):
+        """A tool that stands hangs on no flange."""
+        return [{**e, "tool": not self.stationary} if e["kind"] == "gravity" else e for e in effects]
 
     def frames(self, external):
         """World from base, and world from work object where the robot does not hold it."""
@@ -110,9 +127,9 @@ class Scenario:
         carrier = next((unit.name for unit in self.units if unit.carries == "robot"), None)
         return at[carrier] @ self.base, at[self.part] @ self.uframe @ self.oframe
 
-    def targets(self, rng):
+    def targets(self, rng, count=TARGETS):
         external, found = {unit.axis: 0.0 for unit in self.units}, []
-        for _ in range(TARGETS):
+        for _ in range(count):
             for unit in self.units:
                 external[unit.axis] += round(rng.uniform(-1, 1) * (60 if unit.kind == "linear" else 12), 3)
             base, wobj = self.frames(external)
@@ -189,7 +206,7 @@ class Scenario:
         return np.array(out)
 
 
-def scenarios():
+def scenarios(effects=EFFECTS):
     slope = np.array([0.3, 0.9, 0.1])
     slope = tuple(np.round(slope / np.linalg.norm(slope), 10))
     track = Unit("TRACK1", "eax_a", "linear", "robot")
@@ -199,20 +216,18 @@ def scenarios():
     turn = Unit("TURN", "eax_d", "rotary", "part", frame([0, 20, 150], [-1.5, 0.0, 0.1]), on="TILT")
     leaning = frame([10, 20, 30], [0.3, 0.2, 0.1])
     return [
-        Scenario("standing"),
-        Scenario("track", [track], frame([10, 20, 30], [0, 0, 0.1])),
-        Scenario("tilted_track", [tilted], leaning),
-        Scenario("table", [table], part="STN1"),
-        Scenario("tilt_and_turn", [tilt, turn], part="TURN"),
-        Scenario("track_and_tilt_and_turn", [tilted, tilt, turn], frame([10, 20, 30], [0.1, 0.2, 0.1]), part="TURN"),
-        Scenario("stationary_tool", stationary=True),
-        Scenario("stationary_tool_and_track", [tilted], frame([10, 20, 30], [0.1, 0.2, 0.1]), stationary=True),
+        Scenario("standing", effects=effects),
+        Scenario("track", [track], frame([10, 20, 30], [0, 0, 0.1]), effects=effects),
+        Scenario("tilted_track", [tilted], leaning, effects=effects),
+        Scenario("table", [table], part="STN1", effects=effects),
+        Scenario("tilt_and_turn", [tilt, turn], part="TURN", effects=effects),
+        Scenario("track_and_tilt_and_turn", [tilted, tilt, turn], frame([10, 20, 30], [0.1, 0.2, 0.1]), part="TURN", effects=effects),
+        Scenario("stationary_tool", stationary=True, effects=effects),
+        Scenario("stationary_tool_and_track", [tilted], frame([10, 20, 30], [0.1, 0.2, 0.1]), stationary=True, effects=effects),
     ]
 
 
-def main():
-    deflex, folder = sys.argv[1], Path(sys.argv[2])
-    folder.mkdir(parents=True, exist_ok=True)
+def correct(deflex, folder):
     rng = np.random.default_rng(5)
     print("| scenario | error rms, mm | largest, predicted less arm, µm | largest left after compensation, µm |\n|---|---|---|---|")
     for scenario in scenarios():
@@ -229,7 +244,40 @@ def main():
         read = lambda text: np.array([float(v) for v in text.split(",")])
         left = scenario.errors(targets, [Frame(quat_to_rot(read(quat)), read(mm) * MM) for mm, quat in written])
         largest = lambda e: 1e3 * np.linalg.norm(e, axis=1).max()
-        print(f"| {scenario.name} | {np.sqrt((true**2).sum(1).mean()):.3f} | {largest(predicted - true):.3f} | {largest(left):.3f} |", flush=True)
+        print(f"| {scenario.name} | {rms(true):.3f} | {largest(predicted - true):.3f} | {largest(left):.3f} |", flush=True)
+
+
+def identify(deflex, folder):
+    rng = np.random.default_rng(7)
+    print("| scenario | hidden | found, posterior | held-out error before, mm | after, mm |\n|---|---|---|---|---|")
+    for hidden in HIDDEN:
+        for scenario in scenarios([]):
+            targets = scenario.targets(rng, ROWS)
+            scenario.write(folder, targets)
+            scenario.effects = scenario.felt([hidden])
+            errors = scenario.errors(targets, [t.goal for t in targets])
+            places = np.array([t.goal.pos for t in targets]) / MM + errors + NOISE_MM * rng.standard_normal(errors.shape)
+            at = str(folder / scenario.name)
+            with open(f"{at}.measured.csv", "w", newline="") as f:
+                out = csv.writer(f, lineterminator="\n")
+                out.writerow(["target", "x_mm", "y_mm", "z_mm", "fx_n", "fy_n", "fz_n", "time_s"])
+                out.writerows([k + 1, *np.round(p, 4), *t.force, 20 * k] for k, (t, p) in enumerate(zip(targets, places)))
+            run = [deflex, "identify", "--run", f"{at}.mod", f"{at}.measured.csv", "--cell", f"{at}.toml"]
+            subprocess.run([*run, "-o", f"{at}.identified.toml", "--json", f"{at}.json"], check=True, capture_output=True)
+            answer = json.loads(Path(f"{at}.json").read_text())
+            found = ", ".join(f"{e['kind']} {e['posterior']:.2f}" for e in answer["added"]) or "nothing"
+            before, after = (answer[when]["rms_mm"] for when in ("before", "after"))
+            print(f"| {scenario.name} | {hidden['kind']} | {found} | {before:.3f} | {after:.3f} |", flush=True)
+
+
+def rms(errors):
+    return np.sqrt((errors**2).sum(1).mean())
+
+
+def main():
+    command, deflex, folder = {"correct": correct, "identify": identify}[sys.argv[1]], sys.argv[2], Path(sys.argv[3])
+    folder.mkdir(parents=True, exist_ok=True)
+    command(deflex, folder)
 
 
 if __name__ == "__main__":
