@@ -1,38 +1,61 @@
 //! What a sweep takes from the lines.
 
-use super::dexel::{Stock, TILE, turned};
-use super::line::{LEAST_CUT, Line};
+use super::band::Band;
+use super::lattice::{Lattice, turned};
+use super::line::LEAST_CUT;
 use super::solid::Solid;
 use super::sweep::{Distance, Sweep};
 use nalgebra::Vector3;
 use std::ops::Range;
 
-impl Stock {
+/// A sweep that is to be taken from the lines.
+#[derive(Clone, Debug)]
+pub(super) struct Cut {
+    pub(super) sweep: Sweep,
+    /// Which of the deferred moves it is of.
+    pub(super) of: usize,
+    /// Which cut it is, from 1, and the number of its sweep, which may have grown by it.
+    pub(super) number: u32,
+    pub(super) by: u32,
+    /// Lines that it may touch.
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+    /// The same cutter goes on from where the cut before has brought it.
+    pub(super) continues: bool,
+}
+
+impl Band {
+    /// Length on the band's lines that a cut removes, m.
+    pub(super) fn take(&mut self, lattice: &Lattice, cut: &Cut) -> f64 {
+        let own = self.rows();
+        let rows = own.start.max(cut.rows.start)..own.end.min(cut.rows.end);
+        match (rows.is_empty(), cut.sweep.upright) {
+            (true, _) => 0.0,
+            (false, true) => self.take_upright(lattice, cut, rows),
+            (false, false) => self.take_any(lattice, cut, rows),
+        }
+    }
+
     /// A cutter along the lines.
-    pub(super) fn cut_upright(
-        &mut self,
-        sweep: &Sweep,
-        by: u32,
-        (columns, rows): (Range<usize>, Range<usize>),
-        goes_on: bool,
-    ) -> f64 {
-        let (solid, spacing) = (sweep.solid, self.spacing);
+    fn take_upright(&mut self, lattice: &Lattice, cut: &Cut, rows: Range<usize>) -> f64 {
+        let (sweep, columns) = (&cut.sweep, &cut.columns);
+        let (solid, spacing) = (sweep.solid, lattice.spacing);
         let [u, v] = turned(sweep.start.tip.x, sweep.start.tip.y);
         let way = sweep.end.tip - sweep.start.tip;
         let [du, dv] = turned(way.x, way.y);
         let square = du * du + dv * dv;
         let per_square = if square > 0.0 { 1.0 / square } else { 0.0 };
         let reach = (solid.radius + spacing) * (solid.radius + spacing);
-        let tip = sweep.start.tip.z - self.origin[2];
+        let tip = sweep.start.tip.z - lattice.origin[2];
         let rise = sweep.end.tip.z - sweep.start.tip.z;
         // Going down, the bottom cuts behind the plane of the tip too.
-        let ahead = (goes_on && rise >= 0.0).then_some([du, dv]);
-        let blank_top = self.blank.bounds()[1].z - self.origin[2];
+        let ahead = (cut.continues && rise >= 0.0).then_some([du, dv]);
+        let blank_top = lattice.blank.bounds()[1].z - lattice.origin[2];
         let mut removed = 0.0;
         for j in rows {
-            let from_v = self.origin[1] + (j as f64 + 0.5) * spacing - v;
-            for i in self.ahead_in_row(&columns, ahead, from_v, u) {
-                let from_u = self.origin[0] + (i as f64 + 0.5) * spacing - u;
+            let from_v = lattice.origin[1] + (j as f64 + 0.5) * spacing - v;
+            for i in lattice.ahead_in_row(columns, ahead, from_v, u) {
+                let from_u = lattice.origin[0] + (i as f64 + 0.5) * spacing - u;
                 let share = (from_u * du + from_v * dv) * per_square;
                 // Nearest to where it starts: the sweep before has been there.
                 if ahead.is_some() && share <= 0.0 {
@@ -51,12 +74,7 @@ impl Stock {
                 if least > blank_top + spacing && meets {
                     continue;
                 }
-                let (tile, at) = self.tile_of(i, j);
-                if self.grid[tile].is_none() {
-                    self.make(i / TILE, j / TILE);
-                }
-                let Some(lines) = &mut self.grid[tile] else { continue };
-                let line = &mut lines[at];
+                let (line, history) = self.line_mut(lattice, i, j);
                 let Some(top) = line.top() else { continue };
                 let (share, across) = if rise == 0.0 || !meets || least >= top - LEAST_CUT {
                     (share, across)
@@ -66,11 +84,11 @@ impl Stock {
                 let tip = tip + share * rise;
                 let low = if across < solid.radius { tip + solid.height(across) } else { f64::INFINITY };
                 if low < top - LEAST_CUT {
-                    removed += self.history.cut(line, low, f64::INFINITY, by);
+                    removed += history.cut(line, low, f64::INFINITY, cut);
                 } else if tip < top + spacing && line.near > 0.0 {
                     let distance = solid.distance(across, top - tip);
                     if distance < spacing {
-                        self.history.pass(line, distance, by);
+                        history.pass(line, distance, cut);
                     }
                 }
             }
@@ -78,39 +96,18 @@ impl Stock {
         removed
     }
 
-    /// The columns of a row that are ahead of a plane through a place at `u`: behind it the sweep before has been. The row is
-    /// `from_v` away from the place.
-    fn ahead_in_row(&self, columns: &Range<usize>, way: Option<[f64; 2]>, from_v: f64, u: f64) -> Range<usize> {
-        let Some([du, dv]) = way else { return columns.clone() };
-        if du.abs() <= 1e-6 * dv.abs() {
-            return if from_v * dv < -self.spacing * dv.abs() { 0..0 } else { columns.clone() };
-        }
-        // from_u·du + from_v·dv = 0, and a line more for the rounding.
-        let edge = (u - from_v * dv / du - self.origin[0]) / self.spacing - 0.5;
-        if du > 0.0 {
-            columns.start.max((edge - 1.0).max(0.0) as usize)..columns.end
-        } else {
-            columns.start..columns.end.min((edge + 2.0).max(0.0) as usize)
-        }
-    }
-
     /// Any cutter on any way.
-    pub(super) fn cut_any(
-        &mut self,
-        sweep: &Sweep,
-        by: u32,
-        (columns, rows): (Range<usize>, Range<usize>),
-        continues: bool,
-    ) -> f64 {
-        let bottom = self.origin[2];
-        let spine = sweep.spine(self.blank.bounds()[1].z);
+    fn take_any(&mut self, lattice: &Lattice, cut: &Cut, rows: Range<usize>) -> f64 {
+        let (sweep, columns) = (&cut.sweep, &cut.columns);
+        let bottom = lattice.origin[2];
+        let spine = sweep.spine(lattice.blank.bounds()[1].z);
         let lowest = spine.iter().fold(f64::INFINITY, |z, p| z.min(p.z)) - 1.01 * sweep.solid.radius;
         let lowest = lowest - 1e-3;
-        let ahead = sweep.ahead().filter(|_| continues);
+        let ahead = sweep.ahead().filter(|_| cut.continues);
         let tip = sweep.start.tip;
         // Seen from above: a line behind the plane at every height is left out with its row, and so is what is out of reach.
         let plane = ahead.map(|ahead| {
-            let over = [lowest, self.blank.bounds()[1].z].map(|z| ahead.z * (z - tip.z));
+            let over = [lowest, lattice.blank.bounds()[1].z].map(|z| ahead.z * (z - tip.z));
             let way = turned(ahead.x, ahead.y);
             let back = over[0].max(over[1]) / (way[0] * way[0] + way[1] * way[1]).max(f64::MIN_POSITIVE);
             let [u, v] = turned(tip.x, tip.y);
@@ -118,26 +115,28 @@ impl Stock {
         });
         let centre = spine.iter().fold(Vector3::zeros(), |sum, point| sum + point / spine.len() as f64);
         let beside = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
-        let reach = spine.iter().map(beside).fold(0.0, f64::max) + sweep.solid.radius + self.spacing;
+        let reach = spine.iter().map(beside).fold(0.0, f64::max) + sweep.solid.radius + lattice.spacing;
         let [centre_u, centre_v] = turned(centre.x, centre.y);
         let mut removed = 0.0;
         for j in rows {
-            let v = self.origin[1] + (j as f64 + 0.5) * self.spacing;
+            let v = lattice.origin[1] + (j as f64 + 0.5) * lattice.spacing;
             let half = (reach * reach - (v - centre_v).powi(2)).max(0.0).sqrt();
-            let column = |u: f64| ((u - self.origin[0]) / self.spacing - 0.5).max(0.0);
+            let column = |u: f64| ((u - lattice.origin[0]) / lattice.spacing - 0.5).max(0.0);
             let first = columns.start.max(column(centre_u - half).floor() as usize);
             let end = columns.end.min(column(centre_u + half).ceil() as usize + 1);
             let columns = match &plane {
-                Some((way, [plane_u, plane_v])) => self.ahead_in_row(&(first..end), Some(*way), v - plane_v, *plane_u),
+                Some((way, [plane_u, plane_v])) => {
+                    lattice.ahead_in_row(&(first..end), Some(*way), v - plane_v, *plane_u)
+                }
                 None => first..end,
             };
             // Where the line before was entered: the next one is entered nearby.
             let mut last: Option<f64> = None;
             for i in columns {
-                let [x, y] = self.place(i, j);
+                let [x, y] = lattice.place(i, j);
                 let top = match self.line(i, j) {
                     Some(line) => line.top(),
-                    None => Line::of(&self.blank, [x, y], bottom).top(),
+                    None => lattice.uncut(i, j).top(),
                 };
                 let Some(top) = top else { continue };
                 if let Some(ahead) = &ahead {
@@ -148,9 +147,9 @@ impl Stock {
                 }
                 let at_top = sweep.distance_along_z(&Vector3::new(x, y, top + bottom));
                 if at_top.value > 0.0 {
-                    if at_top.value < self.spacing {
-                        let (line, history) = self.line_mut(i, j);
-                        history.pass(line, at_top.value, by);
+                    if at_top.value < lattice.spacing {
+                        let (line, history) = self.line_mut(lattice, i, j);
+                        history.pass(line, at_top.value, cut);
                     }
                     // The cutter is above the top, or beside the line.
                     if at_top.slope <= 0.0 {
@@ -166,15 +165,33 @@ impl Stock {
                         None => continue,
                     }
                 };
-                let near = last.map(|z| z - self.spacing).filter(|z| *z > lowest);
+                let near = last.map(|z| z - lattice.spacing).filter(|z| *z > lowest);
                 let near = near.filter(|z| sweep.distance_along_z(&Vector3::new(x, y, *z)).value > 0.0);
                 let Some(low) = enter(sweep, [x, y], near.unwrap_or(lowest), 1.0) else { continue };
                 last = Some(low);
-                let (line, history) = self.line_mut(i, j);
-                removed += history.cut(line, low - bottom, high, by);
+                let (line, history) = self.line_mut(lattice, i, j);
+                removed += history.cut(line, low - bottom, high, cut);
             }
         }
         removed
+    }
+}
+
+impl Lattice {
+    /// The columns of a row that are ahead of a plane through a place at `u`: behind it the sweep before has been. The row is
+    /// `from_v` away from the place.
+    fn ahead_in_row(&self, columns: &Range<usize>, way: Option<[f64; 2]>, from_v: f64, u: f64) -> Range<usize> {
+        let Some([du, dv]) = way else { return columns.clone() };
+        if du.abs() <= 1e-6 * dv.abs() {
+            return if from_v * dv < -self.spacing * dv.abs() { 0..0 } else { columns.clone() };
+        }
+        // from_u·du + from_v·dv = 0, and a line more for the rounding.
+        let edge = (u - from_v * dv / du - self.origin[0]) / self.spacing - 0.5;
+        if du > 0.0 {
+            columns.start.max((edge - 1.0).max(0.0) as usize)..columns.end
+        } else {
+            columns.start..columns.end.min((edge + 2.0).max(0.0) as usize)
+        }
     }
 }
 

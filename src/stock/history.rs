@@ -1,5 +1,6 @@
 //! The stock as it was at a moment: what stood there can be asked while others cut on, or have cut on.
 
+use super::cut::Cut;
 use super::line::{BLANK, Line};
 use super::sweep::Sweep;
 use nalgebra::Vector3;
@@ -26,11 +27,10 @@ impl Moment {
     }
 }
 
-/// What lines were before they were changed, as far as it is kept.
+/// What the lines of a band were before they were changed, as far as it is kept.
 #[derive(Debug, Default)]
 pub(super) struct History {
-    /// Cuts up to now, and when the history began.
-    pub(super) cuts: u32,
+    /// Cuts before the history began.
     start: u32,
     kept: Option<Vec<Kept>>,
 }
@@ -45,10 +45,10 @@ struct Kept {
 
 impl History {
     /// Keeps what lines are from now on, and nothing of what they were before.
-    pub(super) fn begin(&mut self) {
+    pub(super) fn begin(&mut self, cuts: u32) {
         let mut kept = self.kept.take().unwrap_or_default();
         kept.clear();
-        (self.kept, self.start) = (Some(kept), self.cuts);
+        (self.kept, self.start) = (Some(kept), cuts);
     }
 
     /// Keeps nothing any more.
@@ -75,8 +75,8 @@ impl History {
     }
 
     #[inline]
-    fn keep(&mut self, line: &mut Line) {
-        if line.changed == self.cuts {
+    fn keep(&mut self, line: &mut Line, cut: u32) {
+        if line.changed == cut {
             return;
         }
         if let Some(all) = &mut self.kept {
@@ -86,28 +86,28 @@ impl History {
             } else if let Some(before) = all.get_mut(line.last as usize) {
                 before.next = new;
             }
-            all.push(Kept { line: line.clone(), until: self.cuts, next: u32::MAX });
+            all.push(Kept { line: line.clone(), until: cut, next: u32::MAX });
             line.last = new;
         }
-        line.changed = self.cuts;
+        line.changed = cut;
     }
 
     /// [`Line::cut`].
     #[inline]
-    pub(super) fn cut(&mut self, line: &mut Line, low: f64, high: f64, by: u32) -> f64 {
-        self.keep(line);
-        line.cut(low, high, by)
+    pub(super) fn cut(&mut self, line: &mut Line, low: f64, high: f64, cut: &Cut) -> f64 {
+        self.keep(line, cut.number);
+        line.cut(low, high, cut.by)
     }
 
     /// [`Line::pass`].
     #[inline]
-    pub(super) fn pass(&mut self, line: &mut Line, distance: f64, by: u32) {
+    pub(super) fn pass(&mut self, line: &mut Line, distance: f64, cut: &Cut) {
         if distance < f64::from(line.near) {
             // How near it came is nobody's business but the next one's.
-            if line.near_by != by {
-                self.keep(line);
+            if line.near_by != cut.by {
+                self.keep(line, cut.number);
             }
-            line.pass(distance, by);
+            line.pass(distance, cut.by);
         }
     }
 }

@@ -14,18 +14,21 @@
 //! the engagement counted by the share that a straight rim leaves of them; these are quartered, the worst first, until the
 //! rim can put the force off by little.
 //!
-//! Cuts are made one after the other; what a tool meets can be asked later of the stock as it was at that [moment](Moment), for
-//! lines keep what they were before while their history is wanted. So a batch of places is asked in parallel.
+//! What a tool meets can be asked later of the stock as it was at that [moment](Moment), for lines keep what they were before
+//! while their history is wanted. So a batch of places is asked in parallel, and the cuts of a batch are made in parallel too:
+//! one after the other on each line, but bands of the lattice know nothing of each other.
 //!
 //! Lengths are metres, in the stock's frame (the axes of its work object), volumes m³. A tool is as long as it needs to be:
 //! its shank removes what it meets, collisions are not looked for.
 
+mod band;
 mod blank;
 mod closed;
 mod cut;
 mod dexel;
 mod front;
 mod history;
+mod lattice;
 mod line;
 mod mask;
 mod refine;

@@ -1,5 +1,5 @@
-//! The programmed path removes the material: what is met at each place does not depend on the forces at others, so that they are
-//! found in parallel, each of the stock as it was then.
+//! The programmed path removes the material: what is met at each place does not depend on the forces at others, so that a batch
+//! of moves is removed, and then what was met at each of its places is found of the stock as it was then, both in parallel.
 
 use super::super::Prepared;
 use super::super::point::tool_axis;
@@ -9,7 +9,7 @@ use crate::stock::{Engaged, Moment, ToolPose};
 use nalgebra::{Rotation3, Vector3};
 use rayon::prelude::*;
 
-/// Places that are looked at together: the history of the stock between them is some 10 MB.
+/// Places, or moves, that are looked at together: the history of the stock between them is some 10 MB.
 const BATCH: usize = 512;
 
 /// A place at which it is asked what the tool meets.
@@ -24,6 +24,8 @@ struct Asked {
 /// A way that has been cut, and is to be told its forces.
 struct Recorded {
     passed: Passed,
+    /// Moves that the stock was told of.
+    moves: usize,
     shares: Vec<f64>,
     /// What is met where it begins is what the way before met at its end.
     goes_on: bool,
@@ -34,6 +36,8 @@ struct Recorded {
 struct Batch {
     asked: Vec<Asked>,
     recorded: Vec<Recorded>,
+    /// Moves of all these.
+    moves: usize,
     end: Option<End>,
     /// The last answer, and the force, N, work object axes.
     met: (Engaged, Vector3<f64>),
@@ -46,7 +50,7 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     for i in 0..prepared.points.len() {
         if Kind::of(walk.program, i) != Kind::Point {
             batch.record(walk, prepared, i);
-            if batch.asked.len() >= BATCH {
+            if batch.asked.len().max(batch.moves) >= BATCH {
                 batch.settle(walk, prepared);
             }
         }
@@ -56,7 +60,7 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
 }
 
 impl Batch {
-    /// Removes what the move into a point removes, and notes what is to be asked.
+    /// Notes what the move into a point removes, and what is to be asked.
     fn record(&mut self, walk: &mut Walk<'_>, prepared: &Prepared, i: usize) {
         let end = self.end.take();
         let Some(through) = prepared.points[i].through else { return };
@@ -65,7 +69,7 @@ impl Batch {
         let (places, length) = walk.places(prepared, i, feed_per_tooth.is_some());
         let stock_from_wobj = walk.stock_from_wobj(prepared, i).rotation;
         let mut goes_on = false;
-        let mut removed = 0.0;
+        let mut moves = 0;
         let mut direction = None;
         let mut last: Option<ToolPose> = None;
         for (k, place) in places.iter().enumerate() {
@@ -75,7 +79,8 @@ impl Batch {
             if let Some(from) = last.replace(tool) {
                 // What it meets at the end of a step is what has not been removed by the step.
                 self.ask(walk, feed_per_tooth, &tool, way, through.front);
-                removed += walk.stock.remove(solid, &from, &tool);
+                walk.stock.defer(solid, &from, &tool);
+                moves += 1;
             } else if begins && end.is_some_and(|end| end.goes_on(prepared, i, &way)) {
                 goes_on = true;
             } else {
@@ -93,8 +98,10 @@ impl Batch {
             direction,
         });
         let shares = places.iter().map(|place| place.share).collect();
-        let passed = Passed { target: i, through, length, removed, forces: Vec::new(), engaged: Engaged::default() };
-        self.recorded.push(Recorded { passed, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
+        let passed =
+            Passed { target: i, through, length, removed: 0.0, forces: Vec::new(), engaged: Engaged::default() };
+        self.moves += moves;
+        self.recorded.push(Recorded { passed, moves, shares, goes_on, wobj_from_stock: stock_from_wobj.inverse() });
     }
 
     fn ask(&mut self, walk: &Walk<'_>, feed_per_tooth: Option<f64>, tool: &ToolPose, way: Vector3<f64>, front: u32) {
@@ -103,8 +110,9 @@ impl Batch {
         }
     }
 
-    /// Finds what is met at each place, and takes it in.
+    /// Removes, finds what is met at each place, and takes it in.
     fn settle(&mut self, walk: &mut Walk<'_>, prepared: &mut Prepared) {
+        let mut volumes = walk.stock.settle().into_iter();
         let (stock, fronts) = (&walk.stock, &walk.fronts);
         let meets = |asked: &Asked| {
             let Asked { moment, tool, way, front } = asked;
@@ -112,7 +120,8 @@ impl Batch {
         };
         let answers: Vec<Engaged> = self.asked.par_iter().map(meets).collect();
         let mut answers = answers.into_iter();
-        for Recorded { mut passed, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
+        for Recorded { mut passed, moves, shares, goes_on, wobj_from_stock } in self.recorded.drain(..) {
+            passed.removed = volumes.by_ref().take(moves).sum();
             for (k, share) in shares.iter().enumerate() {
                 let Some(feed_per_tooth) = passed.through.feed_per_tooth else { break };
                 let begins = k == 0 && shares.len() > 1;
@@ -130,6 +139,7 @@ impl Batch {
             walk.finish(prepared, passed);
         }
         self.asked.clear();
+        self.moves = 0;
         walk.stock.keep_history();
     }
 }

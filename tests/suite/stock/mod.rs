@@ -278,3 +278,37 @@ fn a_moment_of_the_stock_is_kept() {
         }
     }
 }
+
+/// Moves that are deferred remove, and meet, what they do one by one.
+#[test]
+fn deferred_moves_are_those_one_by_one() {
+    let front = Front::new(&cutter(16.0, 3.0), &coefficients());
+    for lean in [0.0, 0.1] {
+        let axis = Unit::new_normalize(Vector3::new(lean, 0.0, 1.0));
+        let along = |y: i32| (0..=30).map(move |k| if y % 2 == 0 { k } else { 30 - k });
+        let at = |x: i32, y: i32| upright(2.0 * f64::from(x), 3.1 * f64::from(y), -1.5 - 0.2 * f64::from((x + y) % 4));
+        let poses: Vec<_> =
+            (0..4).flat_map(|y| along(y).map(move |x| at(x, y))).map(|pose| ToolPose { axis, ..pose }).collect();
+        let mut one = Stock::new(block(60.0, 20.0, 20.0), MM);
+        let wanted = run(&mut one, &front, &poses);
+        let moves: Vec<_> = poses.windows(2).collect();
+        for batch in [7, 200] {
+            let mut stock = Stock::new(block(60.0, 20.0, 20.0), MM);
+            let mut found = Vec::new();
+            for part in moves.chunks(batch) {
+                stock.keep_history();
+                let mut asked = Vec::new();
+                for pair in part {
+                    asked.push((stock.now(), pair[1], pair[1].tip - pair[0].tip));
+                    stock.defer(front.solid(), &pair[0], &pair[1]);
+                }
+                let volumes = stock.settle();
+                let answers = asked.iter().map(|(moment, pose, way)| front.engaged_at(&stock, moment, pose, way));
+                found.extend(answers.zip(volumes));
+            }
+            assert!(found == wanted, "batches of {batch}");
+            assert!((stock.removed() / one.removed() - 1.0).abs() < 1e-12);
+            assert_eq!(stock.volume().to_bits(), one.volume().to_bits());
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! A band of the lattice: rows of lines that are cut apart from all others.
+
+use super::history::History;
+use super::lattice::Lattice;
+use super::line::Line;
+use std::ops::Range;
+
+/// Lines along an edge of a tile, and rows of a band.
+pub(super) const TILE: usize = 16;
+
+/// Lines of a square of the lattice, made when the first of them changes.
+type Tile = Option<Box<[Line]>>;
+
+/// A row of tiles, with the history of its lines.
+#[derive(Debug)]
+pub(super) struct Band {
+    /// Its first row of lines.
+    first: usize,
+    tiles: Vec<Tile>,
+    pub(super) history: History,
+}
+
+impl Band {
+    /// A band from its number, that nothing has cut.
+    pub(super) fn new(number: usize, lattice: &Lattice) -> Self {
+        let tiles = vec![None; lattice.lines[0].div_ceil(TILE)];
+        Self { first: number * TILE, tiles, history: History::default() }
+    }
+
+    /// Its rows of lines.
+    pub(super) fn rows(&self) -> Range<usize> {
+        self.first..self.first + TILE
+    }
+
+    /// A line, where one of its tile has been touched.
+    #[inline]
+    pub(super) fn line(&self, i: usize, j: usize) -> Option<&Line> {
+        self.tiles[i / TILE].as_ref().map(|lines| &lines[(j % TILE) * TILE + i % TILE])
+    }
+
+    /// A line to be changed.
+    #[inline]
+    pub(super) fn line_mut(&mut self, lattice: &Lattice, i: usize, j: usize) -> (&mut Line, &mut History) {
+        let first = self.first;
+        let tile = self.tiles[i / TILE].get_or_insert_with(|| made(lattice, i / TILE * TILE, first));
+        (&mut tile[(j % TILE) * TILE + i % TILE], &mut self.history)
+    }
+
+    /// Memory of its lines, bytes, about.
+    pub(super) fn memory(&self) -> usize {
+        self.tiles.iter().flatten().count() * TILE * TILE * size_of::<Line>() + self.tiles.len() * size_of::<Tile>()
+    }
+}
+
+/// The lines of a tile from its first on.
+#[cold]
+fn made(lattice: &Lattice, i: usize, j: usize) -> Box<[Line]> {
+    (0..TILE * TILE).map(|at| lattice.uncut(i + at % TILE, j + at / TILE)).collect()
+}
