@@ -186,9 +186,10 @@ impl Runner<'_> {
     pub(super) fn as_target(&mut self, value: &Value) -> Option<Rc<Pose>> {
         match value {
             Value::Target(pose) => Some(Rc::clone(pose)),
-            Value::List(..) => {
+            Value::List(_, place) => {
                 let (written, literal) = value.assemble()?;
                 let root = literal.and_then(|l| self.own_literal(l));
+                self.unassembled.extend(place.filter(|_| root.is_none()));
                 let text = matches!(value, Value::List(_, Some(_)));
                 let why = if text { "target with an expression in it" } else { RUN_TIME };
                 let fixed = root.is_none().then_some(why);

@@ -25,6 +25,7 @@ impl Runner<'_> {
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
         self.hold_what_runs_aside();
         self.hold_what_is_used_otherwise();
+        self.hold_what_is_not_always_assembled();
         let plain = self.plain(files);
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();

@@ -120,6 +120,8 @@ pub(super) struct Runner<'a> {
     pub(super) first_literal: Vec<usize>,
     pub(super) next_literal: usize,
     pub(super) own: HashMap<Place, u32>,
+    /// Robtargets put together from parts that were not known when they were.
+    pub(super) unassembled: HashSet<Place>,
     pub(super) pinned: BTreeSet<u32>,
     /// Data whose declarations are among them with all that they take over from others.
     pub(super) pinned_data: BTreeSet<usize>,
@@ -203,6 +205,7 @@ impl<'a> Runner<'a> {
             first_literal,
             next_literal: 0,
             own: HashMap::new(),
+            unassembled: HashSet::new(),
             pinned: BTreeSet::new(),
             pinned_data: BTreeSet::new(),
             held: HashSet::new(),

@@ -232,7 +232,8 @@ impl<'a> Runner<'a> {
             );
             let source = &self.symbols.sources[id.file];
             let note = Diagnostic::error("rapid.trap-moves", "", message).at(source, self.symbols.routine(id).name);
-            let help = "let it go back to where it interrupted (StorePath, CRobT, RestoPath) before the program goes on";
+            let help =
+                "let it go back to where it interrupted (StorePath, CRobT, RestoPath) before the program goes on";
             self.diagnostics.push(note.severity(Severity::Note).help(help));
         }
     }
@@ -242,6 +243,12 @@ impl<'a> Runner<'a> {
         let bytes = self.bytes(id.file);
         let name = &bytes[first_word(bytes, span).range()];
         motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
+    }
+
+    /// Holds robtargets put together from parts that are not known in every run.
+    pub(super) fn hold_what_is_not_always_assembled(&mut self) {
+        let held = self.own.iter().filter(|(place, _)| self.unassembled.contains(place)).map(|(_, id)| *id);
+        self.pinned.extend(held);
     }
 
     /// Motions that were not run: their targets stay as they are.

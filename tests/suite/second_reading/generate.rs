@@ -73,6 +73,8 @@ const CONSTRUCTS: &[&str] = &[
     "elsewhere",
     "target variables",
     "target components",
+    "named parts",
+    "named parts",
     "unknown elements",
     "offs",
     "reltool",
@@ -293,6 +295,11 @@ impl Generator {
             self.line("CONST robtarget pc:=p1;");
             self.targets.push("pc".into());
         }
+        if self.has("named parts") {
+            let storage = self.random.pick(&["VAR", "PERS"]);
+            self.line(&format!("{storage} extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata c1:=[0,0,0,0];"));
+            self.line("VAR orient o1:=[0,0,1,0];");
+        }
         if self.any(&["displacement", "numbers"]) {
             self.line("VAR pose d1:=[[10,20,0],[1,0,0,0]];");
         }
@@ -450,6 +457,9 @@ impl Generator {
             let (a, b) = (self.random.pick(&["w1", "w2"]), self.random.pick(&["w2", "w3"]));
             self.line(&format!("IF di1=1 RETURN {a};"));
             self.line(&format!("RETURN {b};\nENDFUNC"));
+        }
+        if self.has("named parts") {
+            self.line("FUNC extjoint fe()\nRETURN [9E9,9E9,9E9,9E9,9E9,9E9];\nENDFUNC");
         }
         if self.has("target functions") {
             self.line("FUNC robtarget f3(robtarget q)");

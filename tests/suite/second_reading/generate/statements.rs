@@ -70,6 +70,13 @@ impl Generator {
                 self.numbers.truncate(self.numbers.len() - 2);
                 self.line("ENDFOR");
             }
+            "named parts" if depth < 3 => {
+                self.counters += 1;
+                let (counter, p) = (self.counters + 1, self.literal_of_parts());
+                self.line(&format!("FOR i{counter} FROM 1 TO 2 DO\nMoveL {p},v50,fine,t1\\WObj:=w1;"));
+                self.change();
+                self.line("ENDFOR");
+            }
             "unknown loops" if depth < 2 => {
                 self.counters += 1;
                 let counter = format!("i{}", self.counters + 1);
@@ -291,6 +298,14 @@ impl Generator {
             options.push("rv:=rc;".into());
             options.push("rv.a:=p2;".into());
         }
+        if self.has("named parts") {
+            options.push("c1:=[0,0,0,0];".into());
+            options.push("c1.cf6:=n1;".into());
+            options.push("e1:=fe();".into());
+            options.push(format!("e1:=fe();\nPDispSet {SHIFT};"));
+            options.push("o1:=[0,0,1,0];".into());
+            options.push("o1:=OrientZYX(0,0,170);".into());
+        }
         options.push("n1:=2;".into());
         options.push("n1:=ReadNum(com1);".into());
         options.push("Incr n1;\nIF n1>3 n1:=1;".into());
@@ -304,6 +319,7 @@ impl Generator {
 
     pub(super) fn destination(&mut self) -> String {
         let plain = match self.random.below(10) {
+            0 | 1 if self.has("named parts") => self.literal_of_parts(),
             0 | 1 => self.literal(),
             2 | 3 => format!("pa{{{}}}", 1 + self.random.below(3)),
             4 if self.any(&["loops", "frame arrays", "numbers", "parameters"]) => {
@@ -330,6 +346,19 @@ impl Generator {
                 )
             }
             _ => plain,
+        }
+    }
+
+    /// As post processors write them: configuration, external axes and now and then the orientation by name.
+    fn literal_of_parts(&mut self) -> String {
+        let (external, configuration) = ("[9E9,9E9,9E9,9E9,9E9,9E9]", "[0,0,0,0]");
+        let literal = self.literal();
+        match self.random.below(5) {
+            0 => literal,
+            1 => literal.replace(configuration, "c1"),
+            2 => literal.replace("[0,0,1,0]", "o1").replace(external, "e1"),
+            3 => literal.replace(external, "e1"),
+            _ => literal.replace(configuration, "c1").replace(external, "e1"),
         }
     }
 

@@ -353,6 +353,27 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
+        "parts by name, known in the first round alone",
+        0,
+        "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9];",
+        "FOR i FROM 1 TO 2 DO MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],e1],v50,fine,t1\\WObj:=w1; e1:=fe(); PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDFOR PDispOff;",
+        "FUNC extjoint fe() RETURN [9E9,9E9,9E9,9E9,9E9,9E9]; ENDFUNC",
+    ),
+    case(
+        "parts by name, copied where they are known and where not",
+        0,
+        "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9]; VAR robtarget q; VAR robtarget r;",
+        "rSet q; e1:=fe(); rSet r; MoveL q,v50,fine,t1\\WObj:=w1; MoveL r,v50,fine,t2\\WObj:=w2;",
+        "PROC rSet(INOUT robtarget to) to:=[[20,35,115],[0,0,1,0],[0,0,0,0],e1]; ENDPROC FUNC extjoint fe() RETURN [9E9,9E9,9E9,9E9,9E9,9E9]; ENDFUNC",
+    ),
+    case(
+        "parts by name",
+        2,
+        "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9]; CONST confdata c1:=[0,0,0,0];",
+        "FOR i FROM 1 TO 2 DO MoveL [[20,35,115],[0,0,1,0],c1,e1],v50,fine,t1\\WObj:=w1; ENDFOR",
+        "",
+    ),
+    case(
         "record of targets",
         0,
         "RECORD pair robtarget a; robtarget b; ENDRECORD CONST pair r:=[@1,@2];",
