@@ -135,14 +135,23 @@ impl Stock {
             }
         }
         for by in owners.iter().filter(|by| *by != without) {
-            let sweep = if by == moment.sweeps { &moment.last } else { &None };
-            let distance = sweep.as_ref().unwrap_or(&self.sweeps[by as usize - 1]).distance(point) - TOUCH;
+            let distance = self.depth_of(moment, by, point);
             if distance < depth {
                 (depth, whose) = (distance, by);
             }
         }
         // None of the lines about it has material there: what took it has no end left.
         if depth > 0.0 && !material { (-depth.min(*spacing), whose) } else { (depth, whose) }
+    }
+
+    /// Depth of a point in what one sweep alone, or the blank, leaves at a moment, m.
+    #[inline]
+    pub(super) fn depth_of(&self, moment: &Moment, whose: u32, point: &Vector3<f64>) -> f64 {
+        if whose == BLANK {
+            return self.lattice.blank.depth(point);
+        }
+        let grown = moment.last.as_ref().filter(|_| whose == moment.sweeps);
+        grown.unwrap_or_else(|| &self.sweeps[whose as usize - 1]).distance(point) - TOUCH
     }
 
     /// Removes what a cutter meets on its straight way between two poses, and what was deferred before; the volume, m³.

@@ -123,6 +123,15 @@ impl Front {
         Ring { sin, cos, across: self.solid.flat() + self.solid.corner * sin, up: self.solid.corner * (1.0 - cos) }
     }
 
+    /// Rows that reach as high as a height (m), or over it.
+    fn rows_below(&self, up: f64) -> usize {
+        let over = up - self.solid.corner;
+        if over >= 0.0 {
+            return self.along + (over / self.rise).ceil() as usize;
+        }
+        (0..self.along).find(|row| self.ring(*row as f64).up >= up).unwrap_or(self.along)
+    }
+
     /// Cosine and sine of φ at a place counted in columns.
     #[inline]
     pub(super) fn angle(&self, column: f64) -> (f64, f64) {
@@ -201,9 +210,7 @@ impl Front {
         if highest <= 0.0 {
             return Engaged::default();
         }
-        let over = (highest - self.solid.corner).max(0.0);
-        let rows = self.along + (over / self.rise).ceil() as usize;
-        let sum = refine::sum(&view, rows);
+        let sum = refine::sum(&view, self.rows_below(highest));
         view.finish(sum)
     }
 }

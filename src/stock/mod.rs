@@ -32,6 +32,7 @@ mod lattice;
 mod line;
 mod mask;
 mod refine;
+mod rim;
 mod solid;
 mod stl;
 mod surface;

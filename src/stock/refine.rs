@@ -3,6 +3,7 @@
 
 use super::front::{Cell, Ring};
 use super::mask::engaged_parts;
+use super::rim::Levels;
 use super::solid::HypotFast;
 use super::view::View;
 use nalgebra::Vector3;
@@ -14,7 +15,7 @@ use std::f64::consts::TAU;
 const SAFETY: f64 = 2.0;
 
 /// The rim is followed until it can put the force off by this share of it.
-const ENOUGH: f64 = 0.02;
+const ENOUGH: f64 = 0.01;
 
 /// And by this share of what the leading half of the cutter's corner feels in full: some tenths of a newton of some hundreds.
 const NOTHING: f64 = 2e-4;
@@ -37,10 +38,11 @@ pub(super) struct Sum {
     pub(super) rows: Option<[f64; 2]>,
 }
 
-/// A node of the mask: share of the feed that goes into the surface there, depth in the material (m), and whose surface that is
-/// from.
+/// A node of the mask: where it is in the stock, m, share of the feed that goes into the surface there, depth in the material
+/// (m), and whose surface that is from.
 #[derive(Clone, Copy)]
 struct Node {
+    point: Vector3<f64>,
     chip: f64,
     depth: f64,
     whose: u32,
@@ -48,9 +50,16 @@ struct Node {
 
 impl Node {
     fn at(view: &View<'_>, ring: &Ring, angle: (f64, f64)) -> Self {
-        let (depth, whose) = view.depth(ring, angle);
-        Self { chip: view.chip(ring, angle), depth, whose }
+        let point = view.point(ring.across, ring.up, angle);
+        let (depth, whose) = view.depth(&point);
+        Self { point, chip: view.chip(ring, angle), depth, whose }
     }
+}
+
+/// Where a cell of the mask is: its lower corner, in columns and rows, and its size.
+struct CellAt {
+    at: [f64; 2],
+    size: f64,
 }
 
 /// A cell of the mask that the rim may run through.
@@ -192,24 +201,36 @@ impl<'a, 'b> Cells<'a, 'b> {
         if most <= 0.0 && middle.depth < -0.5 * across {
             return;
         }
-        let level = |node: Node| if faces { node.depth } else { view.level(node.chip, node.depth) };
-        let (levels, at_middle) = (corners.map(level), level(middle));
+        let depths = Levels { corners: corners.map(|node| node.depth), middle: middle.depth };
+        let (empty, full) = (depths.highest() <= 0.0, depths.lowest() >= 0.0);
+        let levels = if faces {
+            depths
+        } else if full {
+            // All material: the silhouette alone is the rim.
+            Levels { corners: corners.map(|node| node.chip), middle: chip }.times(front.solid.radius)
+        } else {
+            let level = |node: Node| view.level(node.chip, node.depth);
+            Levels { corners: corners.map(level), middle: level(middle) }
+        };
+        let (inside, outside) = (levels.lowest() >= 0.0, levels.highest() <= 0.0);
         let mut sum = Sum::default();
-        let all = levels.into_iter().chain([at_middle]);
-        let (inside, outside) = (all.clone().all(|level| level >= 0.0), all.clone().all(|level| level <= 0.0));
-        if !outside {
-            if inside && faces {
-                view.add_whole(&mut sum, at, size, halvings);
-            } else {
-                view.add_parts(&mut sum, at, size, levels, at_middle);
-            }
+        if inside && faces && !empty {
+            view.add_whole(&mut sum, at, size, halvings);
+        } else if !outside {
+            view.add_parts(&mut sum, at, size, levels.corners, levels.middle);
         }
-        let smooth = faces && corners.iter().all(|node| node.whose == middle.whose);
-        let off = match (inside || outside, smooth) {
-            (true, true) if inside => 0.0,
-            (true, true) => highest(levels, at_middle).max(0.0),
-            (true, false) => 2.0 * bulge(levels, at_middle).abs() - all.map(f64::abs).fold(f64::INFINITY, f64::min),
-            (false, _) => bulge(levels, at_middle).abs(),
+        let [a, b, c, d] = corners;
+        let (cell, nodes) = (CellAt { at, size }, [a, b, c, d, middle]);
+        let of_depths = match (empty, full) {
+            (true, _) => self.material_unseen(&cell, &nodes, &depths),
+            (_, true) => self.gap_unseen(&cell, &nodes, &depths),
+            _ => 0.0,
+        };
+        let off = match (empty || full, inside || outside) {
+            (true, true) => of_depths,
+            (true, false) => of_depths.max(levels.bulge().abs()),
+            (false, true) => levels.kink(),
+            (false, false) => levels.bulge().abs(),
         };
         let area = lengths[1] * size * TAU / front.around as f64;
         let share = (SAFETY * off / lengths[0].min(lengths[1])).clamp(0.0, 1.0) * area;
@@ -223,6 +244,43 @@ impl<'a, 'b> Cells<'a, 'b> {
         (self.edge, self.cutting, self.error) = (self.edge + sum.edge, self.cutting + sum.cutting, self.error + error);
         self.queue.push(Worst { error, leaf: self.leaves.len() });
         self.leaves.push(Leaf { at, size, halvings, corners, middle, sum, whole: true });
+    }
+
+    /// How high material may be in a cell that has none at its nodes, m: no higher than any one sweep has left it, such as
+    /// that about the middle.
+    fn material_unseen(&self, cell: &CellAt, nodes: &[Node; 5], depths: &Levels) -> f64 {
+        let whose = nodes[4].whose;
+        let highest = self.left_by(whose, nodes).highest_between(|to| self.left_at(whose, cell, to)).max(0.0);
+        if nodes.iter().all(|node| node.whose == whose) { highest } else { highest.min(depths.kink()) }
+    }
+
+    /// How deep a gap may be in a cell that is material at its nodes, m: no deeper than what one of the sweeps about them has
+    /// taken.
+    fn gap_unseen(&self, cell: &CellAt, nodes: &[Node; 5], depths: &Levels) -> f64 {
+        let mut deepest = 0.0_f64;
+        for (n, whose) in nodes.iter().map(|node| node.whose).enumerate() {
+            if nodes[..n].iter().all(|before| before.whose != whose) && nodes.iter().any(|node| node.whose != whose) {
+                let left = self.left_by(whose, nodes).times(-1.0);
+                deepest = deepest.max(left.highest_between(|to| -self.left_at(whose, cell, to)));
+            }
+        }
+        deepest.min(depths.kink())
+    }
+
+    /// Depths at the nodes of a cell in what one sweep leaves.
+    fn left_by(&self, whose: u32, nodes: &[Node; 5]) -> Levels {
+        let depth = |node: &Node| match node.whose == whose {
+            true => node.depth,
+            false => self.view.depth_of(whose, &node.point),
+        };
+        Levels { corners: [0, 1, 2, 3].map(|k| depth(&nodes[k])), middle: depth(&nodes[4]) }
+    }
+
+    /// And at a place in it, counted in the unit square.
+    fn left_at(&self, whose: u32, cell: &CellAt, to: [f64; 2]) -> f64 {
+        let [column, row] = [0, 1].map(|k| cell.at[k] + to[k] * cell.size);
+        let ring = self.view.front.ring(row);
+        self.view.depth_of(whose, &self.view.point(ring.across, ring.up, self.view.angle(column)))
     }
 
     /// Quarters the worst cells until the rest can put off but little.
@@ -255,25 +313,6 @@ impl<'a, 'b> Cells<'a, 'b> {
             self.cutting += self.sure.cutting - before.1;
         }
     }
-}
-
-/// How far the level at the middle of a cell is above a plane through its corners.
-fn bulge(corners: [f64; 4], middle: f64) -> f64 {
-    middle - 0.25 * corners.iter().sum::<f64>()
-}
-
-/// The highest level in a cell, of a paraboloid through its corners and its middle.
-fn highest([a, b, c, d]: [f64; 4], middle: f64) -> f64 {
-    let bend = 2.0 * bulge([a, b, c, d], middle);
-    let corner = a.max(b).max(c).max(d);
-    if bend <= 0.0 {
-        return corner.max(middle);
-    }
-    let rise = |slope: f64| {
-        let at = (0.5 * slope / bend).clamp(-0.5, 0.5);
-        at * (slope - bend * at)
-    };
-    corner.max(middle + rise(0.5 * (b + c - a - d)) + rise(0.5 * (c + d - a - b)))
 }
 
 impl View<'_> {

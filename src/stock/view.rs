@@ -57,7 +57,7 @@ impl<'a> View<'a> {
         Self { front, stock, moment, pose, x, y: pose.axis.cross(&x), feed, scale, before }
     }
 
-    fn point(&self, across: f64, up: f64, (cos, sin): (f64, f64)) -> Vector3<f64> {
+    pub(super) fn point(&self, across: f64, up: f64, (cos, sin): (f64, f64)) -> Vector3<f64> {
         self.pose.tip + (self.x * cos + self.y * sin) * across + self.pose.axis.into_inner() * up
     }
 
@@ -69,8 +69,13 @@ impl<'a> View<'a> {
     }
 
     /// How deep a point is in material, m, and whose surface that is from.
-    pub(super) fn depth(&self, ring: &Ring, angle: (f64, f64)) -> (f64, u32) {
-        self.stock.depth_at(self.moment, &self.point(ring.across, ring.up, angle), self.before)
+    pub(super) fn depth(&self, point: &Vector3<f64>) -> (f64, u32) {
+        self.stock.depth_at(self.moment, point, self.before)
+    }
+
+    /// How deep a point is in what one sweep, or the blank, leaves.
+    pub(super) fn depth_of(&self, whose: u32, point: &Vector3<f64>) -> f64 {
+        self.stock.depth_of(self.moment, whose, point)
     }
 
     /// Above zero where there is material and a chip of it.
@@ -107,7 +112,7 @@ impl<'a> View<'a> {
         let step = TAU / self.front.around as f64;
         let level = |angle: &(f64, f64)| match self.chip(&ring, *angle) {
             chip if chip <= 0.0 => chip,
-            chip => self.level(chip, self.depth(&ring, *angle).0),
+            chip => self.level(chip, self.depth(&self.point(ring.across, ring.up, *angle)).0),
         };
         let depths: Vec<f64> = self.front.edges[..self.front.around].iter().map(level).collect();
         let share = |a: f64, b: f64| match (a > 0.0, b > 0.0) {

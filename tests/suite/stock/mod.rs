@@ -111,7 +111,7 @@ fn half_immersion_up_and_down() {
 /// A pass beside its own like before it, a stepover away: as declared and from the stock.
 #[test]
 fn a_stepover_from_the_stock_is_the_declared_one() {
-    // The rim is followed until it can put off 2 %; it does by a fraction of that.
+    // The rim is followed until it can put off 1 %; it does by a fraction of that.
     for (cutter, depth, width, lead, tilt, share) in [
         (cutter(10.0, 5.0), 0.5, 0.5, 0.0, 0.0, 0.005),
         (cutter(25.0, 5.0), 0.5, 2.0, 0.0, 0.0, 0.005),
