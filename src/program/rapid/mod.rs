@@ -341,7 +341,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
         return Some(
             whole("rapid.encrypted", message)
                 .at(source, Span::new(at, at + 1))
-                .help("save it from the controller without encryption"),
+                .help("save it from the controller without encryption; as a --context, leave it out: what it does is unknown then"),
         );
     }
     if text.trim_ascii_start().starts_with(b"<") {
