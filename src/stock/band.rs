@@ -32,10 +32,16 @@ impl Band {
         self.first..self.first + TILE
     }
 
+    /// The lines of a tile, where one of them has been touched.
+    #[inline]
+    pub(super) fn tile(&self, number: usize) -> Option<&[Line]> {
+        self.tiles.get(number)?.as_deref()
+    }
+
     /// A line, where one of its tile has been touched.
     #[inline]
     pub(super) fn line(&self, i: usize, j: usize) -> Option<&Line> {
-        self.tiles[i / TILE].as_ref().map(|lines| &lines[(j % TILE) * TILE + i % TILE])
+        self.tile(i / TILE).map(|lines| &lines[(j % TILE) * TILE + i % TILE])
     }
 
     /// A line to be changed.

@@ -51,10 +51,14 @@ impl Band {
         // Going down, the bottom cuts behind the plane of the tip too.
         let ahead = (cut.continues && rise >= 0.0).then_some([du, dv]);
         let blank_top = lattice.blank.bounds()[1].z - lattice.origin[2];
+        let lowest = tip + rise.min(0.0);
         let mut removed = 0.0;
         for j in rows {
             let from_v = lattice.origin[1] + (j as f64 + 0.5) * spacing - v;
             for i in lattice.ahead_in_row(columns, ahead, from_v, u) {
+                if self.line(i, j).is_some_and(|line| line.lies_under(lowest)) {
+                    continue;
+                }
                 let from_u = lattice.origin[0] + (i as f64 + 0.5) * spacing - u;
                 let share = (from_u * du + from_v * dv) * per_square;
                 // Nearest to where it starts: the sweep before has been there.
@@ -85,7 +89,7 @@ impl Band {
                 let low = if across < solid.radius { tip + solid.height(across) } else { f64::INFINITY };
                 if low < top - LEAST_CUT {
                     removed += history.cut(line, low, f64::INFINITY, cut);
-                } else if tip < top + spacing && line.near > 0.0 {
+                } else if tip < top + spacing && !line.is_touched() {
                     let distance = solid.distance(across, top - tip);
                     if distance < spacing {
                         history.pass(line, distance, cut);

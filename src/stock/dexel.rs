@@ -110,28 +110,18 @@ impl Stock {
             return (depth, whose);
         }
         let [u, v] = turned(point.x, point.y);
-        let Lattice { origin, spacing, lines, .. } = &self.lattice;
-        let column = |at: f64, k: usize| ((at - origin[k]) / spacing - 0.5) as usize;
+        let Lattice { origin, spacing, .. } = &self.lattice;
+        let per_spacing = 1.0 / spacing;
+        let column = |at: f64, k: usize| ((at - origin[k]) * per_spacing - 0.5) as usize;
         let (i, j) = (column(u, 0), column(v, 1));
         let height = point.z - origin[2];
+        let (about, untouched) = self.about(i, j, moment.cuts);
         let mut owners = Owners::default();
-        let mut material = false;
-        for (i, j) in [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)] {
-            if i >= lines[0] || j >= lines[1] {
-                continue;
-            }
-            let band = &self.bands[j / TILE];
-            let Some(line) = band.line(i, j) else {
-                material = true;
-                continue;
-            };
-            let line = band.history.at(line, moment.cuts);
+        for line in about.iter().flatten() {
             owners.add(line.near_by);
             for span in &line.spans {
                 owners.add(span.high_by);
                 owners.add(span.low_by);
-                material |= span.high > span.low
-                    && (f64::from(span.low) - spacing..=f64::from(span.high) + spacing).contains(&height);
             }
         }
         for by in owners.iter().filter(|by| *by != without) {
@@ -141,7 +131,35 @@ impl Stock {
             }
         }
         // None of the lines about it has material there: what took it has no end left.
-        if depth > 0.0 && !material { (-depth.min(*spacing), whose) } else { (depth, whose) }
+        if depth > 0.0 && !untouched && !about.iter().flatten().any(|line| line.has_material(height, *spacing)) {
+            depth = -depth.min(*spacing);
+        }
+        (depth, whose)
+    }
+
+    /// The four lines about a square of the lattice, from its first on, as they were after so many cuts; and whether one of
+    /// them has never been touched.
+    #[inline]
+    fn about(&self, i: usize, j: usize, cuts: u32) -> ([Option<&Line>; 4], bool) {
+        let band = &self.bands[(j / TILE).min(self.bands.len() - 1)];
+        // Mostly they are of one tile.
+        if i % TILE + 1 < TILE
+            && j % TILE + 1 < TILE
+            && let Some(tile) = band.tile(i / TILE)
+        {
+            let first = (j % TILE) * TILE + i % TILE;
+            let at = |at: usize| Some(band.history.at(&tile[at], cuts));
+            return ([at(first), at(first + 1), at(first + TILE), at(first + TILE + 1)], false);
+        }
+        let (mut about, mut untouched) = ([None; 4], false);
+        for (line, (i, j)) in about.iter_mut().zip([(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)]) {
+            if i < self.lattice.lines[0] && j < self.lattice.lines[1] {
+                let band = &self.bands[j / TILE];
+                *line = band.line(i, j).map(|line| band.history.at(line, cuts));
+                untouched |= line.is_none();
+            }
+        }
+        (about, untouched)
     }
 
     /// Depth of a point in what one sweep alone, or the blank, leaves at a moment, m.
@@ -233,12 +251,18 @@ impl Stock {
 #[derive(Default)]
 struct Owners {
     owners: SmallVec<[u32; 16]>,
+    last: [u32; 2],
 }
 
 impl Owners {
     #[inline]
     fn add(&mut self, by: u32) {
-        if by != BLANK && !self.owners.contains(&by) {
+        // Most lines about a point are of one sweep, and the next one has passed over them.
+        if by == BLANK || self.last.contains(&by) {
+            return;
+        }
+        self.last = [by, self.last[0]];
+        if !self.owners.contains(&by) {
             self.owners.push(by);
         }
     }

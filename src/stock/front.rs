@@ -228,9 +228,12 @@ fn between(table: &[(f64, f64)], at: f64, step: f64) -> (f64, f64) {
     let (cos, sin) = table[nearest];
     let by = (at - nearest as f64) * step;
     let square = by * by;
-    let s = by * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    // Of sine and cosine, factors of each term to the one before.
+    const S: [f64; 4] = [1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0];
+    const C: [f64; 5] = [1.0 / 2.0, 1.0 / 12.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0];
+    let s = by * (1.0 - square * S[0] * (1.0 - square * S[1] * (1.0 - square * S[2] * (1.0 - square * S[3]))));
     let c = 1.0
-        - 0.5 * square * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0 * (1.0 - square / 90.0))));
+        - square * C[0] * (1.0 - square * C[1] * (1.0 - square * C[2] * (1.0 - square * C[3] * (1.0 - square * C[4]))));
     (cos * c - sin * s, sin * c + cos * s)
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Span {
 }
 
 /// A line: its material from below, and the sweep that has come nearest to its top since that was cut.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Line {
     pub(super) spans: SmallVec<[Span; 1]>,
     pub(super) near_by: u32,
@@ -29,6 +29,14 @@ pub(super) struct Line {
     pub(super) changed: u32,
     pub(super) first: u32,
     pub(super) last: u32,
+}
+
+impl Clone for Line {
+    #[inline]
+    fn clone(&self) -> Self {
+        // A copy of bytes: `SmallVec::clone` goes span by span.
+        Self { spans: SmallVec::from_slice(&self.spans), ..*self }
+    }
 }
 
 impl Line {
@@ -49,6 +57,27 @@ impl Line {
 
     pub(super) fn top(&self) -> Option<f64> {
         self.spans.last().filter(|span| span.high > span.low).map(|span| f64::from(span.high))
+    }
+
+    /// Whether a sweep has been so near to its top that none can be nearer.
+    #[inline]
+    pub(super) fn is_touched(&self) -> bool {
+        f64::from(self.near) <= LEAST_CUT
+    }
+
+    /// Whether nothing at or over a height (m) can change it: its top is no higher, and has been touched already.
+    #[inline]
+    pub(super) fn lies_under(&self, height: f64) -> bool {
+        self.is_touched() && self.spans.last().is_none_or(|span| f64::from(span.high) <= height + LEAST_CUT)
+    }
+
+    /// Whether it has material at a height, m, or no farther from it than that.
+    #[inline]
+    pub(super) fn has_material(&self, height: f64, within: f64) -> bool {
+        self.spans.iter().any(|span| {
+            let (low, high) = (f64::from(span.low), f64::from(span.high));
+            high > low && (low - within..=high + within).contains(&height)
+        })
     }
 
     /// Takes an interval out; the length that was material, m.

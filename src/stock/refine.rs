@@ -177,7 +177,7 @@ impl<'a, 'b> Cells<'a, 'b> {
         if corners.iter().all(|node| node.chip <= 0.0) {
             return;
         }
-        let (ring, angle) = (front.ring(at[1] + 0.5 * size), view.angle(at[0] + 0.5 * size));
+        let ring = front.ring(at[1] + 0.5 * size);
         let lengths = [size * TAU * ring.across / front.around as f64, size * front.length(at[1])];
         // Depths change no faster than by one: what is farther than this from all corners and yet in the cell is a sliver.
         let far = 0.4 * lengths[0].max(lengths[1]);
@@ -188,6 +188,7 @@ impl<'a, 'b> Cells<'a, 'b> {
             return;
         }
         let faces = corners.iter().all(|node| node.chip >= 0.0);
+        let angle = view.angle(at[0] + 0.5 * size);
         let chip = view.chip(&ring, angle);
         if least > far {
             if faces {

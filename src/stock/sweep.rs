@@ -190,7 +190,7 @@ const LONGEST: f64 = 10.0;
 #[inline]
 fn nearest(solid: &Solid, from: &Vector3<f64>, way: &Vector3<f64>) -> f64 {
     let square = way.x * way.x + way.y * way.y;
-    if way.z.abs() <= 1e-9 * square.sqrt() {
+    if way.z * way.z <= 1e-18 * square {
         // Nearer to the axis is nearer to the cutter.
         return if square > 0.0 { (-(from.x * way.x + from.y * way.y) / square).clamp(0.0, 1.0) } else { 0.0 };
     }
