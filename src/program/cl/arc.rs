@@ -102,8 +102,9 @@ const OFF_CIRCLE: f64 = 0.02;
 /// A radius below this share of the way from the centre, which may lie anywhere along the axis, is what rounding leaves.
 const LOST: f64 = 1e-9;
 
-/// Angles below this are the printed start point again: a full turn.
-const SAME_ANGLE: f64 = 1e-9;
+/// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. Nobody
+/// means an arc of two last digits of four decimals.
+const SAME_PLACE: f64 = 2.5e-4;
 
 impl Arc {
     /// The arc, or why it is none; lengths in any one unit.
@@ -120,10 +121,8 @@ impl Arc {
         if off.is_nan() || off > OFF_CIRCLE * radius {
             return Err("arc whose ends are not on its circle");
         }
-        let mut sweep = dot(flat_b, y).atan2(dot(flat_b, x)).rem_euclid(TAU);
-        if sweep < SAME_ANGLE {
-            sweep = TAU;
-        }
+        let closed = norm(sub(flat_b, flat_a)) < SAME_PLACE;
+        let mut sweep = if closed { TAU } else { dot(flat_b, y).atan2(dot(flat_b, x)).rem_euclid(TAU) };
         sweep += TAU * (circle.turns.max(1.0) - 1.0);
         Ok(Self {
             centre: sub(start, flat_a),
