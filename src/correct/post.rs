@@ -8,7 +8,7 @@ use crate::program::cl::{self, Chunks, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
 use crate::program::post::{krl, tp};
-use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Tool, ToolData, Wobj, WobjData};
+use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData};
 use crate::robot::{EXTERNAL_AXES, Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -207,9 +207,13 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
     let bytes = cl::write(program, &points, &options.title)?;
     let message =
         "the turn about the tool axis is left to the post: the correction holds for that of the cell's `spin`";
-    let note = Diagnostic::error("post.spin", "", message).severity(Severity::Note);
+    let mut notes = vec![Diagnostic::error("post.spin", "", message).severity(Severity::Note)];
+    if program.targets.iter().any(|target| target.role == Role::Interpolated) {
+        let message = "arcs and drilling cycles are written as points; their statements stay as comments";
+        notes.push(Diagnostic::error("post.points", "", message).severity(Severity::Note));
+    }
     let ending = Language::Cl.endings()[0];
-    Ok(PostedProgram { files: vec![(format!("{}.{ending}", options.name), bytes)], notes: vec![note] })
+    Ok(PostedProgram { files: vec![(format!("{}.{ending}", options.name), bytes)], notes })
 }
 
 /// Posts a program whose outline is known, whole or a chunk at a time.

@@ -1,14 +1,20 @@
 //! Corrected points back into the CL data that they come from, for a maker's own post.
 //!
-//! Tip and tool axis are written, five axes: `GOTO/x,y,z,i,j,k`. All other statements stay as they are.
+//! Tip and tool axis are written, five axes: `GOTO/x,y,z,i,j,k`. What makes other points than the one that it prints (arcs,
+//! drilling cycles, increments, lists) is written as the points that it was corrected at, and stays as a comment: a corrected
+//! arc is none any more, and a post stops at an end that is not on its circle. All other statements stay as they are.
 
+use super::feeds::{Feeds, short};
+use super::frame::Frame;
 use super::layout::{Layout, Slot};
-use super::lex::{Lexer, Record, RecordKind, chunks};
+use super::lex::{Lexer, Record, RecordKind, Token, chunks};
 use super::statement::Statement;
-use super::vector::{add, dot, norm, scale, sub};
-use crate::program::{Goal, Program, Target};
+use super::vector::{add, norm, scale, sub};
+use super::words::{self, Meaning};
+use crate::program::{ActionKind, Goal, Program};
 use crate::text::number::write_fixed;
 use crate::text::{Content, Diagnostic, Edit, Span, apply};
+use std::ops::Range;
 
 /// Where a corrected tool goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,14 +32,14 @@ const MM_DECIMALS: usize = 4;
 const INCH_DECIMALS: usize = 6;
 /// Decimals of a tool axis: 1e-6 mm at 200 mm.
 const AXIS_DECIMALS: usize = 8;
-/// A printed point this far off the tool axis through the tip is no tip and no centre, mm.
-const OFF_AXIS_MM: f64 = 1e-6;
+/// A printed point this far from where the tip has it is another, mm.
+const OFF_MM: f64 = 1e-6;
 
 /// The file with the corrected points, those that belong to one target in a row, its own last; `title` is put before it as
 /// comments.
 ///
 /// # Errors
-/// Statements that make several points, or count on from others: arcs, holes, increments, lists; decks of cards.
+/// Decks of cards; statements that are run more than once; a cycle whose feed cannot be said in the file's unit.
 pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> Result<Vec<u8>, Vec<Diagnostic>> {
     let (crate::program::Layout::Cl(layout), [source]) = (&program.layout, &program.sources[..]) else {
         let message = "the program is not one file of CL data";
@@ -52,7 +58,7 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
         let message = "a deck of cards has no room for corrected axes";
         return Err(Diagnostic::error("post.cl", &source.name, message).help("write CL data without cards").into());
     }
-    let mut writer = Writer { bytes, layout, edits: Vec::new(), multax: false, end: line_end(bytes) };
+    let mut writer = Writer::new(program, layout, bytes);
     let (mut lexer, mut tokens) = (Lexer::new(bytes, source.lines_before), Vec::new());
     let (mut at, mut own, mut errors) = (0, points.iter().peekable(), Vec::new());
     while let Some(record) = lexer.next(&mut tokens) {
@@ -60,21 +66,16 @@ pub fn write(program: &Program, points: &[CorrectedPoint], title: &[String]) -> 
             continue;
         }
         let Some(statement) = Statement::parse(bytes, &tokens) else { continue };
-        writer.multax |= statement.major.eq_ignore_ascii_case(b"MULTAX");
         let first = at;
-        at += program.targets[first..].iter().take_while(|target| target.span == record.span).count();
+        // Between the points of a list stand those on the way of its arc.
+        let is_own = |span: Span| span == record.span || writer.arc == Some(span);
+        at += program.targets[first..].iter().take_while(|target| is_own(target.span)).count();
         let mut here = Vec::new();
         while let Some(point) = own.next_if(|point| point.target < at) {
             here.push(*point);
         }
-        match at - first {
-            0 => {}
-            1 => {
-                let written = writer.position(record, &statement, &program.targets[first], layout.slots[first], &here);
-                errors.extend(written.err().map(|message| refused(record, message)));
-            }
-            _ => errors.push(refused(record, "an arc, a hole or a list of points is not written as points")),
-        }
+        let written = writer.statement(record, &statement, first..at, here);
+        errors.extend(written.err().map(|message| refused(record, message)));
     }
     if at != program.targets.len() && errors.is_empty() {
         let message = "statements that are run more than once are not written as points";
@@ -102,66 +103,141 @@ fn line_end(bytes: &[u8]) -> &'static str {
 }
 
 struct Writer<'a> {
+    program: &'a Program,
     bytes: &'a [u8],
     layout: &'a Layout,
     edits: Vec<Edit>,
+    end: &'static str,
     /// The file says, up to here, that axes are printed.
     multax: bool,
-    end: &'static str,
+    /// The file says that the next move is rapid travel.
+    rapid: bool,
+    /// The statement of an arc whose end comes next, and the points on the way there.
+    arc: Option<Span>,
+    on_way: Vec<CorrectedPoint>,
+    /// Where holes are drilled: the feed, which cycles have of their own.
+    feeds: Option<Feeds<'a>>,
 }
 
-impl Writer<'_> {
-    /// One `GOTO`, and what is inserted before it.
-    fn position(
+impl<'a> Writer<'a> {
+    fn new(program: &'a Program, layout: &'a Layout, bytes: &'a [u8]) -> Self {
+        let frame = layout.slots.iter().find_map(Slot::frame).map(|frame| &layout.frames[usize::from(frame)]);
+        let drills = layout.groups.iter().any(|group| !group.with_start);
+        let feeds = drills.then(|| Feeds::new(frame.map_or(1.0, |frame| frame.mm_per_unit)));
+        let (edits, on_way, end) = (Vec::new(), Vec::new(), line_end(bytes));
+        Self { program, bytes, layout, edits, end, multax: false, rapid: false, arc: None, on_way, feeds }
+    }
+
+    /// One statement that makes these targets, and the points that are written for them.
+    fn statement(
         &mut self,
         record: Record,
         statement: &Statement<'_>,
-        target: &Target,
-        slot: Slot,
-        points: &[CorrectedPoint],
+        targets: Range<usize>,
+        mut points: Vec<CorrectedPoint>,
     ) -> Result<(), &'static str> {
-        let (Slot::Point { frame, .. }, Goal::Axis { position_mm, axis, .. }) = (slot, target.goal) else {
-            return Err("an arc, a hole or an increment is not written as points");
+        // `RAPID, GOTO/…` is two statements in a line.
+        let behind_rapid = statement.behind_rapid();
+        let statement = behind_rapid.as_ref().unwrap_or(statement);
+        if statement.major.eq_ignore_ascii_case(b"MULTAX") {
+            self.multax = !statement.has(b"OFF");
+        }
+        let meaning = words::find(statement.major).map(|word| word.meaning);
+        match meaning {
+            Some(Meaning::Circle | Meaning::MovArc) => {
+                self.arc = Some(record.span);
+                self.on_way.append(&mut points);
+                self.comment_out(record, Vec::new());
+                return Ok(());
+            }
+            Some(Meaning::Cycle) if self.feeds.is_some() => self.comment_out(record, Vec::new()),
+            Some(Meaning::Indirv) => self.comment_out(record, Vec::new()),
+            Some(Meaning::Rapid) => self.rapid = true,
+            Some(Meaning::GoHome) if targets.is_empty() => self.rapid = false,
+            Some(Meaning::Feed) => {
+                if let Some(feeds) = &mut self.feeds {
+                    feeds.say(self.bytes, record, statement);
+                }
+            }
+            _ => {}
+        }
+        let Some(frame) = self.layout.slots[targets.clone()].iter().find_map(Slot::frame) else { return Ok(()) };
+        let frame = &self.layout.frames[usize::from(frame)];
+        self.arc = None;
+        points.splice(..0, self.on_way.drain(..));
+        let own = match (meaning, targets.len(), self.layout.slots[targets.start]) {
+            (Some(Meaning::Goto | Meaning::GoHome), 1, Slot::Point { .. } | Slot::GroupEnd { .. }) => {
+                Some(points.pop().ok_or("a target is without its point")?)
+            }
+            _ => None,
         };
-        let numbers: Vec<_> = statement.numbers().map(|numbers| numbers.iter().copied().collect()).unwrap_or_default();
+        let mut before = Vec::new();
+        let mut says_rapid = std::mem::take(&mut self.rapid);
+        let mut dwells = self.program.actions.iter().filter(|action| action.span == record.span).peekable();
+        let end = self.end;
+        let line = |before: &mut Vec<u8>, text: &[u8]| {
+            before.extend_from_slice(text);
+            before.extend_from_slice(end.as_bytes());
+        };
+        if !std::mem::replace(&mut self.multax, true) {
+            line(&mut before, b"MULTAX/ON");
+        }
+        for point in points.iter().chain(&own) {
+            let target = &self.program.targets[point.target];
+            while let Some(action) = dwells.next_if(|action| action.before <= point.target) {
+                if let ActionKind::Dwell { seconds } = action.kind {
+                    line(&mut before, format!("DELAY/{}", short(seconds)).as_bytes());
+                }
+            }
+            if let Some(feeds) = &mut self.feeds {
+                feeds.before(target)?.inspect(|feed| line(&mut before, feed));
+            }
+            let is_own = own == Some(*point);
+            // RAPID holds for one move.
+            if target.rapid && !std::mem::take(&mut says_rapid) && !(is_own && behind_rapid.is_some()) {
+                line(&mut before, b"RAPID");
+            }
+            if !is_own {
+                let (at, axis) = self.printed(point, frame);
+                let place = [at.map(|v| fixed(v, decimals(frame))), axis.map(|v| fixed(v, AXIS_DECIMALS))].concat();
+                line(&mut before, format!("GOTO/{}", place.join(",")).as_bytes());
+            }
+        }
+        match own {
+            None => self.comment_out(record, before),
+            Some(own) => {
+                self.insert(record.span.range().start, before);
+                self.position(statement, frame, &own)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A corrected point as the file prints it.
+    fn printed(&self, point: &CorrectedPoint, frame: &Frame) -> ([f64; 3], [f64; 3]) {
+        let raised = self.layout.raised_mm[usize::from(self.program.targets[point.target].tool)];
+        let object = add(point.position_mm, scale(point.axis, raised));
+        let at = scale(frame.back(sub(object, frame.origin_mm)), 1.0 / frame.mm_per_unit);
+        (at, frame.back(point.axis))
+    }
+
+    /// The numbers of one `GOTO`.
+    fn position(&mut self, statement: &Statement<'_>, frame: &Frame, own: &CorrectedPoint) -> Result<(), &'static str> {
+        let numbers: Vec<&Token> = statement.numbers().map(|numbers| numbers.iter().collect()).unwrap_or_default();
         let ([x, y, z, rest @ ..], 3 | 6 | 9) = (&numbers[..], numbers.len()) else {
             return Err("a position of this form is not written as a point and an axis");
         };
-        let frame = &self.layout.frames[usize::from(frame)];
-        // How far the printed point stands up from the tip: a corner radius, or nothing.
-        let up = sub(frame.position([x.value, y.value, z.value]), position_mm);
-        let radius = dot(up, axis);
-        if norm(sub(up, scale(axis, radius))) > OFF_AXIS_MM {
+        let Goal::Axis { position_mm, axis, .. } = self.program.targets[own.target].goal else {
+            return Err("a position without a tool axis");
+        };
+        let was = CorrectedPoint { position_mm, axis, ..*own };
+        let off = scale(sub(self.printed(&was, frame).0, [x.value, y.value, z.value]), frame.mm_per_unit);
+        if norm(off) > OFF_MM {
             return Err("the printed point is neither the tip nor on the tool axis");
         }
-        let printed = |point: &CorrectedPoint| {
-            let object = add(point.position_mm, scale(point.axis, radius));
-            let at = scale(frame.back(sub(object, frame.origin_mm)), 1.0 / frame.mm_per_unit);
-            (at, frame.back(point.axis))
-        };
-        let decimals = if frame.mm_per_unit > 1.0 { INCH_DECIMALS } else { MM_DECIMALS };
-        let Some((own, inserted)) = points.split_last() else { return Err("a target is without its point") };
-        let mut before = String::new();
-        if !self.multax {
-            before += &format!("MULTAX/ON{}", self.end);
-            self.multax = true;
-        }
-        for point in inserted {
-            let (at, axis) = printed(point);
-            let place = [at.map(|v| fixed(v, decimals)), axis.map(|v| fixed(v, AXIS_DECIMALS))].concat();
-            before += &format!("GOTO/{}{}", place.join(","), self.end);
-            if target.rapid {
-                // RAPID holds for one move.
-                before += &format!("RAPID{}", self.end);
-            }
-        }
-        if !before.is_empty() {
-            let start = record.span.range().start;
-            self.edits.push(Edit { span: Span::new(start, start), content: before.into_bytes().into() });
-        }
-        let (at, axis) = printed(own);
+        let (at, axis) = self.printed(own, frame);
         for (token, value) in [x, y, z].into_iter().zip(at) {
-            self.number(token.span, token.value, value, decimals);
+            self.number(token.span, token.value, value, decimals(frame));
         }
         match rest {
             [i, j, k, ..] => {
@@ -170,12 +246,30 @@ impl Writer<'_> {
                 }
             }
             _ => {
-                let end = z.span.range().end;
                 let text = axis.map(|v| fixed(v, AXIS_DECIMALS)).join(",");
-                self.edits.push(Edit { span: Span::new(end, end), content: format!(",{text}").into_bytes().into() });
+                self.insert(z.span.range().end, format!(",{text}").into_bytes());
             }
         }
         Ok(())
+    }
+
+    /// Makes a comment of every line of a statement; `before` stands before it.
+    fn comment_out(&mut self, record: Record, before: Vec<u8>) {
+        let range = record.span.range();
+        self.insert(range.start, [&before[..], b"$$ "].concat());
+        let bytes = self.bytes;
+        let begins = |at: &usize| match bytes[at - 1] {
+            b'\n' => true,
+            b'\r' => bytes[*at] != b'\n',
+            _ => false,
+        };
+        (range.start + 1..range.end).filter(begins).for_each(|at| self.insert(at, b"$$ ".to_vec()));
+    }
+
+    fn insert(&mut self, at: usize, content: Vec<u8>) {
+        if !content.is_empty() {
+            self.edits.push(Edit { span: Span::new(at, at), content: content.into() });
+        }
     }
 
     /// Writes a number where it is another than what is printed, to so many decimals.
@@ -191,6 +285,10 @@ impl Writer<'_> {
             self.edits.push(Edit { span: tail, content: Content::new() });
         }
     }
+}
+
+fn decimals(frame: &Frame) -> usize {
+    if frame.mm_per_unit > 1.0 { INCH_DECIMALS } else { MM_DECIMALS }
 }
 
 fn fixed(value: f64, decimals: usize) -> String {

@@ -14,6 +14,8 @@ pub(crate) struct Layout {
     pub(super) groups: Vec<GroupSlot>,
     /// Starts printed by `FROM`, in order.
     pub(super) starts: Vec<StartSlot>,
+    /// How far the printed point stands up from the tip along the axis, mm, one a tool.
+    pub(super) raised_mm: Vec<f64>,
     /// The file is a deck of cards: nothing may grow past column 72.
     pub(super) cards: bool,
 }
@@ -37,7 +39,7 @@ pub(super) enum Slot {
     /// Three increments from the target before.
     Step { xyz: Xyz, frame: u16 },
     /// One increment along the tool axis.
-    AlongAxis,
+    AlongAxis { frame: u16 },
     /// Nothing of its own: a point on the way of an arc, or in a hole.
     OnWay { group: u32 },
     /// The end of an arc, or the bottom of a hole.
@@ -51,6 +53,18 @@ impl Slot {
         match self {
             Self::OnWay { group } | Self::GroupEnd { group, .. } | Self::StepEnd { group, .. } => Some(*group),
             _ => None,
+        }
+    }
+
+    /// The frame that it is printed in.
+    pub(super) fn frame(&self) -> Option<u16> {
+        match self {
+            Self::Point { frame, .. }
+            | Self::Step { frame, .. }
+            | Self::AlongAxis { frame }
+            | Self::GroupEnd { frame, .. }
+            | Self::StepEnd { frame, .. } => Some(*frame),
+            Self::OnWay { .. } => None,
         }
     }
 }

@@ -8,7 +8,7 @@
 //! | `read`, `setup`, `motion`, `circle`, `hole`, `machine`, `comment`, `modal`, `frame`, `arc`, `dialect` | statements | targets, actions |
 //! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
-//! | `corrected` | corrected tips and axes | the same CL data with them |
+//! | `corrected`, `feeds` | corrected tips and axes | the same CL data with them |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
@@ -18,6 +18,7 @@ mod circle;
 mod comment;
 mod corrected;
 mod dialect;
+mod feeds;
 mod frame;
 mod hole;
 mod layout;

@@ -57,6 +57,14 @@ impl FeedUnit {
             Self::PerRevolution(mm) => Feed::PerRevolution(mm * value),
         }
     }
+
+    /// The number of a feed in mm/s, at a spindle speed in 1/min, where that is needed and known.
+    pub(super) fn value(self, mm_s: f64, rpm: Option<f64>) -> Option<f64> {
+        Some(match self {
+            Self::PerMinute(mm) => mm_s * SECONDS / mm,
+            Self::PerRevolution(mm) => mm_s * SECONDS / (mm * rpm?),
+        })
+    }
 }
 
 /// The unit that a word names, upper case; the file's lengths where it names none (`PERMIN`, `PERREV`).
@@ -167,6 +175,11 @@ impl Modal {
         }
         self.feed = feed;
         Ok(())
+    }
+
+    /// The feed in force, and the unit that a number without one would count in the file's lengths.
+    pub(super) fn feed(&self, mm_per_unit: f64) -> (Feed, FeedUnit) {
+        (self.feed, self.feed_unit.unwrap_or(FeedUnit::PerMinute(mm_per_unit)))
     }
 
     /// `SPINDL/`: speed, unit and sense in any order; `ON` brings the last speed back.

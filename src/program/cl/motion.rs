@@ -239,7 +239,7 @@ impl Reader {
         let (step, slot) = match (numbers.count(), &triples(&numbers)[..]) {
             (1, _) => {
                 let [along] = numbers.first().ok_or("increment with a wrong count of numbers")?;
-                (scale(self.modal.axis, along), Slot::AlongAxis)
+                (scale(self.modal.axis, along), Slot::AlongAxis { frame: self.frame })
             }
             (3 | 6, [(xyz, step), printed @ ..]) => {
                 if let [(_, printed)] = printed {
@@ -249,7 +249,7 @@ impl Reader {
             }
             _ => return Err("increment with a wrong count of numbers".into()),
         };
-        if self.pending.is_some() && matches!(slot, Slot::AlongAxis) {
+        if self.pending.is_some() && matches!(slot, Slot::AlongAxis { .. }) {
             return Err("arc that ends along the tool axis".into());
         }
         self.literal_targets += 1;

@@ -12,7 +12,7 @@ use super::refusal::{self, Refusal};
 use super::setup::unit_at_start;
 use super::statement::Statement;
 use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
-use super::{ClOptions, Layout};
+use super::{ClOptions, Layout, Point};
 use crate::program::{Action, CutterInfo, Kept, Language, Program, Target, Tool, Wobj};
 use crate::text::{Diagnostic, Severity, Source, Span};
 
@@ -148,6 +148,11 @@ impl Reader {
     /// What was read since the last time, as the program of `source`, whose bytes it was read from.
     pub(super) fn program(&mut self, source: Source) -> Program {
         self.tell_what_is_kept(&source);
+        let raised = |tool: &String| match self.options.point {
+            Point::Tip => 0.0,
+            Point::Centre => self.options.corner_radius_of(tool),
+        };
+        self.layout.raised_mm = self.machine.tools().iter().map(raised).collect();
         let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
         let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
         Program {
@@ -293,8 +298,7 @@ impl Reader {
     /// `rapid, goto/…`: two statements in a line.
     fn rapid(&mut self, record: Record, s: &Statement) -> Outcome {
         self.modal.rapid = true;
-        let next = s.items.iter().position(|t| t.kind == Kind::Word);
-        let Some(next) = next.and_then(|at| Statement::parse(s.bytes, &s.items[at..])) else { return Ok(()) };
+        let Some(next) = s.behind_rapid() else { return Ok(()) };
         match words::find(next.major).map(|word| word.meaning) {
             Some(Meaning::Goto) => self.goto(record, &next),
             Some(Meaning::Godlta) => self.godlta(record, &next),

@@ -44,7 +44,8 @@ impl FrontEnd for Layout {
                 Ok(()) => moved.push(wanted),
                 Err(reason) => {
                     // An increment counts on from wherever the target before it went.
-                    let follows = matches!(self.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis);
+                    let follows =
+                        matches!(self.slots[at], Slot::Step { .. } | Slot::StepEnd { .. } | Slot::AlongAxis { .. });
                     moved.push(if follows { before } else { [0.0; 3] });
                     out.kept.push((at, reason));
                 }
@@ -90,8 +91,10 @@ impl Writer<'_> {
         match slot {
             Slot::Point { xyz, frame } => return self.shift(&[xyz], frame, wanted),
             Slot::Step { xyz, frame } => self.shift(&[xyz], frame, sub(wanted, before))?,
-            Slot::AlongAxis if norm(sub(wanted, before)) > SAME_MM => return Err("increment along the tool axis"),
-            Slot::AlongAxis => {}
+            Slot::AlongAxis { .. } if norm(sub(wanted, before)) > SAME_MM => {
+                return Err("increment along the tool axis");
+            }
+            Slot::AlongAxis { .. } => {}
             Slot::OnWay { group } | Slot::GroupEnd { group, .. } | Slot::StepEnd { group, .. } => {
                 let slot = &self.layout.groups[group as usize];
                 if slot.straight {

@@ -1,6 +1,7 @@
 //! Tokens of one record to a statement: its major word and its items.
 
 use super::lex::{Kind, Token};
+use super::words::{self, Meaning};
 
 /// `[seqno] [label)] major [/ items]`
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +37,13 @@ impl<'a> Statement<'a> {
             _ => rest,
         };
         Some(Self { bytes, major: &bytes[first.span.range()], defines, items })
+    }
+
+    /// The statement behind `RAPID,` in the same line.
+    pub(super) fn behind_rapid(&self) -> Option<Self> {
+        let word = words::find(self.major).filter(|word| matches!(word.meaning, Meaning::Rapid));
+        let at = word.and_then(|_| self.items.iter().position(|t| t.kind == Kind::Word))?;
+        Self::parse(self.bytes, &self.items[at..])
     }
 
     /// The items where all of them are numbers; commas are as blanks.
