@@ -203,7 +203,8 @@ impl<'a, 'b> Cells<'a, 'b> {
             return;
         }
         let depths = Levels { corners: corners.map(|node| node.depth), middle: middle.depth };
-        let (empty, full) = (depths.highest() <= 0.0, depths.lowest() >= 0.0);
+        let empty = depths.highest() <= 0.0;
+        let full = !empty && depths.lowest() >= 0.0;
         let levels = if faces {
             depths
         } else if full {
