@@ -173,7 +173,11 @@ impl<'a> Writer<'a> {
         };
         let mut before = Vec::new();
         let mut says_rapid = std::mem::take(&mut self.rapid);
-        let mut dwells = self.program.actions.iter().filter(|action| action.span == record.span).peekable();
+        // In their order: a file of many holes has as many dwells.
+        let actions = &self.program.actions;
+        let actions = &actions[actions.partition_point(|action| action.before < targets.start)..];
+        let here = actions.iter().take_while(|action| action.before < targets.end);
+        let mut dwells = here.filter(|action| action.span == record.span).peekable();
         let end = self.end;
         let line = |before: &mut Vec<u8>, text: &[u8]| {
             before.extend_from_slice(text);

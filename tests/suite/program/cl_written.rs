@@ -59,7 +59,16 @@ fn read(text: &str, options: &ClOptions) -> Program {
 
 /// The corrected program and the text written of it.
 fn written(text: &str, options: &ClOptions, subdivide: Option<f64>) -> Result<(Corrected, String), Vec<Diagnostic>> {
-    let cell = Cell::read(&Source::new("cell.toml", CELL))?;
+    written_in(CELL, text, options, subdivide)
+}
+
+fn written_in(
+    cell: &str,
+    text: &str,
+    options: &ClOptions,
+    subdivide: Option<f64>,
+) -> Result<(Corrected, String), Vec<Diagnostic>> {
+    let cell = Cell::read(&Source::new("cell.toml", cell))?;
     let program = read(text, options);
     let run = Options { post: Some(Language::Cl), subdivide, ..Options::default() };
     let corrected = correct::compensate(&program, &cell, &run)?;
@@ -101,6 +110,11 @@ fn same_speed(was: &Target, is: &Target, written: &str) {
 fn dwells(program: &Program) -> Vec<ActionKind> {
     let kinds = program.actions.iter().map(|action| action.kind.clone());
     kinds.filter(|kind| matches!(kind, ActionKind::Dwell { .. })).collect()
+}
+
+/// All that is asked of the machine besides motion, and before which target.
+fn asked(program: &Program) -> Vec<(usize, ActionKind)> {
+    program.actions.iter().map(|action| (action.before, action.kind.clone())).collect()
 }
 
 /// The same of a file of positions alone: all its other statements are as they were.
@@ -249,6 +263,8 @@ fn arcs_holes_increments_and_lists_say_what_is_posted() {
         "CIRCLE/0,0,0,0,0,1,40\nGOTO/28.284271,28.284271,0,0,40,0,-40,0,0\n",
         "CIRCLE/0,0,0,0,0,1,40\nGODLTA/-40,40,0\n",
         "MOVARC/0,0,0,0,0,1,40,ANGLE,90\nGOTO/0,40,0\n",
+        // So short that it is one chord.
+        "MOVARC/0,0,0,0,0,1,40,ANGLE,1\nGOTO/39.993908,0.698096,0\n",
         "INDIRV/0,1,0\nTLON,GOFWD/(CIRCLE/0,0,0,40),ON,$\n(LINE/0,0,0,0,40,0)\n",
         "GODLTA/-40,40,0\nGODLTA/5\nRAPID,GODLTA/1,2,3\nrapid, goto/1,2,50\n",
         "CYCLE/DRILL,DEPTH,10,MMPM,120,CLEAR,2\nGOTO/40,0,-1\nFEDRAT/0.1,MMPR\nGOTO/40,30,-1\nCYCLE/OFF\nGOTO/0,0,40\n",
@@ -267,12 +283,85 @@ fn arcs_holes_increments_and_lists_say_what_is_posted() {
     }
 }
 
+/// A quarter from (40, 0) about (0, 0), then one the other way about (0, 80): 2·acos(1 − 0.005 / 40) is 1.812°, so both have 50
+/// chords of 1.8°.
+const ARCS: &str = "PARTNO ARCS\r\nUNITS/MM\r\nMULTAX/ON\r\nFEDRAT/600,MMPM\r\nRAPID\r\nGOTO/40.0,0.0,50.0,0.0,0.0,1.0\r\n\
+    GOTO/40.0,0.0,0.0\r\nN120 MOVARC/0.0,0.0,0.0,$ centre\r\n  0.0,0.0,1.0,40.0,ANGLE,90.0 $$ a quarter\r\n$$ BETWEEN\r\n\
+    FEDRAT/300,MMPM\r\nGOTO/0.0,40.0,0.0\r\nCIRCLE/0.0,80.0,0.0,0.0,0.0,1.0,40.0,CLW\r\nCOOLNT/ON\r\nGOTO/-40.0,80.0,0.0\r\n\
+    COOLNT/OFF\r\nRAPID\r\nGOTO/-40.0,80.0,50.0\r\nFINI\r\n";
+
+/// Numbers of the `GOTO`s of a text behind one line and before another: nothing of deflex reads them.
+fn gone_to(text: &str, behind: &str, before: &str) -> Vec<Vec<f64>> {
+    let lines = text.lines().skip_while(|line| !line.starts_with(behind)).take_while(|line| !line.starts_with(before));
+    let numbers = |line: &str| line.split(',').map(|number| number.parse().unwrap()).collect();
+    lines.filter_map(|line| line.strip_prefix("GOTO/")).map(numbers).collect()
+}
+
+/// What else than `GOTO` the lines say, line ends and all.
+fn others(text: &str) -> String {
+    let own = |line: &&str| !line.starts_with("GOTO/") && !line.starts_with("$$ posted");
+    text.split_inclusive('\n').filter(own).collect()
+}
+
+#[test]
+fn an_arc_is_gone_along_in_points_that_lie_on_it() {
+    // So stiff that nothing moves.
+    let rigid = CELL.replace("[6e5, 5e5, 4e5, 9e4, 8e4, 5e4]", "[6e15, 5e15, 4e15, 9e14, 8e14, 5e14]");
+    let (_, written) = written_in(&rigid, ARCS, &plain(), None).unwrap();
+    // Half of the last digit.
+    let near =
+        |point: &[f64], place: [f64; 2]| (0..2).all(|i| (point[i] - place[i]).abs() <= 0.5001e-4) && point[2] == 0.0;
+    let first = gone_to(&written, "FEDRAT/300", "$$ CIRCLE");
+    let second = gone_to(&written, "COOLNT/ON", "COOLNT/OFF");
+    assert_eq!((first.len(), second.len()), (50, 50), "{written}");
+    for (k, (first, second)) in (1_u32..).zip(first.iter().zip(&second)) {
+        let (sin, cos) = (f64::from(k) * 1.8).to_radians().sin_cos();
+        assert!(near(first, [40.0 * cos, 40.0 * sin]), "{k}: {first:?}");
+        assert!(near(second, [-40.0 * sin, 80.0 - 40.0 * cos]), "{k}: {second:?}");
+        assert!(first[3..] == [0.0, 0.0, 1.0] && second[3..] == [0.0, 0.0, 1.0]);
+    }
+    assert_eq!(written.matches("GOTO/").count(), ARCS.matches("GOTO/").count() + 2 * 49);
+    let commented =
+        ARCS.replace("N120 ", "$$ N120 ").replace("  0.0,0.0,1.0", "$$   0.0,0.0,1.0").replace("CIRCLE", "$$ CIRCLE");
+    assert_eq!(others(&written), others(&commented));
+    assert!(!written.replace("\r\n", "").contains(['\r', '\n']));
+}
+
+#[test]
+fn corrected_arcs_say_what_is_posted() {
+    let written = posted_and_read_again(ARCS, &plain(), None);
+    let first = gone_to(&written, "FEDRAT/300", "$$ CIRCLE");
+    assert_eq!(first.len(), 50);
+    let moved = first.iter().map(|point| (point[0].hypot(point[1]) - 40.0).abs()).fold(0.0, f64::max);
+    assert!(moved > 0.1, "{moved}");
+    let centre = ClOptions { point: cl::Point::Centre, corner_radius_mm: Some(6.0), ..plain() };
+    posted_and_read_again(ARCS, &centre, None);
+    let inserted = posted_and_read_again(ARCS, &plain(), Some(0.0005));
+    assert!(inserted.matches("GOTO/").count() > written.matches("GOTO/").count());
+    assert_eq!(others(&inserted.replace("RAPID\r\n", "")), others(&written.replace("RAPID\r\n", "")));
+    // Rapid travel on an arc is rapid to each of its points.
+    let rapid = ARCS.replace("FEDRAT/300,MMPM", "RAPID");
+    assert_eq!(
+        posted_and_read_again(&rapid, &plain(), None).matches("RAPID\r\n").count(),
+        rapid.matches("RAPID").count() + 49
+    );
+}
+
+#[test]
+fn axes_are_announced_again_where_the_file_takes_it_back() {
+    let text = ARCS.replace("FEDRAT/300,MMPM", "MULTAX/OFF");
+    let written = posted_and_read_again(&text, &plain(), None);
+    assert_eq!(written.matches("MULTAX/OFF\r\nMULTAX/ON\r\nGOTO/").count(), 1, "{written}");
+}
+
 #[test]
 fn every_dialect_reads_the_same_again() {
     let (mut read_again, mut with_arcs) = (0, 0);
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/cl/valid");
     for entry in std::fs::read_dir(folder).unwrap() {
-        let text = String::from_utf8_lossy(&std::fs::read(entry.unwrap().path()).unwrap()).into_owned();
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
         let options = ClOptions { units: Some(cl::Units::Millimetre), ..plain() };
         let program = read(&text, &options);
         if program.kept.iter().any(|kept| kept.fault) {
@@ -283,15 +372,26 @@ fn every_dialect_reads_the_same_again() {
             _ => panic!("{at:?}"),
         };
         let points: Vec<_> = program.targets.iter().enumerate().map(point).collect();
-        let Ok(written) = cl::write(&program, &points, &[]) else { continue };
+        let written = match cl::write(&program, &points, &[]) {
+            Ok(written) => written,
+            Err(errors) => {
+                assert_eq!(name, "cards.apt", "{errors:?}");
+                continue;
+            }
+        };
         let written = String::from_utf8_lossy(&written).into_owned();
         let again = read(&written, &options);
-        assert_eq!((program.targets.len(), dwells(&program)), (again.targets.len(), dwells(&again)), "{written}");
+        assert_eq!((program.targets.len(), asked(&program)), (again.targets.len(), asked(&again)), "{written}");
         for (was, is) in program.targets.iter().zip(&again.targets) {
-            let (Goal::Axis { position_mm: a, .. }, Goal::Axis { position_mm: b, .. }) = (was.goal, is.goal) else {
+            let (Goal::Axis { position_mm: a, axis: u, .. }, Goal::Axis { position_mm: b, axis: v, .. }) =
+                (was.goal, is.goal)
+            else {
                 panic!("{is:?}")
             };
-            assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-4), "{was:?} {is:?}\n{written}");
+            let same = |i: usize| (a[i] - b[i]).abs() < 1e-4 && (u[i] - v[i]).abs() < 1e-8;
+            assert!((0..3).all(same), "{name}: {was:?} {is:?}\n{written}");
+            let rest = |t: &Target| (t.spindle_rpm, t.tool, t.mark);
+            assert_eq!(rest(was), rest(is), "{name}: {was:?} {is:?}\n{written}");
             same_speed(was, is, &written);
         }
         read_again += 1;
