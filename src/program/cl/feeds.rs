@@ -32,7 +32,10 @@ impl<'a> Feeds<'a> {
         }
         let Some(number) = statement.items.iter().find(|item| item.kind == Kind::Number) else { return };
         let (all, number) = (record.span.range(), number.span.range());
-        self.form = Some([&bytes[all.start..number.start], &bytes[number.end..all.end]]);
+        // Without a sequence number or a label: there is one of each.
+        let word = bytes[all.clone()].windows(statement.major.len()).position(|word| word == statement.major);
+        let start = all.start + word.unwrap_or(0);
+        self.form = Some([&bytes[start..number.start], &bytes[number.end..all.end]]);
         self.in_force = self.modal.feed(self.mm_per_unit).0;
     }
 

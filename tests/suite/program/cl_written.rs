@@ -348,6 +348,18 @@ fn corrected_arcs_say_what_is_posted() {
 }
 
 #[test]
+fn a_feed_that_is_said_again_has_no_sequence_number() {
+    let text = "UNITS/MM\nN10 FEDRAT/600,MMPM\nN20 RAPID\nN30 GOTO/0,0,50,0,0,1\n\
+                N40 CYCLE/DRILL,DEPTH,10,MMPM,120,CLEAR,2\nN50 GOTO/0,0,0\nN60 CYCLE/OFF\nN70 GOTO/0,0,40\nFINI\n";
+    let written = posted_and_read_again(text, &plain(), None);
+    assert!(
+        written.contains("\nFEDRAT/120.0,MMPM\n") && written.contains("\nFEDRAT/600.0,MMPM\nN70 GOTO/"),
+        "{written}"
+    );
+    assert_eq!(written.matches("N10 ").count(), 1, "{written}");
+}
+
+#[test]
 fn axes_are_announced_again_where_the_file_takes_it_back() {
     let text = ARCS.replace("FEDRAT/300,MMPM", "MULTAX/OFF");
     let written = posted_and_read_again(&text, &plain(), None);
