@@ -185,8 +185,10 @@ impl<'a> Runner<'a> {
                     if flow != Flow::Next {
                         return flow;
                     }
+                    // A round that leaves all data as they were is followed by others without an end, from where it stands then.
                     if self.changes == changes {
-                        return Flow::Next;
+                        rounds = MAX_ROUNDS;
+                        break;
                     }
                 }
             }

@@ -34,10 +34,12 @@ impl Runner<'_> {
     /// Changes a variable.
     pub(super) fn set(&mut self, at: usize, value: Value) {
         self.assigns(at);
-        (self.epoch, self.changes, self.events) = (self.epoch + 1, self.changes + 1, self.events + 1);
+        (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
         let variable = &mut self.symbols.variables[at];
         variable.foreign = false;
         let value = variable.volatile.map_or(value, Value::Unknown);
+        let same = matches!(&variable.content, Content::Is(old) if old.is(&value));
+        self.changes += u64::from(!same);
         let old = std::mem::replace(&mut variable.content, Content::Is(value));
         if let Some(layer) = self.layers.last_mut().filter(|layer| at < layer.variables) {
             layer.old.entry(at).or_insert(old);

@@ -122,12 +122,14 @@ impl<'a> Runner<'a> {
         numbers.filter_map(|at| u32::try_from(at).ok()).chain(own).collect()
     }
 
-    /// Holds what traps, handlers and functions use: they may run at any moment, or their motions are not followed.
+    /// Holds what traps, handlers and functions use: they may run at any moment, or their motions are not followed; nor are all
+    /// runs of procedures that call themselves.
     pub(super) fn hold_what_runs_aside(&mut self) {
         let mut spans: Vec<(RoutineId, Span)> = Vec::new();
+        let endless = self.reached_without_end();
         for id in self.symbols.all().collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
-            let aside = self.symbols.known.aside.contains(&id);
+            let aside = self.symbols.known.aside.contains(&id) || endless.contains(&id);
             let mut found = Vec::new();
             if aside {
                 texts(&routine.body, &mut found);
@@ -168,16 +170,23 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Refuses targets that a routine moves to that calls itself without a known end.
-    pub(super) fn refuse_what_calls_itself(&mut self) {
+    /// Procedures that call themselves without a known end, and what they call.
+    fn reached_without_end(&self) -> BTreeSet<RoutineId> {
         let mut reached = self.endless.clone();
         let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
-        let mut statements = HashSet::new();
         while let Some(id) = waiting.pop() {
+            let calls = self.calls(id, &self.symbols.routine(id).body);
+            waiting.extend(calls.filter(|callee| reached.insert(*callee)));
+        }
+        reached
+    }
+
+    /// Refuses targets that a routine moves to that calls itself without a known end.
+    pub(super) fn refuse_what_calls_itself(&mut self) {
+        let mut statements = HashSet::new();
+        for id in self.reached_without_end() {
             let body = &self.symbols.routine(id).body;
             statements.extend(simple_statements(body).into_iter().map(|span| (id.file, span.start)));
-            let calls: Vec<RoutineId> = self.calls(id, body).collect();
-            waiting.extend(calls.into_iter().filter(|callee| reached.insert(*callee)));
         }
         for target in &mut self.targets {
             let inside = statements.contains(&(usize::from(target.source), target.span.start));

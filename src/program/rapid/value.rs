@@ -96,6 +96,17 @@ pub(super) fn unit(q: [f64; 4]) -> [f64; 4] {
 }
 
 impl Value {
+    /// Whether it is plainly the very same: of aggregates it is not asked.
+    #[allow(clippy::float_cmp)] // the very number
+    pub(super) fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Unknown(a), Self::Unknown(b)) => a == b,
+            (Self::Num(a, from), Self::Num(b, other)) => a == b && from == other,
+            (Self::Bool(a), Self::Bool(b)) => a == b,
+            _ => false,
+        }
+    }
+
     pub(super) fn num(&self) -> Option<f64> {
         if let Value::Num(value, _) = self { Some(*value) } else { None }
     }

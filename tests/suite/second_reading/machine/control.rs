@@ -28,7 +28,8 @@ impl Machine<'_> {
         loop {
             self.steps += 1;
             if self.steps > self.limit {
-                return Err(Stop::Broken("runs too long".into()));
+                // Somebody stops what has no end.
+                return Err(Stop::End);
             }
             match self.bare(statement) {
                 Err(Stop::Raise(n)) => match self.handle(n)? {
@@ -129,7 +130,7 @@ impl Machine<'_> {
                 while self.eval(condition, "BOOL")?.bool()? {
                     self.steps += 1;
                     if self.steps > self.limit {
-                        return Err(Stop::Broken("runs too long".into()));
+                        return Err(Stop::End);
                     }
                     match self.block(body)? {
                         Flow::Next => {}

@@ -6,6 +6,27 @@ const P: &str = "CONST robtarget p1:=@1; CONST robtarget p2:=@2; CONST robtarget
 
 pub(super) const CASES: &[Case] = &[
     case(
+        "loop without an end, whose later rounds are displaced",
+        0,
+        "VAR num n:=0; VAR bool b:=FALSE;",
+        "WHILE n<5 DO MoveL @1,v50,fine,t1\\WObj:=w1; PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; IF b n:=n+1; ENDWHILE",
+        "",
+    ),
+    case(
+        "loop that a number never leaves, whose later rounds are displaced",
+        0,
+        "VAR num n:=0;",
+        "WHILE n<5 DO MoveL @1,v50,fine,t1\\WObj:=w1; PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; n:=n-0; ENDWHILE",
+        "",
+    ),
+    case(
+        "element that a later round of a procedure goes to that calls itself",
+        0,
+        "CONST robtarget pa{3}:=[@1,@6,@2]; VAR num n:=2;",
+        "MoveL pa{3},v50,fine,t1\\WObj:=w1; rDeep;",
+        "PROC rDeep() MoveL Offs(pa{n},0,0,5*n),v50,fine,t1\\WObj:=w1; n:=n+ReadNum(com1); IF n<4 THEN rDeep; ENDIF ENDPROC",
+    ),
+    case(
         "behind a RAISE that is resolved",
         1,
         P,
