@@ -24,6 +24,8 @@ impl<'a> Runner<'a> {
             b"SBASE" => self.table(b"BASE_DATA", &value),
             b"SLOAD" => self.table(b"LOAD_DATA", &value),
             b"SORI_TYP" => value.component(b"ORI_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
+            b"SCIRC_TYP" => value.component(b"CIRC_TYP").cloned().unwrap_or(Value::unknown(RUN_TIME)),
+            b"SCIRC_M" => Value::unknown(RUN_TIME),
             b"SVEL_CP" => Value::Record(Rc::new(vec![(upper(b"CP"), value)])),
             _ => value,
         }
@@ -87,6 +89,7 @@ impl<'a> Runner<'a> {
                 self.state.values.insert(self.symbols.position, position);
                 self.set_speed(Value::unknown(RUN_TIME));
                 self.state.values.insert(self.symbols.orientation, Value::Constant(upper(b"VAR")));
+                self.state.values.insert(self.symbols.circle_type, Value::Constant(upper(b"BASE")));
             }
             known if names::HARMLESS_COMMANDS.contains(&known) => {}
             _ => self.frames_unknown(),
@@ -96,7 +99,8 @@ impl<'a> Runner<'a> {
     pub(super) fn frames_unknown(&mut self) {
         let symbols = &self.symbols;
         let [base, tool, load, speed] = [symbols.base, symbols.tool, symbols.load, symbols.speed];
-        let ids = [base, tool, load, speed, symbols.mode, symbols.orientation, symbols.position];
+        let turns = [symbols.orientation, symbols.circle_type];
+        let ids = [base, tool, load, speed, symbols.mode, turns[0], turns[1], symbols.position];
         self.forget(&Changes { ids: ids.into(), anything: false }, "may be set by BAS");
     }
 
@@ -131,17 +135,19 @@ impl<'a> Runner<'a> {
         self.state.values.insert(self.symbols.mode, mode);
     }
 
-    /// `LDAT_ACT={… ORI_TYP #VAR}` comes into force; the controller's own, where the program sets none, says #VAR, and a BAS that
-    /// reads what the record does not have stops.
+    /// `LDAT_ACT={… ORI_TYP #VAR,CIRC_TYP #BASE}` comes into force; the controller's own, where the program sets none, says #VAR and #BASE, and a BAS
+    /// that reads what the record does not have stops.
     pub(super) fn orientation_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
         let act = self.value(id);
-        let kind = match act {
-            Value::Record(_) => act.component(b"ORI_TYP").cloned(),
-            _ => self.state.values.contains_key(&id).then(|| Value::unknown(RUN_TIME)),
-        };
-        if let Some(kind) = kind {
-            self.state.values.insert(self.symbols.orientation, kind);
+        for (to, part) in [(self.symbols.orientation, &b"ORI_TYP"[..]), (self.symbols.circle_type, b"CIRC_TYP")] {
+            let kind = match act {
+                Value::Record(_) => act.component(part).cloned(),
+                _ => self.state.values.contains_key(&id).then(|| Value::unknown(RUN_TIME)),
+            };
+            if let Some(kind) = kind {
+                self.state.values.insert(to, kind);
+            }
         }
     }
 
@@ -198,6 +204,10 @@ impl<'a> Runner<'a> {
             symbols.speed,
             symbols.mode,
             symbols.orientation,
+            symbols.ignored_axes,
+            symbols.asynchronous_axes,
+            symbols.circle_type,
+            symbols.circle_mode,
         ] {
             match before.values.get(&id) {
                 Some(value) => self.state.values.insert(id, value.clone()),

@@ -138,11 +138,12 @@ impl<'a> Runner<'a> {
                 if &command[..] == b"VEL_CP" {
                     changes.ids.insert(self.symbols.speed);
                 } else if &command[..] == b"CP_DAT" {
-                    changes.ids.insert(self.symbols.orientation);
+                    changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
                 } else if !names::HARMLESS_COMMANDS.contains(&&command[..]) {
                     self.frames_change(changes, base, tool);
                     let [load, speed] = [self.symbols.load, self.symbols.speed];
-                    changes.ids.extend([load, speed, self.symbols.mode, self.symbols.orientation]);
+                    changes.ids.extend([load, speed, self.symbols.mode]);
+                    changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
                 }
                 continue;
             }
@@ -335,9 +336,11 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Functions that name a table's frame or a speed.
+/// Functions that name a table's frame, a speed, or how the orientation turns.
 pub(super) fn is_frame_function(name: &[u8]) -> bool {
-    matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SORI_TYP" | b"SVEL_CP")
+    const CIRCLES: [&[u8]; 2] = [b"SCIRC_TYP", b"SCIRC_M"];
+    CIRCLES.contains(&name)
+        || matches!(name, b"STOOL" | b"STOOL2" | b"SBASE" | b"SLOAD" | b"SIPO_MODE" | b"SORI_TYP" | b"SVEL_CP")
 }
 
 /// Whether a statement is one of those that are known, by how it begins.

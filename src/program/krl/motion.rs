@@ -117,6 +117,8 @@ impl<'a> Runner<'a> {
         let to = self.position(end);
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         let mut to = to?;
+        let elsewhere = self.leave_axes(&mut to);
+        let on_arc = if motion == Motion::Circular { self.turns_on_arc() } else { Ok(()) };
         let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
         let (mark, mark_known) = self.mark();
         #[allow(clippy::cast_possible_truncation)]
@@ -135,7 +137,7 @@ impl<'a> Runner<'a> {
             }
             _ => (None, true),
         };
-        let unlocated = self.unlocated(&to).or(turns.err());
+        let unlocated = elsewhere.or_else(|| self.unlocated(&to)).or(turns.err()).or(on_arc.err());
         let editable = match unlocated {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No("air or cut is known only at run time"),
@@ -298,6 +300,44 @@ impl<'a> Runner<'a> {
             b"VAR" | b"JOINT" => Ok(true),
             b"CONSTANT" if before.is_some_and(|before| before[..] == to.numbers[3..]) => Ok(false),
             _ => Err("the programmed orientation is disregarded ($ORI_TYPE)"),
+        }
+    }
+
+    /// External axes that do not go where the position says: it is not known where they are from here on.
+    ///
+    /// A bit of `$EX_AX_IGNORE` lets the controller choose the axis between the points of a spline around it; one of
+    /// `$ASYNC_AXIS` leaves it to `ASYPTP` and to the operator. KUKA System Software 8, *Operating and Programming Instructions
+    /// for System Integrators*, and *System Variables*.
+    fn leave_axes(&self, to: &mut Position) -> Option<&'static str> {
+        let rules = [
+            (self.symbols.ignored_axes, "an external axis that the controller chooses ($EX_AX_IGNORE)"),
+            (self.symbols.asynchronous_axes, "an external axis that moves by itself ($ASYNC_AXIS)"),
+        ];
+        let mut found = None;
+        for (id, reason) in rules {
+            let bits = Some(self.value(id)).filter(|_| !self.volatile.contains(&id)).and_then(|bits| bits.index());
+            for (i, axis) in to.external.iter_mut().enumerate() {
+                if axis.is_some() && bits.is_none_or(|bits| bits >> i & 1 == 1) {
+                    *axis = Some(Value::unknown(reason));
+                    found = Some(reason);
+                }
+            }
+        }
+        found
+    }
+
+    /// Whether the orientation turns on an arc as it does on a line, which the auxiliary point is corrected for: so it does where
+    /// `$CIRC_TYPE` is #BASE, and `$CIRC_MODE`, which says more of SCIRC, is as it was.
+    fn turns_on_arc(&self) -> Result<(), &'static str> {
+        let [kind, mode] = [self.symbols.circle_type, self.symbols.circle_mode]
+            .map(|id| Some(self.value(id)).filter(|_| !self.volatile.contains(&id)));
+        match (kind, mode) {
+            (_, mode) if !matches!(&mode, Some(Value::Record(said)) if said.is_empty()) => {
+                Err("how the orientation turns on the arc is set ($CIRC_MODE)")
+            }
+            (Some(Value::Constant(kind)), _) if &kind[..] == b"BASE" => Ok(()),
+            (Some(Value::Constant(_)), _) => Err("the orientation turns with the arc ($CIRC_TYPE)"),
+            _ => Err("$CIRC_TYPE known only at run time"),
         }
     }
 

@@ -111,6 +111,9 @@ pub(super) const HARMLESS_ROUTINES: [&[u8]; 59] = [
 pub(super) const SETTLED: [&[u8]; 8] =
     [b"$BASE", b"$TOOL", b"$LOAD", b"$VEL", b"$IPO_MODE", b"$ORI_TYPE", b"$NULLFRAME", b"$WORLD"];
 
+/// System data that say how motions are understood; what they hold is not read.
+pub(super) const HEEDED: [&[u8]; 4] = [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
+
 /// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
 pub(super) const HARMLESS_COMMANDS: [&[u8]; 9] =
     [b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"OV_PRO"];

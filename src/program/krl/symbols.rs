@@ -1,6 +1,7 @@
 //! Names of data and routines, and what data hold at the start.
 
 use super::lex::{Cursor, Kind};
+use super::names;
 use super::state::Id;
 use super::tree::{File, Routine, Statement, walk};
 use super::value::{AXES, EXTERNAL, NO_VALUE, Name, POSE, Step, Value, pose_record, upper};
@@ -37,6 +38,12 @@ pub(super) struct Symbols<'a> {
     pub(super) mode: Id,
     /// `$ORI_TYPE`.
     pub(super) orientation: Id,
+    /// `$EX_AX_IGNORE`, `$ASYNC_AXIS`: external axes, one bit each, that do not go where positions say.
+    pub(super) ignored_axes: Id,
+    pub(super) asynchronous_axes: Id,
+    /// `$CIRC_TYPE`, `$CIRC_MODE`: how the orientation turns on an arc.
+    pub(super) circle_type: Id,
+    pub(super) circle_mode: Id,
     /// Names of base and tool, as they were assigned.
     pub(super) base_name: Id,
     pub(super) tool_name: Id,
@@ -78,6 +85,10 @@ impl<'a> Symbols<'a> {
             speed: 0,
             mode: 0,
             orientation: 0,
+            ignored_axes: 0,
+            asynchronous_axes: 0,
+            circle_type: 0,
+            circle_mode: 0,
             base_name: 0,
             tool_name: 0,
             position: 0,
@@ -103,6 +114,10 @@ impl<'a> Symbols<'a> {
         symbols.speed = symbols.global(b"$VEL", Value::unknown(NO_VALUE));
         symbols.mode = symbols.global(b"$IPO_MODE", Value::Constant(upper(b"BASE")));
         symbols.orientation = symbols.global(b"$ORI_TYPE", Value::Constant(upper(b"VAR")));
+        symbols.ignored_axes = symbols.global(b"$EX_AX_IGNORE", Value::Number(0.0, None));
+        symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
+        symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::Constant(upper(b"BASE")));
+        symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
         for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
             symbols.global(world, pose_record([0.0; 6]));
         }
@@ -200,7 +215,7 @@ impl<'a> Symbols<'a> {
     }
 
     /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 11] {
+    pub(super) fn own_state(&self) -> [Id; 15] {
         let [base, tool, turns] = [self.base_name, self.tool_name, self.orientation];
         [
             self.base,
@@ -214,6 +229,10 @@ impl<'a> Symbols<'a> {
             self.position,
             self.stands,
             self.mark,
+            self.ignored_axes,
+            self.asynchronous_axes,
+            self.circle_type,
+            self.circle_mode,
         ]
     }
 
@@ -225,7 +244,8 @@ impl<'a> Symbols<'a> {
     /// What a routine of another file could change.
     pub(super) fn visible(&self) -> Vec<Id> {
         let tables = |name: &Name| TABLES.contains(&&name[..]) || matches!(&name[..], b"$NULLFRAME" | b"$WORLD");
-        let open = self.globals.iter().filter(|(name, id)| !tables(name) && !self.constant.contains(id));
+        let kept = |name: &Name| tables(name) || names::HEEDED.contains(&&name[..]);
+        let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
         open.map(|(_, id)| *id).filter(|id| *id != self.mark).collect()
     }
 

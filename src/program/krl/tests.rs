@@ -256,6 +256,51 @@ fn the_orientation_of_inline_forms_is_that_of_their_data() {
 }
 
 #[test]
+fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
+    let line = |x: u8, axes: &str| format!("SLIN {{X {x}.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0{axes}}}");
+    let all = |body: &str| (editable(&program(body)), reasons(&program(body)));
+    let chosen = "an external axis that the controller chooses ($EX_AX_IGNORE)";
+    // For one motion, and of the axis whose bit is set; who leaves it out has it from there.
+    let first = line(1, ",E1 5.0,E2 7.0");
+    let with = |bits: &str| format!("{} WITH $EX_AX_IGNORE='B{bits}'", line(2, ",E1 6.0,E2 7.0"));
+    let behind = line(3, ",E1 9.0,E2 7.0");
+    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("01"))), (vec!['P', '-', 'P'], vec![chosen]));
+    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("00"))).0, ['P'; 3]);
+    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("100"))).0, ['P'; 3], "E3 is named nowhere");
+    assert_eq!(all(&format!("{first}\n{}\n{}", with("01"), line(3, ""))).0, ['P', '-', '-']);
+    let spline =
+        format!("{first}\nSPLINE WITH $EX_AX_IGNORE='B10'\n{behind}\nENDSPLINE\n{}", line(4, ",E1 1.0,E2 7.0"));
+    assert_eq!(editable(&program(&spline)), ['P', '-', 'P']);
+    let alone = "an external axis that moves by itself ($ASYNC_AXIS)";
+    assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{first}\n$ASYNC_AXIS=0\n{behind}")), (vec!['-', 'P'], vec![alone]));
+    assert_eq!(all(&format!("$ASYNC_AXIS=$ASYNC_AXIS B_AND 'B110'\n{first}")).0, ['-'], "what it was is not known");
+    assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{}", line(1, ""))).0, ['P'], "no axis is named");
+    assert_eq!(
+        all(&format!("OTHER()\n$IPO_MODE=#BASE\nBAS(#INITMOV,0)\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n{first}")).0,
+        ['P']
+    );
+}
+
+#[test]
+fn an_arc_whose_orientation_turns_with_it_stays() {
+    let point = |x: u8, y: u8| format!("{{X {x}.0,Y {y}.0,Z 3.0,A 0.0,B 0.0,C 0.0}}");
+    let arc = format!("CIRC {},{}", point(2, 1), point(3, 0));
+    let run = |set: &str| editable(&program(&format!("LIN {}\n{set}\n{arc}\nLIN {}", point(1, 0), point(9, 9))));
+    assert_eq!(run(""), ['P', 'p', 'P', 'P']);
+    assert_eq!(run("$CIRC_TYPE=#BASE"), ['P', 'p', 'P', 'P']);
+    assert_eq!(run("$CIRC_TYPE=#PATH"), ['P', '-', '-', 'P'], "lines are as they were");
+    assert_eq!(run("IF $IN[1] THEN\n$CIRC_TYPE=#PATH\nENDIF"), ['P', '-', '-', 'P']);
+    assert_eq!(run("$CIRC_MODE.AUX_PT.ORI=#INTERPOLATE"), ['P', '-', '-', 'P']);
+    let again =
+        format!("$CIRC_TYPE=#PATH\nBAS(#INITMOV,0)\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\nLIN {}", point(1, 0));
+    assert_eq!(run(&again), ['P', 'P', 'p', 'P', 'P']);
+    let act = |kind: &str| format!("LDAT_ACT={{VEL 2.0,ORI_TYP #VAR,CIRC_TYP #{kind}}}\nBAS(#CP_DAT)");
+    assert_eq!((run(&act("BASE")), run(&act("PATH"))), (vec!['P', 'p', 'P', 'P'], vec!['P', '-', '-', 'P']));
+    let with = format!("LIN {}\nS{arc} WITH $CIRC_TYPE=#PATH\nS{arc}", point(1, 0));
+    assert_eq!(editable(&program(&with)), ['P', '-', '-', 'p', 'P'], "for one motion");
+}
+
+#[test]
 fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p = program(&format!(
