@@ -102,6 +102,9 @@ const OFF_CIRCLE: f64 = 0.02;
 /// A radius below this share of the way from the centre, which may lie anywhere along the axis, is what rounding leaves.
 const LOST: f64 = 1e-9;
 
+/// Beyond this, in units of the file, the digits of a centre do not hold its arc's micrometres.
+const LARGEST_RADIUS: f64 = 1e6;
+
 /// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. Nobody
 /// means an arc of two last digits of four decimals.
 const SAME_PLACE: f64 = 2.5e-4;
@@ -115,6 +118,9 @@ impl Arc {
         let (flat_a, flat_b) = (flat(a), flat(b));
         let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
         let x = unit(flat_a).filter(|_| radius_a > LOST * norm(a)).ok_or("arc of no radius")?;
+        if radius_a > LARGEST_RADIUS {
+            return Err("arc of a radius beyond any machine");
+        }
         let y = cross(n, x);
         let radius = circle.radius.map_or(radius_a, f64::abs);
         let off = (radius_a - radius).abs().max((radius_b - radius).abs());
