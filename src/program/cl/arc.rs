@@ -203,7 +203,9 @@ mod tests {
     fn what_is_no_arc_is_said() {
         assert!(Arc::new(&QUARTER, [10.0, 0.0, 0.0], [0.0, 12.0, 0.0]).is_err());
         assert!(Arc::new(&Circle { axis: [0.0; 3], ..QUARTER }, [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]).is_err());
-        let huge = Circle { radius: Some(1e12), ..QUARTER };
-        assert!(Arc::new(&huge, [1e12, 0.0, 0.0], [-1e12, 0.0, 0.0]).unwrap().chords(0.01).is_err());
+        let large = Circle { radius: Some(1e6), ..QUARTER };
+        assert!(Arc::new(&large, [1e6, 0.0, 0.0], [-1e6, 0.0, 0.0]).unwrap().chords(0.001).is_err());
+        let huge = Circle { radius: Some(1e7), ..QUARTER };
+        assert!(Arc::new(&huge, [1e7, 0.0, 0.0], [-1e7, 0.0, 0.0]).is_err());
     }
 }
