@@ -328,7 +328,8 @@ pub(crate) fn simulate(
     let simulated = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         forces.map_or(Ok(()), |forces| forces.give_to(&mut run))?;
         let follow = follow.follow();
-        held::simulate(&files, against.as_deref(), &run, &|share| follow(0, steps(share)))
+        let told: Arc<held::SimulationProgress> = Arc::new(move |share| follow(0, steps(share)));
+        held::simulate(&files, against.as_deref(), &run, &told)
     })?;
     Ok(Simulated { simulated })
 }

@@ -134,7 +134,7 @@ fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<C
     let question = Question { corrects: corrects(args), findings: &findings };
     let mut checked = match predicted::streamed(batch, &job, bar, Some(question))? {
         Some(predicted) => streamed(batch, &job.name, predicted),
-        None => whole(args, batch, job),
+        None => whole(args, batch, job, bar),
     }?;
     if let Some((summary, _)) = &mut checked.path {
         summary.sources.clone_from(&origins);
@@ -171,14 +171,15 @@ fn about_the_program(batch: &Batch<'_>, refused: Vec<Diagnostic>) -> Result<Vec<
 }
 
 /// A program that is held whole.
-fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagnostic>> {
+fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
     let targets = program.targets.iter().filter(|target| target.role == Role::End).count();
     let cell = &setup.cell.cell;
     let outputs = batch.outputs.sibling();
-    let mut predicted = match predict(&program, cell, &setup.options, original.as_ref()) {
+    let options = setup.options_followed(batch.bar(bar));
+    let mut predicted = match predict(&program, cell, &options, original.as_ref()) {
         Ok(predicted) => predicted,
         Err(refused) => {
             let mut held = Messages::with_room(Findings::MOST);
@@ -192,7 +193,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job) -> Result<Checked, Vec<Diagn
     };
     let mut failures = std::mem::take(&mut predicted.failures);
     if corrects(args) {
-        failures.extend(compensate(&program, cell, &setup.options).map_err(|e| setup.cell.own(e))?.failures);
+        failures.extend(compensate(&program, cell, &options).map_err(|e| setup.cell.own(e))?.failures);
     }
     let (mut found, moved_mm) = (Findings::default(), &predicted.moved_mm);
     found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, moved_mm }));

@@ -15,6 +15,7 @@ use deflex::correct::{self, Corrected};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Source, apply};
+use indicatif::ProgressBar;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -41,7 +42,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
         let origins = job.origins_for(&args.reports)?;
         let done = match stream::compensate(&batch, &job, bar)? {
             Some(done) => done,
-            None => batch.whole(job)?,
+            None => batch.whole(job, bar)?,
         };
         Ok(done.made_from(origins))
     });
@@ -51,13 +52,13 @@ pub(super) fn run(args: &Compensate) -> Outcome {
 
 impl Batch<'_> {
     /// Corrects a program that is held whole.
-    fn whole(&self, job: Job) -> Result<Done, Vec<Diagnostic>> {
+    fn whole(&self, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Diagnostic>> {
         let (args, setup) = (self.args, self.setup);
         let (name, files, companions) = (job.name.clone(), job.files.clone(), job.companions.clone());
         let noticed = self.noticed(&job);
         let program = setup.program(job)?;
-        let corrected =
-            correct::compensate(&program, &setup.cell.cell, &setup.options).map_err(|e| setup.cell.own(e))?;
+        let options = setup.options_followed(self.bar(bar));
+        let corrected = correct::compensate(&program, &setup.cell.cell, &options).map_err(|e| setup.cell.own(e))?;
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }

@@ -15,6 +15,7 @@ use super::setup::Setup;
 use deflex::correct;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::Diagnostic;
+use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Predict) -> Outcome {
@@ -43,7 +44,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
         let origins = job.origins_for(&args.reports)?;
         let done = match predicted::streamed(&batch, &job, bar, None)? {
             Some(predicted) => Done::streamed(&job.name, predicted)?,
-            None => whole(&batch, job)?,
+            None => whole(&batch, job, bar)?,
         };
         Ok(done.made_from(origins))
     });
@@ -52,11 +53,12 @@ pub(super) fn run(args: &Predict) -> Outcome {
 }
 
 /// Predicts what becomes of a program that is held whole.
-fn whole(batch: &Batch<'_>, job: Job) -> Result<Done, Vec<Diagnostic>> {
+fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Diagnostic>> {
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
-    let predicted = correct::predict(&program, &setup.cell.cell, &setup.options, original.as_ref());
+    let options = setup.options_followed(batch.bar(bar));
+    let predicted = correct::predict(&program, &setup.cell.cell, &options, original.as_ref());
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
     let noticed = Noticed::new(setup.options.forces.as_ref(), None);
     let mut done = Done::new(&name, &program, predicted, batch.outputs.sibling(), batch.path.clone(), noticed)?;

@@ -31,6 +31,11 @@ pub(super) struct Batch<'a> {
 }
 
 impl Batch<'_> {
+    /// The bar of the one program: in a batch it counts programs.
+    pub(super) fn bar<'a>(&self, bar: &'a ProgressBar) -> Option<&'a ProgressBar> {
+        Some(bar).filter(|_| self.programs == 1)
+    }
+
     /// Rows as the run's report needs them.
     pub(super) fn rows(&self, rows: Option<Rows>) -> Result<Option<Rows>, Vec<Diagnostic>> {
         let (Some(mut rows), Some(path)) = (rows, self.report) else { return Ok(None) };
@@ -71,8 +76,7 @@ pub(super) fn streamed(
 ) -> Result<Option<Predicted>, Vec<Diagnostic>> {
     let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
     let original = batch.originals.job(job)?;
-    // In a batch the bar counts programs.
-    let bar = Some(bar).filter(|_| batch.programs == 1);
+    let bar = batch.bar(bar);
     let text = FileText { name, path };
     for reading in Reading::ALL {
         let chunks = |job: &Job| {

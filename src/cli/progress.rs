@@ -1,5 +1,6 @@
 //! Progress on a terminal; nothing elsewhere.
 
+use deflex::correct::CutProgress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
@@ -35,6 +36,20 @@ pub(super) fn shares(what: &'static str, quiet: bool) -> ProgressBar {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the parts
 pub(super) fn reached(bar: &ProgressBar, share: f64) {
     bar.set_position((share * PARTS as f64) as u64);
+}
+
+/// Makes it a bar over the cuts of one program, each from none to all.
+pub(super) fn cutting(bar: &ProgressBar) -> CutProgress {
+    bytes(bar, PARTS);
+    bar.set_message("cutting the stock");
+    let bar = bar.clone();
+    CutProgress::new(move |share| {
+        reached(&bar, share);
+        if share >= 1.0 {
+            bar.set_message("cut, solving");
+        }
+        true
+    })
 }
 
 /// Makes it a bar over the bytes of one long program.

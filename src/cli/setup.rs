@@ -5,10 +5,12 @@ use super::files::{both, cannot_read};
 use super::forces::ForceFile;
 use super::input::{self, CellFile, Context};
 use super::job::Job;
+use super::progress;
 use deflex::cell::examples_left;
 use deflex::correct::{self, Correct, Options, StreamError, choose_turns};
 use deflex::program::{ChunkReader, Language, Program};
 use deflex::text::Diagnostic;
+use indicatif::ProgressBar;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -63,6 +65,14 @@ impl Setup {
             Err(StreamError::NotStreamable) => Ok(None),
             Err(StreamError::Refused(errors)) => Err(self.cell.own(errors)),
             Err(StreamError::Read(error) | StreamError::Write(error)) => Err(cannot_read(name, &error)),
+        }
+    }
+
+    /// The options of a program that is held whole, whose cut of the stock the bar follows.
+    pub(super) fn options_followed(&self, bar: Option<&ProgressBar>) -> Cow<'_, Options> {
+        match bar.filter(|_| self.cell.cell.stock.is_some()) {
+            Some(bar) => Cow::Owned(Options { cut_progress: progress::cutting(bar), ..self.options.clone() }),
+            None => Cow::Borrowed(&self.options),
         }
     }
 

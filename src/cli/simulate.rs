@@ -3,7 +3,7 @@
 use super::against::Originals;
 use super::args::{Corrected, Simulate};
 use super::files::{both, source};
-use super::held::Simulated;
+use super::held::{Simulated, SimulationProgress};
 use super::input::Context;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
@@ -16,6 +16,7 @@ use deflex::text::Diagnostic;
 use nalgebra::Vector3;
 use serde_json::json;
 use std::path::Path;
+use std::sync::Arc;
 
 pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
@@ -42,10 +43,11 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         let name = job.name.clone();
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;
-        let tell = |share: f64| {
-            progress::reached(&bar, (i as f64 + share) / count);
+        let shown = bar.clone();
+        let tell: Arc<SimulationProgress> = Arc::new(move |share| {
+            progress::reached(&shown, (i as f64 + share) / count);
             true
-        };
+        });
         let simulated = Simulated::of(&name, &program, original.as_ref(), &setup, &tell)?;
         if let Some(path) = &args.stl {
             outputs.add_report(path, &simulated.stl())?;

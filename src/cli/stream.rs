@@ -25,8 +25,7 @@ pub(super) fn compensate(batch: &Batch<'_>, job: &Job, bar: &ProgressBar) -> Res
     if !job.companions.is_empty() {
         return Ok(None);
     }
-    // In a batch the bar counts programs.
-    let bar = Some(bar).filter(|_| batch.programs == 1);
+    let bar = batch.bar(bar);
     let text = FileText { name, path };
     let long = || -> Result<Long<'_>, Vec<Diagnostic>> {
         if let Some(bar) = bar {

@@ -48,7 +48,7 @@ pub fn predict(
         Some(original) => against::judged(program, original, cell, options)?,
         None => (Prepared::new(program, cell, options)?, None),
     };
-    if removal::run(program, cell, &mut prepared, Cuts::Deflected)?.is_some()
+    if removal::run(program, (cell, options), &mut prepared, Cuts::Deflected)?.is_some()
         && let Some(subdivided) = &mut subdivided
     {
         subdivided.settle(&mut prepared, &cell.arm);
@@ -206,7 +206,7 @@ pub(super) fn chunk(
 ) -> Option<Result<Corrected, Vec<Diagnostic>>> {
     let prepared = carried.path.take(n, |path| path::prepare(program, cell, options, path))?;
     let prepared = prepared.and_then(|mut prepared| {
-        removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
+        removal::run(program, (cell, options), &mut prepared, Cuts::Programmed)?;
         Ok(prepared)
     });
     let mut prepared = match prepared {

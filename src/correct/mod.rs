@@ -58,7 +58,7 @@ pub use messages::Messages;
 pub use point::Point;
 pub use poses::{Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
-pub use removal::{Cuts, Removal, cut_stock};
+pub use removal::{CutProgress, Cuts, Removal, cut_stock};
 pub use row::{Row, Status, Summary};
 pub use stance::Stance;
 pub use stiffness::Stiffness;
@@ -117,6 +117,9 @@ pub struct Options {
     /// The turns about the tool axis where they are chosen already ([`choose_turns`]); else the run chooses them, where they are
     /// free.
     pub turns: Option<ChosenTurns>,
+    /// Who follows the cuts of the stock that the run begins with: one of the programmed path, and where a program is predicted or
+    /// simulated one of the bent tool.
+    pub cut_progress: CutProgress,
 }
 
 /// Whether a program can only be corrected as a whole: it cuts a stock, or its turns about the tool axis are still to be chosen
@@ -156,7 +159,7 @@ impl Prepared {
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
         let mut carried = free_turn::carried(program, cell, options)?;
         let mut prepared = path::prepare(program, cell, options, &mut carried)?;
-        removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
+        removal::run(program, (cell, options), &mut prepared, Cuts::Programmed)?;
         Ok(prepared)
     }
 

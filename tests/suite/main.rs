@@ -5,6 +5,7 @@
 mod cell;
 mod cli;
 mod cutting;
+mod cutting_measured;
 mod cutting_properties;
 mod cutting_table;
 mod dense_walk;

@@ -25,7 +25,7 @@ pub use super::input::CellFile;
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, identify};
 pub use planned::{Planned, plan};
-pub use simulated::{Simulated, simulate};
+pub use simulated::{Simulated, SimulationProgress, simulate};
 
 use super::again::Again;
 use super::batch::posted_from;
@@ -33,12 +33,13 @@ use super::compensate::edited;
 use super::forces::ForceFile;
 use super::report::{Noticed, Rows, write_joined};
 use super::setup::Setup;
-use deflex::correct::{self, Corrected, Options, PostOptions};
+use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{FileSummary, Origin};
 use deflex::text::{Diagnostic, Source};
 use long::Long;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -52,7 +53,7 @@ pub struct Run {
     pub again: bool,
     /// CL input: how it is posted; left out, under the file's name with what the command has for defaults.
     pub post: Option<PostOptions>,
-    /// Who follows a long program; a short one is done at once.
+    /// Who follows a long program, and the cut of a stock; all else is done at once.
     pub follow: Option<Arc<Follow>>,
     /// Whether the path is kept for a page.
     draws: bool,
@@ -107,6 +108,18 @@ impl Run {
         let options = Options { stiffness: true, stance: true, ..options.clone() };
         let setup = Setup { cell: Arc::clone(cell), forces: forces.clone(), context: context.clone(), options };
         Self { setup, again: self.again, post: self.post.clone(), follow: self.follow.clone(), draws: true }
+    }
+
+    /// The options of a program that is held whole: who follows it sees the stock cut.
+    fn options_followed(&self, program: &ProgramFiles) -> Cow<'_, Options> {
+        let options = &self.setup.options;
+        let Some(follow) = self.follow.clone().filter(|_| self.setup.cell.cell.stock.is_some()) else {
+            return Cow::Borrowed(options);
+        };
+        let bytes: usize = program.sources().iter().map(|source| source.bytes.len()).sum();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the bytes
+        let cut_progress = CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
+        Cow::Owned(Options { cut_progress, ..options.clone() })
     }
 
     /// An empty path, where one is wanted.
@@ -216,7 +229,7 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
     let noticed = noticed(program, run);
     let parsed = run.parse(program)?;
     let cell = &run.setup.cell.cell;
-    let corrected = correct::compensate(&parsed, cell, &run.setup.options)?;
+    let corrected = correct::compensate(&parsed, cell, &run.options_followed(program))?;
     if !corrected.failures.is_empty() {
         return Err(corrected.failures);
     }
@@ -241,7 +254,7 @@ fn predict_whole(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &R
     let original = against.map(|original| run.parse(original)).transpose()?;
     let parsed = run.parse(program)?;
     let cell = &run.setup.cell.cell;
-    let predicted = correct::predict(&parsed, cell, &run.setup.options, original.as_ref())?;
+    let predicted = correct::predict(&parsed, cell, &run.options_followed(program), original.as_ref())?;
     let noticed = Noticed::new(run.setup.options.forces.as_ref(), None);
     let done = whole(program.name(), &parsed, predicted, noticed, PathKind::Predict, run)?;
     Ok(done)

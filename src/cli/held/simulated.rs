@@ -1,14 +1,17 @@
 use super::{ProgramFiles, Run};
 use crate::cli::report::pretty;
 use crate::cli::setup::Setup;
-use deflex::correct::{Cuts, Removal, cut_stock};
-use deflex::identify::Progress;
+use deflex::correct::{CutProgress, Cuts, Options, Removal, cut_stock};
 use deflex::program::Program;
 use deflex::report::html::simulation_page;
 use deflex::report::{DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, stl};
 use deflex::stock::{Blank, Stock};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Told what share of a simulation's cuts is done; `false` calls the run off.
+pub type SimulationProgress = dyn Fn(f64) -> bool + Send + Sync;
 
 /// Triangles on a page, about: a plain canvas draws as many in a tenth of a second.
 const PAGE_TRIANGLES: f64 = 40_000.0;
@@ -31,7 +34,7 @@ pub struct Simulated {
 }
 
 /// Cuts the cell's stock with the poses that the loaded arm takes: what `deflex simulate` does; `against` is the original of a
-/// corrected program. `progress` is told what share of the cuts is done, and calls the run off with `false`.
+/// corrected program. `progress` is told now and then what share of the cuts is done, and calls the run off with `false`.
 ///
 /// # Errors
 /// All for which the command ends with exit code 2, and `run.called-off`.
@@ -39,7 +42,7 @@ pub fn simulate(
     program: &ProgramFiles,
     against: Option<&ProgramFiles>,
     run: &Run,
-    progress: &Progress<'_>,
+    progress: &Arc<SimulationProgress>,
 ) -> Result<Simulated, Vec<Diagnostic>> {
     let original = against.map(|original| run.parse(original)).transpose()?;
     let parsed = run.parse(program)?;
@@ -53,14 +56,14 @@ impl Simulated {
         program: &Program,
         original: Option<&Program>,
         setup: &Setup,
-        progress: &Progress<'_>,
+        progress: &Arc<SimulationProgress>,
     ) -> Result<Self, Vec<Diagnostic>> {
         let cuts = if original.is_some() { 3.0 } else { 2.0 };
         let cut = |done: f64, program: &Program, against: Option<&Program>, how: Cuts| {
-            if !progress(done / (cuts + 1.0)) {
-                return Err(Diagnostic::error("run.called-off", name, "the run was called off").into());
-            }
-            cut_stock(program, &setup.cell.cell, &setup.options, against, how).map_err(|errors| setup.cell.own(errors))
+            let progress = Arc::clone(progress);
+            let cut_progress = CutProgress::new(move |share| progress((done + share) / (cuts + 1.0)));
+            let options = Options { cut_progress, ..setup.options.clone() };
+            cut_stock(program, &setup.cell.cell, &options, against, how).map_err(|errors| setup.cell.own(errors))
         };
         let programmed = cut(0.0, original.unwrap_or(program), None, Cuts::Programmed)?;
         let mut actual = Vec::new();
@@ -69,7 +72,6 @@ impl Simulated {
         }
         let last = if original.is_some() { "after" } else { "as it is" };
         actual.push((last, cut(cuts - 1.0, program, original, Cuts::Deflected)?));
-        progress(cuts / (cuts + 1.0));
         // A part is a stock that nobody has cut.
         let nominal = setup.cell.cell.part.as_ref().and_then(|part| part.mesh.clone());
         let nominal = nominal.map(|mesh| Stock::new(Blank::Mesh(mesh), programmed.stock.spacing()));

@@ -78,7 +78,7 @@ fn choose(program: &Program, cell: &Cell, options: &Options) -> Result<ChosenTur
     let mut carried = Carried::new(cell);
     carried.free = Free::Sought;
     let mut prepared = super::path::prepare(program, cell, options, &mut carried)?;
-    removal::run(program, cell, &mut prepared, Cuts::Programmed)?;
+    removal::run(program, (cell, options), &mut prepared, Cuts::Programmed)?;
     let mut path = Path::of_program(program, cell, prepared);
     path.unreached = carried.unreached;
     path.choose()

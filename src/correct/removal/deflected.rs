@@ -11,6 +11,8 @@ use std::sync::Arc;
 
 /// The tool at an equilibrium is found so closely, m.
 const SETTLED: f64 = 5e-7;
+/// Points between two reports of how far the cut is: some milliseconds.
+const REPORT: usize = 64;
 /// Rounds of force and deflection at one place.
 const ROUNDS: usize = 15;
 
@@ -40,6 +42,9 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     for i in 0..prepared.points.len() {
         if Kind::of(walk.program, i) != Kind::Point {
             last = step(walk, prepared, i, last);
+        }
+        if i % REPORT == 0 && !walk.goes_on(i, prepared.points.len()) {
+            return;
         }
     }
 }

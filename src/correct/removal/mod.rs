@@ -3,6 +3,7 @@
 mod deflected;
 mod places;
 mod programmed;
+mod progress;
 
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
@@ -18,6 +19,7 @@ use crate::stock::{Engaged, Front, Moment, Stock, ToolPose};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Unit, Vector3};
 use places::Place;
+pub use progress::CutProgress;
 use std::sync::Arc;
 
 /// Whose poses remove the material.
@@ -50,10 +52,10 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 /// Cuts the cell's stock with a prepared program, and puts the forces that follow from it into the points.
 ///
 /// # Errors
-/// A stock in a work object that nobody declares; moves that do not cut and run through material.
+/// A stock in a work object that nobody declares; moves that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
     program: &Program,
-    cell: &Cell,
+    (cell, options): (&Cell, &Options),
     prepared: &mut Prepared,
     cuts: Cuts,
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
@@ -75,6 +77,8 @@ pub(super) fn run(
         stock: Stock::new(blank.clone(), resolution),
         mount,
         fronts: prepared.fronts.clone(),
+        progress: &options.cut_progress,
+        called_off: false,
         errors: Vec::new(),
         collided: false,
         bottoms: 0,
@@ -87,6 +91,7 @@ pub(super) fn run(
         Cuts::Programmed => programmed::cut(&mut walk, prepared),
         Cuts::Deflected => deflected::cut(&mut walk, prepared),
     }
+    walk.goes_on(prepared.points.len(), prepared.points.len());
     if !walk.errors.is_empty() {
         return Err(walk.errors);
     }
@@ -133,7 +138,7 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
 /// Cuts the cell's stock with a program; errors and depth are counted from the original of a corrected one.
 ///
 /// # Errors
-/// What [`Prepared::new`] refuses, and a cell without `[stock]`.
+/// What [`Prepared::new`] refuses, a cell without `[stock]`, and `run.called-off`.
 pub fn cut_stock(
     program: &Program,
     cell: &Cell,
@@ -145,7 +150,7 @@ pub fn cut_stock(
         Some(original) => against::judged(program, original, cell, options)?.0,
         None => Prepared::new(program, cell, options)?,
     };
-    run(program, cell, &mut prepared, cuts)?.ok_or_else(|| {
+    run(program, (cell, options), &mut prepared, cuts)?.ok_or_else(|| {
         let message = match &cell.stock {
             None => "the cell has no [stock] to cut",
             Some(_) => "nothing in the program cuts the stock",
@@ -166,6 +171,8 @@ struct Walk<'a> {
     /// The stock's work object.
     mount: Mount,
     fronts: Vec<Arc<Front>>,
+    progress: &'a CutProgress,
+    called_off: bool,
     errors: Vec<Diagnostic>,
     /// The move before was a collision: one is named of a run of them.
     collided: bool,
@@ -228,6 +235,17 @@ fn ahead(way: &Vector3<f64>) -> Vector3<f64> {
 }
 
 impl Walk<'_> {
+    /// Tells how many of all points are done; `false` where the run is called off.
+    fn goes_on(&mut self, done: usize, points: usize) -> bool {
+        let goes_on = self.progress.goes_on(done, points);
+        // Once, however often it is asked.
+        if !goes_on && !std::mem::replace(&mut self.called_off, true) {
+            let name = self.program.sources.first().map_or("", |source| &source.name);
+            self.errors.push(Diagnostic::error("run.called-off", name, "the run was called off"));
+        }
+        goes_on
+    }
+
     /// Where the controller is to lead the TCP at a target.
     fn goal(&self, point: &Point) -> Pose {
         match self.cuts {

@@ -52,6 +52,9 @@ pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
             batch.record(walk, prepared, i);
             if batch.asked.len().max(batch.moves) >= BATCH {
                 batch.settle(walk, prepared);
+                if !walk.goes_on(i + 1, prepared.points.len()) {
+                    return;
+                }
             }
         }
     }

@@ -2,11 +2,12 @@
 
 use super::within;
 use deflex::cell::Cell;
-use deflex::correct::{Corrected, Cuts, Options, compensate, cut_stock, predict};
+use deflex::correct::{Corrected, CutProgress, Cuts, Options, compensate, cut_stock, predict};
 use deflex::program::{Program, rapid};
 use deflex::report::{DeviationMap, probe, stl};
 use deflex::text::{Diagnostic, Source};
 use nalgebra::Vector3;
+use std::sync::{Arc, Mutex};
 
 /// A cell with an engagement, and more sections behind it.
 fn cell(engagement: &str, more: &str) -> Cell {
@@ -149,4 +150,32 @@ fn threads_change_no_bit() {
     };
     let one = run(1);
     [2, 5].into_iter().for_each(|threads| assert!(run(threads) == one, "{threads} threads"));
+}
+
+/// A cut tells how far it is, from less to more and to its end, and goes no further than whoever follows it wants.
+#[test]
+fn a_cut_is_followed_and_called_off() {
+    let cell = cell("mode = \"stock\"", STOCK);
+    // More than one batch of what is asked of the stock at once.
+    let long: Vec<_> = (0..1500).map(|i| ([0.04 * f64::from(i) - 6.0, 20.0, -1.5], "v20")).collect();
+    let long = program(&long);
+    let followed = |goes_on: bool| {
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let notebook = Arc::clone(&told);
+        let follow = move |share| {
+            notebook.lock().unwrap().push(share);
+            goes_on
+        };
+        (Options { cut_progress: CutProgress::new(follow), ..Options::default() }, told)
+    };
+    for cuts in [Cuts::Programmed, Cuts::Deflected] {
+        let (options, told) = followed(false);
+        let Err(refused) = cut_stock(&long, &cell, &options, None, cuts) else { panic!("{cuts:?} is not called off") };
+        assert_eq!(refused.iter().map(|d| d.code).collect::<Vec<_>>(), ["run.called-off"], "{cuts:?}");
+        assert!(told.lock().unwrap()[0] < 0.9, "{cuts:?}");
+    }
+    let (options, told) = followed(true);
+    compensate(&long, &cell, &options).unwrap();
+    let told = told.lock().unwrap();
+    assert!(told.len() > 2 && told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
 }

@@ -1,0 +1,28 @@
+//! Who follows a cut of the stock.
+
+use std::fmt;
+use std::sync::Arc;
+
+type Told = dyn Fn(f64) -> bool + Send + Sync;
+
+/// Is told now and then what share of a cut is done, 0 to 1, and calls the run off with `false`; by default nobody is told.
+#[derive(Clone, Default)]
+pub struct CutProgress(Option<Arc<Told>>);
+
+impl CutProgress {
+    /// Tells this function.
+    pub fn new(told: impl Fn(f64) -> bool + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(told)))
+    }
+
+    /// Whether the cut goes on when so many of all points are done.
+    pub(super) fn goes_on(&self, done: usize, points: usize) -> bool {
+        self.0.as_ref().is_none_or(|told| told(done as f64 / points.max(1) as f64))
+    }
+}
+
+impl fmt::Debug for CutProgress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("CutProgress").field(&self.0.as_ref().map(|_| "told")).finish()
+    }
+}
