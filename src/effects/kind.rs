@@ -72,10 +72,16 @@ pub enum Shape {
 /// The order in which data over the whole robot are explained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Where everything is: it moves whole frames and links.
-    Geometry,
-    /// What is left of that.
+    /// Where the tool is.
+    ToolFrame,
+    /// Where the joints are zero.
+    JointZeros,
+    /// How long the links are, and how they stand to one another.
+    Links,
+    /// What is left of that, but for the joints' own curves.
     Remainder,
+    /// Curves of the joints, which pass for anything smooth.
+    Curves,
 }
 
 impl Kind {

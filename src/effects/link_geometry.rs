@@ -11,7 +11,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "link lengths, offsets and twists differ from the drawing",
     forms: &["d_a_mm = [0, 0, 0.1, 0, 0, 0]"],
     locally_like: &[super::joint_error_curve::KIND.name],
-    stage: super::Stage::Geometry,
+    stage: super::Stage::Links,
     read: |table| checked(table.try_into::<LinkGeometry>()?),
     candidates: |_| vec![Box::new(LinkGeometry::default())],
     ..Kind::PLAIN

@@ -8,7 +8,7 @@ pub(super) const KIND: Kind = Kind {
     name: "tool_frame",
     summary: "the TCP is not where tooldata says",
     forms: &["d_mm = [0.1, 0, 0]"],
-    stage: super::Stage::Geometry,
+    stage: super::Stage::ToolFrame,
     read: |table| checked(table.try_into::<ToolFrameError>()?),
     candidates: |_| vec![Box::new(ToolFrameError::default())],
     ..Kind::PLAIN

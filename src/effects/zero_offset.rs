@@ -11,7 +11,7 @@ pub(super) const KIND: Kind = Kind {
     nested_in: &[super::link_geometry::KIND.name],
     locally_like: &[super::joint_error_curve::KIND.name],
     is_joint_constant: true,
-    stage: super::Stage::Geometry,
+    stage: super::Stage::JointZeros,
     read: |table| checked(table.try_into::<ZeroOffset>()?),
     candidates: |_| vec![Box::new(ZeroOffset { offset_rad: [0.0; 6] })],
     ..Kind::PLAIN

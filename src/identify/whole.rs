@@ -9,14 +9,12 @@ use super::engine::{Engine, Linearised};
 use super::score::Columns;
 use super::search::{FIELD, FLEXIBLE, MOST, PRICE, Search};
 use super::smooth::{Beside, Curve};
+use crate::effects::Stage;
 
 /// Nats a row that a member must gain: half a percent of what is left.
 const SHARE: f64 = 0.0015;
 /// Times that curves and effects are asked beside one another.
 const SWEEPS: usize = 8;
-
-/// Kinds that are told first: where everything is.
-const FIRST: [&str; 3] = ["tool_frame", "zero_offset", "link_geometry"];
 
 /// What was chosen: candidates, the noise, and which of its shapes.
 pub(super) struct Choice {
@@ -73,10 +71,9 @@ impl Engine {
                 break;
             }
         }
-        // What is told in stages: where the tool and the links are, what else moves the arm, and the joints' own errors.
         let stage = |c: &usize| match &self.candidates[*c] {
-            candidate if candidate.curve.is_some() => FIRST.len() + 1,
-            candidate => FIRST.iter().position(|kind| *kind == candidate.kind).unwrap_or(FIRST.len()),
+            candidate if candidate.curve.is_some() => Stage::Curves,
+            candidate => candidate.law().map_or(Stage::Remainder, |kind| kind.stage),
         };
         choice.set.sort_by_key(stage);
         choice
