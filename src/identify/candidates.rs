@@ -132,7 +132,7 @@ impl Candidate {
 
     /// How unlikely its numbers are under its prior: twice nats.
     pub(super) fn unlikely(&self) -> f64 {
-        let mean = |k: usize| self.start[k] + self.expected();
+        let mean = |k: usize| self.start[k] + self.expected(k);
         let off = DVector::from_fn(self.values.len(), |k, _| (self.values[k] - mean(k)) / self.size(k));
         match self.precision() {
             Some(prior) => off.dot(&(&prior.precision * &off)),
@@ -170,10 +170,10 @@ impl Candidate {
         }
     }
 
-    /// What its prior is about, from where its numbers start: a pattern that is there or is not is there once.
-    pub(super) fn expected(&self) -> f64 {
+    /// What the prior of number `k` is about, from where it starts: a pattern that is there or is not is there once.
+    pub(super) fn expected(&self, k: usize) -> f64 {
         match self.home {
-            Home::Pattern(pattern) => pattern.expected(),
+            Home::Pattern(pattern) => pattern.expected(k),
             Home::Declared(_) | Home::New(_) => 0.0,
         }
     }

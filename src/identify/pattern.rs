@@ -85,6 +85,11 @@ const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
 /// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
 /// mixed up by halves, which would stand for any factor of it.
 const MIXED_SPREAD: f64 = 0.15;
+/// How far the joints' springs may be from what is declared, beside forces that are mixed up: their effects are columns under the
+/// forces as they were read.
+const SPRINGS: f64 = 0.3;
+/// Springs of an arm.
+const JOINTS: usize = 6;
 /// What a force sensor's axis shows of another.
 const CROSSTALK: f64 = 0.15;
 
@@ -152,7 +157,8 @@ impl Pattern {
             Self::Clamping => CLAMPING * problem.runs.len(),
             Self::Drift => 3 * DRIFTS * problem.runs.len(),
             Self::Jump { .. } => 3,
-            Self::MixedForce(_) | Self::LateForce(_) => 1,
+            Self::MixedForce(_) => 1 + JOINTS,
+            Self::LateForce(_) => 1,
             Self::Crosstalk => PAIRS,
             Self::Joint(_) => 3 * 2 * ORDERS.len(),
             Self::Time => 3 * WAVES,
@@ -161,13 +167,13 @@ impl Pattern {
         }
     }
 
-    /// What the prior of its numbers is about: columns that are mixed up are so once, and not by halves.
-    pub(super) fn expected(self) -> f64 {
-        if matches!(self, Self::MixedForce(_) | Self::LateForce(_)) { 1.0 } else { 0.0 }
+    /// What the prior of number `k` is about: columns that are mixed up are so once, and not by halves.
+    pub(super) fn expected(self, k: usize) -> f64 {
+        if k == 0 && matches!(self, Self::MixedForce(_) | Self::LateForce(_)) { 1.0 } else { 0.0 }
     }
 
     fn candidate(self, problem: &Problem, variants: f64) -> Candidate {
-        let scale = if self.expected() > 0.0 { MIXED_SPREAD } else { 1.0 };
+        let scale = if self.expected(0) > 0.0 { MIXED_SPREAD } else { 1.0 };
         Candidate { variants, scale, ..Candidate::pattern(self, self.size(problem)) }
     }
 }
@@ -238,7 +244,8 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
         Pattern::MixedForce(which) => {
             let rows = MIXED[which].1;
             let matrix = Matrix3::from_fn(|i, j| rows[i][j]);
-            vec![with_forces(&|_, force| matrix * force)]
+            let springs = (0..JOINTS).map(|joint| yielding(about, joint, &matrix));
+            std::iter::once(with_forces(&|_, force| matrix * force)).chain(springs).collect()
         }
         Pattern::Crosstalk => {
             let pairs = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
@@ -259,6 +266,22 @@ pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
         }
         _ => shifts(problem, pattern),
     }
+}
+
+/// What a joint's spring that yields by [`SPRINGS`] more than declared adds under forces that are mixed up, mm per prior size.
+fn yielding(about: &About, joint: usize, mixed: &Matrix3<f64>) -> DVector<f64> {
+    let problem = about.problem;
+    let (robot, stiffness) = (&about.arm.robot, about.arm.stiffness.map_or(f64::INFINITY, |k| k[joint]));
+    let of = |row: &Observation| {
+        let run = &problem.runs[row.run];
+        let base_from_wobj = run.base_from_wobj(row.point);
+        let tcp = base_from_wobj.transform_point(&run.points[row.point].reference.translation.vector.into()).coords;
+        let jacobian = robot.jacobian(&robot.frames(&row.motor), &tcp);
+        let lever = base_from_wobj.rotation.inverse() * jacobian.fixed_view::<3, 1>(0, joint);
+        let turn = lever.dot(&(mixed * problem.force(row))) / stiffness;
+        project(problem, row, lever * (1e3 * turn * SPRINGS / MIXED_SPREAD))
+    };
+    problem.stacked(problem.rows.par_iter().map(of).collect())
 }
 
 /// The columns of a pattern that shifts what is measured.

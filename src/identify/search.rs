@@ -82,10 +82,9 @@ impl<'a> Search<'a> {
             if let Some(prior) = candidate.precision() {
                 all.curves.push((all.list.len(), Arc::clone(prior)));
             }
-            let expected = candidate.expected() / candidate.scale;
-            if expected > 0.0 {
-                all.means.extend((0..candidate.values.len()).map(|k| (all.list.len() + k, expected)));
-            }
+            let first = all.list.len();
+            let expected = (0..candidate.values.len()).map(|k| (first + k, candidate.expected(k) / candidate.scale));
+            all.means.extend(expected.filter(|(_, expected)| *expected > 0.0));
             if candidate.precision().is_none() {
                 let within = candidate.within();
                 all.limits.extend(within.map(|(k, low, high)| (all.list.len() + k, low, high)));

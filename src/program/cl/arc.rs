@@ -105,8 +105,8 @@ const LOST: f64 = 1e-9;
 /// Beyond this, in units of the file, the digits of a centre do not hold its arc's micrometres.
 const LARGEST_RADIUS: f64 = 1e6;
 
-/// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. Nobody
-/// means an arc of two last digits of four decimals.
+/// An end nearer to the start than this, in units of the file, is the start printed again, with other digits: a full turn. A start
+/// as near to the axis is on it. Nobody means an arc of two last digits of four decimals.
 const SAME_PLACE: f64 = 2.5e-4;
 
 impl Arc {
@@ -117,7 +117,7 @@ impl Arc {
         let flat = |v: [f64; 3]| sub(v, scale(n, dot(v, n)));
         let (flat_a, flat_b) = (flat(a), flat(b));
         let (radius_a, radius_b) = (norm(flat_a), norm(flat_b));
-        let x = unit(flat_a).filter(|_| radius_a > LOST * norm(a)).ok_or("arc of no radius")?;
+        let x = unit(flat_a).filter(|_| radius_a > SAME_PLACE.max(LOST * norm(a))).ok_or("arc of no radius")?;
         if radius_a > LARGEST_RADIUS {
             return Err("arc of a radius beyond any machine");
         }

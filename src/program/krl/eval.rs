@@ -253,9 +253,10 @@ impl<'a> Runner<'a> {
                     indices.push(value.index());
                 }
                 let all: Option<Vec<i64>> = indices.iter().copied().collect();
-                path.known &= all.is_some();
-                if let Some(all) = all.filter(|all| !all.is_empty()) {
-                    path.steps.push(Step::Element(flat(&all)));
+                let element = all.as_deref().and_then(flat);
+                path.known &= element.is_some() || all.as_ref().is_some_and(Vec::is_empty);
+                if let (Some(element), Some(all)) = (element, all) {
+                    path.steps.push(Step::Element(element));
                     let shown: Vec<String> = all.iter().map(ToString::to_string).collect();
                     path.label += &format!("[{}]", shown.join(","));
                 }

@@ -278,9 +278,12 @@ pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
     Some(out)
 }
 
-/// Several indices as one.
-pub(super) fn flat(indices: &[i64]) -> i64 {
+/// Several indices as one; `None` where no array has such an element.
+pub(super) fn flat(indices: &[i64]) -> Option<i64> {
     /// More elements than any dimension has.
     const EACH: i64 = 1 << 20;
-    indices.iter().fold(0, |all, index| all * EACH + index)
+    /// KRL knows no more.
+    const DIMENSIONS: usize = 3;
+    let fit = (1..=DIMENSIONS).contains(&indices.len()) && indices.iter().all(|index| (0..EACH).contains(index));
+    fit.then(|| indices.iter().fold(0, |all, index| all * EACH + index))
 }
