@@ -46,7 +46,10 @@ impl<'a> Runner<'a> {
     pub(super) fn pin_value(&mut self, value: &Value) {
         match value {
             Value::Target(pose) => self.pin_pose(pose),
-            Value::List(items, _) => items.iter().for_each(|v| self.pin_value(v)),
+            Value::List(items, place) => {
+                self.unassembled.extend(*place);
+                items.iter().for_each(|v| self.pin_value(v));
+            }
             _ => {}
         }
     }

@@ -120,7 +120,7 @@ pub(super) struct Runner<'a> {
     pub(super) first_literal: Vec<usize>,
     pub(super) next_literal: usize,
     pub(super) own: HashMap<Place, u32>,
-    /// Robtargets put together from parts that were not known when they were.
+    /// Robtargets put together from parts that some run does not know, or has where they cannot be edited.
     pub(super) unassembled: HashSet<Place>,
     pub(super) pinned: BTreeSet<u32>,
     /// Data whose declarations are among them with all that they take over from others.

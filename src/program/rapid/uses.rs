@@ -254,7 +254,7 @@ impl<'a> Runner<'a> {
         motion::shape(name).is_some() && self.symbols.find_routine(self.symbols.module_of(id), name).is_none()
     }
 
-    /// Holds robtargets put together from parts that are not known in every run.
+    /// Holds robtargets put together from parts that not every run knows, or has where they can be edited.
     pub(super) fn hold_what_is_not_always_assembled(&mut self) {
         let held = self.own.iter().filter(|(place, _)| self.unassembled.contains(place)).map(|(_, id)| *id);
         self.pinned.extend(held);

@@ -367,6 +367,13 @@ pub(super) const CASES: &[Case] = &[
         "PROC rSet(INOUT robtarget to) to:=[[20,35,115],[0,0,1,0],[0,0,0,0],e1]; ENDPROC FUNC extjoint fe() RETURN [9E9,9E9,9E9,9E9,9E9,9E9]; ENDFUNC",
     ),
     case(
+        "parts by name, under frames that the first round alone knows",
+        0,
+        "CONST confdata c1:=[0,0,0,0];",
+        "FOR i FROM 1 TO 2 DO MoveL [[20,35,115],[0,0,1,0],c1,[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=w1; CallByVar \"rv\",ReadNum(com1); ENDFOR PDispOff;",
+        "PROC rv1() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC PROC rv2() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC PROC rv3() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC",
+    ),
+    case(
         "parts by name",
         2,
         "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9]; CONST confdata c1:=[0,0,0,0];",
