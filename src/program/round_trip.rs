@@ -1,7 +1,7 @@
 //! The proof that a program survives a write: nothing in, nothing changed; a shift in, a shift out.
 
 use super::cl::AMBIGUOUS_LIST;
-use super::{Change, Editable, Goal, Program, RewriteOptions};
+use super::{Change, Editable, Goal, Program, RewriteOptions, Role, Target};
 use crate::text::{Diagnostic, Source, apply};
 use std::collections::BTreeSet;
 
@@ -84,10 +84,7 @@ fn difference(
 ) -> Option<String> {
     let ambiguous = first_ambiguous(program, again);
     let (targets, targets_again) = match ambiguous {
-        Some(line) => {
-            let before = |program: &Program| program.targets.partition_point(|target| (target.line as usize) < line);
-            (&program.targets[..before(program)], &again.targets[..before(again)])
-        }
+        Some(line) => (before(program, line), before(again, line)),
         None => (&program.targets[..], &again.targets[..]),
     };
     if targets_again.len() != targets.len() {
@@ -121,6 +118,13 @@ fn difference(
         }
     }
     None
+}
+
+/// Targets of whole motions that end before a line: chords of an arc that ends behind it are not among them.
+fn before(program: &Program, line: usize) -> &[Target] {
+    let targets = &program.targets[..program.targets.partition_point(|target| (target.line as usize) < line)];
+    let whole = targets.iter().rposition(|target| target.role != Role::Interpolated).map_or(0, |last| last + 1);
+    &targets[..whole]
 }
 
 /// The line of the first statement that only one of two readings (CL) refuses because of where its numbers lie: a program with one
