@@ -1,6 +1,5 @@
 //! What the ordered pass over the targets takes along.
 
-use super::free_turn::ChosenTurns;
 use super::laws::Laws;
 use super::mount::Mount;
 use super::point::Point;
@@ -34,6 +33,14 @@ pub(super) struct Carried<'a> {
     /// Targets that are not reached while it is sought, rising.
     pub(super) unreached: Vec<usize>,
     /// What is to be said of the choice, once.
+    pub(super) notes: Vec<Diagnostic>,
+}
+
+/// The turns about the tool axis, and the positions of free external axes, that were chosen along a program.
+#[derive(Clone, Debug)]
+pub struct ChosenTurns {
+    pub(super) chosen: Arc<[Chosen]>,
+    /// What they gain.
     pub(super) notes: Vec<Diagnostic>,
 }
 

@@ -1,13 +1,15 @@
 //! What a target is run with, as the mechanical units that carry robot and part stand there.
 
 use super::frames::{NO_WOBJ_UNIT, WobjFrame};
-use super::point::PREDECESSOR_UNKNOWN;
 use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
 use crate::program::{ExternalAxes, Predecessor, Target};
 use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
+
+/// The cutting force follows the way into a target, and lost motion the joints' travel on it.
+pub(super) const PREDECESSOR_UNKNOWN: &str = "the way into it begins at a place that is known only at run time";
 
 /// A tool and a work object, and what moves them.
 #[derive(Clone, Debug)]

@@ -2,15 +2,12 @@
 
 use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
-use super::mount::Moved;
+use super::mount::{Moved, PREDECESSOR_UNKNOWN};
 use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Rotation3, Unit, Vector3};
 use std::sync::Arc;
-
-/// The cutting force follows the way into a target, and lost motion the joints' travel on it.
-pub(super) const PREDECESSOR_UNKNOWN: &str = "the way into it begins at a place that is known only at run time";
 
 /// Everything known of one target before its equilibrium.
 #[derive(Clone, Debug)]

@@ -9,8 +9,8 @@
 //! found once, and followed by cubics between its nodes.
 
 use super::Cutter;
-use super::patch::{Arc, End, HalfSpace, Ring};
-use super::silhouette::increasing_root;
+use super::ring::{Arc, End, HalfSpace, Ring};
+use super::root::increasing_root;
 use nalgebra::Vector3;
 use smallvec::SmallVec;
 use std::f64::consts::FRAC_PI_2;

@@ -1,7 +1,6 @@
 //! A force table at one feed per tooth, for one place or for eight at once.
 
-use super::ForceTable;
-use super::table::{FADE, Grid, Place, SMOOTH, TERMS, Values, kinks, parts};
+use super::table::{FADE, ForceTable, Grid, Place, SMOOTH, TERMS, Values, kinks, parts};
 use crate::lanes::{LaneMask, Lanes, Mask, Real, Vector, WIDTH, widest};
 use nalgebra::{Unit, Vector3};
 use std::sync::Arc;
@@ -34,8 +33,15 @@ struct Places {
     left: LaneMask,
 }
 
+impl ForceTable {
+    /// The table of one feed per tooth (m).
+    pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
+        FeedTable::new(self, feed_per_tooth)
+    }
+}
+
 impl FeedTable {
-    pub(super) fn new(table: &Arc<ForceTable>, feed_per_tooth: f64) -> Self {
+    fn new(table: &Arc<ForceTable>, feed_per_tooth: f64) -> Self {
         let force = |v: &Values| -> [f64; 3] { parts(v).at(feed_per_tooth).into() };
         let nodes: Vec<[[f64; 3]; TERMS]> = table.nodes().iter().map(|node| node.each_ref().map(force)).collect();
         let cell = |nodes: &[[[f64; 3]; TERMS]]| {

@@ -1,7 +1,8 @@
 //! The mean milling force (Tang et al. Eq. 6, integral inside, along the profile angle).
 
 use super::adjacent::AdjacentPass;
-use super::patch::{HalfSpace, Patch, Ring};
+use super::patch::Patch;
+use super::ring::{HalfSpace, Ring};
 use super::{
     Coefficients, ContactPoint, Cutter, CuttingError, Engagement, Mode, contact, frame, quadrature::integrate,
 };

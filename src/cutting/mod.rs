@@ -20,6 +20,8 @@ pub mod materials;
 mod milling;
 mod patch;
 mod quadrature;
+mod ring;
+mod root;
 mod silhouette;
 mod table;
 

@@ -5,8 +5,10 @@
 //! closes where a ring touches a condition's boundary; the binding condition changes where two
 //! boundaries cross on the envelope. A break counts only if its point is on the cutting patch.
 
-use super::patch::{HalfSpace, Patch, Ring};
+use super::patch::Patch;
 use super::quadrature::Interval;
+use super::ring::{HalfSpace, Ring};
+use super::root::increasing_root;
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -16,9 +18,6 @@ const MOST: usize = 20;
 
 /// A point this far outside (m, and as a cosine) is off the patch; nearer may be rounding.
 const OFF_PATCH: f64 = 1e-9;
-
-/// Where a break is off by this (rad), the integral is off by its square.
-const BREAK_WIDTH: f64 = 1e-10;
 
 /// Chunks shorter than this (rad, or of the cylinder's height) hold no force worth a rule.
 const NO_CHUNK: f64 = 1e-12;
@@ -177,33 +176,4 @@ impl Patch<'_> {
 
 fn opposite((cos, sin): (f64, f64)) -> (f64, f64) {
     (-cos, -sin)
-}
-
-/// Root of an increasing function by false position (Illinois) with bisection as a guard.
-pub(super) fn increasing_root(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
-    let (mut f_lo, mut f_hi) = (f(lo), f(hi));
-    if f_lo.is_nan() || f_hi.is_nan() || f_lo >= 0.0 || f_hi <= 0.0 {
-        return None;
-    }
-    let (mut last, mut kept_lo, mut kept_hi) = (lo, false, false);
-    for pass in 0..100 {
-        // Every fifth step halves, so that a jump cannot stall the secant.
-        let at = if pass % 5 == 4 { 0.5 * (lo + hi) } else { hi - f_hi * (hi - lo) / (f_hi - f_lo) };
-        if (at - last).abs() < BREAK_WIDTH {
-            return Some(at);
-        }
-        last = at;
-        let value = f(at);
-        // An end kept twice running gets half its weight.
-        if value < 0.0 {
-            (lo, f_lo) = (at, value);
-            f_hi *= if kept_hi { 0.5 } else { 1.0 };
-            (kept_lo, kept_hi) = (false, true);
-        } else {
-            (hi, f_hi) = (at, value);
-            f_lo *= if kept_lo { 0.5 } else { 1.0 };
-            (kept_lo, kept_hi) = (true, false);
-        }
-    }
-    Some(0.5 * (lo + hi))
 }

@@ -4,12 +4,10 @@
 //! axis): one polynomial a node, fitted on Chebyshev points. The result is continuous, also where it hands over to the integral, so that iterations
 //! on it settle.
 
-use super::feed_table::FeedTable;
 use super::{ForceParts, Milling};
 use nalgebra::{DMatrix, Unit, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 /// Guaranteed error of a look-up over the force.
 pub const TABLE_BOUND: f64 = 1e-3;
@@ -143,11 +141,6 @@ impl ForceTable {
             Some((grid, place)) => self.faded(parts(&grid.values(&place)).at(feed_per_tooth), &place, integral),
             None => integral(),
         }
-    }
-
-    /// The table of one feed per tooth (m).
-    pub fn at_feed(self: &Arc<Self>, feed_per_tooth: f64) -> FeedTable {
-        FeedTable::new(self, feed_per_tooth)
     }
 
     /// The grid, where there is one.

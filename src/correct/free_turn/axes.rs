@@ -4,13 +4,27 @@
 //! one or to a neighbour, so that a coarse grid can be followed at any speed. The grid is laid about the way that the program
 //! has written, then ever finer about the best one found.
 
-use super::search::Move;
 use crate::cell::{Cell, MOST_FREE};
 use crate::robot::{EXTERNAL_AXES, External, UnitKind};
 use smallvec::SmallVec;
 
 /// Positions of the free axes, mm or degrees; zero where there are fewer.
 pub(super) type Position = [f64; MOST_FREE];
+
+/// The move into a target.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Move {
+    /// Length of the path, m.
+    pub(super) length: f64,
+    /// Duration, s, where the feed is known.
+    pub(super) time: Option<f64>,
+    /// Joint-interpolated, or not cutting in CL data: the arm may turn and change its branch.
+    pub(super) free: bool,
+    /// Either end has a turn of its own.
+    pub(super) fixed: bool,
+    /// How far each free axis may run on it, mm or degrees.
+    pub(super) room: Position,
+}
 
 /// A cell of the first grid: mm of linear units, of which an arm's stiffness changes little over less, degrees of rotary ones.
 const COARSE: [f64; 2] = [250.0, 30.0];

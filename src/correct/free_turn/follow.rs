@@ -1,8 +1,9 @@
 //! From the states of the knots to what is chosen at every target: smoothing, and the way between knots.
 
+use super::axes::Move;
 use super::axes::{Grid, Position, alone};
 use super::path::Path;
-use super::search::{Move, RATE};
+use super::search::RATE;
 use super::states::{self, STEP, State, singular};
 use crate::cell::MOST_FREE;
 use crate::correct::carried::Chosen;

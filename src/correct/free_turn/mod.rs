@@ -13,7 +13,7 @@ mod search;
 mod site;
 mod states;
 
-use super::carried::{Carried, Chosen, Free};
+use super::carried::{Carried, Chosen, ChosenTurns, Free};
 use super::flow::StreamError;
 use super::messages::Messages;
 use super::point::Point;
@@ -25,7 +25,6 @@ use crate::text::{Diagnostic, Severity};
 use axes::Grid;
 use path::{Path, Refusal};
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 /// Margin from a singular wrist of RAPID input, whose cell may have no `[cl]`, rad (`docs/reference.md`).
 pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
@@ -50,14 +49,6 @@ pub(super) fn carried<'a>(
         return Ok(Carried::with_turns(cell, Some(&choose(program, cell, options)?)));
     }
     Ok(Carried::with_turns(cell, options.turns.as_ref()))
-}
-
-/// The turns about the tool axis, and the positions of free external axes, that were chosen along a program.
-#[derive(Clone, Debug)]
-pub struct ChosenTurns {
-    pub(super) chosen: Arc<[Chosen]>,
-    /// What they gain.
-    pub(super) notes: Vec<Diagnostic>,
 }
 
 /// Whether the turn about the tool axis of a program's targets is to be chosen.

@@ -1,8 +1,8 @@
 //! A program's targets as the search sees them: knots, ways between them, states and their costs.
 
 use super::SINGULAR_MARGIN;
-use super::axes::{FreeAxis, Grid, Position, Stage, with};
-use super::search::{Move, Search};
+use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
+use super::search::Search;
 use super::site::Site;
 use super::states::{self, FreeTarget, Refused, State};
 use crate::cell::{Cell, MOST_FREE};

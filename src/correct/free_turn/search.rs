@@ -1,7 +1,7 @@
 //! Dynamic programming over the states of the knots (Bellman): the least sum of squared predicted errors of all ways that an
 //! arm can follow.
 
-use super::axes::{Lane, Position};
+use super::axes::{Lane, Move, Position};
 use super::states::{STEP, State, TURNS};
 use crate::robot::{Joints, wrap};
 use std::f64::consts::{PI, TAU};
@@ -35,21 +35,6 @@ struct Step {
     before: u32,
     /// State, by its index.
     state: u32,
-}
-
-/// The move into a target.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Move {
-    /// Length of the path, m.
-    pub(super) length: f64,
-    /// Duration, s, where the feed is known.
-    pub(super) time: Option<f64>,
-    /// Joint-interpolated, or not cutting in CL data: the arm may turn and change its branch.
-    pub(super) free: bool,
-    /// Either end has a turn of its own.
-    pub(super) fixed: bool,
-    /// How far each free axis may run on it, mm or degrees.
-    pub(super) room: Position,
 }
 
 /// The ordered search: states with their costs so far, and the way back from each.

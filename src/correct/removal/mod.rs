@@ -11,7 +11,7 @@ use super::mount::Mount;
 use super::point::{Milled, Point};
 use super::segment::Kind;
 use super::travel::CHORD;
-use super::{Options, Prepared, against};
+use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::program::{Program, Role};
 use crate::robot::Pose;
@@ -131,33 +131,6 @@ fn stock_frame(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Op
                 format!("[stock] wobj = \"{name}\" is declared neither in the program nor in the cell"),
             )
             .help(format!("add [wobjs.{name}] to the cell, or name the work object that the program uses")),
-        ]
-    })
-}
-
-/// Cuts the cell's stock with a program; errors and depth are counted from the original of a corrected one.
-///
-/// # Errors
-/// What [`Prepared::new`] refuses, a cell without `[stock]`, and `run.called-off`.
-pub fn cut_stock(
-    program: &Program,
-    cell: &Cell,
-    options: &Options,
-    original: Option<&Program>,
-    cuts: Cuts,
-) -> Result<Removal, Vec<Diagnostic>> {
-    let mut prepared = match original {
-        Some(original) => against::judged(program, original, cell, options)?.0,
-        None => Prepared::new(program, cell, options)?,
-    };
-    run(program, (cell, options), &mut prepared, cuts)?.ok_or_else(|| {
-        let message = match &cell.stock {
-            None => "the cell has no [stock] to cut",
-            Some(_) => "nothing in the program cuts the stock",
-        };
-        vec![
-            Diagnostic::error("cell.no-stock", "", message)
-                .help("add [stock] with box_mm or stl to the cell, and a cutter for the tools that cut it"),
         ]
     })
 }
