@@ -7,7 +7,7 @@ use super::memory::note;
 use super::motion::Call;
 use super::parameters::Bound;
 use super::run::{Flow, Frame, Mode, Runner};
-use super::state::Switches;
+use super::state::{Switch, Switches};
 use super::symbols::{Content, RoutineId, Upper, first_word};
 use super::tree::{Param, Statement, any, simple_statements};
 use super::value::Value;
@@ -322,8 +322,17 @@ impl<'a> Runner<'a> {
             self.symbols.variables[at].volatile.get_or_insert(JUMPS);
         }
         let loosened = Loosened { data: before, jumping: self.jumping };
-        self.jumping |= changes.switches;
-        self.state.lose(changes.switches);
+        // What is on may stay so: the jump may pass over what switches it off.
+        let off = changes.switches_off;
+        let mut switches = changes.switches;
+        switches |= Switches {
+            displacement: off.displacement && self.state.displacement != Switch::Off,
+            soft: off.soft && self.state.soft != Switch::Off,
+            axes: off.axes,
+            ..Switches::NONE
+        };
+        self.jumping |= switches;
+        self.state.lose(switches);
         loosened
     }
 

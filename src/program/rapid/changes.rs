@@ -27,6 +27,8 @@ pub(super) struct Changes {
     pub(super) anything: bool,
     /// What besides data.
     pub(super) switches: Switches,
+    /// What of it is switched off: nothing, but where a jump may leave it on.
+    pub(super) switches_off: Switches,
 }
 
 /// Where a name leads.
@@ -78,6 +80,7 @@ impl Changes {
         foreign: BTreeSet::new(),
         anything: false,
         switches: Switches::NONE,
+        switches_off: Switches::NONE,
     };
 
     /// What a routine may change of which nothing is known.
@@ -100,11 +103,12 @@ impl Changes {
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
         self.switches |= callee.switches;
+        self.switches_off |= callee.switches_off;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
-    fn flags(&self) -> (bool, Switches) {
-        (self.anything, self.switches)
+    fn flags(&self) -> (bool, Switches, Switches) {
+        (self.anything, self.switches, self.switches_off)
     }
 }
 
@@ -450,15 +454,10 @@ impl<'s, 'a> Scan<'s, 'a> {
                 let literal = literal.filter(|_| name.eq_ignore_ascii_case(b"SetDataVal"));
                 self.out.changes.data.extend(self.symbols.data_named(literal));
             }
-            Some(
-                Instruction::Nothing
-                | Instruction::DisplacementOff
-                | Instruction::SoftOff
-                | Instruction::AxisOffsetOff
-                | Instruction::Moves
-                | Instruction::Ends
-                | Instruction::Raises,
-            ) => {}
+            Some(Instruction::DisplacementOff) => self.out.changes.switches_off.displacement = true,
+            Some(Instruction::SoftOff) => self.out.changes.switches_off.soft = true,
+            Some(Instruction::AxisOffsetOff) => self.out.changes.switches_off.axes = true,
+            Some(Instruction::Nothing | Instruction::Moves | Instruction::Ends | Instruction::Raises) => {}
         }
     }
 

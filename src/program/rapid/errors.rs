@@ -77,6 +77,14 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// An index may be outside of its array (`ERR_OUTOFBND`), whatever the statement that it stands in.
+    pub(super) fn index_may_fail(&mut self) {
+        if self.guards > 0 {
+            self.may_fail();
+            self.may_be_handled(true);
+        }
+    }
+
     /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.
     pub(super) fn may_have_moved(&mut self, id: RoutineId, block: &[Statement]) {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));

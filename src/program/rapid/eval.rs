@@ -242,6 +242,9 @@ impl Runner<'_> {
                         if index.num().is_none() {
                             self.pin_value(&value);
                         }
+                        if !is_within(&value, &index) {
+                            self.index_may_fail();
+                        }
                         value = element(&value, &index);
                         if cursor.accept(Kind::Mark(b',')).is_none() {
                             break;
@@ -297,9 +300,17 @@ fn element(value: &Value, index: &Value) -> Value {
     let (Some(items), Some(index)) = (value.list(), index.num()) else {
         return Value::Unknown(value.unknown().or(index.unknown()).unwrap_or(RUN_TIME));
     };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let at = if index >= 1.0 { Some(index.round() as usize - 1) } else { None };
-    at.and_then(|at| items.get(at)).cloned().unwrap_or(Value::Unknown("index outside the array"))
+    at(index).and_then(|at| items.get(at)).cloned().unwrap_or(Value::Unknown("index outside the array"))
+}
+
+/// Whether an array is known to have an element of this index.
+fn is_within(value: &Value, index: &Value) -> bool {
+    value.list().zip(index.num().and_then(at)).is_some_and(|(items, at)| at < items.len())
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn at(index: f64) -> Option<usize> {
+    (index >= 1.0).then(|| index.round() as usize - 1)
 }
 
 /// `12`, `1.5E3`, `0x1F`, `0b101`, `0o17`.

@@ -474,6 +474,10 @@ impl<'a> Runner<'a> {
                     self.may_fail();
                     self.may_be_handled(false);
                 }
+                if self.guards > 0 && bytes[target.range()].contains(&b'{') {
+                    // For its index.
+                    self.evaluate(scope, target);
+                }
                 self.assign(scope, target, value);
                 if fails {
                     self.may_be_handled(true);

@@ -374,6 +374,27 @@ pub(super) const CASES: &[Case] = &[
         "PROC rv1() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC PROC rv2() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC PROC rv3() PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; ENDPROC",
     ),
     case(
+        "a jump past what switches displacement off, in a routine that is called under it",
+        0,
+        "",
+        "PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; rJump; PDispOff;",
+        "PROC rJump() IF TRUE GOTO over; PDispOff; over: MoveL @1,v50,fine,t1\\WObj:=w1; ENDPROC",
+    ),
+    case(
+        "an index outside of its array, which a handler takes",
+        0,
+        "VAR num n:=0; PERS wobjdata wv:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]; VAR robtarget pa{2}:=[@1,@2];",
+        "rOut; MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=wv;",
+        "PROC rOut() MoveL Offs(pa{n},0,5,0),v50,fine,t1\\WObj:=w1; ERROR wv:=w2; TRYNEXT; ENDPROC",
+    ),
+    case(
+        "an index within its array, beside a handler",
+        1,
+        "VAR num n:=1; PERS wobjdata wv:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]; VAR num ns{2}:=[20,30];",
+        "rIn; MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=wv;",
+        "PROC rIn() n:=ns{n}; ERROR wv:=w2; TRYNEXT; ENDPROC",
+    ),
+    case(
         "parts by name",
         2,
         "VAR extjoint e1:=[9E9,9E9,9E9,9E9,9E9,9E9]; CONST confdata c1:=[0,0,0,0];",
