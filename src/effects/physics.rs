@@ -217,7 +217,7 @@ impl<R: Real> Load<R> {
     /// Everything that acts on the arm, about the base origin.
     #[inline(always)]
     pub(crate) fn all(&self, tcp: Vector<R>) -> Wrench<R> {
-        let mut all = self.beyond[0];
+        let mut all = if self.weights { self.beyond[0] } else { Wrench { force: Vector::ZERO, moment: Vector::ZERO } };
         all.add_force(self.cut, tcp);
         all
     }
@@ -342,6 +342,20 @@ impl<R: Real> Deflection<R> {
         self.flange.set(lane, &one.flange.lane(0));
         self.tip.set(lane, &one.tip.lane(0));
         self.part.set(lane, &one.part.lane(0));
+    }
+
+    /// One target's.
+    pub(crate) fn lane(&self, lane: usize) -> Deflection<f64> {
+        let vector = |v: &Vector<R>| Vector::of(&v.lane(lane));
+        Deflection {
+            joints: six!(i => self.joints[i].lane(lane)),
+            lost: six!(i => self.lost[i].lane(lane)),
+            tilt: six!(i => self.tilt[i].map(|turn| turn.lane(lane))),
+            base: Twist { shift: vector(&self.base.shift), turn: vector(&self.base.turn) },
+            flange: vector(&self.flange),
+            tip: vector(&self.tip),
+            part: vector(&self.part),
+        }
     }
 
     #[inline(always)]

@@ -9,6 +9,7 @@ use super::forward::Forward;
 use super::inverse::{self, Inverse};
 use super::model::Model;
 use super::predict::{EXACT, Equilibrium, PRINTED, PredictedPose, WarmStart, Workspace};
+use crate::effects::Deflection;
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, six, widest};
 use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
@@ -41,7 +42,23 @@ pub(crate) struct Nearby<'a, 'b> {
     pub(crate) motor: &'b Joints,
     /// Direction of travel into them.
     pub(crate) travel: &'b Joints,
-    pub(crate) from: &'b Equilibrium,
+    pub(crate) from: &'b Settled,
+}
+
+/// What of an equilibrium arms that differ by little begin at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Settled {
+    /// Actual TCP in the actual work object, m.
+    pub(crate) wobj_from_tcp: Pose,
+    under: Deflection<f64>,
+    /// See [`PredictedPose`].
+    mixing: f64,
+}
+
+impl From<Equilibrium> for Settled {
+    fn from(there: Equilibrium) -> Self {
+        Self { wobj_from_tcp: there.wobj_from_tcp, under: there.under, mixing: 0.0 }
+    }
 }
 
 /// What a batch is solved in, some kilobytes that are used again.
@@ -54,6 +71,10 @@ pub(crate) struct Room<'a> {
     nominal: Frame,
     predicted_poses: PredictedPoses,
     pub(crate) found: BatchSolutions,
+    /// What rounds begin at, of so many lanes, see [`Room::near`].
+    from: Deflection<Lanes>,
+    mixing: Lanes,
+    count: usize,
 }
 
 /// As many of [`PredictedPose`], but for what rounds know.
@@ -258,20 +279,46 @@ impl<'a> Batch<'a> {
             }
         }
     }
-    /// The TCP in the actual work object, of up to eight commands near what is known of another arm.
+
+    /// [`Arm::predict`] of up to eight commands with the direction of travel into them, bit by bit, where these rounds settle.
+    pub(crate) fn settle<'s, 'm>(
+        &self,
+        room: &mut Room<'s>,
+        count: usize,
+        given: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
+        mut put: impl FnMut(usize, Settled),
+    ) {
+        /// Twice what arms that settle take.
+        const ROUNDS: usize = 20;
+        let model = &self.model;
+        let Workspace { block, at, forward, .. } = &mut room.workspace;
+        for lane in 0..count {
+            let (site, motor, travel) = given(lane);
+            block.set(lane, &site);
+            set(&mut block.site.commanded, lane, motor);
+            set(&mut forward.travel, lane, travel);
+        }
+        block.first(count);
+        forward.under.clear(model.parts);
+        forward.mixing = Lanes::default();
+        at.set_offsets(model, block);
+        forward.begin(model, block, at);
+        forward.run(model, block, at, (LaneMask::first(count), ROUNDS, EXACT));
+        let seen = at.wobj_from_tcp();
+        for lane in (0..count).filter(|&lane| forward.done.lane(lane)) {
+            let (under, mixing) = (forward.under.lane(lane), forward.mixing.lane(lane));
+            put(lane, Settled { wobj_from_tcp: seen.lane(lane), under, mixing });
+        }
+    }
+
+    /// The TCP in the actual work object, at the commands that a room was taken to by [`Room::near`].
     ///
     /// Some rounds from there instead of all from nothing: for differences, of which they leave a thousandth.
-    pub(crate) fn nudged<'s>(&self, room: &mut Room<'s>, near: &[Nearby<'s, '_>], mut put: impl FnMut(Pose)) {
+    pub(crate) fn nudged(&self, room: &mut Room<'_>, mut put: impl FnMut(usize, Pose)) {
         const ROUNDS: usize = 2;
         let model = &self.model;
         let Workspace { block, at, forward, .. } = &mut room.workspace;
-        for (lane, Nearby { site, motor, travel, from }) in near.iter().enumerate() {
-            block.set(lane, site);
-            set(&mut block.site.commanded, lane, motor);
-            set(&mut forward.travel, lane, travel);
-            forward.under.set(lane, &from.under);
-        }
-        block.first(near.len());
+        (forward.under, forward.mixing) = (room.from, room.mixing);
         at.set_offsets(model, block);
         forward.begin(model, block, at);
         forward.close = LaneMask::first(WIDTH);
@@ -281,6 +328,22 @@ impl<'a> Batch<'a> {
         }
         forward.place(model, block, at, EXACT);
         let seen = at.wobj_from_tcp();
-        (0..near.len()).for_each(|lane| put(seen.lane(lane)));
+        (0..room.count).for_each(|lane| put(lane, seen.lane(lane)));
+    }
+}
+
+impl<'a> Room<'a> {
+    /// Takes up to eight commands near what is known of another arm: any number of arms can be asked then.
+    pub(crate) fn near(&mut self, near: &[Nearby<'a, '_>]) {
+        let Workspace { block, forward, .. } = &mut self.workspace;
+        for (lane, Nearby { site, motor, travel, from }) in near.iter().enumerate() {
+            block.set(lane, site);
+            set(&mut block.site.commanded, lane, motor);
+            set(&mut forward.travel, lane, travel);
+            self.from.set(lane, &from.under);
+            self.mixing.set(lane, from.mixing);
+        }
+        block.first(near.len());
+        self.count = near.len();
     }
 }

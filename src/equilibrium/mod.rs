@@ -21,7 +21,7 @@ mod number;
 mod predict;
 
 pub use arm::Arm;
-pub(crate) use batch::{Batch, Given, Nearby, Room};
+pub(crate) use batch::{Batch, Given, Nearby, Room, Settled};
 pub(crate) use block::{Setting, Site};
 pub use command::Command;
 pub(crate) use command::{InverseSolution, Start};

@@ -214,6 +214,11 @@ impl Candidate {
         self.scale >= 1.0
     }
 
+    /// Whether it is a pattern that shifts what is measured.
+    pub(super) fn is_shift(&self) -> bool {
+        matches!(self.home, Home::Pattern(pattern) if !pattern.is_of_force())
+    }
+
     pub(super) fn is_pattern(&self) -> bool {
         matches!(self.home, Home::Pattern(_))
     }

@@ -5,7 +5,7 @@ use super::noise::{OVER, Places, Sample, Series};
 use super::runs::at_line;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
-use crate::equilibrium::{Arm, Batch, Equilibrium, Nearby, Room, Setting, Site};
+use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
 use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
 use crate::robot::{Joints, Pose, Units};
@@ -127,6 +127,38 @@ pub(super) struct Problem {
 /// A row whose arm finds no equilibrium.
 const LOST: Parts = [[f64::NAN; 3]; 2];
 
+/// Rows that share a workspace.
+const TOGETHER: usize = 128;
+
+/// What some rows are solved with.
+struct Sites<'a> {
+    situations: Vec<Situation<'a>>,
+    settings: Vec<Setting>,
+    /// Index of each row's.
+    setting: Vec<usize>,
+}
+
+impl<'a> Sites<'a> {
+    fn of(problem: &'a Problem, rows: &[Observation]) -> Self {
+        let situations: Vec<Situation> = rows.iter().map(|row| problem.runs[row.run].situation(row.point)).collect();
+        // Neighbours share theirs, but where units move.
+        let mut settings: Vec<Setting> = Vec::new();
+        let setting = |situation: &Situation| {
+            let own = Setting::of(situation);
+            if settings.last() != Some(&own) {
+                settings.push(own);
+            }
+            settings.len() - 1
+        };
+        let setting = situations.iter().map(setting).collect();
+        Self { situations, settings, setting }
+    }
+
+    fn site(&self, i: usize) -> Site<'_> {
+        Site::of(&self.situations[i], &self.settings[self.setting[i]])
+    }
+}
+
 /// Blocks that a run is cut into; every fourth is held out.
 const BLOCKS: usize = 16;
 
@@ -180,87 +212,96 @@ impl Problem {
 
     /// Measured minus predicted, stacked, mm; NaN where the arm finds no equilibrium.
     pub(super) fn residual(&self, arm: &Arm) -> DVector<f64> {
-        let of = |row| self.equilibrium(arm, row).map_or(LOST, |there| self.gap(row, &self.seen(row, &there)));
-        self.stacked(self.rows.par_iter().map(of).collect())
-    }
-
-    /// Equilibrium at every row, where there is one.
-    pub(super) fn equilibria(&self, arm: &Arm) -> Vec<Option<Equilibrium>> {
-        self.rows.par_iter().map(|row| self.equilibrium(arm, row)).collect()
-    }
-
-    /// As [`Problem::residual`], for an arm near the one that settled at `known`.
-    pub(super) fn residual_near(&self, arm: &Arm, known: &[Option<Equilibrium>]) -> DVector<f64> {
-        /// Rows that share a workspace.
-        const TOGETHER: usize = 128;
-        let batch = Batch::new(arm);
-        let of = |(rows, known): (&[Observation], &[Option<Equilibrium>])| {
-            let situations: Vec<Situation> = rows.iter().map(|row| self.runs[row.run].situation(row.point)).collect();
-            // Neighbours share theirs, but where units move.
-            let mut settings: Vec<Setting> = Vec::new();
-            let setting = |situation: &Situation| {
-                let own = Setting::of(situation);
-                if settings.last() != Some(&own) {
-                    settings.push(own);
-                }
-                settings.len() - 1
-            };
-            let setting: Vec<usize> = situations.iter().map(setting).collect();
-            let mut room = Room::default();
-            let mut parts = vec![LOST; rows.len()];
-            let found: Vec<usize> = (0..rows.len()).filter(|&i| known[i].is_some()).collect();
-            for lanes in found.chunks(WIDTH) {
-                let near = |&i: &usize| {
-                    let Observation { motor, travel, .. } = &rows[i];
-                    let site = Site::of(&situations[i], &settings[setting[i]]);
-                    known[i].as_ref().map(|from| Nearby { site, motor, travel, from })
-                };
-                let near: SmallVec<[Nearby; WIDTH]> = lanes.iter().filter_map(near).collect();
-                let mut lane = lanes.iter();
-                batch.nudged(&mut room, &near, |there| {
-                    if let Some(&i) = lane.next() {
-                        parts[i] = self.gap(&rows[i], &self.runs[rows[i].run].seen(rows[i].point, there));
-                    }
-                });
-            }
-            parts
-        };
-        self.stacked(self.rows.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER)).flat_map_iter(of).collect())
+        self.residual_under(arm, |_, read| read)
     }
 
     /// As [`Problem::residual`], under other forces than were read, by the row's index and what was read.
     pub(super) fn residual_under(
         &self,
         arm: &Arm,
-        known: &[Option<Equilibrium>],
         force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
     ) -> DVector<f64> {
-        let of = |(i, (row, known)): (usize, (&Observation, &Option<Equilibrium>))| {
-            let mut situation = self.runs[row.run].situation(row.point);
-            match (situation.cutting, known) {
-                (Cutting::Constant(read), _) => {
-                    situation.cutting = Cutting::Constant(force(i, read));
-                    let there = arm.predict(&situation, &row.motor, &row.travel).ok();
-                    there.map_or(LOST, |there| self.gap(row, &self.seen(row, &there)))
+        let parts = self.solved(arm, force, |row, there| self.gap(row, &there.wobj_from_tcp));
+        self.stacked(parts.into_iter().map(|parts| parts.unwrap_or(LOST)))
+    }
+
+    /// Equilibrium at every row, where there is one.
+    pub(super) fn equilibria(&self, arm: &Arm) -> Vec<Option<Settled>> {
+        self.solved(arm, |_, read| read, |_, there| there)
+    }
+
+    /// What is taken of the equilibrium at every row, where there is one.
+    fn solved<T: Send>(
+        &self,
+        arm: &Arm,
+        force: impl Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync,
+        take: impl Fn(&Observation, Settled) -> T + Sync,
+    ) -> Vec<Option<T>> {
+        let batch = Batch::new(arm);
+        let of = |(chunk, rows): (usize, &[Observation])| {
+            let mut sites = Sites::of(self, rows);
+            for (i, situation) in sites.situations.iter_mut().enumerate() {
+                if let Cutting::Constant(read) = situation.cutting {
+                    situation.cutting = Cutting::Constant(force(chunk * TOGETHER + i, read));
                 }
-                (_, Some(known)) => self.gap(row, &self.seen(row, known)),
-                (_, None) => LOST,
             }
+            let mut room = Room::default();
+            let mut found: Vec<Option<T>> = rows.iter().map(|_| None).collect();
+            for from in (0..rows.len()).step_by(WIDTH) {
+                let given = |lane: usize| {
+                    let row = &rows[from + lane];
+                    (sites.site(from + lane), &row.motor, &row.travel)
+                };
+                batch.settle(&mut room, WIDTH.min(rows.len() - from), given, |lane, there| {
+                    found[from + lane] = Some(take(&rows[from + lane], there));
+                });
+            }
+            let left = found.iter_mut().zip(rows).zip(&sites.situations).filter(|((found, _), _)| found.is_none());
+            for ((found, row), situation) in left {
+                let there = arm.predict(situation, &row.motor, &row.travel).ok();
+                *found = there.map(|there| take(row, there.into()));
+            }
+            found
         };
-        self.stacked(self.rows.par_iter().zip(known).enumerate().map(of).collect())
+        self.rows.par_chunks(TOGETHER).enumerate().flat_map_iter(of).collect()
     }
 
-    /// The TCP in the work object at an equilibrium of a row.
-    fn seen(&self, row: &Observation, there: &Equilibrium) -> Pose {
-        self.runs[row.run].seen(row.point, there.wobj_from_tcp)
+    /// As [`Problem::residual`], for arms near the one that settled at `known`.
+    pub(super) fn residuals_near(&self, arms: &[Arm], known: &[Option<Settled>]) -> Vec<DVector<f64>> {
+        let batches: Vec<Batch> = arms.iter().map(Batch::new).collect();
+        let of = |(rows, known): (&[Observation], &[Option<Settled>])| {
+            let sites = Sites::of(self, rows);
+            let mut room = Room::default();
+            // Those of one arm together.
+            let mut parts = vec![LOST; rows.len() * arms.len()];
+            let found: Vec<usize> = (0..rows.len()).filter(|&i| known[i].is_some()).collect();
+            for lanes in found.chunks(WIDTH) {
+                let near = |&i: &usize| {
+                    let Observation { motor, travel, .. } = &rows[i];
+                    known[i].as_ref().map(|from| Nearby { site: sites.site(i), motor, travel, from })
+                };
+                room.near(&lanes.iter().filter_map(near).collect::<SmallVec<[Nearby; WIDTH]>>());
+                for (batch, parts) in batches.iter().zip(parts.chunks_exact_mut(rows.len())) {
+                    batch.nudged(&mut room, |lane, there| {
+                        let i = lanes[lane];
+                        parts[i] = self.gap(&rows[i], &there);
+                    });
+                }
+            }
+            parts
+        };
+        let chunks = self.rows.par_chunks(TOGETHER).zip(known.par_chunks(TOGETHER));
+        let chunks: Vec<(usize, Vec<Parts>)> = chunks.map(|chunk| (chunk.0.len(), of(chunk))).collect();
+        let of_arm = |n: usize| {
+            let parts = chunks.iter().flat_map(|(rows, parts)| &parts[n * rows..(n + 1) * rows]);
+            self.stacked(parts.copied())
+        };
+        (0..arms.len()).map(of_arm).collect()
     }
 
-    fn equilibrium(&self, arm: &Arm, row: &Observation) -> Option<Equilibrium> {
-        arm.predict(&self.runs[row.run].situation(row.point), &row.motor, &row.travel).ok()
-    }
-
-    /// What was measured minus where the TCP is.
+    /// What was measured minus where the TCP is, both in the work object or both in what stands for it.
     fn gap(&self, row: &Observation, wobj_from_tcp: &Pose) -> Parts {
+        let wobj_from_tcp = &self.runs[row.run].seen(row.point, *wobj_from_tcp);
         let moved = match row.seen {
             Seen::Position(seen) => (seen - wobj_from_tcp.translation.vector * 1e3).into(),
             Seen::Normal(seen) => [seen - 1e3 * self.runs[row.run].normal_error(row.point, wobj_from_tcp), 0.0, 0.0],
@@ -297,7 +338,7 @@ impl Problem {
     }
 
     /// A stacked vector from its parts, row by row.
-    pub(super) fn stacked(&self, parts: Vec<Parts>) -> DVector<f64> {
+    pub(super) fn stacked(&self, parts: impl IntoIterator<Item = Parts>) -> DVector<f64> {
         let mut out = DVector::zeros(self.scalars);
         for (row, [moved, turned]) in self.rows.iter().zip(parts) {
             // What was not measured is in no residual and in no column.
@@ -489,6 +530,66 @@ impl Blocks {
         match &self.given {
             Some(given) => given[order],
             None => self.of_row(order) % 4 == 2,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cell::Cell;
+    use crate::effects::{KINDS, Kind};
+    use crate::identify::candidates::with;
+    use crate::text::Source;
+
+    /// An arm with each form of every kind, and poses of it under no forces.
+    fn arms_and_poses() -> (Vec<Arm>, Problem) {
+        let text = "[robot]\nmodel = \"irb120-3-0.58\"\n[robot.stiffness]\njoint_nm_per_rad = [2e4, 2e4, 2e4, 5e3, 5e3, 5e3]\n\
+                    [tools.t]\ntcp_mm = [0, 0, 100]\ntcp_quat = [1, 0, 0, 0]\nmass_kg = 2\n[cut]\nforce = \"none\"\n";
+        let cell = Cell::read(&Source::new("cell.toml", text.as_bytes().to_vec())).unwrap();
+        let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n".to_owned();
+        for i in 0..20 {
+            let deg: [f64; 6] = std::array::from_fn(|j| 40.0 * ((i * (2 * j + 3)) as f64 * 0.7).sin());
+            let there =
+                cell.arm.robot.forward(&Joints::from(deg.map(f64::to_radians))) * cell.tools["T"].flange_from_tcp;
+            let place = there.translation.vector * 1e3;
+            let row: Vec<String> = deg.iter().chain(place.iter()).map(f64::to_string).collect();
+            csv += &(row.join(",") + "\n");
+        }
+        let table = Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap();
+        let problem = Problem::of_poses(&cell, vec![table], None).unwrap();
+        let arm = |(kind, form): (&Kind, &&str)| {
+            let mut arm = with(&cell.arm, &[]);
+            arm.effects.push((kind.read)(form.parse().unwrap()).unwrap());
+            arm
+        };
+        let forms = KINDS.iter().flat_map(|kind| kind.forms.iter().map(move |form| (kind, form)));
+        (forms.map(arm).collect(), problem)
+    }
+
+    #[test]
+    fn rows_that_are_solved_together_come_to_what_each_comes_to_alone() {
+        let (arms, problem) = arms_and_poses();
+        for arm in &arms {
+            for (row, together) in problem.rows.iter().zip(problem.equilibria(arm)) {
+                let alone = arm.predict(&problem.runs[row.run].situation(row.point), &row.motor, &row.travel).ok();
+                assert_eq!(
+                    together.map(|there| there.wobj_from_tcp),
+                    alone.map(|there| there.wobj_from_tcp),
+                    "{arm:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_an_arm_comes_to_does_not_depend_on_which_others_are_asked() {
+        let (arms, problem) = arms_and_poses();
+        let known = problem.equilibria(&arms[0]);
+        let together = problem.residuals_near(&arms, &known);
+        for (arm, together) in arms.iter().zip(together) {
+            let alone = problem.residuals_near(std::slice::from_ref(arm), &known);
+            assert_eq!(alone, [together], "{arm:?}");
         }
     }
 }

@@ -7,10 +7,11 @@
 use super::candidates::{Candidate, Home, twins, with};
 use super::data::Problem;
 use super::device;
+use super::moments::gather;
 use super::noise::Sample;
 use super::pattern;
 use crate::effects::JointCurve;
-use crate::equilibrium::{Arm, Equilibrium};
+use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -61,10 +62,15 @@ impl Design {
         base: &DVector<f64>,
         reuse: &mut Reuse,
     ) -> (Self, Vec<usize>) {
-        if reuse.about != chosen || reuse.columns.values().flatten().any(|column| column.len() != problem.scalars) {
+        // Of members of the set itself no columns are kept: others' serve on when these alone are asked about another set.
+        let others = wanted.iter().any(|c| !chosen.contains(c));
+        let renumbered = reuse.columns.values().flatten().any(|column| column.len() != problem.scalars);
+        if others && reuse.about != chosen || renumbered {
             reuse.about = chosen.to_vec();
-            reuse.columns.clear();
+            // What shifts the rows does so whatever the arm is.
+            reuse.columns.retain(|c, _| !renumbered && candidates[*c].is_shift());
         }
+        let serves = |reuse: &Reuse, c: usize| reuse.about == chosen && c < reuse.below && !chosen.contains(&c);
         let firsts = firsts(candidates, chosen, wanted);
         let unknowns = (0..problem.devices.len()).map(|run| device::unknowns(problem, run));
         let instruments: Vec<(usize, usize)> =
@@ -87,33 +93,45 @@ impl Design {
         let whole = now(None);
         let settled = problem.equilibria(&whole);
         let mut design = Self { kept: DMatrix::zeros(problem.scalars, own.end), curves: Vec::new() };
+        let mut differences = Vec::new();
         for (&c, _) in wanted.iter().zip(&firsts.of).filter(|(_, first)| first.new) {
             let candidate = &candidates[c];
-            if let Some(known) = reuse.columns.get(&c) {
-                candidate.columns().zip(known).for_each(|(at, column)| design.kept.set_column(at, column));
-                continue;
-            }
-            let own = chosen.contains(&c).then(|| now(Some(c)));
-            let about = About { arm: own.as_ref().unwrap_or(&whole), problem, base, settled: &settled };
-            match (&candidate.home, &candidate.curve) {
-                (Home::Pattern(pattern), _) => {
-                    let about = pattern::About { problem, arm: &whole, base, settled: &settled };
-                    let columns = pattern::columns(&about, *pattern);
+            let known = reuse.columns.get(&c).filter(|_| serves(reuse, c));
+            match (known, &candidate.home) {
+                (Some(known), _) => {
+                    candidate.columns().zip(known).for_each(|(at, column)| design.kept.set_column(at, column));
+                }
+                (None, Home::Pattern(pattern)) => {
+                    let columns = pattern::columns(&pattern::About { problem, arm: &whole, base }, *pattern);
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
-                (home, Some(curve)) => {
-                    let raised = about.derivative(home, candidate, 0..candidate.values.len());
-                    let of = Arc::clone(&curve.of);
-                    design.curves.push(Along::new(problem, candidate.columns(), of, raised));
-                }
-                (home, None) => {
-                    for (k, at) in candidate.columns().enumerate() {
-                        design.kept.set_column(at, &about.derivative(home, candidate, k..k + 1));
-                    }
+                // A curve is moved as a whole.
+                (None, _) if candidate.curve.is_some() => differences.push((c, 0..candidate.values.len())),
+                (None, _) => differences.extend((0..candidate.values.len()).map(|k| (c, k..k + 1))),
+            }
+        }
+        for some in differences.chunks(TOGETHER) {
+            let moved = some.iter().map(|(c, numbers)| {
+                let own = chosen.contains(c).then(|| now(Some(*c)));
+                moved(own.as_ref().unwrap_or(&whole), &candidates[*c], numbers.clone())
+            });
+            let (arms, scales): (Vec<Arm>, Vec<f64>) = moved.unzip();
+            let residuals = problem.residuals_near(&arms, &settled);
+            for (((c, numbers), scale), residual) in some.iter().zip(scales).zip(residuals) {
+                // The residual falls by what the prediction grows.
+                let mut column = (base - residual) * scale;
+                column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
+                let columns = candidates[*c].columns();
+                match &candidates[*c].curve {
+                    Some(curve) => design.curves.push(Along::new(problem, columns, Arc::clone(&curve.of), column)),
+                    None => design.kept.set_column(columns.start + numbers.start, &column),
                 }
             }
-            if c < reuse.below && !chosen.contains(&c) && candidate.curve.is_none() {
-                let columns = candidate.columns().map(|at| design.kept.column(at).into_owned()).collect();
+        }
+        for (&c, first) in wanted.iter().zip(&firsts.of) {
+            let kept = first.new && candidates[c].curve.is_none();
+            if kept && serves(reuse, c) && !reuse.columns.contains_key(&c) {
+                let columns = candidates[c].columns().map(|at| design.kept.column(at).into_owned()).collect();
                 reuse.columns.insert(c, columns);
             }
         }
@@ -153,10 +171,11 @@ impl Design {
 
     /// Writes the columns at some samples, each sample's together.
     pub(super) fn fill(&self, samples: &[Sample], rows: usize, block: &mut [f64]) {
+        gather(&self.kept, samples, rows, block);
+        if self.curves.is_empty() {
+            return;
+        }
         for (&(scalar, ..), block) in samples.iter().zip(block.chunks_exact_mut(rows)) {
-            for (value, column) in block.iter_mut().zip(self.kept.column_iter()) {
-                *value = column[scalar];
-            }
             for along in &self.curves {
                 let weights = &mut block[along.columns.clone()];
                 along.of.weights(along.angle_deg[scalar], weights);
@@ -219,30 +238,16 @@ fn firsts(candidates: &[Candidate], chosen: &[usize], wanted: &[usize]) -> First
 /// Step of a difference, as a share of the typical size: small against curvature, large against rounding.
 const STEP: f64 = 0.05;
 
-/// What derivatives are taken about.
-struct About<'a> {
-    /// The arm without the candidate's own numbers.
-    arm: &'a Arm,
-    problem: &'a Problem,
-    /// Residual and equilibria of the arm with them.
-    base: &'a DVector<f64>,
-    settled: &'a [Option<Equilibrium>],
-}
+/// Arms that are asked for all rows together.
+const TOGETHER: usize = 64;
 
-impl About<'_> {
-    /// With some numbers moved alike.
-    fn derivative(&self, home: &Home, candidate: &Candidate, numbers: Range<usize>) -> DVector<f64> {
-        let mut values = candidate.values.clone();
-        let k = numbers.start;
-        let (low, high) = candidate.bounds[k];
-        let step = STEP * candidate.typical[k];
-        let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
-        values[numbers].iter_mut().for_each(|value| *value += step);
-        let moved = self.problem.residual_near(&with(self.arm, &[(home, &values)]), self.settled);
-        let scale = candidate.typical[k] / step;
-        // The residual falls by what the prediction grows.
-        let mut column = (self.base - moved) * scale;
-        column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
-        column
-    }
+/// An arm with some numbers of a candidate moved alike, by one step, and what makes a difference one per typical size.
+fn moved(arm: &Arm, candidate: &Candidate, numbers: Range<usize>) -> (Arm, f64) {
+    let mut values = candidate.values.clone();
+    let k = numbers.start;
+    let (low, high) = candidate.bounds[k];
+    let step = STEP * candidate.typical[k];
+    let step = if values[k] + step <= high || values[k] - step < low { step } else { -step };
+    values[numbers].iter_mut().for_each(|value| *value += step);
+    (with(arm, &[(&candidate.home, &values)]), candidate.typical[k] / step)
 }

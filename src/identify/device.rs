@@ -1,10 +1,9 @@
 //! What is unknown of a measuring instrument: nothing, the frame of a tracker, the fixed point of a draw-wire.
 
 use super::data::{Observation, Parts, Problem, Seen};
-use crate::equilibrium::Equilibrium;
+use crate::equilibrium::Settled;
 use crate::robot::Pose;
 use nalgebra::{DVector, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector3, Vector4};
-use rayon::prelude::*;
 
 /// The unknown part of a run's instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,9 +34,9 @@ pub(super) fn unknowns(problem: &Problem, run: usize) -> usize {
 
 /// Change of every prediction with unknown `axis` of a run's instrument, mm per prior size, about the arm as it settled:
 /// a turn about where the TCP is declared would leave a wrong tool in every frame.
-pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: usize, axis: usize) -> DVector<f64> {
+pub(super) fn column(problem: &Problem, settled: &[Option<Settled>], run: usize, axis: usize) -> DVector<f64> {
     let unit = Vector3::ith(axis % 3, 1.0);
-    let of = |(row, there): (&Observation, &Option<Equilibrium>)| -> Parts {
+    let of = |(row, there): (&Observation, &Option<Settled>)| -> Parts {
         let declared = || problem.runs[row.run].points[row.point].wobj_from_tcp;
         let there = there.as_ref().map_or_else(declared, |there| there.wobj_from_tcp);
         let place = there.translation.vector * 1e3;
@@ -53,7 +52,7 @@ pub(super) fn column(problem: &Problem, settled: &[Option<Equilibrium>], run: us
         };
         [moved.into(), turned.into()]
     };
-    problem.stacked(problem.rows.par_iter().zip(settled).map(of).collect())
+    problem.stacked(problem.rows.iter().zip(settled).map(of))
 }
 
 /// Where every run's instrument is taken to be.

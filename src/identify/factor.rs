@@ -1,77 +1,142 @@
 //! Cholesky factors of normal matrices, kept for the columns that many sets begin with and extended by those of each.
+//!
+//! What a further column is in terms of the kept ones does not depend on its prior: it is solved once, for all candidates that
+//! have it and for all whose priors differ only.
 
 use super::moments::Moments;
 use super::score::{Columns, dot};
+use crate::lanes::widest;
 use nalgebra::DMatrix;
 use statrs::function::erf::erfc;
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::rc::Rc;
 
 /// Columns with all that their rows of a normal matrix are made of, behind the rows of others.
-pub(super) struct Part {
-    /// Row by row: products with the columns before, and with its own up to the diagonal.
+pub(super) struct Part<'a> {
+    moments: &'a Moments,
+    pub(super) before: &'a Columns,
+    columns: &'a Columns,
+    /// Row by row up to the diagonal: products with one another.
     products: Vec<f64>,
     prior: DMatrix<f64>,
-    cross: Vec<f64>,
     /// What the prior pulls to.
     pull: Vec<f64>,
 }
 
-impl Part {
-    pub(super) fn new(moments: &Moments, before: &Columns, columns: &Columns) -> Self {
+impl<'a> Part<'a> {
+    pub(super) fn new(moments: &'a Moments, before: &'a Columns, columns: &'a Columns) -> Self {
         let list = &columns.list;
-        let mut products = Vec::with_capacity(list.len() * (before.list.len() + list.len()));
+        let mut products = Vec::with_capacity(list.len() * (list.len() + 1) / 2);
         for (i, &(a, s)) in list.iter().enumerate() {
             let gram = moments.gram.column(a);
-            products.extend(before.list.iter().chain(&list[..=i]).map(|&(b, t)| gram[b] * s * t));
+            products.extend(list[..=i].iter().map(|&(b, t)| gram[b] * s * t));
         }
         let mut prior = DMatrix::zeros(list.len(), list.len());
         columns.add_precision(&mut prior);
         let mut pull = vec![0.0; list.len()];
         columns.means.iter().for_each(|&(i, mean)| pull[i] += mean);
-        Self { products, prior, cross: list.iter().map(|&(a, s)| moments.cross[a] * s).collect(), pull }
+        Self { moments, before, columns, products, prior, pull }
     }
 }
 
 /// Rows of the Cholesky factor L of a normal matrix, behind those of another factor or from the first on.
 #[derive(Default)]
 pub(super) struct Factor {
-    /// Rows of the other factor.
-    behind: usize,
-    /// One after another, up to the diagonal.
+    /// Of each row what stands before its own part, but for the factor behind it.
+    behind: Vec<(Rc<Solved>, f64)>,
+    /// One after another, their own parts up to the diagonal.
     rows: Vec<f64>,
     /// L⁻¹ of the right side.
     white: Vec<f64>,
     pub(super) half_log_det: f64,
     /// L⁻¹ of the unit vectors of bounded numbers.
     units: OnceCell<Vec<Vec<f64>>>,
+    /// By column.
+    solved: RefCell<BTreeMap<usize, Rc<Solved>>>,
+}
+
+/// A column over its share of the typical size, behind a factor.
+#[derive(Default)]
+struct Solved {
+    /// L⁻¹ of its products with the factor's columns.
+    row: Vec<f64>,
+    /// Its products with the factor's units.
+    on_units: OnceCell<Vec<f64>>,
 }
 
 impl Factor {
     /// Further rows behind these; `None` where the matrix is not positive definite.
     pub(super) fn extended(&self, part: &Part, precision: f64) -> Option<Self> {
-        let before = self.white.len();
-        let mut rows: Vec<f64> = part.products.iter().map(|product| product * precision).collect();
-        let mut white: Vec<f64> = Vec::with_capacity(part.cross.len());
-        let (mut from, mut half_log_det) = (0, 0.0);
-        for i in 0..part.cross.len() {
-            let (above, below) = rows.split_at_mut(from);
-            let (own, last) = below[..=before + i].split_at_mut(before + i);
-            own[before..].iter_mut().zip(part.prior.row(i).iter()).for_each(|(value, prior)| *value += prior);
-            for (j, row) in triangle(&self.rows, 0).chain(triangle(above, before)).enumerate() {
-                own[j] = (own[j] - dot(&own[..j], &row[..j])) / row[j];
-            }
-            let square = last[0] + part.prior[(i, i)] - dot(own, own);
-            if square.is_nan() || square <= 0.0 {
+        let Part { moments, columns, products, prior, pull, .. } = part;
+        let behind: Vec<(Rc<Solved>, f64)> =
+            columns.list.iter().map(|&(column, share)| (self.solved(part, precision, column), share)).collect();
+        let mut next = Self { behind, rows: Vec::with_capacity(products.len()), ..Self::default() };
+        let (mut rest, mut complete) = (&products[..], true);
+        for (i, &(column, share)) in columns.list.iter().enumerate() {
+            let (row, others) = rest.split_at(i + 1);
+            rest = others;
+            let right = moments.cross[column] * share * precision + pull[i];
+            widest!(<'a> (
+                factor: &'a mut Factor = &mut next,
+                white: &'a [f64] = &self.white,
+                complete: &'a mut bool = &mut complete,
+                row: &'a [f64] = row,
+                prior: &'a DMatrix<f64> = prior,
+                precision: f64 = precision,
+                right: f64 = right,
+            ) {
+                *complete = factor.append(white, row, prior, precision, right);
+            });
+            if !complete {
                 return None;
             }
-            last[0] = square.sqrt();
-            half_log_det += 0.5 * square.ln();
-            let right = part.cross[i] * precision + part.pull[i];
-            white.push((right - dot(&own[..before], &self.white) - dot(&own[before..], &white)) / last[0]);
-            from += before + i + 1;
         }
-        Some(Self { behind: before, rows, white, half_log_det, units: OnceCell::new() })
+        Some(next)
+    }
+
+    /// Adds a row, by its products with the factor's own columns up to itself.
+    #[inline(always)]
+    fn append(&mut self, white: &[f64], row: &[f64], prior: &DMatrix<f64>, precision: f64, right: f64) -> bool {
+        let (i, from) = (row.len() - 1, self.rows.len());
+        let (before, share) = &self.behind[i];
+        for j in 0..=i {
+            let (other, of_other) = &self.behind[j];
+            let known = share * of_other * dot(&before.row, &other.row);
+            self.rows.push(row[j] * precision + prior[(i, j)] - known);
+        }
+        let (above, own) = self.rows.split_at_mut(from);
+        let mut at = 0;
+        for j in 0..i {
+            own[j] = (own[j] - dot(&own[..j], &above[at..at + j])) / above[at + j];
+            at += j + 1;
+        }
+        let square = own[i] - dot(&own[..i], &own[..i]);
+        if square.is_nan() || square <= 0.0 {
+            return false;
+        }
+        own[i] = square.sqrt();
+        self.half_log_det += 0.5 * square.ln();
+        self.white.push((right - share * dot(&before.row, white) - dot(&own[..i], &self.white)) / own[i]);
+        true
+    }
+
+    /// A column behind this factor, which is of the columns before the part.
+    fn solved(&self, part: &Part, precision: f64, column: usize) -> Rc<Solved> {
+        let solve = || {
+            let gram = part.moments.gram.column(column);
+            let mut row: Vec<f64> = part.before.list.iter().map(|&(b, t)| gram[b] * t * precision).collect();
+            widest!(<'a> (row: &'a mut [f64] = &mut row, rows: &'a [f64] = &self.rows) {
+                let mut at = 0;
+                for j in 0..row.len() {
+                    row[j] = (row[j] - dot(&row[..j], &rows[at..at + j])) / rows[at + j];
+                    at += j + 1;
+                }
+            });
+            Rc::new(Solved { row, on_units: OnceCell::new() })
+        };
+        Rc::clone(self.solved.borrow_mut().entry(column).or_insert_with(solve))
     }
 
     /// Square of its part of L⁻¹ of the right side.
@@ -79,23 +144,26 @@ impl Factor {
         dot(&self.white, &self.white)
     }
 
-    /// Its part of L⁻¹ of a vector: of what is solved in the rows before, and one at one of its own.
-    fn solved(&self, before: &[f64], unit: Option<usize>) -> Vec<f64> {
+    /// Its part of L⁻¹ of a vector, by what the rows before have in each row: of one at one of its own, or none.
+    fn solve(&self, before: impl Fn(usize) -> f64, unit: Option<usize>) -> Vec<f64> {
         let mut solved: Vec<f64> = Vec::with_capacity(self.white.len());
-        for (j, row) in triangle(&self.rows, self.behind).enumerate() {
+        for (j, row) in triangle(&self.rows).enumerate() {
             let right = if unit == Some(j) { 1.0 } else { 0.0 };
-            let of_before = if before.is_empty() { 0.0 } else { dot(&row[..before.len()], before) };
-            let own = &row[row.len() - 1 - j..];
-            solved.push((right - of_before - dot(&own[..j], &solved)) / own[j]);
+            solved.push((right - before(j) - dot(&row[..j], &solved)) / row[j]);
         }
         solved
     }
+
+    /// L⁻¹ of the unit vectors of the columns' bounded numbers.
+    fn units(&self, columns: &Columns) -> &[Vec<f64>] {
+        self.units.get_or_init(|| columns.limits.iter().map(|&(i, ..)| self.solve(|_| 0.0, Some(i))).collect())
+    }
 }
 
-/// Rows of a triangle of which the first has so many values before its diagonal.
-fn triangle(rows: &[f64], before: usize) -> impl Iterator<Item = &[f64]> {
+/// Rows of a triangle, each up to the diagonal.
+fn triangle(rows: &[f64]) -> impl Iterator<Item = &[f64]> {
     let mut rest = rows;
-    (before + 1..).map_while(move |length| {
+    (1..).map_while(move |length| {
         let (row, others) = rest.split_at_checked(length)?;
         rest = others;
         Some(row)
@@ -111,10 +179,15 @@ pub(super) fn within_limits(factor: &Factor, columns: &Columns, further: &Factor
         let at = over([if unit[0].is_empty() { &[] } else { &factor.white }, &further.white]);
         log_normal_between((low - at) / spread, (high - at) / spread) - log_normal_between(low, high)
     };
-    let units =
-        factor.units.get_or_init(|| columns.limits.iter().map(|&(i, ..)| factor.solved(&[], Some(i))).collect());
-    let own = columns.limits.iter().zip(units).map(|(limit, unit)| share(limit, [unit, &further.solved(unit, None)]));
-    let new = more.limits.iter().map(|limit| share(limit, [&[], &further.solved(&[], Some(limit.0))]));
+    let units = factor.units(columns);
+    let own = columns.limits.iter().zip(units).enumerate().map(|(n, (limit, unit))| {
+        let before = |j: usize| {
+            let (solved, share) = &further.behind[j];
+            share * solved.on_units.get_or_init(|| units.iter().map(|unit| dot(&solved.row, unit)).collect())[n]
+        };
+        share(limit, [unit, &further.solve(before, None)])
+    });
+    let new = more.limits.iter().map(|limit| share(limit, [&[], &further.solve(|_| 0.0, Some(limit.0))]));
     own.chain(new).sum()
 }
 

@@ -5,10 +5,11 @@
 
 use super::candidates::{Candidate, Home, Shape};
 use super::data::Problem;
-use super::noise::{self, Series, Step};
-use super::score::dot;
+use super::moments::Columns;
+use super::noise::{self, Sample, Series, Step};
 use super::search::PRICE;
 use crate::effects::gear_harmonic;
+use crate::lanes::{Lanes, SinCos, WIDTH, widest};
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rayon::prelude::*;
@@ -63,8 +64,10 @@ pub(super) struct Comb<'a> {
     /// Change of the residual per `TYPICAL_RAD` of each joint's error, mm.
     along: [DVector<f64>; 6],
     series: Vec<Series>,
-    /// What whitens each, with the standard deviation in place of the variance.
+    /// What whitens each.
     steps: Vec<Vec<Step>>,
+    /// Index of each scalar's row.
+    row: Vec<usize>,
     precision: f64,
     /// Half of the angle that each joint is seen over, rad.
     half: Joints,
@@ -80,9 +83,9 @@ impl<'a> Comb<'a> {
         known: Option<Grid>,
     ) -> Self {
         let series = problem.series(|row| !row.held_out);
-        let rooted = |step: Step| Step { variance: step.variance.sqrt(), ..step };
-        let steps: Vec<Vec<Step>> =
-            series.iter().map(|series| noise::steps(series, shape).into_iter().map(rooted).collect()).collect();
+        let steps: Vec<Vec<Step>> = series.iter().map(|series| noise::steps(series, shape)).collect();
+        let mut row = vec![0; problem.scalars];
+        problem.rows.iter().enumerate().for_each(|(i, own)| row[own.scalars()].fill(i));
         let along = std::array::from_fn(|j| design.column(zero.first + j) * (TYPICAL_RAD / zero.typical[j]));
         let mut range = (Joints::repeat(f64::INFINITY), Joints::repeat(f64::NEG_INFINITY));
         for row in problem.rows.iter().filter(|row| !row.held_out) {
@@ -91,7 +94,7 @@ impl<'a> Comb<'a> {
         let widths = series.iter().flat_map(|s| s.samples.iter().map(|&(row, _, width)| width * (1 + row) as f64));
         let key = (shape, steps.iter().map(Vec::len).sum(), widths.sum::<f64>().to_bits());
         let half = 0.5 * (range.1 - range.0);
-        let mut comb = Self { grid: None, problem, along, series, steps, precision: sigma.powi(-2), half };
+        let mut comb = Self { grid: None, problem, along, series, steps, row, precision: sigma.powi(-2), half };
         comb.grid = Some(known.filter(|grid| grid.key == key).unwrap_or_else(|| comb.asked(key)));
         comb
     }
@@ -99,14 +102,13 @@ impl<'a> Comb<'a> {
     /// The grid over all joints that move.
     fn asked(&self, key: Key) -> Grid {
         let terms = self.grid(&[]);
-        let of = |term: &Term| {
-            let columns = self.columns(*term);
+        let of = |columns: DMatrix<f64>| {
             #[allow(clippy::cast_possible_truncation)] // see `Pair`
             let single = |k: usize| columns.column(k).iter().map(|value| *value as f32).collect();
             let gram = Matrix2::from_fn(|i, j| columns.column(i).dot(&columns.column(j)));
             ([single(0), single(1)], gram)
         };
-        let (columns, grams) = terms.par_iter().map(of).unzip();
+        let (columns, grams) = terms.par_chunks(4 * WIDTH).flat_map_iter(|terms| self.columns(terms)).map(of).unzip();
         Grid { key, terms, columns, grams }
     }
 
@@ -135,52 +137,63 @@ impl<'a> Comb<'a> {
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(gain, at)| (grid.terms[at], gain))
     }
 
-    /// Cosine and sine columns of a term, whitened, fitted rows only.
-    fn columns(&self, term: Term) -> DMatrix<f64> {
-        let mut columns = DMatrix::zeros(self.problem.scalars, 2);
-        let along = &self.along[term.joint];
-        for row in &self.problem.rows {
-            let (sin, cos) = (term.order * row.motor[term.joint]).sin_cos();
-            for k in row.offset..row.offset + row.seen.len() {
-                (columns[(k, 0)], columns[(k, 1)]) = (along[k] * cos, along[k] * sin);
-            }
-        }
-        self.white(&columns)
+    /// Cosine and sine columns of each term, whitened, fitted rows only.
+    fn columns(&self, terms: &[Term]) -> Vec<DMatrix<f64>> {
+        let of_joints = terms.chunk_by(|a, b| a.joint == b.joint);
+        let groups: Vec<&[Term]> = of_joints.flat_map(|terms| terms.chunks(WIDTH)).collect();
+        let orders: Vec<(usize, Lanes)> = groups.iter().map(|terms| (terms[0].joint, orders(terms))).collect();
+        let fill = |samples: &[Sample], block: &mut [f64]| {
+            widest!(<'a, 'b> (
+                comb: &'a Comb<'b> = self,
+                orders: &'a [(usize, Lanes)] = &orders,
+                samples: &'a [Sample] = samples,
+                block: &'a mut [f64] = block,
+            ) {
+                for t in 0..samples.len() {
+                    let scalar = samples[t].0;
+                    let row = &comb.problem.rows[comb.row[scalar]];
+                    for n in 0..orders.len() {
+                        let (joint, order) = orders[n];
+                        let (turned, along) = (SinCos::of(order * row.motor[joint]), comb.along[joint][scalar]);
+                        let (cos, sin) = (turned.cos * along, turned.sin * along);
+                        let from = 2 * WIDTH * (t * orders.len() + n);
+                        for k in 0..WIDTH {
+                            (block[from + k], block[from + WIDTH + k]) = (cos.0[k], sin.0[k]);
+                        }
+                    }
+                }
+            });
+        };
+        let white = self.white(&Columns::new(2 * WIDTH * orders.len(), fill));
+        let of_group = |(n, terms): (usize, &&[Term])| {
+            let pair = |k: usize| white.select_columns(&[2 * WIDTH * n + k, 2 * WIDTH * n + WIDTH + k]);
+            (0..terms.len()).map(pair).collect::<Vec<_>>()
+        };
+        groups.iter().enumerate().flat_map(of_group).collect()
     }
 
     /// Fitted rows only, series by series.
-    fn white(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut white = DMatrix::zeros(self.steps.iter().map(Vec::len).sum(), columns.ncols());
-        for (column, mut white) in columns.column_iter().zip(white.column_iter_mut()) {
-            let mut rows = white.iter_mut();
-            for (series, steps) in self.series.iter().zip(&self.steps) {
-                let mut drift = 0.0;
-                for ((&(row, ..), step), white) in series.samples.iter().zip(steps).zip(rows.by_ref()) {
-                    drift *= step.decay;
-                    let innovation = column[row] - drift;
-                    drift += step.gain * innovation;
-                    *white = innovation / step.variance;
-                }
-            }
+    fn white(&self, columns: &Columns) -> DMatrix<f64> {
+        let mut white = DMatrix::zeros(self.steps.iter().map(Vec::len).sum(), columns.width);
+        let mut from = 0;
+        for (series, steps) in self.series.iter().zip(&self.steps) {
+            columns.whitened(series, std::slice::from_ref(steps), |_, block| {
+                white.rows_mut(from, block.ncols()).tr_copy_from(block);
+                from += block.ncols();
+            });
         }
         white
     }
 
-    /// Evidence of the columns over none, nats, and what they leave.
-    fn fit(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
-        let (value, left, _) = self.fitted(columns, data);
-        (value, left)
-    }
-
-    /// The same, and the columns' numbers.
-    fn fitted(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DMatrix<f64>, DVector<f64>) {
+    /// Evidence of the columns over none, nats, and their numbers.
+    fn fitted(&self, columns: &DMatrix<f64>, data: &DMatrix<f64>) -> (f64, DVector<f64>) {
         let size = columns.ncols();
         let gram = DMatrix::identity(size, size) + columns.tr_mul(columns) * self.precision;
         let cross = columns.tr_mul(data) * self.precision;
-        let Some(factor) = gram.cholesky() else { return (0.0, data.clone(), DVector::zeros(size)) };
+        let Some(factor) = gram.cholesky() else { return (0.0, DVector::zeros(size)) };
         let mean = factor.solve(&cross);
         let half_log_det: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
-        (0.5 * cross.dot(&mean) - half_log_det, data - columns * &mean, mean.column(0).into_owned())
+        (0.5 * cross.dot(&mean) - half_log_det, mean.column(0).into_owned())
     }
 
     fn step(&self, joint: usize) -> f64 {
@@ -208,7 +221,7 @@ impl<'a> Comb<'a> {
 
     /// The best of some terms in what is left, and its gain.
     fn best(&self, terms: &[Term], left: &DMatrix<f64>) -> Option<(Term, f64)> {
-        let gains: Vec<f64> = terms.par_iter().map(|&term| self.fit(&self.columns(term), left).0).collect();
+        let gains: Vec<f64> = self.columns(terms).iter().map(|columns| self.fitted(columns, left).0).collect();
         let at = (0..terms.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b]))?;
         Some((terms[at], gains[at]))
     }
@@ -232,19 +245,22 @@ impl<'a> Comb<'a> {
             terms.iter().enumerate().filter(|(i, _)| Some(*i) != but).map(|(_, &term)| term).collect();
         let parts: Vec<DVector<f64>> = terms
             .iter()
-            .map(|&term| self.columns(term))
+            .flat_map(|&term| self.columns(&[term]))
             .flat_map(|pair| [pair.column(0).into_owned(), pair.column(1).into_owned()])
             .collect();
-        let (value, left, mean) = match parts.is_empty() {
-            true => (0.0, data.clone(), DVector::zeros(0)),
-            false => self.fitted(&DMatrix::from_columns(&parts), data),
-        };
+        if parts.is_empty() {
+            return (0.0, data.clone(), Fitted { terms, mean: DVector::zeros(0) });
+        }
+        let columns = DMatrix::from_columns(&parts);
+        let (value, mean) = self.fitted(&columns, data);
+        let mut left = data.clone();
+        left.column_mut(0).gemv(-1.0, &columns, &mean, 1.0);
         (value, left, Fitted { terms, mean })
     }
 
     /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
     pub(super) fn terms(&self, residual: &DVector<f64>) -> (Vec<Term>, f64) {
-        let data = self.white(&DMatrix::from_columns(std::slice::from_ref(residual)));
+        let data = self.white(&Columns::stacked(&DMatrix::from_columns(std::slice::from_ref(residual))));
         let looked_at = self.grid.as_ref().map_or(1, |grid| grid.terms.len().max(1)) as f64;
         let price = PRICE + looked_at.ln();
         let mut crosses = Crosses::new(self.grid.as_ref(), &data);
@@ -262,8 +278,9 @@ impl<'a> Comb<'a> {
                     // An alias of a term that was missing may have stood for it: the whole grid is asked again.
                     let again = self.best_of_grid(&mut crosses, &others).map_or(more[i], |best| best.0);
                     let again = self.refined(again, &rest);
-                    let mine = self.fit(&self.columns(more[i]), &rest).0;
-                    if self.fit(&self.columns(again), &rest).0 > mine + 1e-6 {
+                    let [mine, other] =
+                        [more[i], again].map(|term| self.best(&[term], &rest).map_or(0.0, |best| best.1));
+                    if other > mine + 1e-6 {
                         more[i] = again;
                     }
                 }
@@ -293,7 +310,7 @@ struct Crosses {
 
 impl Crosses {
     fn new(grid: Option<&Grid>, data: &DMatrix<f64>) -> Self {
-        let cross = |columns: &Pair| Vector2::from_fn(|i, _| dot(&columns[i], data.as_slice()));
+        let cross = |columns: &Pair| Vector2::from_fn(|i, _| dot_of_single(&columns[i], data.as_slice()));
         Self {
             data: grid.map_or_else(Vec::new, |grid| grid.columns.par_iter().map(cross).collect()),
             terms: Vec::new(),
@@ -303,13 +320,36 @@ impl Crosses {
     /// Index of a term's products.
     fn of(&mut self, comb: &Comb, grid: &Grid, term: Term) -> usize {
         self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
-            let own = comb.columns(term);
+            let own = comb.columns(&[term]).swap_remove(0);
             let own = [0, 1].map(|j| own.column(j).into_owned());
-            let cross = |columns: &Pair| Matrix2::from_fn(|i, j| dot(&columns[i], own[j].as_slice()));
+            let cross = |columns: &Pair| Matrix2::from_fn(|i, j| dot_of_single(&columns[i], own[j].as_slice()));
             self.terms.push((term, grid.columns.par_iter().map(cross).collect()));
             self.terms.len() - 1
         })
     }
+}
+
+/// Orders side by side, the last one again where there are fewer.
+fn orders(terms: &[Term]) -> Lanes {
+    Lanes(std::array::from_fn(|k| terms[k.min(terms.len() - 1)].order))
+}
+
+/// Sum of products, some at a time: in the same order on every processor.
+fn dot_of_single(a: &[f32], b: &[f64]) -> f64 {
+    let mut sums = [0.0; WIDTH];
+    let ((left, a), (right, b)) = (a.as_chunks::<WIDTH>(), b.as_chunks::<WIDTH>());
+    widest!(<'a> (
+        sums: &'a mut [f64; WIDTH] = &mut sums,
+        left: &'a [[f32; WIDTH]] = left,
+        right: &'a [[f64; WIDTH]] = right,
+    ) {
+        for n in 0..left.len().min(right.len()) {
+            for k in 0..WIDTH {
+                sums[k] += left[n][k] as f64 * right[n][k];
+            }
+        }
+    });
+    a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum::<f64>() + sums.iter().sum::<f64>()
 }
 
 /// The candidate with these terms; `looked_at` for each.

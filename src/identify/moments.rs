@@ -2,7 +2,8 @@
 
 use super::design::Design;
 use super::noise::{Field, Sample, Series, Shape, Step, Whitened, products_under_fields, steps, whiten};
-use nalgebra::{DMatrix, DVector};
+use crate::lanes::widest;
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -105,50 +106,102 @@ fn products(
     let width = columns.width;
     let of_series = |(shapes, series): (&[Shape], &Series)| {
         let steps: Vec<Vec<Step>> = shapes.iter().map(|&shape| steps(series, shape)).collect();
-        let mut full = vec![DMatrix::zeros(width, width); shapes.len()];
-        columns.whitened(series, &steps, |shape, block| match own {
-            Some(own) => add_own_squares(&mut full[shape], block, own),
-            None => add_square(&mut full[shape], block),
-        });
+        let mut sums: Vec<Sums> = shapes.iter().map(|_| Sums::new(width, own)).collect();
+        columns.whitened(series, &steps, |shape, block| sums[shape].add(block));
         let log_scales = steps.iter().map(|steps| steps.iter().map(|step| 0.5 * step.variance.ln()).sum::<f64>());
-        full.into_iter().zip(log_scales).collect::<Vec<_>>()
+        sums.into_iter().zip(log_scales).collect::<Vec<_>>()
     };
     let tasks: Vec<(&[Shape], &Series)> =
         shapes.chunks(TOGETHER).flat_map(|shapes| series.iter().map(move |series| (shapes, series))).collect();
-    let parts: Vec<Vec<(DMatrix<f64>, f64)>> = tasks.into_par_iter().map(of_series).collect();
+    let parts: Vec<Vec<(Sums, f64)>> = tasks.into_par_iter().map(of_series).collect();
     let mut parts = parts.into_iter();
-    let sum = |shapes: &[Shape]| {
-        let none = vec![(DMatrix::zeros(width, width), 0.0); shapes.len()];
-        parts.by_ref().take(series.len()).fold(none, |sum, part| {
-            sum.into_iter().zip(part).map(|(sum, part)| (sum.0 + part.0, sum.1 + part.1)).collect()
-        })
-    };
-    let mut all: Vec<(DMatrix<f64>, f64)> = shapes.chunks(TOGETHER).flat_map(sum).collect();
-    all.iter_mut().for_each(|(full, _)| full.fill_upper_triangle_with_lower_triangle());
+    let mut all = Vec::new();
+    for shapes in shapes.chunks(TOGETHER) {
+        let mut sums: Vec<(Sums, f64)> = shapes.iter().map(|_| (Sums::new(width, own), 0.0)).collect();
+        for part in parts.by_ref().take(series.len()) {
+            for ((sum, log_scale), (own, of_own)) in sums.iter_mut().zip(part) {
+                sum.values.iter_mut().zip(own.values).for_each(|(sum, value)| *sum += value);
+                *log_scale += of_own;
+            }
+        }
+        all.extend(sums.into_iter().map(|(sum, log_scale)| (sum.full(), log_scale)));
+    }
     all
 }
 
-/// Adds the products of some ranges' columns with their own, and of all with the data, which are last: the lower triangle.
-fn add_own_squares(full: &mut DMatrix<f64>, block: &DMatrix<f64>, own: &[Range<usize>]) {
-    let width = block.nrows();
-    let full = full.as_mut_slice();
-    for values in block.as_slice().chunks_exact(width) {
-        for range in own {
-            for j in range.clone() {
-                let (from, value) = (j * width, values[j]);
-                let below = full[from + j..from + range.end].iter_mut().zip(&values[j..range.end]);
-                below.for_each(|(sum, other)| *sum += value * other);
-            }
+/// Sums of products of columns: all of them, or of some ranges with themselves and of all with the data, which are last.
+struct Sums<'a> {
+    width: usize,
+    own: Option<&'a [Range<usize>]>,
+    /// The lower triangle of a matrix, column by column; or those of each range one after another, and those with the data.
+    values: Vec<f64>,
+}
+
+impl<'a> Sums<'a> {
+    fn new(width: usize, own: Option<&'a [Range<usize>]>) -> Self {
+        let size = own.map_or(width * width, |own| own.iter().map(|range| range.len().pow(2)).sum::<usize>() + width);
+        Self { width, own, values: vec![0.0; size] }
+    }
+
+    fn add(&mut self, block: &DMatrix<f64>) {
+        let width = self.width;
+        match self.own {
+            Some(own) => widest!(<'a> (
+                width: usize = width,
+                values: &'a mut [f64] = &mut self.values,
+                block: &'a [f64] = block.as_slice(),
+                own: &'a [Range<usize>] = own,
+            ) {
+                for t in 0..block.len() / width {
+                    let sample = &block[t * width..(t + 1) * width];
+                    let mut at = 0;
+                    for n in 0..own.len() {
+                        let range = &sample[own[n].start..own[n].end];
+                        for i in 0..range.len() {
+                            add_times(range[i], range, &mut values[at..at + range.len()]);
+                            at += range.len();
+                        }
+                    }
+                    add_times(sample[width - 1], sample, &mut values[at..at + width]);
+                }
+            }),
+            None => add_square(&mut DMatrixViewMut::from_slice(&mut self.values, width, width), block),
         }
-        let data = values[width - 1];
-        full.iter_mut().skip(width - 1).step_by(width).zip(values).for_each(|(sum, value)| *sum += data * value);
+    }
+
+    /// The whole matrix; zero where nothing was summed.
+    fn full(self) -> DMatrix<f64> {
+        let width = self.width;
+        let Some(own) = self.own else {
+            let mut full = DMatrix::from_vec(width, width, self.values);
+            full.fill_upper_triangle_with_lower_triangle();
+            return full;
+        };
+        let mut full = DMatrix::zeros(width, width);
+        let mut rest = &self.values[..];
+        for range in own {
+            let (square, others) = rest.split_at(range.len() * range.len());
+            full.view_mut((range.start, range.start), (range.len(), range.len())).copy_from_slice(square);
+            rest = others;
+        }
+        full.row_mut(width - 1).copy_from_slice(rest);
+        full.column_mut(width - 1).copy_from_slice(rest);
+        full
+    }
+}
+
+#[inline(always)]
+fn add_times(factor: f64, values: &[f64], into: &mut [f64]) {
+    for k in 0..values.len().min(into.len()) {
+        into[k] += factor * values[k];
     }
 }
 
 /// Adds the lower triangle of a block times its transpose, some columns at a time: the upper one is its mirror.
-fn add_square(full: &mut DMatrix<f64>, block: &DMatrix<f64>) {
+fn add_square(full: &mut DMatrixViewMut<f64>, block: &DMatrix<f64>) {
     const COLUMNS: usize = 64;
-    let (width, transposed) = (block.nrows(), block.transpose());
+    let (width, samples) = block.shape();
+    let transposed = DMatrixView::from_slice_with_strides(block.as_slice(), samples, width, width, 1);
     for at in (0..width).step_by(COLUMNS) {
         let (below, wide) = (width - at, COLUMNS.min(width - at));
         let mut part = full.view_mut((at, at), (below, wide));
@@ -159,13 +212,30 @@ fn add_square(full: &mut DMatrix<f64>, block: &DMatrix<f64>) {
 /// Writes the values of some samples, each sample's together.
 type Fill<'a> = dyn Fn(&[Sample], &mut [f64]) + Sync + 'a;
 
+/// Writes a matrix's first columns at some samples, each sample's together, into rows of so many values.
+pub(super) fn gather(from: &DMatrix<f64>, samples: &[Sample], rows: usize, block: &mut [f64]) {
+    /// Samples of which a column's numbers are near one another.
+    const NEAR: usize = 32;
+    for (samples, block) in samples.chunks(NEAR).zip(block.chunks_mut(NEAR * rows)) {
+        for (k, column) in from.as_slice().chunks_exact(from.nrows().max(1)).enumerate() {
+            for (n, sample) in samples.iter().enumerate() {
+                block[n * rows + k] = column[sample.0];
+            }
+        }
+    }
+}
+
 /// Columns that are whitened some rows at a time, data last.
-struct Columns<'a> {
-    width: usize,
+pub(super) struct Columns<'a> {
+    pub(super) width: usize,
     fill: Box<Fill<'a>>,
 }
 
 impl<'a> Columns<'a> {
+    pub(super) fn new(width: usize, fill: impl Fn(&[Sample], &mut [f64]) + Sync + 'a) -> Self {
+        Self { width, fill: Box::new(fill) }
+    }
+
     fn of(design: &'a Design, data: &'a DVector<f64>) -> Self {
         let width = design.width() + 1;
         let fill = move |samples: &[Sample], block: &mut [f64]| {
@@ -174,38 +244,49 @@ impl<'a> Columns<'a> {
                 block[width - 1] = data[scalar];
             }
         };
-        Self { width, fill: Box::new(fill) }
+        Self::new(width, fill)
     }
 
-    fn stacked(stacked: &'a DMatrix<f64>) -> Self {
+    pub(super) fn stacked(stacked: &'a DMatrix<f64>) -> Self {
         let width = stacked.ncols();
         let fill = move |samples: &[Sample], block: &mut [f64]| {
-            for (&(scalar, ..), block) in samples.iter().zip(block.chunks_exact_mut(width)) {
-                block.iter_mut().zip(stacked.column_iter()).for_each(|(value, column)| *value = column[scalar]);
-            }
+            gather(stacked, samples, width, block);
         };
-        Self { width, fill: Box::new(fill) }
+        Self::new(width, fill)
     }
 
     /// Whitens all columns along a series by each of some steps, a block of samples (its columns) at a time: memory does not grow
     /// with the rows.
-    fn whitened(&self, series: &Series, steps: &[Vec<Step>], mut take: impl FnMut(usize, &DMatrix<f64>)) {
+    pub(super) fn whitened(&self, series: &Series, steps: &[Vec<Step>], mut take: impl FnMut(usize, &DMatrix<f64>)) {
         const ROWS: usize = 512;
-        let mut drifts = vec![vec![0.0; self.width]; steps.len()];
+        let width = self.width;
+        let mut drifts = vec![vec![0.0; width]; steps.len()];
         for (n, samples) in series.samples.chunks(ROWS).enumerate() {
-            let mut filled = DMatrix::zeros(self.width, samples.len());
+            let mut filled = DMatrix::zeros(width, samples.len());
             (self.fill)(samples, filled.as_mut_slice());
+            let mut block = DMatrix::zeros(width, samples.len());
             for (shape, (steps, drift)) in steps.iter().zip(&mut drifts).enumerate() {
-                let mut block = filled.clone();
-                for (values, step) in block.as_mut_slice().chunks_exact_mut(self.width).zip(&steps[n * ROWS..]) {
-                    let root = step.variance.sqrt();
-                    for (value, drift) in values.iter_mut().zip(drift.iter_mut()) {
-                        *drift *= step.decay;
-                        let innovation = *value - *drift;
-                        *drift += step.gain * innovation;
-                        *value = innovation / root;
+                widest!(<'a> (
+                    width: usize = width,
+                    steps: &'a [Step] = &steps[n * ROWS..],
+                    drift: &'a mut [f64] = drift,
+                    filled: &'a [f64] = filled.as_slice(),
+                    block: &'a mut [f64] = block.as_mut_slice(),
+                ) {
+                    let drift = &mut drift[..width];
+                    for t in 0..filled.len() / width {
+                        let Step { decay, gain, variance } = steps[t];
+                        let precision = 1.0 / variance.sqrt();
+                        let values = &filled[t * width..(t + 1) * width];
+                        let out = &mut block[t * width..(t + 1) * width];
+                        for k in 0..width {
+                            let before = drift[k] * decay;
+                            let innovation = values[k] - before;
+                            drift[k] = before + gain * innovation;
+                            out[k] = innovation * precision;
+                        }
                     }
-                }
+                });
                 take(shape, &block);
             }
         }

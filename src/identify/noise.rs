@@ -223,8 +223,8 @@ pub(super) fn products_under_fields(
             let Some(factor) = factor else { continue };
             *log_scale += factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
             let mut part = part.clone();
-            factor.solve_lower_triangular_mut(&mut part);
-            full.gemm_tr(1.0, &part, &part, 1.0);
+            solve_below(factor, &mut part);
+            full.gemm(1.0, &part.transpose(), &part, 1.0);
         }
     }
     all
@@ -295,6 +295,20 @@ fn factored(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     }
     matrix.fill_upper_triangle(0.0, 1);
     Some(matrix)
+}
+
+/// L⁻¹ of some columns, by blocks as in [`factored`].
+fn solve_below(factor: &DMatrix<f64>, columns: &mut DMatrix<f64>) {
+    const ROWS: usize = 48;
+    let size = factor.nrows();
+    for at in (0..size).step_by(ROWS) {
+        let end = (at + ROWS).min(size);
+        let mut solved = columns.rows_range(at..end).into_owned();
+        factor.view((at, at), (end - at, end - at)).solve_lower_triangular_mut(&mut solved);
+        columns.rows_range_mut(at..end).copy_from(&solved);
+        let below = factor.view((end, at), (size - end, end - at));
+        columns.rows_range_mut(end..).gemm(-1.0, &below, &solved, 1.0);
+    }
 }
 
 /// Covariance of samples over σ², white, drift and field, of that of the field; the lower triangle.
@@ -380,7 +394,11 @@ mod tests {
             if i == j { 2.0 + 0.01 * i as f64 } else { near }
         });
         let whole = matrix.clone().cholesky().unwrap().l();
-        assert!((factored(matrix.clone()).unwrap() - whole).amax() < 1e-12);
+        let factor = factored(matrix.clone()).unwrap();
+        assert!((&factor - whole).amax() < 1e-12);
+        let mut solved = matrix.columns(3, 5).into_owned();
+        solve_below(&factor, &mut solved);
+        assert!((&factor * solved - matrix.columns(3, 5)).amax() < 1e-12);
         assert!(factored(-matrix).is_none());
     }
 

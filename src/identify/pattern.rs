@@ -4,9 +4,8 @@
 use super::candidates::Candidate;
 use super::data::{Observation, Parts, Problem, Seen};
 use crate::effects::{Cutting, Survey};
-use crate::equilibrium::{Arm, Equilibrium};
+use crate::equilibrium::Arm;
 use nalgebra::{DVector, Matrix3, Vector3};
-use rayon::prelude::*;
 
 /// Something that measured rows may follow and that is never written to a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -226,16 +225,15 @@ pub(super) fn unlisted(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
 pub(super) struct About<'a> {
     pub(super) problem: &'a Problem,
     pub(super) arm: &'a Arm,
-    /// Its residual and its equilibria.
+    /// Its residual.
     pub(super) base: &'a DVector<f64>,
-    pub(super) settled: &'a [Option<Equilibrium>],
 }
 
 /// The columns of a pattern: what it adds to the residual, mm per prior size.
 pub(super) fn columns(about: &About, pattern: Pattern) -> Vec<DVector<f64>> {
     let problem = about.problem;
     let with_forces = |force: &(dyn Fn(usize, Vector3<f64>) -> Vector3<f64> + Sync)| {
-        let moved = problem.residual_under(about.arm, about.settled, force);
+        let moved = problem.residual_under(about.arm, force);
         let mut column = about.base - moved;
         column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
         column
@@ -281,7 +279,7 @@ fn yielding(about: &About, joint: usize, mixed: &Matrix3<f64>) -> DVector<f64> {
         let turn = lever.dot(&(mixed * problem.force(row))) / stiffness;
         project(problem, row, lever * (1e3 * turn * SPRINGS / MIXED_SPREAD))
     };
-    problem.stacked(problem.rows.par_iter().map(of).collect())
+    problem.stacked(problem.rows.iter().map(of))
 }
 
 /// The columns of a pattern that shifts what is measured.
@@ -291,7 +289,7 @@ pub(super) fn shifts(problem: &Problem, pattern: Pattern) -> Vec<DVector<f64>> {
     let size = pattern.size(problem);
     let of_column = |index: usize| {
         let of = |row: &Observation| project(problem, row, shift(problem, pattern, index, row, &spans, force_size));
-        problem.stacked(problem.rows.par_iter().map(of).collect())
+        problem.stacked(problem.rows.iter().map(of))
     };
     (0..size).map(of_column).collect()
 }

@@ -36,9 +36,12 @@ pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>)
 /// Evidence of sets that begin with the same columns, for one shape of the noise.
 pub(super) struct Profile {
     columns: Columns,
-    /// Of these columns, by node; `None` where there is none.
-    factors: BTreeMap<i32, Option<Factor>>,
+    /// Of these columns.
+    factors: Factors,
 }
+
+/// By node; `None` where there is none.
+type Factors = BTreeMap<i32, Option<Factor>>;
 
 /// What a node tells of columns beside those of a profile.
 struct Node {
@@ -60,13 +63,15 @@ impl Profile {
         const JUMPS: usize = 20;
         /// Steps to the top then at most: where a declared noise holds against the data, it may be far.
         const STEPS: usize = 200;
-        let level = Level::new(moments, &self.columns, more);
-        let part = Part::new(moments, &self.columns, more);
+        let Self { columns, factors } = self;
+        let columns = &*columns;
+        let level = Level::new(moments, columns, more);
+        let part = Part::new(moments, columns, more);
         let mut nodes: BTreeMap<i32, Option<Node>> = BTreeMap::new();
         let least = node_of(LEAST_SIGMA);
         let mut node = node_of(guess.unwrap_or_else(|| level.left(0.0))).max(least);
         for _ in 0..JUMPS {
-            let asked = nodes.entry(node).or_insert_with(|| self.node(&level, &part, node));
+            let asked = nodes.entry(node).or_insert_with(|| new_node(factors, &level, &part, node));
             let Some(asked) = asked else { return (f64::NEG_INFINITY, sigma_of(node)) };
             let next = node_of(level.left(asked.explained)).max(least);
             if (next - node).abs() <= 1 {
@@ -75,7 +80,7 @@ impl Profile {
             node = next;
         }
         let mut value = |node: i32| {
-            let asked = nodes.entry(node).or_insert_with(|| self.node(&level, &part, node));
+            let asked = nodes.entry(node).or_insert_with(|| new_node(factors, &level, &part, node));
             let of = |asked: &Node| level.at(f64::from(node) * STEP, asked.explained, asked.half_log_det);
             asked.as_ref().map_or(f64::NEG_INFINITY, of)
         };
@@ -99,24 +104,23 @@ impl Profile {
         let evidence = level.at(log_sigma, explained.at(at), half_log_det.at(at));
         let (from, low, high) = if at < 0.0 { (node - 1, left, middle) } else { (node, middle, right) };
         let limits = |node: i32, asked: &Node| {
-            let factor = self.factors.get(&node).and_then(Option::as_ref);
-            factor.map_or(0.0, |factor| within_limits(factor, &self.columns, &asked.factor, more))
+            let factor = factors.get(&node).and_then(Option::as_ref);
+            factor.map_or(0.0, |factor| within_limits(factor, columns, &asked.factor, more))
         };
         let (low, high) = (limits(from, low), limits(from + 1, high));
         let share = f64::from(node - from) + at;
         (evidence + low + share * (high - low), log_sigma.exp().max(LEAST_SIGMA))
     }
+}
 
-    fn node(&mut self, level: &Level, part: &Part, node: i32) -> Option<Node> {
-        let sigma = sigma_of(node);
-        let columns = &self.columns;
-        let own =
-            || Factor::default().extended(&Part::new(level.moments, &Columns::default(), columns), sigma.powi(-2));
-        let own = self.factors.entry(node).or_insert_with(own).as_ref()?;
-        let factor = own.extended(part, sigma.powi(-2))?;
-        let explained = level.explained(own.square() + factor.square(), sigma);
-        Some(Node { explained, half_log_det: own.half_log_det + factor.half_log_det, factor })
-    }
+/// What a node tells of the part's columns beside those before it, whose factors are kept.
+fn new_node(factors: &mut Factors, level: &Level, part: &Part, node: i32) -> Option<Node> {
+    let (none, precision) = (Columns::default(), sigma_of(node).powi(-2));
+    let own = || Factor::default().extended(&Part::new(level.moments, &none, part.before), precision);
+    let own = factors.entry(node).or_insert_with(own).as_ref()?;
+    let factor = own.extended(part, precision)?;
+    let explained = level.explained(own.square() + factor.square(), sigma_of(node));
+    Some(Node { explained, half_log_det: own.half_log_det + factor.half_log_det, factor })
 }
 
 #[allow(clippy::cast_possible_truncation)] // logarithms of numbers

@@ -236,8 +236,7 @@ impl Engine {
             let help = "check the unit, the instrument, and whether the rows belong to this program";
             return Err(vec![Diagnostic::error("identify.noise", "", message).help(help)]);
         }
-        let settled = self.problem.equilibria(&self.declared);
-        let mut unloaded = self.problem.residual_under(&self.declared, &settled, |_, _| Vector3::zeros());
+        let mut unloaded = self.problem.residual_under(&self.declared, |_, _| Vector3::zeros());
         let mut bent = &unloaded - before;
         // Under one load a part that is clamped elsewhere looks like a spring that yields more.
         let possible = self.misread_forces(&unloaded, &bent);

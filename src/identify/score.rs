@@ -96,18 +96,24 @@ pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) 
     best
 }
 
-/// Sum of products, some at a time: in the same order on every processor.
-pub(super) fn dot<A: Copy + Into<f64>>(a: &[A], b: &[f64]) -> f64 {
+/// Sum of products, some at a time: in the same order on every processor. Indices, for in the widest lanes iterators are calls.
+#[inline(always)]
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     const TOGETHER: usize = 8;
-    let mut sums = [0.0; TOGETHER];
-    let (left, right) = (a.chunks_exact(TOGETHER), b.chunks_exact(TOGETHER));
-    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| (*a).into() * b).sum();
-    for (a, b) in left.zip(right) {
+    let ((left, a), (right, b)) = (a.as_chunks::<TOGETHER>(), b.as_chunks::<TOGETHER>());
+    let (mut sums, mut sum, mut rest) = ([0.0; TOGETHER], 0.0, 0.0);
+    for n in 0..left.len().min(right.len()) {
         for k in 0..TOGETHER {
-            sums[k] += a[k].into() * b[k];
+            sums[k] += left[n][k] * right[n][k];
         }
     }
-    rest + sums.iter().sum::<f64>()
+    for k in 0..a.len().min(b.len()) {
+        rest += a[k] * b[k];
+    }
+    for k in 0..TOGETHER {
+        sum += sums[k];
+    }
+    rest + sum
 }
 
 /// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
