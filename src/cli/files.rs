@@ -1,15 +1,9 @@
 //! Files as they are read and written, what is said where they cannot be, and the errors of many.
 
 use super::watch::watch;
-use deflex::text::{Diagnostic, Source};
+use deflex::text::{Diagnostic, Source, cannot_read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-
-pub(super) fn cannot_read(name: &str, error: &std::io::Error) -> Vec<Diagnostic> {
-    let folder = Path::new(name).is_dir();
-    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
-    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
-}
 
 /// Reads one file, `-` being stdin.
 pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {

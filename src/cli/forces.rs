@@ -1,11 +1,10 @@
 //! The table of forces, and whether it is that of a program.
 
-use super::files::cannot_read;
 use super::watch::watch;
 use deflex::correct::{Forces, Row, Status};
 use deflex::measured::{Rows, TargetRef};
 use deflex::program::Program;
-use deflex::text::{Diagnostic, Severity};
+use deflex::text::{Diagnostic, Severity, cannot_read};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;

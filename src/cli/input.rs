@@ -2,7 +2,8 @@
 
 use super::args::Reading;
 use super::files::{self, all, source, sources};
-use super::job::{Job, Text};
+use super::job::Job;
+use super::text::Text;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
 use deflex::program::{Language, Program, ReadOptions, detect, read};

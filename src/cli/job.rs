@@ -1,16 +1,19 @@
 //! Which files are one program, and in which language; not yet parsed.
 
 use super::args::Reports;
-use super::files::{all, cannot_read, parted, source};
-use super::watch::watch;
-use deflex::program::{Language, ModuleNames, detect, group_modules, unknown_marks};
+use super::files::{all, parted, source};
+use super::input::CellFile;
+use super::text::Text;
+use deflex::program::{Language, LongProgram, ModuleNames, detect, group_modules, unknown_marks};
 use deflex::report::Origin;
-use deflex::text::{Diagnostic, Source, Span};
+use deflex::text::{Diagnostic, Source, Span, cannot_read};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::{Component, Path, PathBuf};
+
+/// A program in one text.
+pub(super) type Long<'a> = LongProgram<'a, &'a Text>;
 
 /// Files that are one program, not yet parsed.
 #[derive(Clone, Debug)]
@@ -65,6 +68,12 @@ impl Job {
         self.files.extend(more.files);
         self.companions.extend(more.companions);
         self
+    }
+
+    /// The program in one text, where it may be read in chunks; `context` declares what it does not.
+    pub(super) fn long<'a>(&'a self, cell: &CellFile, tool: Option<&str>, context: &'a [Source]) -> Option<Long<'a>> {
+        let [text] = &self.texts[..] else { return None };
+        Some(LongProgram::new(text, self.language, context, cell.cl_options(tool)))
     }
 
     /// Refuses marks that mean nothing.
@@ -180,86 +189,6 @@ fn beside(path: &Path, ending: &str) -> Option<PathBuf> {
 /// Whether a file is read with another: KRL data with the `.src` of the same name.
 pub(super) fn belongs_to_another(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && beside(path, "src").is_some()
-}
-
-/// The text of a program: a long file is read when its turn comes, so that a batch is never held as a whole.
-#[derive(Clone, Debug)]
-pub(super) enum Text {
-    Held(Source),
-    File {
-        /// As the user typed it.
-        name: String,
-        path: PathBuf,
-    },
-}
-
-/// Files up to this are read at once; as much of longer ones tells their language.
-pub(super) const HEAD: u64 = 64 * 1024;
-
-impl Text {
-    fn of(path: &Path) -> Result<Self, Vec<Diagnostic>> {
-        watch(path);
-        let long = |metadata: std::fs::Metadata| metadata.is_file() && metadata.len() > HEAD;
-        if std::fs::metadata(path).is_ok_and(long) {
-            return Ok(Self::File { name: path.display().to_string(), path: path.to_owned() });
-        }
-        source(path).map(Self::Held)
-    }
-
-    pub(super) fn name(&self) -> &str {
-        match self {
-            Self::Held(source) => &source.name,
-            Self::File { name, .. } => name,
-        }
-    }
-
-    pub(super) fn read(self) -> Result<Source, Vec<Diagnostic>> {
-        match self {
-            Self::Held(source) => Ok(source),
-            Self::File { name, path } => {
-                let bytes = std::fs::read(path).map_err(|error| cannot_read(&name, &error))?;
-                Ok(Source::new(name, bytes))
-            }
-        }
-    }
-
-    /// What is held; `None` of a file.
-    pub(super) fn source(&self) -> Option<&Source> {
-        match self {
-            Self::Held(source) => Some(source),
-            Self::File { .. } => None,
-        }
-    }
-
-    fn origin(&self) -> Result<Origin, Vec<Diagnostic>> {
-        match self {
-            Self::Held(source) => Ok(Origin::of(&source.name, &source.bytes)),
-            Self::File { name, path } => {
-                let origin = File::open(path).and_then(|file| Origin::read(name, file));
-                origin.map_err(|error| cannot_read(name, &error))
-            }
-        }
-    }
-
-    /// The bytes that tell the language.
-    fn head(&self) -> Result<Vec<u8>, Vec<Diagnostic>> {
-        match self {
-            Self::Held(source) => Ok(source.bytes.clone()),
-            Self::File { name, path } => {
-                let mut head = Vec::new();
-                let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
-                read.map(|_| head).map_err(|error| cannot_read(name, &error))
-            }
-        }
-    }
-
-    fn names(&self, names: &mut ModuleNames) -> Result<(), Vec<Diagnostic>> {
-        let read = match self {
-            Self::Held(source) => names.read(&source.bytes[..]),
-            Self::File { path, .. } => File::open(path).and_then(|file| names.read(BufReader::new(file))),
-        };
-        read.map_err(|error| cannot_read(self.name(), &error))
-    }
 }
 
 /// Looks into inputs and finds out which belong to one program.

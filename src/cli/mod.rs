@@ -28,12 +28,12 @@ mod pose;
 mod predict;
 mod predicted;
 mod progress;
-mod readings;
 mod report;
 mod run;
 mod setup;
 mod simulate;
 mod stream;
+mod text;
 mod watch;
 
 use args::{Cli, Command, Common};

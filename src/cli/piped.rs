@@ -1,10 +1,10 @@
 //! A program that comes through a pipe, and can be read once only.
 
-use super::files::cannot_read;
-use super::job::{self, Job, Looked, Text};
+use super::job::{self, Job, Looked};
 use super::output::{Temporary, is_stdout};
+use super::text::Text;
 use deflex::program::Language;
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, cannot_read};
 use std::fs::{self, File};
 use std::io;
 use std::path::PathBuf;

@@ -1,15 +1,13 @@
 //! `predict` and `check` on long programs, in constant memory.
 
 use super::against::Originals;
-use super::files::{self, cannot_read};
-use super::job::{Job, Text};
+use super::job::Job;
 use super::output::{Outputs, cannot_write};
-use super::readings::{self, FileText, LongText, Reading};
 use super::report::{Noticed, ProgramReports, Rows};
 use super::setup::Setup;
 use super::{lines, progress};
-use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_chunks};
-use deflex::program::AnyChunks;
+use deflex::correct::{Judge, Judged, Streamed, predict_long};
+use deflex::program::LongText;
 use deflex::report::Findings;
 use deflex::report::html::PathTrace;
 use deflex::text::Diagnostic;
@@ -74,41 +72,33 @@ pub(super) fn streamed(
     bar: &ProgressBar,
     question: Option<Question<'_>>,
 ) -> Result<Option<Predicted>, Vec<Diagnostic>> {
-    let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
+    let setup = batch.setup;
+    let Some(program) = setup.long(job) else { return Ok(None) };
     let original = batch.originals.job(job)?;
+    let original = match &original {
+        Some(original) => match setup.long(original) {
+            Some(original) => Some(original),
+            None => return Ok(None),
+        },
+        None => None,
+    };
     let bar = batch.bar(bar);
-    let text = FileText { name, path };
-    for reading in Reading::ALL {
-        let chunks = |job: &Job| {
-            let [Text::File { name, path }] = &job.texts[..] else { return Ok(None) };
-            let context = (batch.setup, batch.setup.context.sources());
-            readings::chunks(context, job.language, &FileText { name, path }, reading)
-        };
-        let Some(own) = chunks(job)? else { continue };
-        let Some(options) = batch.setup.options_with_turns(name, job.language, || chunks(job))? else { continue };
-        let before = match &original {
-            Some(original) => match chunks(original)? {
-                Some(before) => Some(before),
-                None => continue,
-            },
-            None => None,
-        };
+    let name = job.texts[0].name();
+    program.by_chunks(|program| {
         if let Some(bar) = bar {
-            let bytes = std::fs::metadata(path).map_err(|error| cannot_read(name, &error))?.len();
-            progress::bytes(bar, bytes);
+            progress::bytes(bar, program.text().bytes()?);
         }
-        let names = [own.names(), before.as_ref().and_then(AnyChunks::names)];
         let mut outputs = batch.outputs.sibling();
         let mut reports = ProgramReports::open(
             None,
             batch.report,
             batch.programs,
             batch.path.clone(),
-            Noticed::new(batch.setup.options.forces.as_ref(), None),
+            Noticed::new(setup.options.forces.as_ref(), None),
             &mut outputs,
         )?;
-        let cell = &batch.setup.cell.cell;
         let threads = rayon::current_num_threads().div_ceil(batch.programs);
+        let run = (&setup.cell.cell, &setup.options, threads);
         let mut findings = Findings::default();
         let mut found = |more| findings.add(more);
         let judge = question.map(|Question { corrects, findings }| Judge {
@@ -117,29 +107,18 @@ pub(super) fn streamed(
             findings,
             found: &mut found,
         });
-        let done = reports.filled(bar, |sinks| predict_chunks(own, before, cell, &options, threads, judge, sinks));
-        let streamed = match done {
-            Ok(streamed) => streamed,
-            Err(StreamError::NotStreamable) => continue,
-            Err(StreamError::Refused(errors)) => return Err(batch.setup.cell.own(errors)),
-            Err(StreamError::Read(error)) => return Err(cannot_read(name, &error)),
-            Err(StreamError::Write(error)) => return Err(files::cannot_write(&error)),
-        };
-        if let Some(forces) = &batch.setup.forces {
-            let named = |name: &str| names.iter().flatten().any(|names| names.uses(name));
-            forces.check_targets(streamed.last, named)?;
-        }
+        let done = reports.filled(bar, |sinks| predict_long(&program, original.as_ref(), run, judge, sinks));
+        let Some(mut streamed) = setup.through(name, done)? else { return Ok(None) };
+        setup.check_forces(&streamed)?;
         if !streamed.refused.is_empty() {
             reports = reports.emptied(batch.path.clone())?;
         }
-        let mut streamed = streamed;
         streamed.notes.extend(reports.notes(name)?);
         let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
-        let (rows, mut trace) = reports.done(name, rows);
-        if let Some(trace) = &mut trace {
-            lines::quote(trace, text.open()?);
+        let (rows, mut path) = reports.done(name, rows);
+        if let Some(path) = &mut path {
+            lines::quote(path, program.text().open()?);
         }
-        return Ok(Some(Predicted { streamed, findings, outputs, rows, path: trace }));
-    }
-    Ok(None)
+        Ok(Some(Predicted { streamed, findings, outputs, rows, path }))
+    })
 }

@@ -1,15 +1,15 @@
 //! What all programs of a run have in common: the cell, forces, context and options.
 
 use super::args::{Corrected as What, Model, Reports};
-use super::files::{both, cannot_read};
+use super::files::{both, cannot_write};
 use super::forces::ForceFile;
 use super::input::{self, CellFile, Context};
-use super::job::Job;
+use super::job::{Job, Long};
 use super::progress;
 use deflex::cell::examples_left;
-use deflex::correct::{self, Correct, Options, StreamError, choose_turns};
-use deflex::program::{ChunkReader, Language, Program};
-use deflex::text::Diagnostic;
+use deflex::correct::{Correct, Options, StreamError, Streamed};
+use deflex::program::Program;
+use deflex::text::{Diagnostic, cannot_read};
 use indicatif::ProgressBar;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -47,25 +47,26 @@ impl Setup {
         Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
     }
 
-    /// The options with the turns that are chosen along a long program, where they are free; `None` where only the whole of it tells
-    /// them, or it cannot be read in chunks.
-    pub(super) fn options_with_turns<C: ChunkReader>(
-        &self,
-        name: &str,
-        language: Language,
-        chunks: impl FnOnce() -> Result<Option<C>, Vec<Diagnostic>>,
-    ) -> Result<Option<Cow<'_, Options>>, Vec<Diagnostic>> {
-        let options = &self.options;
-        if !correct::has_free_turns(language, &self.cell.cell, options) {
-            return Ok(Some(Cow::Borrowed(options)));
-        }
-        let Some(chunks) = chunks()? else { return Ok(None) };
-        match choose_turns(chunks, &self.cell.cell, options) {
-            Ok(turns) => Ok(Some(Cow::Owned(Options { turns, ..options.clone() }))),
+    /// The program in one text, where it may be read in chunks.
+    pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
+        job.long(&self.cell, self.options.tool.as_deref(), self.context.sources())
+    }
+
+    /// What a long program came to; `None` where it did not go through like that.
+    pub(super) fn through<T>(&self, name: &str, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {
+        match done {
+            Ok(done) => Ok(Some(done)),
             Err(StreamError::NotStreamable) => Ok(None),
             Err(StreamError::Refused(errors)) => Err(self.cell.own(errors)),
-            Err(StreamError::Read(error) | StreamError::Write(error)) => Err(cannot_read(name, &error)),
+            Err(StreamError::Read(error)) => Err(cannot_read(name, &error)),
+            Err(StreamError::Write(error)) => Err(cannot_write(&error)),
         }
+    }
+
+    /// Refuses forces of targets that a long program does not have.
+    pub(super) fn check_forces(&self, streamed: &Streamed) -> Result<(), Vec<Diagnostic>> {
+        let Some(forces) = &self.forces else { return Ok(()) };
+        forces.check_targets(streamed.last, |name| streamed.has_target(name))
     }
 
     /// The options of a program that is held whole, whose cut of the stock the bar follows.

@@ -8,6 +8,7 @@ use super::ordered::OrderedStage;
 use super::row::Tally;
 use super::{Corrected, Row, Summary};
 use crate::program::chunk::leaves_its_start;
+use crate::program::rapid::Names;
 use crate::program::{ChunkReader, Next, StreamableChunk};
 use crate::text::Diagnostic;
 use std::io::{self, Write};
@@ -41,9 +42,17 @@ pub struct Streamed {
     pub failures: Vec<Diagnostic>,
     /// Notes and warnings.
     pub notes: Vec<Diagnostic>,
+    /// Names of its targets and of its original's, where they have any and it is known how it was read.
+    pub(super) names: Vec<Names>,
 }
 
 impl Streamed {
+    /// Whether a target is called like that.
+    #[must_use]
+    pub fn has_target(&self, name: &str) -> bool {
+        self.names.iter().any(|names| names.uses(name))
+    }
+
     /// The same with targets that are known only at run time.
     pub(super) fn with_unknown(mut self, unknown: &[(&'static str, usize)]) -> Self {
         self.summary = self.summary.with_unknown(unknown);
@@ -268,6 +277,7 @@ impl<'a, T> Writer<'a, T> {
             refused: self.refused,
             failures: self.failures.all(),
             notes: self.notes.into_iter().chain(self.repeated.once()).collect(),
+            names: Vec::new(),
         })
     }
 }

@@ -25,6 +25,7 @@ mod judge;
 mod laws;
 mod line;
 mod load;
+mod long;
 mod messages;
 mod mount;
 mod ordered;
@@ -57,6 +58,7 @@ pub(crate) use free_turn::SINGULAR_MARGIN;
 pub use free_turn::{choose_turns, has_free_turns};
 pub use judge::{Judge, Judged, predict_chunks};
 pub use line::{compensate, predict};
+pub use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;
 pub use point::Point;
 pub use poses::{Standing, external_of, predict_poses, tool_of};
@@ -65,9 +67,7 @@ pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, Status, Summary};
 pub use stance::Stance;
 pub use stiffness::Stiffness;
-pub use stream::{
-    compensate_chunks, compensate_declared, compensate_executed, compensate_long, count_chunks, post_chunks,
-};
+pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 pub(crate) use track::Track;
 
 use crate::cell::{Cell, SpinRule};

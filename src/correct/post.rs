@@ -4,16 +4,17 @@ use super::asked::Asked;
 use super::messages::Messages;
 use super::{Corrected, Row, Status, StreamError, frames};
 use crate::cell::{Cell, CutForce, SpinRule};
-use crate::program::cl::{self, Chunks, CorrectedPoint};
+use crate::program::cl::{self, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
 use crate::program::post::{krl, tp};
-use crate::program::{Action, ActionKind, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData};
+use crate::program::{
+    Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
+};
 use crate::robot::{EXTERNAL_AXES, Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 use smallvec::SmallVec;
-use std::io::Read;
 use std::sync::Arc;
 
 /// What the posted program has that CL data do not say.
@@ -64,11 +65,12 @@ impl Outline {
     ///
     /// # Errors
     /// [`StreamError::NotStreamable`], [`StreamError::Read`]; [`StreamError::Refused`] where motion is not what its text says.
-    pub fn of_chunks<R: Read>(mut chunks: Chunks<R>, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
+    pub fn of_chunks<C: ChunkReader>(mut chunks: C, progress: impl Fn(usize, u64)) -> Result<Self, StreamError> {
         let (mut outline, mut bytes, mut faults) = (Self::default(), 0, Messages::default());
         loop {
             match chunks.take().map_err(StreamError::Read)? {
                 Next::Chunk(chunk) => {
+                    let chunk = C::read(chunk).ok_or(StreamError::NotStreamable)?;
                     outline.add(&chunk.program);
                     faults.add(chunk.program.faults());
                     bytes += chunk.own.len() as u64;

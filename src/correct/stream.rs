@@ -8,8 +8,8 @@ use super::parallelism::Parallelism;
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
 use crate::program::post::Text;
-use crate::program::{AnyChunks, ChunkReader, RewriteOptions, StreamableChunk, cl, rapid};
-use crate::text::{Edit, Patch, apply, apply_within};
+use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, rapid};
+use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};
 use std::sync::Mutex;
@@ -34,42 +34,6 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
     let streamed = walked(chunks, (cell, options, threads), &written, &mut write, sinks)?;
     program.flush().map_err(StreamError::Write)?;
     Ok(streamed)
-}
-
-/// Corrects a long program that is edited (RAPID, KRL), however it is read: what it becomes goes to `text`, from `original`, its text
-/// once more, where only what changes is collected; that waits in what `scratch` gives.
-///
-/// # Errors
-/// See [`StreamError`]; what was written until then is of no use.
-pub fn compensate_long<R: Read + Seek + Send, S: Read + Write + Seek + Send>(
-    chunks: AnyChunks<R>,
-    (original, scratch): (impl Read, impl FnOnce() -> io::Result<S>),
-    (cell, options, threads): (&Cell, &Options, usize),
-    mut text: &mut (dyn Write + Send),
-    sinks: &mut Sinks<'_>,
-) -> Result<Streamed, StreamError> {
-    match chunks {
-        AnyChunks::Inline(chunks) => compensate_chunks(*chunks, cell, options, threads, text, sinks),
-        AnyChunks::Krl(chunks) => compensate_chunks(*chunks, cell, options, threads, text, sinks),
-        AnyChunks::Cl(_) => Err(StreamError::NotStreamable),
-        AnyChunks::Indexed(chunks) => {
-            let mut patch = Patch::new(scratch().map_err(StreamError::Write)?);
-            let done = compensate_declared(*chunks, cell, options, threads, &mut patch, sinks)?;
-            if done.failures.is_empty() {
-                patch.apply(original, &mut text).map_err(StreamError::Write)?;
-            }
-            Ok(done)
-        }
-        AnyChunks::Executed(chunks) => {
-            let program = chunks.program();
-            let (done, edits) = compensate_executed(program, cell, options, threads, sinks)?;
-            if done.failures.is_empty() {
-                apply(&program.distinct().sources[0].bytes, &edits[0], &mut text).map_err(StreamError::Write)?;
-                text.flush().map_err(StreamError::Write)?;
-            }
-            Ok(done)
-        }
-    }
 }
 
 /// Corrects a RAPID program whose targets are declared far from their use, or that runs from routine to routine: in memory is
@@ -142,8 +106,8 @@ pub fn compensate_executed(
 ///
 /// # Errors
 /// See [`StreamError`]; what was written until then is of no use.
-pub fn post_chunks<R: Read + Send, W: Write + Send>(
-    chunks: cl::Chunks<R>,
+pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
+    chunks: C,
     cell: &Cell,
     options: &Options,
     threads: usize,
@@ -198,8 +162,8 @@ pub fn post_chunks<R: Read + Send, W: Write + Send>(
 ///
 /// # Errors
 /// See [`StreamError`].
-pub fn count_chunks<R: Read + Send>(
-    chunks: cl::Chunks<R>,
+pub fn count_chunks<C: ChunkReader + Send>(
+    chunks: C,
     cell: &Cell,
     options: &Options,
     threads: usize,

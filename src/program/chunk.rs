@@ -40,6 +40,11 @@ pub trait ChunkReader {
     fn has_own_numbers(&self) -> bool {
         Self::IN_PLACE
     }
+
+    /// What was noticed in the text so far.
+    fn warnings(&self) -> Vec<Diagnostic> {
+        Vec::new()
+    }
 }
 
 impl<R: Read> ChunkReader for rapid::Chunks<R> {
@@ -94,6 +99,10 @@ impl<R: Read> ChunkReader for cl::Chunks<R> {
     fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
         Some(chunk)
     }
+
+    fn warnings(&self) -> Vec<Diagnostic> {
+        Self::warnings(self)
+    }
 }
 
 impl<R: Read> ChunkReader for krl::Chunks<R> {
@@ -133,6 +142,13 @@ impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
             AnyChunk::Rapid(chunk) => chunk.read(),
             AnyChunk::Read(chunk) => Some(*chunk),
             AnyChunk::Krl(chunk) => chunk.read(),
+        }
+    }
+
+    fn warnings(&self) -> Vec<Diagnostic> {
+        match self {
+            Self::Cl(chunks) => chunks.warnings(),
+            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) | Self::Executed(_) => Vec::new(),
         }
     }
 }
@@ -229,15 +245,6 @@ impl<R: Read + Seek> AnyChunks<R> {
     /// What `input` reports.
     pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
-    }
-
-    /// What was noticed in the text so far.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<Diagnostic> {
-        match self {
-            Self::Cl(chunks) => chunks.warnings(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) | Self::Executed(_) => Vec::new(),
-        }
     }
 
     /// Executed motions whose target is known only at run time, counted by reason.

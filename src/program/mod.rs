@@ -11,6 +11,7 @@ pub mod cl;
 mod detect;
 pub mod krl;
 mod language;
+mod long;
 mod marks;
 mod modules;
 pub mod orientation;
@@ -25,6 +26,7 @@ pub use action::{Action, ActionKind};
 pub use detect::detect;
 pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
+pub use long::{InChunks, LongProgram, LongText};
 pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Chunks` and the line that corrects them; not for callers.

@@ -5,6 +5,7 @@ use std::error::Error;
 use std::fmt;
 use std::io;
 use std::ops::Deref;
+use std::path::Path;
 
 /// Everything that is wrong with an input, as an error: what functions here return as a list of messages, `?` turns into one of
 /// these, and what reading a file returns too.
@@ -64,6 +65,13 @@ impl IntoIterator for Diagnostics {
     fn into_iter(self) -> Self::IntoIter {
         self.0.into_iter()
     }
+}
+
+/// That the file `name` cannot be read, and why.
+pub(crate) fn cannot_read(name: &str, error: &io::Error) -> Vec<Diagnostic> {
+    let folder = Path::new(name).is_dir();
+    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
+    Diagnostic::error("io.read", name, format!("cannot be read: {error}")).help(help).into()
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ mod span;
 
 pub use diagnostic::{Diagnostic, Severity};
 pub use diagnostics::Diagnostics;
+pub(crate) use diagnostics::cannot_read;
 pub(crate) use edit::{Content, Token, apply_within};
 pub use edit::{Edit, apply};
 pub(crate) use lines::{LineIndex, lines};

@@ -1,7 +1,8 @@
-use super::CellFile;
+use super::{CellFile, Run};
 use crate::cli::files::all;
 use crate::cli::input::{self, Context};
-use crate::cli::job::{Job, Text};
+use crate::cli::job::{Job, Long};
+use crate::cli::text::Text;
 use deflex::program::{Language, Program};
 use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
@@ -47,6 +48,12 @@ impl ProgramFiles {
     #[must_use]
     pub fn sources(&self) -> Vec<&Source> {
         self.job.texts.iter().filter_map(Text::source).collect()
+    }
+
+    /// The program in one text, where it may be read in chunks.
+    pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
+        let setup = &run.setup;
+        self.job.long(&setup.cell, setup.options.tool.as_deref(), self.context())
     }
 
     /// Names of the files in an output folder.

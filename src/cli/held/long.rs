@@ -1,15 +1,12 @@
 //! Long programs, a chunk at a time: faster than as a whole, and they can be followed and called off.
 
 use super::{Done, ProgramFiles, Run, noticed};
-use crate::cli::files::cannot_read;
-use crate::cli::job::HEAD;
+use crate::cli::job;
 use crate::cli::lines::quote;
-use crate::cli::readings::{self, Reading};
 use crate::cli::report::Noticed;
-use deflex::correct::{
-    self, Outline, Poster, Sinks, StreamError, Streamed, compensate_long, post_chunks, predict_chunks,
-};
-use deflex::program::{AnyChunks, Language, cl};
+use crate::cli::text::Text;
+use deflex::correct::{LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
+use deflex::program::InChunks;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
 use deflex::text::{Diagnostic, Source};
@@ -20,16 +17,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A long program, in one file.
 pub(super) struct Long<'a> {
-    program: &'a ProgramFiles,
-    source: &'a Source,
+    files: &'a ProgramFiles,
+    program: job::Long<'a>,
     run: &'a Run,
-    /// Whether its text is long: else what it runs through may be.
-    long: bool,
     stopped: AtomicBool,
 }
 
 type Answer = Result<Option<Done>, Vec<Diagnostic>>;
-type Text<'a> = Cursor<&'a [u8]>;
 
 /// What comes of the rows of a program.
 struct Reports<'a> {
@@ -40,32 +34,17 @@ struct Reports<'a> {
 
 impl<'a> Long<'a> {
     /// `None` where the program is of several files.
-    pub(super) fn of(program: &'a ProgramFiles, run: &'a Run) -> Option<Self> {
-        let [source] = program.sources()[..] else { return None };
-        let long = source.bytes.len() as u64 > HEAD;
-        let alone = program.companions().is_empty();
-        alone.then(|| Self { program, source, run, long, stopped: AtomicBool::new(false) })
+    pub(super) fn of(files: &'a ProgramFiles, run: &'a Run) -> Option<Self> {
+        let program = files.long(run)?;
+        files.companions().is_empty().then(|| Self { files, program, run, stopped: AtomicBool::new(false) })
     }
 
     /// `None` where only the whole of it tells what it means.
     pub(super) fn compensate(&self) -> Answer {
-        if self.program.language() == Language::Cl {
-            return if self.long { self.post() } else { Ok(None) };
-        }
-        for &reading in self.readings() {
-            if let Some(done) = self.edit(reading)? {
-                return Ok(Some(done));
-            }
-        }
-        Ok(None)
-    }
-
-    fn readings(&self) -> &'static [Reading] {
-        if self.long { &Reading::ALL } else { &[Reading::Executed] }
-    }
-
-    fn text(&self) -> Text<'a> {
-        Cursor::new(&self.source.bytes)
+        self.program.by_chunks(|program| match self.files.language().is_edited() {
+            true => self.edit(&program),
+            false => self.post(&program),
+        })
     }
 
     fn threads() -> usize {
@@ -73,89 +52,56 @@ impl<'a> Long<'a> {
     }
 
     /// RAPID and KRL: their own text, edited.
-    fn edit(&self, reading: Reading) -> Answer {
-        let Some(chunks) = self.chunks(self.program, reading)? else { return Ok(None) };
-        let (mut text, names) = (self.held(), chunks.names());
-        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
+    fn edit(&self, program: &InChunks<'_, &Text>) -> Answer {
+        let mut text = self.held();
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.files, self.run)), |sinks| {
             let (setup, scratch) = (&self.run.setup, || Ok(Cursor::new(Vec::new())));
             let run = (&setup.cell.cell, &setup.options, Self::threads());
-            compensate_long(chunks, (self.text(), scratch), run, &mut text, sinks)
+            compensate_long(program, scratch, run, &mut text, sinks)
         });
-        let files = vec![(self.program.names()[0].clone(), text.bytes)];
-        self.done(done, reports, files, |name| names.as_ref().is_some_and(|names| names.uses(name)))
+        let files = vec![(self.files.names()[0].clone(), text.bytes)];
+        self.done(done, reports, files)
     }
 
     /// CL, posted as RAPID.
-    fn post(&self) -> Answer {
+    fn post(&self, program: &InChunks<'_, &Text>) -> Answer {
         let setup = &self.run.setup;
-        let Some(options) = setup.cell.cl_options(setup.options.tool.as_deref()) else { return Ok(None) };
-        let chunks = || self.read(cl::Chunks::new(&self.source.name, self.text(), &options));
-        let (Some(first), Some(again), Some(chunks)) = (chunks()?, chunks()?, chunks()?) else { return Ok(None) };
-        let mut outline = match Outline::of_chunks(first, |_, _| ()) {
-            Ok(outline) => outline,
-            Err(why) => return self.refused(why),
-        };
-        let post = self.run.post.clone().unwrap_or_else(|| Run::posted_from(&self.program.names()[0]));
-        if setup.options.subdivide.is_some() && post.max_targets.is_some() {
-            // How many parts there are is told by what is inserted.
-            let (cell, threads) = (&setup.cell.cell, Self::threads());
-            let counted = correct::count_chunks(again, cell, &setup.options, threads, &mut outline, &|_, _| ());
-            if let Err(why) = counted {
-                return self.refused(why);
-            }
-        }
-        let poster = Poster::new(outline, &setup.cell.cell, &post)?;
+        let (cell, threads) = (&setup.cell.cell, Self::threads());
+        let post = self.run.post.clone().unwrap_or_else(|| Run::posted_from(&self.files.names()[0]));
+        let laid_out = LaidOut::new(program, (cell, &setup.options, threads), &post, &|_, _| ());
+        let Some(laid_out) = self.through(laid_out)? else { return Ok(None) };
         let files: Mutex<Vec<(PathBuf, Vec<u8>)>> = Mutex::default();
         let open = |name: &str| Ok(Posted { name: name.into(), text: self.held(), files: &files });
-        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.program, self.run)), |sinks| {
-            post_chunks(chunks, &setup.cell.cell, &setup.options, Self::threads(), &poster, open, sinks)
+        let (reports, done) = self.filled((PathKind::Compensate, noticed(self.files, self.run)), |sinks| {
+            post_long(program, &laid_out, (cell, threads), open, sinks)
         });
         let files = files.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        self.done(done, reports, files, |_| false)
+        self.done(done, reports, files)
     }
 
     /// What becomes of it as it is; `None` where only the whole of it, or of its original, tells what it means.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
-        for &reading in self.readings() {
-            let Some(chunks) = self.chunks(self.program, reading)? else { continue };
-            let before = match against {
-                Some(original) => match self.chunks(original, reading)? {
-                    Some(before) => Some(before),
-                    None => continue,
-                },
-                None => None,
-            };
-            let names = [chunks.names(), before.as_ref().and_then(AnyChunks::names)];
+        let original = match against {
+            Some(original) => match original.long(self.run) {
+                Some(original) => Some(original),
+                None => return Ok(None),
+            },
+            None => None,
+        };
+        self.program.by_chunks(|program| {
             let noticed = Noticed::new(self.run.setup.options.forces.as_ref(), None);
             let (reports, done) = self.filled((PathKind::Predict, noticed), |sinks| {
                 let setup = &self.run.setup;
-                predict_chunks(chunks, before, &setup.cell.cell, &setup.options, Self::threads(), None, sinks)
+                let run = (&setup.cell.cell, &setup.options, Self::threads());
+                predict_long(&program, original.as_ref(), run, None, sinks)
             });
-            if matches!(done, Err(StreamError::NotStreamable)) {
-                continue;
-            }
-            let named = |name: &str| names.iter().flatten().any(|names| names.uses(name));
-            return self.done(done, reports, Vec::new(), named);
-        }
-        Ok(None)
-    }
-
-    fn chunks<'p>(
-        &self,
-        program: &'p ProgramFiles,
-        reading: Reading,
-    ) -> Result<Option<AnyChunks<Text<'p>>>, Vec<Diagnostic>> {
-        let [source] = program.sources()[..] else { return Ok(None) };
-        readings::chunks((&self.run.setup, program.context()), program.language(), &source, reading)
-    }
-
-    fn read<T>(&self, read: io::Result<T>) -> Result<T, Vec<Diagnostic>> {
-        read.map_err(|error| cannot_read(&self.source.name, &error))
+            self.done(done, reports, Vec::new())
+        })
     }
 
     /// Room for a text, which is full when the run is called off: a report takes some more than the program.
     fn held(&self) -> HeldText<'_> {
-        HeldText { bytes: Vec::with_capacity(2 * self.source.bytes.len()), stopped: &self.stopped }
+        HeldText { bytes: Vec::with_capacity(2 * self.source().bytes.len()), stopped: &self.stopped }
     }
 
     fn filled<'n>(
@@ -187,38 +133,31 @@ impl<'a> Long<'a> {
         done: Result<Streamed, StreamError>,
         mut reports: Reports<'_>,
         files: Vec<(PathBuf, Vec<u8>)>,
-        named: impl Fn(&str) -> bool,
     ) -> Answer {
-        let done = match done {
-            Ok(done) => done,
-            Err(why) => return self.refused(why),
-        };
-        if let Some(forces) = &self.run.setup.forces {
-            forces.check_targets(done.last, named)?;
-        }
+        let Some(done) = self.through(done)? else { return Ok(None) };
+        self.run.setup.check_forces(&done)?;
         if !done.failures.is_empty() {
             return Err(done.failures);
         }
-        let name = self.program.name();
+        let name = self.files.name();
         let noticed = reports.noticed.notes(name)?;
         let summary = FileSummary::of(name, &done.summary, &[]);
         let notes = done.notes.into_iter().chain(noticed).collect();
         if let Some(path) = &mut reports.path {
-            quote(path, self.text());
+            quote(path, &self.source().bytes[..]);
         }
         Ok(Some(Done { files, csv: reports.csv, summary, notes, path: reports.path }))
     }
 
-    fn refused(&self, why: StreamError) -> Answer {
-        match why {
-            _ if self.stopped.load(Ordering::Relaxed) => {
-                Err(Diagnostic::error("run.called-off", self.program.name(), "the run was called off").into())
-            }
-            StreamError::NotStreamable => Ok(None),
-            StreamError::Refused(errors) => Err(errors),
-            StreamError::Read(error) => Err(cannot_read(&self.source.name, &error)),
-            StreamError::Write(error) => Err(crate::cli::files::cannot_write(&error)),
+    fn through<T>(&self, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {
+        if done.is_err() && self.stopped.load(Ordering::Relaxed) {
+            return Err(Diagnostic::error("run.called-off", self.files.name(), "the run was called off").into());
         }
+        self.run.setup.through(&self.source().name, done)
+    }
+
+    fn source(&self) -> &'a Source {
+        self.files.sources()[0]
     }
 }
 

@@ -112,16 +112,21 @@ impl Reader {
                 _ => Err(refusal::AMBIGUOUS_LIST),
             },
             _ => {
-                let every_second = |is: bool| triples.chunks_exact(2).all(|pair| is_unit(pair[1].1) == is);
-                let none = triples[1..].iter().all(|(_, printed)| !is_unit(*printed) || on_arc(*printed));
+                let units = |from: usize, step: usize| {
+                    triples[from..].iter().step_by(step).map(|(_, printed)| is_unit(*printed))
+                };
+                let on_circle = |step: usize| triples.iter().step_by(step).all(|(_, printed)| on_arc(*printed));
                 // Four triples may be a point, its axis, the contact and the normal there as well.
                 let listed = self.pending.is_some() || triples.len() > 4;
-                if none {
-                    Ok(plain())
-                } else if triples.len().is_multiple_of(2) && every_second(true) && listed {
-                    Ok(with_axes())
-                } else {
-                    Err(refusal::AMBIGUOUS_LIST)
+                let paired = triples.len().is_multiple_of(2) && listed && units(1, 2).all(|is| is);
+                match (on_circle(1), paired && on_circle(2)) {
+                    // Points of a circle of radius 1 about the origin are all as long.
+                    (true, true) if !units(0, 1).all(|is| is) => Err(refusal::AMBIGUOUS_LIST),
+                    (true, _) => Ok(plain()),
+                    (false, true) => Ok(with_axes()),
+                    (false, false) if !units(1, 1).any(|is| is) => Ok(plain()),
+                    (false, false) if paired => Ok(with_axes()),
+                    (false, false) => Err(refusal::AMBIGUOUS_LIST),
                 }
             }
         }

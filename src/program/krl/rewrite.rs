@@ -192,7 +192,14 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
     let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return own };
     let mut put = |axis: usize, value: f64, decimals: usize| {
         if let Some(place) = site.tokens[axis] {
-            let new = New::of(bytes(program, place), value, decimals);
+            let mut new = New::of(bytes(program, place), value, decimals);
+            // `X-0.1` without its sign would be another name.
+            if let Some(token) = &mut new.token
+                && token[0] != b'-'
+                && follows_a_name(program, place)
+            {
+                token.insert(0, b' ');
+            }
             (own.tokens[axis], own.values[axis]) = (new.token, new.value);
         }
     };
@@ -208,6 +215,12 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
         }
     }
     own
+}
+
+/// Whether nothing but its sign parts a number from the name before it.
+fn follows_a_name(program: &Program, place: Place) -> bool {
+    let before = program.sources[usize::from(place.source)].bytes.get(..place.span().start as usize);
+    before.and_then(<[u8]>::last).is_some_and(|byte| byte.is_ascii_alphanumeric() || *byte == b'_' || !byte.is_ascii())
 }
 
 /// Of the two triples of angles that are one rotation the one nearer to another, within half a turn either way.

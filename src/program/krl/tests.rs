@@ -59,6 +59,14 @@ fn inline_positions_are_edited_where_they_stand() {
 }
 
 #[test]
+fn a_number_that_loses_its_sign_is_not_joined_to_its_name() {
+    let p = program("LIN {X-0.1,Y-9.0,Z 3.0,A-.2,B 0.0,C 0.0}");
+    assert_eq!(positions(&p), [[-0.1, -9.0, 3.0]]);
+    let texts = moved(&p, 0.5);
+    assert!(texts[0].contains("{X 0.400,Y-8.500,Z 3.500,A-.2,"), "{}", texts[0]);
+}
+
+#[test]
 fn points_of_the_data_list_are_edited_there() {
     let src = "&ACCESS RVP\r\nDEF a( )\r\n;FOLD LIN P1;%{PE}\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)\r\nLIN XP1 C_DIS\r\n;ENDFOLD\r\nEND\r\n";
     let dat = "DEFDAT A\r\nDECL E6POS XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 2,T 'B1010',E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0}\r\nDECL FDAT FP1={TOOL_NO 3,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\r\nENDDAT\r\n";
