@@ -2,8 +2,8 @@
 
 use super::args::Reports;
 use super::files::{all, parted, source};
-use super::input::CellFile;
 use super::text::Text;
+use deflex::program::cl::ClOptions;
 use deflex::program::{Language, LongProgram, ModuleNames, detect, group_modules, unknown_marks};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span, cannot_read};
@@ -70,10 +70,10 @@ impl Job {
         self
     }
 
-    /// The program in one text, where it may be read in chunks; `context` declares what it does not.
-    pub(super) fn long<'a>(&'a self, cell: &CellFile, tool: Option<&str>, context: &'a [Source]) -> Option<Long<'a>> {
+    /// The program in one text, where it may be read in chunks; `context` declares what it does not, and CL data are read with `cl`.
+    pub(super) fn long<'a>(&'a self, context: &'a [Source], cl: Option<ClOptions>) -> Option<Long<'a>> {
         let [text] = &self.texts[..] else { return None };
-        Some(LongProgram::new(text, self.language, context, cell.cl_options(tool)))
+        Some(LongProgram::new(text, self.language, context, cl))
     }
 
     /// Refuses marks that mean nothing.

@@ -10,6 +10,7 @@ mod blocks;
 mod check;
 mod compensate;
 mod diff;
+mod file_state;
 mod files;
 mod forces;
 mod generate;

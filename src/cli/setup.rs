@@ -9,6 +9,7 @@ use super::progress;
 use deflex::cell::examples_left;
 use deflex::correct::{Correct, Options, StreamError, Streamed};
 use deflex::program::Program;
+use deflex::program::cl::ClOptions;
 use deflex::text::{Diagnostic, cannot_read};
 use indicatif::ProgressBar;
 use std::borrow::Cow;
@@ -47,9 +48,14 @@ impl Setup {
         Ok(Self { cell: Arc::new(cell), forces: rows, context, options })
     }
 
+    /// How CL input is read.
+    pub(super) fn cl_options(&self) -> Option<ClOptions> {
+        self.cell.cl_options(self.options.tool.as_deref())
+    }
+
     /// The program in one text, where it may be read in chunks.
     pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
-        job.long(&self.cell, self.options.tool.as_deref(), self.context.sources())
+        job.long(self.context.sources(), self.cl_options())
     }
 
     /// What a long program came to; `None` where it did not go through like that.

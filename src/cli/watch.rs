@@ -1,42 +1,15 @@
 //! Inputs that change while they are read: a program is read several times over, and must be the same each time.
 
-use super::{message, output};
+use super::file_state::State;
+use super::message;
+use super::output::marker;
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
-use std::fs::{self, File, Metadata};
+use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
-
-/// What tells one state of a file from another without reading it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) struct State {
-    length: u64,
-    modified: Option<SystemTime>,
-    /// Device, inode and the time of the last change of any of them; 0 where the system has none.
-    own: [i64; 4],
-}
-
-impl State {
-    pub(super) fn of(metadata: &Metadata) -> Self {
-        #[cfg(unix)]
-        let own = {
-            use std::os::unix::fs::MetadataExt;
-            [metadata.dev().cast_signed(), metadata.ino().cast_signed(), metadata.ctime(), metadata.ctime_nsec()]
-        };
-        #[cfg(not(unix))]
-        let own = [0; 4];
-        Self { length: metadata.len(), modified: metadata.modified().ok(), own }
-    }
-
-    /// Without what a second name for the same file changes.
-    pub(super) fn of_content(metadata: &Metadata) -> Self {
-        let mut state = Self::of(metadata);
-        state.own[2..].fill(0);
-        state
-    }
-}
 
 /// A file as it was when it was first opened.
 #[derive(Debug)]
@@ -82,7 +55,7 @@ fn unfinished(path: &Path) -> Option<Diagnostic> {
     let target = fs::canonicalize(path).ok()?;
     let folder = target.parent()?.to_owned();
     let mut all = watched();
-    let files = all.unfinished.entry(folder).or_insert_with_key(|folder| output::unfinished(folder));
+    let files = all.unfinished.entry(folder).or_insert_with_key(|folder| marker::unfinished(folder));
     let (_, marker) = files.iter().find(|(file, _)| *file == target)?;
     let message = format!("is one of several outputs that a killed run left unfinished ({marker})");
     let help = "run again what wrote it: its files are not of one run";

@@ -1,4 +1,4 @@
-use super::real::{Mask, Real};
+use super::real::{Mask, Real, dispatch};
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
 /// Numbers side by side: two registers of AVX2, one of AVX-512.
@@ -47,6 +47,71 @@ impl Lanes {
             out[i] = if f(self.0[i], other.0[i]) { u64::MAX } else { 0 };
         }
         LaneMask(out)
+    }
+}
+
+impl Real for Lanes {
+    type Mask = LaneMask;
+    const WIDTH: usize = WIDTH;
+    const ZERO: Self = Self([0.0; WIDTH]);
+
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        Self([value; WIDTH])
+    }
+
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> f64 {
+        debug_assert!(lane < WIDTH);
+        // The remainder tells the compiler that it is in bounds.
+        self.0[lane % WIDTH]
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, value: f64) {
+        debug_assert!(lane < WIDTH);
+        self.0[lane % WIDTH] = value;
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        self.map(f64::floor)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a < b)
+    }
+
+    #[inline(always)]
+    #[allow(clippy::float_cmp)] // the very number is meant
+    fn eq(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a == b)
+    }
+
+    #[inline(always)]
+    fn ge(self, other: impl Into<Self>) -> LaneMask {
+        self.test(other.into(), |a, b| a >= b)
+    }
+
+    #[inline(always)]
+    fn bit(self, bit: u32) -> LaneMask {
+        LaneMask::of_bits(self, bit)
+    }
+
+    #[inline(always)]
+    fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
+        dispatch(work);
     }
 }
 

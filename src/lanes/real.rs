@@ -1,4 +1,3 @@
-use super::number::{LaneMask, Lanes, WIDTH};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
@@ -197,69 +196,4 @@ impl Mask<f64> for bool {
 #[inline(never)]
 pub(crate) fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
     pulp::Arch::new().dispatch(work);
-}
-
-impl Real for Lanes {
-    type Mask = LaneMask;
-    const WIDTH: usize = WIDTH;
-    const ZERO: Self = Self([0.0; WIDTH]);
-
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        Self([value; WIDTH])
-    }
-
-    #[inline(always)]
-    fn lane(&self, lane: usize) -> f64 {
-        debug_assert!(lane < WIDTH);
-        // The remainder tells the compiler that it is in bounds.
-        self.0[lane % WIDTH]
-    }
-
-    #[inline(always)]
-    fn set(&mut self, lane: usize, value: f64) {
-        debug_assert!(lane < WIDTH);
-        self.0[lane % WIDTH] = value;
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self.map(f64::abs)
-    }
-
-    #[inline(always)]
-    fn floor(self) -> Self {
-        self.map(f64::floor)
-    }
-
-    #[inline(always)]
-    fn lt(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a < b)
-    }
-
-    #[inline(always)]
-    #[allow(clippy::float_cmp)] // the very number is meant
-    fn eq(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a == b)
-    }
-
-    #[inline(always)]
-    fn ge(self, other: impl Into<Self>) -> LaneMask {
-        self.test(other.into(), |a, b| a >= b)
-    }
-
-    #[inline(always)]
-    fn bit(self, bit: u32) -> LaneMask {
-        LaneMask::of_bits(self, bit)
-    }
-
-    #[inline(always)]
-    fn dispatch<W: pulp::NullaryFnOnce<Output = ()>>(work: W) {
-        dispatch(work);
-    }
 }

@@ -1,11 +1,8 @@
 //! Long programs, a chunk at a time.
 
-use super::cl::{self, ClOptions};
-use super::krl;
-use super::rapid::{self, Names};
 use super::{Goal, Program, Target};
-use crate::text::{Diagnostic, Source};
-use std::io::{self, Read, Seek};
+use crate::text::Diagnostic;
+use std::io;
 use std::ops::Range;
 
 /// What taking the next chunk of a program came to.
@@ -47,112 +44,6 @@ pub trait ChunkReader {
     }
 }
 
-impl<R: Read> ChunkReader for rapid::Chunks<R> {
-    type Chunk = rapid::Chunk;
-
-    const IN_PLACE: bool = true;
-
-    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
-    }
-}
-
-impl<R: Read + Seek> ChunkReader for rapid::Declared<R> {
-    type Chunk = rapid::Chunk;
-
-    fn take(&mut self) -> io::Result<Next<rapid::Chunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: rapid::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
-    }
-}
-
-impl ChunkReader for rapid::ExecutedChunks {
-    type Chunk = StreamableChunk;
-
-    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
-        Some(chunk)
-    }
-}
-
-impl<R: Read> ChunkReader for cl::Chunks<R> {
-    type Chunk = StreamableChunk;
-
-    fn has_own_numbers(&self) -> bool {
-        true
-    }
-
-    fn take(&mut self) -> io::Result<Next<StreamableChunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: StreamableChunk) -> Option<StreamableChunk> {
-        Some(chunk)
-    }
-
-    fn warnings(&self) -> Vec<Diagnostic> {
-        Self::warnings(self)
-    }
-}
-
-impl<R: Read> ChunkReader for krl::Chunks<R> {
-    type Chunk = krl::Chunk;
-
-    const IN_PLACE: bool = true;
-
-    fn take(&mut self) -> io::Result<Next<krl::Chunk>> {
-        Self::take(self)
-    }
-
-    fn read(chunk: krl::Chunk) -> Option<StreamableChunk> {
-        chunk.read()
-    }
-}
-
-impl<R: Read + Seek> ChunkReader for AnyChunks<R> {
-    type Chunk = AnyChunk;
-
-    fn has_own_numbers(&self) -> bool {
-        matches!(self, Self::Inline(_) | Self::Cl(_) | Self::Krl(_))
-    }
-
-    fn take(&mut self) -> io::Result<Next<AnyChunk>> {
-        let rapid = match self {
-            Self::Inline(chunks) => chunks.take()?,
-            Self::Indexed(chunks) => chunks.take()?,
-            Self::Cl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Executed(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Read(Box::new(chunk)))),
-            Self::Krl(chunks) => return Ok(chunks.take()?.map(|chunk| AnyChunk::Krl(Box::new(chunk)))),
-        };
-        Ok(rapid.map(|chunk| AnyChunk::Rapid(Box::new(chunk))))
-    }
-
-    fn read(chunk: AnyChunk) -> Option<StreamableChunk> {
-        match chunk {
-            AnyChunk::Rapid(chunk) => chunk.read(),
-            AnyChunk::Read(chunk) => Some(*chunk),
-            AnyChunk::Krl(chunk) => chunk.read(),
-        }
-    }
-
-    fn warnings(&self) -> Vec<Diagnostic> {
-        match self {
-            Self::Cl(chunks) => chunks.warnings(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Krl(_) | Self::Executed(_) => Vec::new(),
-        }
-    }
-}
-
 /// A chunk as read.
 #[derive(Debug)]
 pub struct StreamableChunk {
@@ -179,96 +70,8 @@ pub struct Elsewhere {
     pub shared: bool,
 }
 
-/// The chunks of a long program of whatever kind.
-#[derive(Debug)]
-pub enum AnyChunks<R> {
-    /// RAPID with inline targets in one procedure.
-    Inline(Box<rapid::Chunks<R>>),
-    /// RAPID with an index.
-    Indexed(Box<rapid::Declared<R>>),
-    /// CL.
-    Cl(Box<cl::Chunks<R>>),
-    /// KRL with inline positions in one routine.
-    Krl(Box<krl::Chunks<R>>),
-    /// RAPID that is run again, whatever it consists of.
-    Executed(rapid::ExecutedChunks),
-}
-
-/// A chunk, not yet read.
-#[derive(Debug)]
-pub enum AnyChunk {
-    /// RAPID.
-    Rapid(Box<rapid::Chunk>),
-    /// Of a kind that is read as it is cut.
-    Read(Box<StreamableChunk>),
-    /// KRL.
-    Krl(Box<krl::Chunk>),
-}
-
-impl<R: Read + Seek> AnyChunks<R> {
-    /// RAPID with inline targets in one procedure; `None` where `input` does not begin like that.
-    ///
-    /// # Errors
-    /// What it reports.
-    pub fn inline(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Chunks::of_file(name, input, context)?.map(|chunks| Self::Inline(Box::new(chunks))))
-    }
-
-    /// RAPID of which an index is held; see [`rapid::Declared::new`].
-    ///
-    /// # Errors
-    /// What the inputs report.
-    pub fn indexed(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(rapid::Declared::new(name, body, file, context)?.map(|chunks| Self::Indexed(Box::new(chunks))))
-    }
-
-    /// RAPID that runs through more motions than can be held; see [`rapid::Executed::read`].
-    ///
-    /// # Errors
-    /// As [`rapid::read`].
-    pub fn executed(source: Source, context: &[Source]) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let program = rapid::Executed::read(vec![source], context.to_vec())?;
-        Ok(program.map(|program| Self::Executed(program.chunks())))
-    }
-
-    /// CL; `None` where only the whole can be read.
-    ///
-    /// # Errors
-    /// What `input` reports.
-    pub fn cl(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
-        Ok(cl::Chunks::new(name, input, options)?.map(|chunks| Self::Cl(Box::new(chunks))))
-    }
-
-    /// KRL; `None` where only the whole can be read.
-    ///
-    /// # Errors
-    /// What `input` reports.
-    pub fn krl(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
-        Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
-    }
-
-    /// Executed motions whose target is known only at run time, counted by reason.
-    #[must_use]
-    pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
-        match self {
-            Self::Executed(chunks) => chunks.program().distinct().unknown_targets().to_vec(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Cl(_) | Self::Krl(_) => Vec::new(),
-        }
-    }
-
-    /// Names of the targets that it moves to, where they have any.
-    #[must_use]
-    pub fn names(&self) -> Option<Names> {
-        match self {
-            Self::Executed(chunks) => Some(Names::of(chunks.program().distinct())),
-            Self::Indexed(chunks) => Some(chunks.names()),
-            Self::Inline(_) | Self::Cl(_) | Self::Krl(_) => None,
-        }
-    }
-}
-
 impl<P> Next<P> {
-    fn map<Q>(self, other: impl FnOnce(P) -> Q) -> Next<Q> {
+    pub(super) fn map<Q>(self, other: impl FnOnce(P) -> Q) -> Next<Q> {
         match self {
             Self::Chunk(chunk) => Next::Chunk(other(chunk)),
             Self::End => Next::End,

@@ -26,7 +26,28 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     }
     let ending = name.rsplit_once('.').map_or(String::new(), |(_, ending)| ending.to_ascii_lowercase());
     let by_ending = Language::ALL.into_iter().find(|language| language.endings().contains(&ending.as_str()));
-    by_ending.or_else(|| head.first().is_some_and(|&b| b >= 0xF0).then_some(Language::Rapid))
+    by_ending.or_else(|| head.first().is_some_and(|&b| b >= ENCRYPTED).then_some(Language::Rapid))
+}
+
+/// A byte that no text begins with: encrypted modules do.
+const ENCRYPTED: u8 = 0xF0;
+
+/// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
+pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
+    /// Of this many bytes at the beginning ...
+    const LOOK: usize = 64 * 1024;
+    /// ... one in so many may be a control character.
+    const BYTES_PER_CONTROL: usize = 100;
+    let control = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
+    let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+    if bytes.get(start).is_some_and(|b| *b >= ENCRYPTED) {
+        return Some(start);
+    }
+    // Blocks are filled up with NUL, or end with the sign for it.
+    let filled = bytes.iter().rev().take_while(|b| matches!(b, 0 | 0x1A)).count();
+    let head = &bytes[..(bytes.len() - filled).min(LOOK)];
+    let count = head.iter().filter(|b| control(b)).count();
+    if count * BYTES_PER_CONTROL > head.len() { head.iter().position(control) } else { None }
 }
 
 /// What the first line that is not blank says.

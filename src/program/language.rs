@@ -1,8 +1,9 @@
 //! The languages: the one list of them, and where each is read and written.
 
 use super::cl::{self, ClOptions};
-use super::{Change, Insert, Program, RewriteOptions, Rewritten, Role, krl, rapid, tp};
-use crate::text::{Diagnostic, Edit, Source, Span};
+use super::front_end::FrontEnd;
+use super::{Program, krl, rapid, tp};
+use crate::text::{Diagnostic, Source};
 
 /// Which language a program is written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -149,53 +150,5 @@ impl Layout {
             Self::Ls(layout) => layout,
             Self::Krl(layout) => layout,
         }
-    }
-}
-
-/// What a language makes of a program that it has read.
-pub(super) trait FrontEnd {
-    /// See [`Program::rewrite`].
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten;
-
-    /// See [`Program::insertion_refused`].
-    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<&'static str> {
-        None
-    }
-
-    /// See [`Program::removal`].
-    fn removal(&self, program: &Program, source: usize, spans: &[Span]) -> Vec<Edit> {
-        let bytes = &program.sources[source].bytes;
-        let without = |span: &Span| {
-            let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
-            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
-            Edit { span: Span::new(span.start as usize, span.end as usize + behind), content: Vec::new().into() }
-        };
-        spans.iter().map(without).collect()
-    }
-
-    /// See [`Program::writes_axes`].
-    fn writes_axes(&self, program: &Program) -> Vec<bool> {
-        vec![false; program.targets.len()]
-    }
-
-    /// See [`Program::motion_targets`].
-    fn motion_targets(&self, program: &Program) -> usize {
-        program.targets.iter().filter(|target| target.role == Role::End).count()
-    }
-
-    /// See [`Program::zone_mm`].
-    fn zone_mm(&self, _program: &Program, _target: usize) -> Option<f64> {
-        None
-    }
-
-    /// See [`Program::unknown_targets`].
-    fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        &[]
     }
 }

@@ -1,6 +1,6 @@
 //! Long programs: how their text is read a chunk at a time is chosen here, and no caller sees it.
 
-use super::chunk::AnyChunks;
+use super::any_chunks::AnyChunks;
 use super::cl::ClOptions;
 use super::language::Language;
 use crate::text::{Diagnostic, Source, cannot_read};

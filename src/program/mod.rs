@@ -6,9 +6,11 @@
 
 mod action;
 pub(crate) mod alignment;
+mod any_chunks;
 pub(crate) mod chunk;
 pub mod cl;
 mod detect;
+mod front_end;
 pub mod krl;
 mod language;
 mod long;
@@ -31,7 +33,9 @@ pub use marks::unknown_marks;
 pub use modules::{ModuleNames, group_modules};
 // What passes between the languages' `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]
-pub use chunk::{AnyChunks, ChunkReader, Next, StreamableChunk};
+pub use any_chunks::AnyChunks;
+#[doc(hidden)]
+pub use chunk::{ChunkReader, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
     Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, Status, Target,

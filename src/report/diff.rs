@@ -1,9 +1,9 @@
 //! What changed between two programs, target by target.
 
-use super::pairs::Pairs;
+use super::pairs::{InsertedTarget, Pairs, compare};
 use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status, Target};
 use crate::text::{apply, number};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -53,18 +53,6 @@ pub struct MovedTarget {
     pub step_mm: f64,
     /// confdata before and after, where changed.
     pub conf: Option<([i32; 4], [i32; 4])>,
-}
-
-/// A target that only the second program has.
-#[derive(Clone, Debug, Serialize)]
-#[non_exhaustive]
-pub struct InsertedTarget {
-    /// Ordinal in the second program.
-    pub target: u32,
-    /// Line there.
-    pub line: u32,
-    /// Ordinal of the first program's target on whose way it is.
-    pub before: u32,
 }
 
 /// Something other than a number.
@@ -168,34 +156,6 @@ fn list(conf: Conf) -> [i32; 4] {
 #[must_use]
 pub fn shift_mm(a: &Goal, b: &Goal) -> f64 {
     compare(a, b).0.norm()
-}
-
-pub(super) type Compared = (Vector3<f64>, f64, Option<(Conf, Conf)>);
-
-pub(super) fn compare(a: &Goal, b: &Goal) -> Compared {
-    let turn = |q: &[f64; 4]| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
-    match (a, b) {
-        (Goal::Pose { position_mm: p, quat: q, conf: c }, Goal::Pose { position_mm: p2, quat: q2, conf: c2 }) => {
-            let deg = turn(q).angle_to(&turn(q2)).to_degrees();
-            let conf = c.zip(*c2).filter(|(c, c2)| c != c2);
-            (Vector3::from(*p2) - Vector3::from(*p), deg, conf)
-        }
-        (Goal::Axis { position_mm: p, axis, .. }, Goal::Axis { position_mm: p2, axis: axis2, .. }) => {
-            let deg = Vector3::from(*axis).angle(&Vector3::from(*axis2)).to_degrees();
-            (Vector3::from(*p2) - Vector3::from(*p), deg, None)
-        }
-        // CL, and the RAPID posted from it: the turn about the tool axis (tip to spindle, −z) is free.
-        (Goal::Axis { position_mm: p, axis, .. }, Goal::Pose { position_mm: p2, quat, .. })
-        | (Goal::Pose { position_mm: p, quat, .. }, Goal::Axis { position_mm: p2, axis, .. }) => {
-            let deg = Vector3::from(*axis).angle(&-(turn(quat) * Vector3::z())).to_degrees();
-            (Vector3::from(*p2) - Vector3::from(*p), deg, None)
-        }
-        (Goal::Joints { deg: a }, Goal::Joints { deg: b }) => {
-            let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            (Vector3::zeros(), worst, None)
-        }
-        _ => (Vector3::zeros(), 180.0, None),
-    }
 }
 
 /// Text outside of the targets' numbers: `first` rewritten to the targets of `second` must read as `second` does.

@@ -1,17 +1,28 @@
 //! Which targets of two programs belong together, where the second has some inserted.
 
-use super::InsertedTarget;
-use super::diff::compare;
 use crate::correct::Track;
 use crate::program::alignment::{Fit, align};
-use crate::program::{Goal, Program, Role, Target};
+use crate::program::{Conf, Goal, Program, Role, Target};
 use crate::robot::Pose;
 use crate::text::{Edit, Span};
-use nalgebra::{Rotation3, Translation3, Vector3};
+use nalgebra::{Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
 
 /// Inserted targets are looked for so far from the path of the first program, mm: the largest correction of a cell that does not
 /// say another.
 const NEAR: f64 = 5.5;
+
+/// A target that only the second program has.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct InsertedTarget {
+    /// Ordinal in the second program.
+    pub target: u32,
+    /// Line there.
+    pub line: u32,
+    /// Ordinal of the first program's target on whose way it is.
+    pub before: u32,
+}
 
 /// Which targets of two programs belong together.
 pub(super) struct Pairs {
@@ -97,6 +108,33 @@ impl Fit for Near<'_> {
             shift.norm_squared()
         };
         pairs.iter().map(apart).collect()
+    }
+}
+
+/// From one goal to another: the shift, mm, the turn, degrees, and configurations that differ.
+pub(super) fn compare(a: &Goal, b: &Goal) -> (Vector3<f64>, f64, Option<(Conf, Conf)>) {
+    let turn = |q: &[f64; 4]| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
+    match (a, b) {
+        (Goal::Pose { position_mm: p, quat: q, conf: c }, Goal::Pose { position_mm: p2, quat: q2, conf: c2 }) => {
+            let deg = turn(q).angle_to(&turn(q2)).to_degrees();
+            let conf = c.zip(*c2).filter(|(c, c2)| c != c2);
+            (Vector3::from(*p2) - Vector3::from(*p), deg, conf)
+        }
+        (Goal::Axis { position_mm: p, axis, .. }, Goal::Axis { position_mm: p2, axis: axis2, .. }) => {
+            let deg = Vector3::from(*axis).angle(&Vector3::from(*axis2)).to_degrees();
+            (Vector3::from(*p2) - Vector3::from(*p), deg, None)
+        }
+        // CL, and the RAPID posted from it: the turn about the tool axis (tip to spindle, −z) is free.
+        (Goal::Axis { position_mm: p, axis, .. }, Goal::Pose { position_mm: p2, quat, .. })
+        | (Goal::Pose { position_mm: p, quat, .. }, Goal::Axis { position_mm: p2, axis, .. }) => {
+            let deg = Vector3::from(*axis).angle(&-(turn(quat) * Vector3::z())).to_degrees();
+            (Vector3::from(*p2) - Vector3::from(*p), deg, None)
+        }
+        (Goal::Joints { deg: a }, Goal::Joints { deg: b }) => {
+            let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            (Vector3::zeros(), worst, None)
+        }
+        _ => (Vector3::zeros(), 180.0, None),
     }
 }
 

@@ -52,8 +52,7 @@ impl ProgramFiles {
 
     /// The program in one text, where it may be read in chunks.
     pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
-        let setup = &run.setup;
-        self.job.long(&setup.cell, setup.options.tool.as_deref(), self.context())
+        self.job.long(self.context(), run.setup.cl_options())
     }
 
     /// Names of the files in an output folder.

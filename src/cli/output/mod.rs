@@ -4,6 +4,9 @@
 //! [set]. What goes to stdout waits in memory, or in a temporary file where it is long. What is dropped without
 //! [`Outputs::commit`] leaves no trace, nor does a run that is interrupted; what a killed one leaves, the next removes.
 
+mod lock;
+pub(super) mod marker;
+mod old;
 mod place;
 mod set;
 mod staging;
@@ -12,14 +15,12 @@ use super::blocks::Blocks;
 use super::watch;
 use deflex::program::detect;
 use deflex::text::{Diagnostic, printable};
+use marker::Entry;
 use place::{How, folder_of, resolved};
-use set::Entry;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-pub(super) use set::unfinished;
 
 /// Everything that one run writes.
 #[derive(Debug, Default)]

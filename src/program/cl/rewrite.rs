@@ -5,7 +5,7 @@ use super::lex::chunks;
 use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
-use crate::program::language::FrontEnd;
+use crate::program::front_end::FrontEnd;
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten};
 use crate::text::{Content, Edit, Source, Span, number as text_number};
 

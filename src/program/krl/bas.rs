@@ -1,12 +1,12 @@
 //! KUKA's own BAS, and what `WITH` sets for one motion.
 
 use super::calls::Argument;
-use super::changes::{Changes, is_frame_function};
+use super::changes::is_frame_function;
 use super::eval::{Path, RUN_TIME};
 use super::lex::Kind;
 use super::names;
 use super::run::Runner;
-use super::state::{Id, State};
+use super::state::{Changes, Id, State};
 use super::value::{Step, Value, upper};
 use crate::text::Span;
 use std::rc::Rc;

@@ -1,11 +1,11 @@
 //! Assignments, calls, and the start values of data lists.
 
-use super::changes::{Changes, is_frame_function};
+use super::changes::is_frame_function;
 use super::eval::{Path, RUN_TIME};
 use super::lex::{Cursor, Kind};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
-use super::state::Id;
+use super::state::{Changes, Id};
 use super::symbols::RoutineId;
 use super::tree::Param;
 use super::value::{Name, Value, upper};

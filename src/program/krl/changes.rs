@@ -3,21 +3,13 @@
 use super::lex::{Cursor, Kind};
 use super::names;
 use super::run::Runner;
-use super::state::Id;
+use super::state::{Changes, Id};
 use super::symbols::{RoutineId, spans};
 use super::tree::{Statement, walk};
 use super::value::{Name, Value, upper};
 use crate::text::{Diagnostic, Severity, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
-
-/// Variables that may be changed.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Changes {
-    pub(super) ids: BTreeSet<Id>,
-    /// All that other files see, base and tool among it.
-    pub(super) anything: bool,
-}
 
 /// Whose names statements use.
 struct Scope<'n> {

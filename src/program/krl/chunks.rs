@@ -5,7 +5,7 @@
 //! last. A position that names all six numbers is the same whatever stands before it, so that the other lines mean what that
 //! one does. Whatever is not like that is read whole.
 
-use super::like::{Axes, Like, Reader, is_speed, moved_axes};
+use super::like::{Axes, Like, Reader, is_speed, layout, moved_axes};
 use super::{Layout, dialect, lex};
 use crate::program::{Language, Mark, Next, Predecessor, Program, StreamableChunk, Target, detect};
 use crate::text::{Source, Span};
@@ -374,13 +374,6 @@ impl Chunk {
         program.sources = [self.source].into();
         program.dialect = self.dialect;
         Some(StreamableChunk { program, own, elsewhere: Vec::new(), at: 0, last: self.last })
-    }
-}
-
-pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
-    match &mut program.layout {
-        crate::program::Layout::Krl(layout) => Some(layout),
-        _ => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Layout;
 use super::lex::{Cursor, lines};
-use super::rewrite::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
+use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::value::{EXTERNAL, POSE, upper};
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::signed;

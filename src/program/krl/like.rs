@@ -1,7 +1,7 @@
 //! Lines that differ in nothing but the numbers of their position: one of them is read with all that stands before, the others
 //! by their numbers.
 
-use super::chunks::layout;
+use super::Layout;
 use super::lex;
 use super::run::Site;
 use super::value::{EXTERNAL, Place, upper};
@@ -467,5 +467,13 @@ impl Indices {
         target.tool = *self.tools.get(usize::from(target.tool))?;
         target.wobj = *self.wobjs.get(usize::from(target.wobj))?;
         Some(())
+    }
+}
+
+/// Where its numbers stand.
+pub(super) fn layout(program: &mut Program) -> Option<&mut Layout> {
+    match &mut program.layout {
+        crate::program::Layout::Krl(layout) => Some(layout),
+        _ => None,
     }
 }

@@ -24,6 +24,7 @@ mod lex;
 mod like;
 mod motion;
 mod names;
+mod numbers;
 mod rewrite;
 mod run;
 mod settle;
@@ -146,7 +147,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if u32::try_from(source.bytes.len()).is_err() {
         return Some(whole("krl.too-large", "file is larger than 4 GiB", 0).help("split it"));
     }
-    let at = super::rapid::no_text(&source.bytes)?;
+    let at = crate::program::detect::no_text(&source.bytes)?;
     Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
 }
 

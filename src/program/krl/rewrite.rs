@@ -1,19 +1,16 @@
 //! Corrected poses back into number tokens: nothing but sign and digits changes.
 
+use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::Site;
 use super::value::Place;
 use super::{Layout, insert};
-use crate::program::language::FrontEnd;
+use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
 use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{HashMap, HashSet};
 
-/// Least decimals of a position, mm: half of the last digit is below what a robot repeats by two orders.
-pub(super) const POSITION_DECIMALS: usize = 3;
-/// Least decimals of an angle, degrees: single precision, in which the controller counts, holds no more at 180.
-pub(super) const ANGLE_DECIMALS: usize = 5;
 /// Two orientations closer than this are the same: rounding of the arithmetic between reading and writing.
 const SAME_QUAT: f64 = 1e-12;
 const STATUS: &str = "joint motion whose status or turn (S, T) would be another, or is not that of the arm";
@@ -169,10 +166,6 @@ fn together(program: &Program, site: &Site, own: &NewTokens) -> Option<(usize, E
     Some((source, Edit { span: Span::new(start, end), content }))
 }
 
-pub(super) fn bytes(program: &Program, place: Place) -> &[u8] {
-    program.sources[usize::from(place.source)].slice(place.span())
-}
-
 /// Whether a change asks for anything else than what is there.
 fn differs(program: &Program, i: usize, change: &Change) -> bool {
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return true };
@@ -215,28 +208,6 @@ fn new_tokens_of(program: &Program, site: &Site, i: usize, change: Option<&Chang
         }
     }
     own
-}
-
-/// Whether nothing but its sign parts a number from the name before it.
-fn follows_a_name(program: &Program, place: Place) -> bool {
-    let before = program.sources[usize::from(place.source)].bytes.get(..place.span().start as usize);
-    before.and_then(<[u8]>::last).is_some_and(|byte| byte.is_ascii_alphanumeric() || *byte == b'_' || !byte.is_ascii())
-}
-
-/// Of the two triples of angles that are one rotation the one nearer to another, within half a turn either way.
-pub(super) fn near([a, b, c]: [f64; 3], old: [f64; 3]) -> [f64; 3] {
-    let wrap = |angle: f64| {
-        let turns = (angle / 360.0).round();
-        angle - 360.0 * turns
-    };
-    let far = |angles: [f64; 3]| angles.iter().zip(old).map(|(new, old)| wrap(new - old).abs()).sum::<f64>();
-    let other = [a + 180.0, 180.0 - b, c + 180.0].map(wrap);
-    let nearer = if far(other) < far([a, b, c]) { other } else { [a, b, c] };
-    // Angles beyond half a turn stay there.
-    std::array::from_fn(|i| {
-        let beside = old[i] + wrap(nearer[i] - old[i]);
-        if beside.abs() <= 180.0 || old[i].abs() > 180.0 { beside } else { wrap(beside) }
-    })
 }
 
 /// Position and orientation as the controller will hold them.

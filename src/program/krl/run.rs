@@ -1,9 +1,8 @@
 //! The program as it runs: calls, loops and branches followed as far as they are known when reading.
 
-use super::changes::Changes;
 use super::lex::{Cursor, Kind};
 use super::names;
-use super::state::{Id, State};
+use super::state::{Changes, Id, State};
 use super::symbols::{RoutineId, Symbols};
 use super::tree::{File, Routine, Statement};
 use super::value::{Name, Place, Value, upper};

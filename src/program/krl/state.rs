@@ -1,10 +1,18 @@
 //! What may hold at a place of the program: values of data by number, those that differ from what the text says.
 
 use super::value::{Place, Value};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of a variable.
 pub(super) type Id = usize;
+
+/// Variables that may be changed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Changes {
+    pub(super) ids: BTreeSet<Id>,
+    /// All that other files see, base and tool among it.
+    pub(super) anything: bool,
+}
 
 /// What holds; data that are not in it hold what they hold at the start.
 #[derive(Clone, Debug, Default)]

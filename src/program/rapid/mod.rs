@@ -65,7 +65,7 @@ pub use executed::{Executed, ExecutedChunks};
 pub use frames::declared_frames;
 use rewrite::rewrite;
 
-use super::language::FrontEnd;
+use super::front_end::FrontEnd;
 use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
@@ -161,27 +161,6 @@ enum Site {
 struct Offset {
     root: u32,
     steps: Box<[Step]>,
-}
-
-/// A byte that no text begins with: encrypted modules do.
-const ENCRYPTED: u8 = 0xF0;
-
-/// Where a file shows that it is no text: its first byte, or control characters, which real files carry one by one only.
-pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
-    /// Of this many bytes at the beginning ...
-    const LOOK: usize = 64 * 1024;
-    /// ... one in so many may be a control character.
-    const BYTES_PER_CONTROL: usize = 100;
-    let control = |b: &u8| b.is_ascii_control() && !b.is_ascii_whitespace();
-    let start = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-    if bytes.get(start).is_some_and(|b| *b >= ENCRYPTED) {
-        return Some(start);
-    }
-    // Blocks are filled up with NUL, or end with the sign for it.
-    let filled = bytes.iter().rev().take_while(|b| matches!(b, 0 | 0x1A)).count();
-    let head = &bytes[..(bytes.len() - filled).min(LOOK)];
-    let count = head.iter().filter(|b| control(b)).count();
-    if count * BYTES_PER_CONTROL > head.len() { head.iter().position(control) } else { None }
 }
 
 /// Reads modules as one program with shared names; `context` modules only declare.
@@ -336,7 +315,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     if text.starts_with(b"\xFF\xFE") || text.starts_with(b"\xFE\xFF") || text.starts_with(b"M\0") {
         return Some(whole("rapid.utf16", "the file is UTF-16 text").help("save it as UTF-8 or ISO 8859-1"));
     }
-    if let Some(at) = no_text(bytes) {
+    if let Some(at) = crate::program::detect::no_text(bytes) {
         let message = "the module is encrypted, or no text at all: expected RAPID in plain text";
         return Some(
             whole("rapid.encrypted", message)

@@ -28,7 +28,7 @@ mod statement;
 mod targets;
 mod written;
 
-use super::language::FrontEnd;
+use super::front_end::FrontEnd;
 use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 pub(super) use insert::MOST_POINTS;

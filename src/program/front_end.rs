@@ -1,0 +1,52 @@
+//! What a language makes of a program that it has read.
+
+use super::{Change, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::text::{Edit, Span};
+
+/// A language's way to write a program.
+pub(super) trait FrontEnd {
+    /// See [`Program::rewrite`].
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten;
+
+    /// See [`Program::insertion_refused`].
+    fn insertion_refused(&self, _program: &Program, _before: usize) -> Option<&'static str> {
+        None
+    }
+
+    /// See [`Program::removal`].
+    fn removal(&self, program: &Program, source: usize, spans: &[Span]) -> Vec<Edit> {
+        let bytes = &program.sources[source].bytes;
+        let without = |span: &Span| {
+            let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
+            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
+            Edit { span: Span::new(span.start as usize, span.end as usize + behind), content: Vec::new().into() }
+        };
+        spans.iter().map(without).collect()
+    }
+
+    /// See [`Program::writes_axes`].
+    fn writes_axes(&self, program: &Program) -> Vec<bool> {
+        vec![false; program.targets.len()]
+    }
+
+    /// See [`Program::motion_targets`].
+    fn motion_targets(&self, program: &Program) -> usize {
+        program.targets.iter().filter(|target| target.role == Role::End).count()
+    }
+
+    /// See [`Program::zone_mm`].
+    fn zone_mm(&self, _program: &Program, _target: usize) -> Option<f64> {
+        None
+    }
+
+    /// See [`Program::unknown_targets`].
+    fn unknown_targets(&self) -> &[(&'static str, usize)] {
+        &[]
+    }
+}
