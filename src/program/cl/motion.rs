@@ -67,8 +67,10 @@ impl Reader {
         }
         self.ensure_units(record, s)?;
         let axis_before = self.modal.axis;
-        let places = self.places(&triples)?;
-        self.literal_targets += places.len();
+        let places = self.places(&triples);
+        // Of positions that could be tool axes as well none is less a number for that.
+        self.literal_targets += places.as_ref().map_or(triples.len(), Vec::len);
+        let places = places?;
         if let [(place, axis)] = places[..] {
             self.modal.axis = axis.unwrap_or_else(|| self.axis_where_none_is_printed());
             self.modal.normal = triples.get(2).and_then(|(_, printed)| self.normal(*printed, place.1));
