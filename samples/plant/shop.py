@@ -100,6 +100,8 @@ CASES = {
     # Where a hose is fastened stands in the cell; what it pulls with is to be found.
     "hose": dict(plan="designed", effects=[(cable_pull,)], declared=lambda e: {**e, "stiffness_n_per_m": 0.0, "rest_mm": round(0.9 * e["rest_mm"])}),
     "planned": dict(plan="planned", effects=FEW_ROWS),
+    # The same effects and noise on twice the rows.
+    "planned48": dict(plan="planned", rows=48, effects=FEW_ROWS, draws_of="planned"),
     # The same effects and noise on rows that nobody planned.
     "unplanned": dict(plan="zigzag", effects=FEW_ROWS, draws_of="planned"),
 }
@@ -124,7 +126,7 @@ def case(job):
     # Clampings of one program (a column `run`) or each with its own program.
     column = spec.get("column", False)
     stems = ["part"] if runs == 1 or column else [f"part_{r + 1}" for r in range(runs)]
-    own = lambda n: planned(folder, deflex) if by_deflex else draw(robot, PLANS[spec["plan"]], [*seed, 1, n])
+    own = lambda n: planned(folder, deflex, spec.get("rows", 24)) if by_deflex else draw(robot, PLANS[spec["plan"]], [*seed, 1, n])
     plans = {stem: own(n) for n, stem in enumerate(stems)}
     plans["transfer"] = draw(robot, transfer, [*seed, 2])
     programs = {}

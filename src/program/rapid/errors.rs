@@ -77,12 +77,19 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// An index may be outside of its array (`ERR_OUTOFBND`), whatever the statement that it stands in.
-    pub(super) fn index_may_fail(&mut self) {
+    /// An expression may fail, whatever the statement that it stands in: by an index outside of its array (`ERR_OUTOFBND`), a division
+    /// (`ERR_DIVZERO`) or a function.
+    pub(super) fn expression_may_fail(&mut self) {
         if self.guards > 0 {
+            self.failures += 1;
             self.may_fail();
             self.may_be_handled(true);
         }
+    }
+
+    /// Whether an expression may have failed since there were so many failures, and the handler goes on behind its statement.
+    pub(super) fn skipped_since(&self, failures: usize) -> bool {
+        self.failures > failures && self.handler().is_some_and(|handler| handler.goes_on)
     }
 
     /// Statements of a routine may have run: where they move the robot, or call a routine that may, it stands elsewhere.

@@ -77,6 +77,9 @@ impl Runner<'_> {
                     self.pin_value(side);
                 }
             }
+            if level == 5 && operator.1 != "*" && right.num().is_none_or(|by| by == 0.0) {
+                self.expression_may_fail();
+            }
             left = apply(operator.1, &left, &right);
         }
     }
@@ -243,7 +246,7 @@ impl Runner<'_> {
                             self.pin_value(&value);
                         }
                         if !is_within(&value, &index) {
-                            self.index_may_fail();
+                            self.expression_may_fail();
                         }
                         value = element(&value, &index);
                         if cursor.accept(Kind::Mark(b',')).is_none() {

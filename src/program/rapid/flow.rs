@@ -38,6 +38,7 @@ impl<'a> Runner<'a> {
         otherwise: &'a [Statement],
         at: Span,
     ) -> Flow {
+        let failures = self.failures;
         for (i, (condition, body)) in arms.iter().enumerate() {
             match self.evaluate(self.scope(), *condition).bool() {
                 Some(true) => return self.block(body),
@@ -53,7 +54,7 @@ impl<'a> Runner<'a> {
                         self.evaluate(self.scope(), *condition);
                     }
                     let rest = arms[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]);
-                    return self.branches(rest);
+                    return self.branches(rest.chain(self.skipped_since(failures).then_some(&[][..])));
                 }
             }
         }
@@ -315,6 +316,7 @@ impl<'a> Runner<'a> {
     ) -> Flow {
         self.events += 1;
         let scope = self.scope();
+        let failures = self.failures;
         let subject = self.evaluate(scope, subject);
         for (i, (values, body)) in cases.iter().enumerate() {
             match self.matches(scope, &subject, *values) {
@@ -326,7 +328,8 @@ impl<'a> Runner<'a> {
                         "rapid.condition",
                         "value is known only at run time: every case is taken, in the order of the text",
                     );
-                    return self.branches(cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]));
+                    let rest = cases[i..].iter().map(|(_, b)| &b[..]).chain([otherwise]);
+                    return self.branches(rest.chain(self.skipped_since(failures).then_some(&[][..])));
                 }
             }
         }

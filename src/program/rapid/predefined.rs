@@ -446,6 +446,53 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "VectMagn",
 ];
 
+/// Functions of these that no handler gets an error from, whatever they are given.
+pub(super) const NEVER_FAILING: &[&str] = &[
+    "Abs",
+    "AbsDnum",
+    "ACos",
+    "ASin",
+    "ATan",
+    "ATan2",
+    "CDate",
+    "CJointT",
+    "ClkRead",
+    "Cos",
+    "CPos",
+    "CRobT",
+    "CrossProd",
+    "CTime",
+    "CTool",
+    "CWObj",
+    "Dim",
+    "Distance",
+    "DotProd",
+    "EulerZYX",
+    "Exp",
+    "GetTime",
+    "Max",
+    "Min",
+    "NOrient",
+    "Offs",
+    "OpMode",
+    "OrientZYX",
+    "PoseInv",
+    "PoseMult",
+    "PoseVect",
+    "Present",
+    "RelTool",
+    "RobOS",
+    "Round",
+    "RoundDnum",
+    "RunMode",
+    "Sin",
+    "StrLen",
+    "Tan",
+    "Trunc",
+    "TruncDnum",
+    "VectMagn",
+];
+
 /// Functions that hand back more than their value, through an argument, and change nothing else.
 pub(super) const WRITING_FUNCTIONS: &[&str] = &[
     "GetNextMechUnit",
@@ -511,13 +558,18 @@ pub(super) fn function(name: &[u8]) -> Option<Function> {
     }
 }
 
+/// Whether no handler gets an error from a function.
+pub(super) fn never_fails(name: &[u8]) -> bool {
+    has(NEVER_FAILING, name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn lists_are_sorted_and_found_whatever_the_case() {
-        for list in [NOTHING, ARGUMENTS, OPTIONS, FUNCTIONS, WRITING_FUNCTIONS] {
+        for list in [NOTHING, ARGUMENTS, OPTIONS, FUNCTIONS, NEVER_FAILING, WRITING_FUNCTIONS] {
             let wrong = list.windows(2).find(|pair| order(pair[0].as_bytes(), pair[1].as_bytes()).is_ge());
             assert_eq!(wrong, None);
         }
@@ -538,6 +590,7 @@ mod tests {
             ("Instructions that change only what they are given", ARGUMENTS),
             ("Instructions that change only what their optional arguments name", OPTIONS),
             ("Functions that change nothing", FUNCTIONS),
+            ("Functions that never fail", NEVER_FAILING),
             ("Functions that change only what they are given", WRITING_FUNCTIONS),
         ] {
             let section = page.split(&format!("### {title}\n")).nth(1).unwrap_or_else(|| panic!("no section {title}"));

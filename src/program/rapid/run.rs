@@ -88,6 +88,8 @@ pub(super) struct Runner<'a> {
     pub(super) mode: Mode,
     /// Routines on the way that catch errors.
     pub(super) guards: usize,
+    /// How often an expression could have failed under one.
+    pub(super) failures: usize,
     /// Routines with a GOTO on the way that may switch displacement or axis offsets on, or mark, at any of their statements.
     pub(super) jumping: Switches,
     /// Loops within one another that are run for what holds when their rounds begin.
@@ -184,6 +186,7 @@ impl<'a> Runner<'a> {
             state: State::default(),
             mode: Mode::Real,
             guards: 0,
+            failures: 0,
             jumping: Switches::NONE,
             dry: 0,
             steps: 0,
@@ -468,18 +471,14 @@ impl<'a> Runner<'a> {
         };
         let call = match simple {
             Simple::Assignment { target, value } => {
-                // A function may fail.
-                let fails = self.guards > 0 && bytes[value.range()].contains(&b'(');
-                if fails {
-                    self.may_fail();
-                    self.may_be_handled(false);
-                }
+                let failures = self.failures;
                 if self.guards > 0 && bytes[target.range()].contains(&b'{') {
                     // For its index.
                     self.evaluate(scope, target);
                 }
                 self.assign(scope, target, value);
-                if fails {
+                // What the handler changes may be what would have been assigned.
+                if self.failures > failures {
                     self.may_be_handled(true);
                 }
                 return Flow::Next;

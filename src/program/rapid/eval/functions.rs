@@ -28,6 +28,7 @@ impl Runner<'_> {
         if let Some(id) = self.symbols.find_routine(scope.module, &bytes[call.name.range()]) {
             values.iter().for_each(|v| self.pin_value(v));
             self.not_followed(scope, id, call);
+            self.expression_may_fail();
             return Value::Unknown(RUN_TIME);
         }
         match predefined::function(&name) {
@@ -59,6 +60,9 @@ impl Runner<'_> {
             (b"DIM", 2) => dimension(&values[0], &values[1]),
             _ => arithmetic(&name, &values, call.optional().is_empty()),
         };
+        if known.is_none() && !predefined::never_fails(&name) {
+            self.expression_may_fail();
+        }
         known.unwrap_or_else(|| {
             values.iter().for_each(|v| self.pin_value(v));
             Value::Unknown(RUN_TIME)

@@ -178,7 +178,23 @@ impl Generator {
                 let line = self.random.pick(&["IF di6=1 RAISE 5;", "RAISE 5;", "WaitDI di7,1\\MaxTime:=2;"]);
                 self.line(line);
             }
-            "division" if self.handled => self.line("n2:=4/(n1-1);"),
+            "division" if self.handled => {
+                let line = self.random.pick(&["n2:=4/(n1-1);", "n2:=4/n1;", "IF 4/n1>1 SetDO do2,1;", "n2:=4 DIV n1;"]);
+                self.line(line);
+                if self.random.one_in(4) {
+                    let (first, second) = (self.random.pick(&["1", "2"]), self.random.pick(&["1", "2"]));
+                    self.line(&format!("IF 4/n1>{first} THEN"));
+                    self.change();
+                    self.line("ELSE");
+                    self.change();
+                    self.line("ENDIF");
+                    self.line(&format!("TEST 4 DIV n1\nCASE {second}:"));
+                    self.change();
+                    self.line("DEFAULT:");
+                    self.change();
+                    self.line("ENDTEST");
+                }
+            }
             "strings" => {
                 self.line("s1:=\"a\";\nIF di1=1 s1:=s1+\"b\";\nIF s1=\"ab\" THEN");
                 self.body(depth);

@@ -282,6 +282,28 @@ pub(super) const CASES: &[Case] = &[
         "PROC rWait() WaitDI di1,1\\MaxTime:=1; ERROR wSet:=w2; RETURN; ENDPROC",
     ),
     case(
+        "division by zero, whose handler sets a frame",
+        0,
+        W,
+        "n:=3/n; MoveL p1,v50,fine,t1\\WObj:=wSet; ERROR wSet:=w2; TRYNEXT;",
+        "",
+    ),
+    case(
+        "division by zero in a condition",
+        0,
+        W,
+        "IF 3/n>1 SetDO do1,1; MoveL p1,v50,fine,t1\\WObj:=wSet; ERROR wSet:=w2; TRYNEXT;",
+        "",
+    ),
+    case(
+        "a condition that fails takes no branch",
+        0,
+        W,
+        "IF 3/n>1 THEN wSet:=w2; ELSE wSet:=w2; ENDIF MoveL p1,v50,fine,t1\\WObj:=wSet; ERROR TRYNEXT;",
+        "",
+    ),
+    case("division by a known number", 1, W, "n:=3/2; MoveL p1,v50,fine,t1\\WObj:=wSet; ERROR wSet:=w2; TRYNEXT;", ""),
+    case(
         "handler signals only",
         2,
         P,
