@@ -64,11 +64,24 @@ impl<'a> Runner<'a> {
             return Flow::Next;
         }
         let before = self.symbols.variables.len();
+        let failures = self.failures;
         let bound = self.arguments(scope, id, call);
+        // Behind an argument that fails TRYNEXT goes on without the call.
+        let skipped = self.skipped_since(failures).then(|| {
+            self.open();
+            self.take()
+        });
         let flow = match self.call(id, &bound) {
             None => Flow::Next,
             Some((normal, raised)) => {
-                if raised.is_some() && self.handler().is_some_and(|handler| handler.goes_on || handler.again) {
+                let is_skipped = skipped.is_some();
+                let normal = match (normal, skipped) {
+                    (Some(normal), Some(skipped)) => Some(self.join(normal, skipped)),
+                    (normal, skipped) => normal.or(skipped),
+                };
+                if is_skipped
+                    || raised.is_some() && self.handler().is_some_and(|handler| handler.goes_on || handler.again)
+                {
                     self.stands = None;
                 }
                 self.behind(id, &bound, normal, raised)

@@ -501,7 +501,7 @@ impl<'a> Runner<'a> {
             Some(known) => known.may_fail(),
             None => true,
         };
-        let fails = self.guards > 0 && fails;
+        let (fails, failures) = (self.guards > 0 && fails, self.failures);
         if fails {
             self.may_fail();
             self.may_be_handled(false);
@@ -509,6 +509,9 @@ impl<'a> Runner<'a> {
         let flow = match (shape, known) {
             (Some(shape), _) => {
                 self.motion(scope, &call, shape, span);
+                if self.skipped_since(failures) {
+                    self.stands = None;
+                }
                 Flow::Next
             }
             (None, Some(instruction)) => self.instruction(scope, &call, instruction, span),

@@ -227,6 +227,7 @@ impl Generator {
                 }
                 "PERS wobjdata w" | "wobjdata w" => args.push(self.random.of(&self.wobjs.clone())),
                 "PERS tooldata t" => args.push(self.random.of(&self.tools.clone())),
+                "num k" if self.handled && self.random.one_in(3) => args.push("4 DIV n1".to_owned()),
                 "num k" => args.push(self.random.pick(&["1", "2", "n1"]).to_owned()),
                 "INOUT wobjdata v" => {
                     let w = if self.random.one_in(4) {
