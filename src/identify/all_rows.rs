@@ -1,7 +1,8 @@
 //! The answer from every row: once held-out rows have told what it is worth, they tell as much of it as any others.
 
-use super::candidates::Candidate;
-use super::engine::{Engine, Posterior};
+use super::candidate::Candidate;
+use super::engine::Engine;
+use super::found::Posterior;
 use super::search::Search;
 
 /// A posterior that a quarter more rows do not undo.

@@ -1,9 +1,10 @@
 //! Whether the controller already corrects what the cell corrects.
 
+use super::columns::Columns;
 use super::data::Problem;
 use super::moments::Moments;
 use super::noise;
-use super::score::{Columns, score};
+use super::score::score;
 use crate::effects::Covered;
 use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};

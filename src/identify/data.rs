@@ -1,8 +1,7 @@
 //! Measured rows beside what the cell predicts for them.
 
-use super::device::{self, Device};
+use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
-use super::runs::at_line;
 use crate::correct::Prepared;
 use crate::effects::{Cutting, Situation};
 use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
@@ -443,16 +442,17 @@ impl Problem {
         }
         if lengths < self.rows.iter().filter(of_run).count() {
             let message = "some rows have a distance and others a position: expected one kind of instrument a file";
-            return Err(vec![at_line(table, 1, message.to_owned()).help("give them as two runs")]);
+            return Err(vec![table.row_error(1, message.to_owned()).help("give them as two runs")]);
         }
-        let places = self
-            .rows
-            .iter()
-            .filter(of_run)
-            .map(|row| (row, 1e3 * self.runs[run].points[row.point].wobj_from_tcp.translation.vector));
-        let Some(point) = device::fixed_point(places) else {
+        let place = |row: &Observation| 1e3 * self.runs[run].points[row.point].wobj_from_tcp.translation.vector;
+        let fitted = self.rows.iter().filter(of_run).filter(|row| !row.held_out);
+        let measured = fitted.filter_map(|row| match row.seen {
+            Seen::Distance(length) => Some((place(row), length)),
+            Seen::Position(_) | Seen::Normal(_) => None,
+        });
+        let Some(point) = fixed_point(&measured.collect::<Vec<_>>()) else {
             let message = "too few distances to find the point that they were measured from".to_owned();
-            return Err(vec![at_line(table, 1, message)]);
+            return Err(vec![table.row_error(1, message)]);
         };
         self.devices[run] = Device::Point(point);
         Ok(())
@@ -539,7 +539,7 @@ mod tests {
     use super::*;
     use crate::cell::Cell;
     use crate::effects::{KINDS, Kind};
-    use crate::identify::candidates::with;
+    use crate::identify::candidate::with;
     use crate::text::Source;
 
     /// An arm with each form of every kind, and poses of it under no forces.

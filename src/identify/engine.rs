@@ -1,18 +1,20 @@
 //! The loop: linearise, weigh, choose, refit, and again about the fit.
 
-use super::candidates::{self, Candidate, Home, with};
+use super::candidate::{Candidate, Home, twins, with};
+use super::candidates;
+use super::columns::Columns;
 use super::data::{Observation, Problem};
-use super::design::{Design, Reuse};
-use super::device::{self, Device};
-use super::explain::Ranking;
+use super::design::Design;
+use super::device::Device;
+use super::device_pose;
+use super::differences::Reuse;
+use super::found::{Choice, Linearised, Map, Ranking, Told};
 use super::gear::{self, Comb, Grid, Term};
-use super::map::Map;
 use super::moments::Moments;
 use super::noise;
-use super::outcome::{Identification, SetShare, Unexplained};
-use super::score::{Columns, Score, posterior, score};
+use super::outcome::{Identification, SetShare};
+use super::score::{Score, posterior, score};
 use super::search::Search;
-use super::whole::Choice;
 use crate::cell::Cell;
 use crate::effects::Shape;
 use crate::equilibrium::Arm;
@@ -130,29 +132,6 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
         engine.questioned(&before)?;
     }
     engine.run(&before, data_hash, progress)
-}
-
-/// A chosen candidate, its posterior, and the kinds that could stand in its place with theirs.
-pub(super) type Posterior = (usize, (f64, Vec<(String, f64)>));
-
-/// What the search has found out before the answer is put together.
-pub(super) struct Told {
-    pub(super) posteriors: Vec<Posterior>,
-    pub(super) ranking: Ranking,
-    pub(super) unexplained: Unexplained,
-    /// Held-out error before and after each chosen effect, over the whole robot.
-    pub(super) stages: Vec<(f64, f64)>,
-    /// Whether what is written is fitted to all rows.
-    pub(super) refit: bool,
-}
-
-/// Moments, search and columns of one linearisation.
-pub(super) struct Linearised {
-    pub(super) moments: Vec<Moments>,
-    pub(super) always: Vec<usize>,
-    pub(super) design: Design,
-    /// Pseudo-data: what the residual would be with every number at neutral.
-    pub(super) data: DVector<f64>,
 }
 
 impl Engine {
@@ -301,7 +280,7 @@ impl Engine {
         let mut linear = None;
         let mut posteriors = Vec::new();
         let mut ranking = Ranking::default();
-        let places = device::places(&self.problem);
+        let places = device_pose::places(&self.problem);
         // Gear harmonics are sought before smooth curves may imitate them: with nothing chosen, then beside the rest.
         for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
@@ -402,7 +381,7 @@ impl Engine {
         }
         if self.gains_nothing(before) {
             posteriors.clear();
-            device::restore(&mut self.problem, &places);
+            device_pose::restore(&mut self.problem, &places);
         }
         reached(progress, JUDGED)?;
         let map = self.map.take();
@@ -493,7 +472,7 @@ impl Engine {
     pub(super) fn choose(&mut self, set: Vec<usize>) {
         // A twin goes on from where the other one was.
         for &c in set.iter().filter(|c| !self.chosen.contains(c)) {
-            let known = self.chosen.iter().find(|&&o| candidates::twins(&self.candidates[o], &self.candidates[c]));
+            let known = self.chosen.iter().find(|&&o| twins(&self.candidates[o], &self.candidates[c]));
             if let Some(&known) = known.filter(|_| self.problem.free_device) {
                 self.candidates[c].values = self.candidates[known].values.clone();
             }

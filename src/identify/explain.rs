@@ -1,14 +1,14 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
 use super::advice::advice;
-use super::candidates::{Candidate, Home, fitted, with};
+use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
-use super::engine::{Engine, Linearised, Posterior, Told};
-use super::map::MAP;
+use super::engine::Engine;
+use super::found::{Linearised, MAP, Posterior, Ranking, Told};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation, Unexplained,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
 };
 use super::pattern::Standing;
 use super::score::posterior;
@@ -30,13 +30,6 @@ const UNLISTED: &str = "unlisted";
 const EVEN: f64 = 0.5;
 /// Rivals below this share of the posterior are not mentioned.
 pub(super) const MENTIONED: f64 = 0.03;
-
-/// Every kind alone, and how far apart they are.
-#[derive(Default)]
-pub(super) struct Ranking {
-    pub(super) kinds: Vec<Ranked>,
-    pub(super) separability: Vec<Separation>,
-}
 
 impl Engine {
     /// Every kind alone, best variant first, and how far apart they are.

@@ -1,10 +1,12 @@
 //! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
 
-use super::candidates::{Candidate, SPRING, fitted};
-use super::device;
-use super::engine::{Engine, Linearised, Posterior};
+use super::candidate::{Candidate, SPRING, fitted};
+use super::columns::Columns;
+use super::device_pose;
+use super::engine::Engine;
+use super::found::{Linearised, Posterior};
 use super::noise;
-use super::score::{Columns, Normal, posterior};
+use super::score::{Normal, posterior};
 use super::search::{Search, caution};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
@@ -102,7 +104,7 @@ impl Engine {
         let chosen = self.chosen.clone();
         let frames = linear.always.len();
         let now: Vec<Vec<f64>> = chosen.iter().map(|&c| self.candidates[c].values.clone()).collect();
-        let places = device::places(&self.problem);
+        let places = device_pose::places(&self.problem);
         let of = |c: usize, value: f64, k: usize| (value - self.candidates[c].start[k]) / self.candidates[c].size(k);
         let numbers = || chosen.iter().flat_map(|&c| (0..self.candidates[c].values.len()).map(move |k| (c, k)));
         let (mut here, mut bounds) = (vec![0.0; frames], vec![(f64::NEG_INFINITY, f64::INFINITY); frames]);
@@ -122,7 +124,7 @@ impl Engine {
             if gain > tremor {
                 return largest;
             }
-            device::restore(&mut self.problem, &places);
+            device_pose::restore(&mut self.problem, &places);
             for (&c, now) in chosen.iter().zip(&now) {
                 self.candidates[c].values.clone_from(now);
             }
@@ -134,8 +136,8 @@ impl Engine {
     fn go_to(&mut self, aim: &[f64]) -> f64 {
         let mut at = 0;
         for run in 0..self.problem.devices.len() {
-            let unknowns = device::unknowns(&self.problem, run);
-            device::shift(&mut self.problem, run, &aim[at..at + unknowns]);
+            let unknowns = device_pose::unknowns(&self.problem, run);
+            device_pose::shift(&mut self.problem, run, &aim[at..at + unknowns]);
             at += unknowns;
         }
         let mut largest: f64 = 0.0;
@@ -320,10 +322,10 @@ mod tests {
         engine.go_to(&heavy);
         assert!(engine.misfit(&linear).is_infinite());
         engine.candidates[gravity].values.clone_from(&start);
-        let places = device::places(&engine.problem);
+        let places = device_pose::places(&engine.problem);
         let normal = Normal::drawn_to(heavy);
         assert!(engine.step(&linear, &normal) <= 0.0);
         assert_eq!(engine.candidates[gravity].values, start);
-        assert_eq!(device::places(&engine.problem), places);
+        assert_eq!(device_pose::places(&engine.problem), places);
     }
 }

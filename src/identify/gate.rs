@@ -1,13 +1,16 @@
 //! Whether the chosen effects are all there is: outliers, a field over the place, and what holds beside them.
 
-use super::candidates::{self, Candidate, Home};
+use super::candidate::{Candidate, Home, same_pattern};
+use super::candidates;
+use super::columns::Columns;
 use super::data::Observation;
-use super::engine::{Engine, Linearised, Posterior, stacked};
+use super::engine::{Engine, stacked};
 use super::explain::{MENTIONED, NAMED};
+use super::found::{Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
 use super::pattern::{self, Pattern, Standing};
-use super::score::{Columns, posterior, score};
+use super::score::{in_standard_errors, posterior, score};
 use super::search::{self, Search};
 use crate::effects::Kind;
 use nalgebra::{DMatrix, DVector};
@@ -62,9 +65,9 @@ impl Engine {
     /// one does; whether there is a new one.
     pub(super) fn add_unlisted(&mut self) -> bool {
         let survey = candidates::survey(&self.declared, &self.problem);
-        let known = |new: &Candidate| self.candidates.iter().any(|c| candidates::same_pattern(c, new));
+        let known = |new: &Candidate| self.candidates.iter().any(|c| same_pattern(c, new));
         let new: Vec<Candidate> =
-            pattern::unlisted(&survey, &self.problem).into_iter().filter(|new| !known(new)).collect();
+            candidates::unlisted(&survey, &self.problem).into_iter().filter(|new| !known(new)).collect();
         let first = self.candidates.len();
         self.candidates.extend(new);
         let set = self.chosen.clone();
@@ -101,9 +104,9 @@ impl Engine {
         let left = self.residual() - self.shifted_by(|pattern| !is_jump(pattern));
         let mut found = Vec::new();
         for run in 0..self.problem.runs.len() {
-            found.extend(self.jumps_of(run, &left).map(|order| pattern::jump(&self.problem, run, order)));
+            found.extend(self.jumps_of(run, &left).map(|order| candidates::jump(&self.problem, run, order)));
         }
-        found.retain(|new| !self.candidates.iter().any(|c| candidates::same_pattern(c, new)));
+        found.retain(|new| !self.candidates.iter().any(|c| same_pattern(c, new)));
         let any = !found.is_empty();
         self.candidates.extend(found);
         any
@@ -478,12 +481,4 @@ fn student(rows: &[(f64, f64)], freedom: f64) -> (f64, f64) {
             - 0.5 * (freedom + size) * (square / (freedom * scale)).ln_1p()
     };
     (scale, rows.iter().map(of_row).sum::<f64>() - log_scale(scale))
-}
-
-/// Mean of some gains over its standard error.
-pub(super) fn in_standard_errors(gains: &[f64]) -> f64 {
-    let n = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / n;
-    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
-    mean / variance.sqrt().max(f64::MIN_POSITIVE)
 }

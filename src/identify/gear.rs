@@ -3,9 +3,9 @@
 //! Orders are a continuum, so that they cannot all be candidates. Where a joint is seen over little of a turn,
 //! neighbouring orders are alike: the grid is as coarse as that allows and is refined about what it finds.
 
-use super::candidates::{Candidate, Home, Shape};
+use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
-use super::moments::Columns;
+use super::moments::ColumnSource;
 use super::noise::{self, Sample, Series, Step};
 use super::search::PRICE;
 use crate::effects::gear_harmonic;
@@ -164,7 +164,7 @@ impl<'a> Comb<'a> {
                 }
             });
         };
-        let white = self.white(&Columns::new(2 * WIDTH * orders.len(), fill));
+        let white = self.white(&ColumnSource::new(2 * WIDTH * orders.len(), fill));
         let of_group = |(n, terms): (usize, &&[Term])| {
             let pair = |k: usize| white.select_columns(&[2 * WIDTH * n + k, 2 * WIDTH * n + WIDTH + k]);
             (0..terms.len()).map(pair).collect::<Vec<_>>()
@@ -173,7 +173,7 @@ impl<'a> Comb<'a> {
     }
 
     /// Fitted rows only, series by series.
-    fn white(&self, columns: &Columns) -> DMatrix<f64> {
+    fn white(&self, columns: &ColumnSource) -> DMatrix<f64> {
         let mut white = DMatrix::zeros(self.steps.iter().map(Vec::len).sum(), columns.width);
         let mut from = 0;
         for (series, steps) in self.series.iter().zip(&self.steps) {
@@ -260,7 +260,7 @@ impl<'a> Comb<'a> {
 
     /// The terms that a residual speaks for, most telling first, and how many were looked at for each.
     pub(super) fn terms(&self, residual: &DVector<f64>) -> (Vec<Term>, f64) {
-        let data = self.white(&Columns::stacked(&DMatrix::from_columns(std::slice::from_ref(residual))));
+        let data = self.white(&ColumnSource::stacked(&DMatrix::from_columns(std::slice::from_ref(residual))));
         let looked_at = self.grid.as_ref().map_or(1, |grid| grid.terms.len().max(1)) as f64;
         let price = PRICE + looked_at.ln();
         let mut crosses = Crosses::new(self.grid.as_ref(), &data);

@@ -3,20 +3,20 @@
 //! First a field over the place (kriging: a Gaussian process whose reach and size are those of most evidence), then
 //! polynomials over the place or the joints. Either is `empirical` in the cell and claims no cause.
 
-use super::candidates::{self, Candidate, Home};
+use super::candidate::{Candidate, Home, Shape};
+use super::candidates;
 use super::data::{Observation, Seen};
-use super::engine::{Engine, Posterior};
-use super::gate::in_standard_errors;
+use super::engine::Engine;
+use super::found::{MAP, Map, Posterior};
 use super::noise::{Field, Over};
 use super::pattern::Standing;
+use super::score::in_standard_errors;
 use super::search::Search;
-use crate::effects::{Effect, empirical_field, fade};
+use crate::effects::{empirical_field, fade};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
 use rayon::prelude::*;
 use statrs::function::erf::erf;
 
-/// The kind that names nothing.
-pub(super) const MAP: &str = "empirical";
 /// Standard errors that a map must gain on unseen blocks: it will be used, and claims nothing else.
 const HOLDS: f64 = 2.0;
 /// Places that a field is made of at most: the work grows as their cube.
@@ -25,16 +25,6 @@ const MOST: usize = 600;
 const PARTS: [f64; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0];
 /// Variances of a field over that of the white noise.
 const SHARES: [f64; 4] = [0.5, 2.0, 8.0, 32.0];
-
-/// A field that holds.
-pub(super) struct Map {
-    pub(super) effect: Box<dyn Effect>,
-    pub(super) reach_mm: f64,
-    /// Reaches that the data do not rule out, mm.
-    pub(super) reaches_mm: [f64; 2],
-    /// How likely its gain is one.
-    pub(super) likely: f64,
-}
 
 /// What is left at a place, base axes, mm.
 #[derive(Clone, Copy)]
@@ -157,9 +147,7 @@ impl Engine {
         let maps = crate::effects::kind(MAP).map_or_else(Vec::new, |kind| (kind.candidates)(&survey));
         let first = self.candidates.len();
         self.candidates.extend(
-            maps.iter().map(|map| {
-                Candidate::new(map.as_ref(), Home::New(candidates::Shape(map.clone_box())), maps.len() as f64)
-            }),
+            maps.iter().map(|map| Candidate::new(map.as_ref(), Home::New(Shape(map.clone_box())), maps.len() as f64)),
         );
         let wanted: Vec<usize> = self.chosen.iter().copied().chain(first..self.candidates.len()).collect();
         let linear = self.linearise(&wanted, &[self.shape]);

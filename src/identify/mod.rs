@@ -7,15 +7,20 @@
 
 mod advice;
 mod all_rows;
+mod candidate;
 mod candidates;
+mod columns;
 mod controller;
 mod data;
 mod design;
 mod device;
+mod device_pose;
+mod differences;
 mod engine;
 mod explain;
 mod factor;
 mod fit;
+mod found;
 mod gate;
 mod gear;
 mod map;

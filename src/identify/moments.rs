@@ -1,6 +1,6 @@
 //! Products of whitened columns: all that evidence needs, whatever the number of rows.
 
-use super::design::Design;
+use super::design::{Design, gather};
 use super::noise::{Field, Sample, Series, Shape, Step, Whitened, products_under_fields, steps, whiten};
 use crate::lanes::widest;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
@@ -34,7 +34,7 @@ impl Moments {
             let columns = columns.select_rows(&used);
             (columns.transpose() * &columns, log_scale)
         } else {
-            products(&Columns::stacked(stacked), series, &[shape], None).swap_remove(0)
+            products(&ColumnSource::stacked(stacked), series, &[shape], None).swap_remove(0)
         };
         Self::from_products(full, log_scale, series, shape)
     }
@@ -55,7 +55,7 @@ impl Moments {
         shapes: &[Shape],
         own: Option<&[Range<usize>]>,
     ) -> Vec<Self> {
-        let all = products(&Columns::of(design, data), series, shapes, own);
+        let all = products(&ColumnSource::of(design, data), series, shapes, own);
         let of = |((full, log_scale), &shape)| Self::from_products(full, log_scale, series, shape);
         all.into_iter().zip(shapes).map(of).collect()
     }
@@ -75,7 +75,7 @@ impl Moments {
 
     /// The same columns with other data: their own products serve again.
     pub(super) fn with_data(self, design: &Design, data: &DVector<f64>, series: &[Series]) -> Self {
-        let columns = Columns::of(design, data);
+        let columns = ColumnSource::of(design, data);
         let last = columns.width - 1;
         let of_series = |series: &Series| {
             let (mut cross, mut square) = (DVector::zeros(last), 0.0);
@@ -96,7 +96,7 @@ impl Moments {
 /// Products of all whitened columns, data last, and half the log determinant of the whitening, for each shape; with `own`, of
 /// columns only with those of the same range and with the data.
 fn products(
-    columns: &Columns,
+    columns: &ColumnSource,
     series: &[Series],
     shapes: &[Shape],
     own: Option<&[Range<usize>]>,
@@ -212,26 +212,13 @@ fn add_square(full: &mut DMatrixViewMut<f64>, block: &DMatrix<f64>) {
 /// Writes the values of some samples, each sample's together.
 type Fill<'a> = dyn Fn(&[Sample], &mut [f64]) + Sync + 'a;
 
-/// Writes a matrix's first columns at some samples, each sample's together, into rows of so many values.
-pub(super) fn gather(from: &DMatrix<f64>, samples: &[Sample], rows: usize, block: &mut [f64]) {
-    /// Samples of which a column's numbers are near one another.
-    const NEAR: usize = 32;
-    for (samples, block) in samples.chunks(NEAR).zip(block.chunks_mut(NEAR * rows)) {
-        for (k, column) in from.as_slice().chunks_exact(from.nrows().max(1)).enumerate() {
-            for (n, sample) in samples.iter().enumerate() {
-                block[n * rows + k] = column[sample.0];
-            }
-        }
-    }
-}
-
-/// Columns that are whitened some rows at a time, data last.
-pub(super) struct Columns<'a> {
+/// ColumnSource that are whitened some rows at a time, data last.
+pub(super) struct ColumnSource<'a> {
     pub(super) width: usize,
     fill: Box<Fill<'a>>,
 }
 
-impl<'a> Columns<'a> {
+impl<'a> ColumnSource<'a> {
     pub(super) fn new(width: usize, fill: impl Fn(&[Sample], &mut [f64]) + Sync + 'a) -> Self {
         Self { width, fill: Box::new(fill) }
     }
@@ -306,7 +293,7 @@ mod tests {
         let series = [Series { samples, places: [[Vector3::zeros(); 3]; 1300].into() }];
         let stacked = DMatrix::from_fn(1300, 3, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
         let whole = whiten(&stacked, &series, shape);
-        let (full, log_scale) = products(&Columns::stacked(&stacked), &series, &[shape], None).swap_remove(0);
+        let (full, log_scale) = products(&ColumnSource::stacked(&stacked), &series, &[shape], None).swap_remove(0);
         assert!((whole.columns.transpose() * &whole.columns - full).amax() < 1e-9);
         assert!((whole.log_scale - log_scale).abs() < 1e-9);
     }
@@ -318,7 +305,7 @@ mod tests {
         let series =
             [0, 700].map(|from| Series { samples: samples(from), places: [[Vector3::zeros(); 3]; 700].into() });
         let stacked = DMatrix::from_fn(1400, 6, |i, j| ((i * (j + 2)) as f64 * 0.37).sin());
-        let columns = Columns::stacked(&stacked);
+        let columns = ColumnSource::stacked(&stacked);
         let all = products(&columns, &series, &shapes, None);
         let own = products(&columns, &series, &shapes, Some(&[0..2, 2..5]));
         for (n, &shape) in shapes.iter().enumerate() {

@@ -1,9 +1,7 @@
 //! What no effect of the cell describes: where each run is clamped, faults of the measurement, and patterns that stand
 //! for anything unlisted.
 
-use super::candidates::Candidate;
 use super::data::{Observation, Parts, Problem, Seen};
-use crate::effects::{Cutting, Survey};
 use crate::equilibrium::Arm;
 use nalgebra::{DVector, Matrix3, Vector3};
 
@@ -49,7 +47,7 @@ pub(super) enum Standing {
 }
 
 /// How the columns of a force may be mixed up: in words, and what is really there of what was read.
-const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
+pub(super) const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
     ("fx_n with its sign turned", [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     ("fy_n with its sign turned", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]),
     ("fz_n with its sign turned", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]),
@@ -65,8 +63,6 @@ const MIXED: [(&str, [[f64; 3]; 3]); 9] = [
 const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
 /// Waves that stand for any function of time.
 const WAVES: usize = 14;
-/// Places of a run at which a jump is looked for before its own row is sought.
-const JUMPS: usize = 16;
 /// Numbers of a clamping: three shifts, three turns.
 const CLAMPING: usize = 6;
 /// Functions of time that a drift is made of.
@@ -79,11 +75,9 @@ const PAIRS: usize = 6;
 const TYPICAL_MM: f64 = 0.05;
 /// Sizes of a clamping, mm and rad: what a stop and a probe leave.
 const CLAMPED: (f64, f64) = (0.2, 4e-4);
-/// Priors of clampings, as shares of these sizes: probed, against stops, by hand.
-const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
 /// How far the share of forces that are mixed up may be from one: the arm yields otherwise than declared, and no force is
 /// mixed up by halves, which would stand for any factor of it.
-const MIXED_SPREAD: f64 = 0.15;
+pub(super) const MIXED_SPREAD: f64 = 0.15;
 /// How far the joints' springs may be from what is declared, beside forces that are mixed up: their effects are columns under the
 /// forces as they were read.
 const SPRINGS: f64 = 0.3;
@@ -151,7 +145,7 @@ impl Pattern {
         }
     }
 
-    fn size(self, problem: &Problem) -> usize {
+    pub(super) fn size(self, problem: &Problem) -> usize {
         match self {
             Self::Clamping => CLAMPING * problem.runs.len(),
             Self::Drift => 3 * DRIFTS * problem.runs.len(),
@@ -170,55 +164,6 @@ impl Pattern {
     pub(super) fn expected(self, k: usize) -> f64 {
         if k == 0 && matches!(self, Self::MixedForce(_) | Self::LateForce(_)) { 1.0 } else { 0.0 }
     }
-
-    fn candidate(self, problem: &Problem, variants: f64) -> Candidate {
-        let scale = if self.expected(0) > 0.0 { MIXED_SPREAD } else { 1.0 };
-        Candidate { variants, scale, ..Candidate::pattern(self, self.size(problem)) }
-    }
-}
-
-/// A jump in front of a row.
-pub(super) fn jump(problem: &Problem, run: usize, order: usize) -> Candidate {
-    Pattern::Jump { run, order }.candidate(problem, problem.rows.len() as f64)
-}
-
-/// Clampings and faults that the data can show.
-pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
-    if problem.free_device {
-        return Vec::new();
-    }
-    let mut all = Vec::new();
-    if problem.runs.len() > 1 {
-        let clamping = Pattern::Clamping.candidate(problem, 1.0);
-        all.extend(CLAMPED_SIZES.map(|scale| Candidate { scale, ..clamping.clone() }));
-    }
-    all.push(Pattern::Drift.candidate(problem, 1.0));
-    for run in 0..problem.runs.len() {
-        let count = problem.rows.iter().filter(|row| row.run == run).count();
-        all.extend((1..JUMPS).map(|at| jump(problem, run, at * count / JUMPS)));
-    }
-    // Forces that a law gives are no readings.
-    let read = |row: &Observation| matches!(problem.runs[row.run].situation(row.point).cutting, Cutting::Constant(_));
-    if survey.has_force && survey.stiffness_declared && problem.rows.iter().any(read) {
-        let count = MIXED.len() as f64;
-        all.extend((0..MIXED.len()).map(|which| Pattern::MixedForce(which).candidate(problem, count)));
-        all.push(Pattern::Crosstalk.candidate(problem, 1.0));
-        all.extend([1, -1].map(|by| Pattern::LateForce(by).candidate(problem, 2.0)));
-    }
-    all
-}
-
-/// Patterns that stand for anything unlisted, as far as the data can show them.
-pub(super) fn unlisted(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
-    let mut all: Vec<Pattern> = (0..6).map(Pattern::Joint).collect();
-    if survey.time.is_some() {
-        all.push(Pattern::Time);
-    }
-    if survey.has_force {
-        all.push(Pattern::Force);
-    }
-    all.push(Pattern::Direction);
-    all.into_iter().map(|pattern| pattern.candidate(problem, 1.0)).collect()
 }
 
 /// What a pattern's columns are made with.

@@ -1,6 +1,5 @@
 //! Rows that name a place and no target: the nearest place on the path, at targets and between them.
 
-use super::runs::at_line;
 use crate::cell::Cell;
 use crate::correct::{Point, Prepared, travel_into};
 use crate::measured::{MATCH_MM, MeasuredRow, Table};
@@ -141,5 +140,5 @@ fn between(cell: &Cell, prepared: &Prepared, Place { target, share, .. }: Place)
 
 /// An error of a row's place, with what to do.
 pub(super) fn misplaced(table: &Table, line: u64, message: String) -> Diagnostic {
-    at_line(table, line, message).help("check the work object of the points, name `target`, or give --match-mm")
+    table.row_error(line, message).help("check the work object of the points, name `target`, or give --match-mm")
 }

@@ -6,9 +6,9 @@
 //! are kept for every σ that is asked. For that σ is asked on a grid; between its nodes only what hardly changes is
 //! interpolated: what the columns explain, mm², and the log determinant.
 
+use super::columns::Columns;
 use super::factor::{Factor, Part, within_limits};
 use super::moments::Moments;
-use super::score::Columns;
 use std::collections::BTreeMap;
 
 /// Noise below this is not believed, mm: no instrument measures a robot to a tenth of a micrometre.

@@ -5,7 +5,6 @@
 
 use super::data::{Problem, Seen};
 use super::engine::Engine;
-use super::runs::at_line;
 use crate::correct::Prepared;
 use crate::measured::{MeasuredRow, Table};
 use crate::text::Diagnostic;
@@ -80,13 +79,13 @@ pub(super) fn belongs(prepared: &Prepared, table: &Table, taken: &[Taken], error
             Some((from, message, "delete these rows"))
         });
     if let Some((line, message, help)) = doubtful {
-        errors.push(at_line(table, line, message).help(help));
+        errors.push(table.row_error(line, message).help(help));
         return;
     }
     let off = asked.off(|v| *v, 0, |_| true);
     let mean = asked.middle();
     if let Some((line, message)) = asked.whole(off).or_else(|| asked.stretch(mean)) {
-        errors.push(at_line(table, line, message));
+        errors.push(table.row_error(line, message));
     }
 }
 

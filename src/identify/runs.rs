@@ -46,7 +46,7 @@ impl Problem {
                 Some(nominal_mm) => path
                     .place(cell, &mut prepared, row, nominal_mm)
                     .map_err(|message| misplaced(table, row.line, message)),
-                None => solved(program, &prepared, row).map_err(|message| at_line(table, row.line, message)),
+                None => solved(program, &prepared, row).map_err(|message| table.row_error(row.line, message)),
             };
             match point {
                 Ok(point) => {
@@ -58,7 +58,7 @@ impl Problem {
         }
         belongs(&prepared, table, &taken, &mut errors);
         if taken.is_empty() && errors.is_empty() {
-            errors.push(at_line(table, 1, "no row has a measured position, normal error or distance".to_owned()));
+            errors.push(table.row_error(1, "no row has a measured position, normal error or distance".to_owned()));
         }
         if !errors.is_empty() {
             errors.truncate(20);
@@ -96,13 +96,6 @@ fn clampings(table: Table) -> Vec<Table> {
         parts[at].rows.push(row);
     }
     parts
-}
-
-pub(super) fn at_line(table: &Table, line: u64, message: String) -> Diagnostic {
-    let mut diagnostic = Diagnostic::error("measured.row", &table.file, message)
-        .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
-    (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
-    diagnostic
 }
 
 /// A position at its place on the path: what counts is how far it is from its nominal point, which may lie beside the path.

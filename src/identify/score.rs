@@ -4,11 +4,10 @@
 //! [`profiled`]). A prior about μ, in the same sizes, makes `b/σ² + μ` of `b/σ²` and takes off `½ μᵀμ`. Numbers that are bounded
 //! add the log of the share of their posterior within the bounds, less that of their prior.
 
+use super::columns::Columns;
 use super::moments::Moments;
 use super::profile::{LEAST_SIGMA, profiled};
-use super::smooth::Smoothness;
 use nalgebra::{DMatrix, DVector};
-use std::sync::Arc;
 
 /// A scored set of columns.
 #[derive(Clone, Debug)]
@@ -21,69 +20,6 @@ pub(super) struct Score {
     pub(super) shape: usize,
 }
 
-/// A column of the design and the share of its typical size that the prior has.
-pub(super) type Column = (usize, f64);
-
-/// Columns of a set with the prior of their numbers: independent, but for the knots of smooth curves.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
-    pub(super) list: Vec<Column>,
-    /// Position of the first knot of each curve in the list, and what keeps it smooth.
-    pub(super) curves: Vec<(usize, Arc<Smoothness>)>,
-    /// Positions in the list of numbers whose prior is not about zero, and about what, in the list's sizes.
-    pub(super) means: Vec<(usize, f64)>,
-    /// Positions in the list of numbers that are bounded, and between what, in the list's sizes.
-    pub(super) limits: Vec<(usize, f64, f64)>,
-}
-
-impl Columns {
-    /// Independent columns.
-    pub(super) fn independent(list: Vec<Column>) -> Self {
-        Self { list, ..Self::default() }
-    }
-
-    /// The same columns as the first ones of a design of their own.
-    pub(super) fn numbered(&self) -> Self {
-        let list = self.list.iter().enumerate().map(|(i, column)| (i, column.1)).collect();
-        Self { list, curves: self.curves.clone(), means: self.means.clone(), limits: self.limits.clone() }
-    }
-
-    /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
-    fn add_means(&self, right: &mut DVector<f64>) {
-        self.means.iter().for_each(|&(i, mean)| right[i] += mean);
-    }
-
-    /// Adds a number's prior precision, in units of the list's sizes.
-    pub(super) fn add_precision(&self, matrix: &mut DMatrix<f64>) {
-        let of_curve = |i: usize| self.curves.iter().any(|(at, s)| (*at..at + s.precision.nrows()).contains(&i));
-        for i in (0..self.list.len()).filter(|&i| !of_curve(i)) {
-            matrix[(i, i)] += 1.0;
-        }
-        for (at, smooth) in &self.curves {
-            let size = smooth.precision.shape();
-            let mut block = matrix.view_mut((*at, *at), size);
-            block += &smooth.precision;
-        }
-    }
-
-    /// Half the log determinant of the prior precision.
-    pub(super) fn half_log_det(&self) -> f64 {
-        self.curves.iter().map(|(_, smooth)| smooth.half_log_det).sum()
-    }
-
-    pub(super) fn gram(&self, moments: &Moments) -> DMatrix<f64> {
-        let list = &self.list;
-        DMatrix::from_fn(list.len(), list.len(), |i, j| {
-            let ((a, s), (b, t)) = (list[i], list[j]);
-            moments.gram[(a, b)] * s * t
-        })
-    }
-
-    pub(super) fn cross(&self, moments: &Moments) -> DVector<f64> {
-        DVector::from_iterator(self.list.len(), self.list.iter().map(|&(a, s)| moments.cross[a] * s))
-    }
-}
-
 /// Best evidence of the columns over all noise shapes, σ searched from a guess where there is one.
 pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
@@ -94,26 +30,6 @@ pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) 
         }
     }
     best
-}
-
-/// Sum of products, some at a time: in the same order on every processor. Indices, for in the widest lanes iterators are calls.
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const TOGETHER: usize = 8;
-    let ((left, a), (right, b)) = (a.as_chunks::<TOGETHER>(), b.as_chunks::<TOGETHER>());
-    let (mut sums, mut sum, mut rest) = ([0.0; TOGETHER], 0.0, 0.0);
-    for n in 0..left.len().min(right.len()) {
-        for k in 0..TOGETHER {
-            sums[k] += left[n][k] * right[n][k];
-        }
-    }
-    for k in 0..a.len().min(b.len()) {
-        rest += a[k] * b[k];
-    }
-    for k in 0..TOGETHER {
-        sum += sums[k];
-    }
-    rest + sum
 }
 
 /// Posterior mean and covariance of the columns' parameters in units of their prior sizes.
@@ -191,6 +107,14 @@ impl Normal {
         }
         best
     }
+}
+
+/// Mean of some gains over its standard error.
+pub(super) fn in_standard_errors(gains: &[f64]) -> f64 {
+    let n = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
+    mean / variance.sqrt().max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

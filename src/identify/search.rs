@@ -5,11 +5,12 @@
 //! swapping and removing, from nothing and from the best pairs; what could stand in a member's place with nearly the
 //! same evidence is what it cannot be told apart from.
 
-use super::candidates::{Candidate, Home, SPRING};
+use super::candidate::{Candidate, Home, SPRING};
+use super::columns::Columns;
 use super::moments::Moments;
 use super::pattern::Standing;
 use super::profile::Profile;
-use super::score::{Columns, Score, score};
+use super::score::{Score, score};
 use crate::effects::kind;
 use std::cell::RefCell;
 use std::collections::BTreeMap;

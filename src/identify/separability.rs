@@ -3,7 +3,7 @@
 //! The trace that one effect of a fixed size leaves, less all that the other one and the frame of the part could imitate,
 //! over the noise: from 5 on they can be told apart, below 3 they cannot, whatever is measured more of the same.
 
-use super::candidates::Candidate;
+use super::candidate::Candidate;
 use super::moments::Moments;
 use super::outcome::Separation;
 use nalgebra::{DMatrix, DVector};

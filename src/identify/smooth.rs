@@ -4,8 +4,8 @@
 //! Gaussian process along the angle (Matérn, ν = 3/2: the sum of long waves and short ones that gears show is rough
 //! twice over), whose size and reach are those of most evidence. No row that is held out takes part.
 
+use super::columns::{Columns, Smoothness};
 use super::moments::Moments;
-use super::score::Columns;
 use crate::effects::JointCurve;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
@@ -16,43 +16,6 @@ const REACHES_DEG: [f64; 9] = [1.6, 2.5, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 45.0];
 const SIZES: [f64; 5] = [0.3, 0.6, 1.2, 2.5, 5.0];
 /// What a new curve has until the data have spoken: places in the two lists.
 const USUAL: (usize, usize) = (3, 2);
-/// Variance of a knot that owes nothing to its neighbours, over that of the curve: it keeps the inverse sound.
-const NUGGET: f64 = 1e-6;
-
-/// Prior of a curve's knots: their inverse covariance.
-#[derive(Debug)]
-pub(super) struct Smoothness {
-    /// In units of the typical size.
-    pub(super) precision: DMatrix<f64>,
-    pub(super) half_log_det: f64,
-}
-
-impl Smoothness {
-    /// Of an effect's numbers as an identification before has left them, by their covariance.
-    pub(super) fn of_covariance(covariance: &DMatrix<f64>, typical: &[f64]) -> Option<Self> {
-        /// Variances that stand for one: days, mountings and what the model leaves out differ between two measurements.
-        const CAUTION: f64 = 4.0;
-        let n = typical.len();
-        let scaled = DMatrix::from_fn(n, n, |i, j| {
-            CAUTION * covariance[(i, j)] / (typical[i] * typical[j]) + if i == j { NUGGET } else { 0.0 }
-        });
-        let factor = scaled.cholesky()?;
-        let half_log_det = -factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        Some(Self { precision: factor.inverse(), half_log_det })
-    }
-
-    /// Of knots (degrees) whose curve has a size (share of the typical one) and a reach (degrees).
-    fn new(knots_deg: &[f64], reach_deg: f64, size: f64) -> Option<Self> {
-        let n = knots_deg.len();
-        let covariance = DMatrix::from_fn(n, n, |i, j| {
-            let apart = 3f64.sqrt() * (knots_deg[i] - knots_deg[j]).abs() / reach_deg;
-            (1.0 + apart) * (-apart).exp() + if i == j { NUGGET } else { 0.0 }
-        });
-        let factor = (covariance * (size * size)).cholesky()?;
-        let half_log_det = -factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        Some(Self { precision: factor.inverse(), half_log_det })
-    }
-}
 
 /// A candidate that is a smooth curve of one joint.
 #[derive(Clone, Debug)]

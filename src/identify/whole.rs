@@ -4,9 +4,10 @@
 //! others: curves hide one another and whatever is smaller, so that both are asked again until nothing gains. A member
 //! must explain a share of what is left, not only be significant: with thousands of rows any wrong detail of the model is.
 
-use super::device;
-use super::engine::{Engine, Linearised};
-use super::score::Columns;
+use super::columns::Columns;
+use super::device_pose;
+use super::engine::Engine;
+use super::found::{Choice, Linearised};
 use super::search::{FIELD, FLEXIBLE, MOST, PRICE, Search};
 use super::smooth::{Beside, Curve};
 use crate::effects::Stage;
@@ -15,13 +16,6 @@ use crate::effects::Stage;
 const SHARE: f64 = 0.0015;
 /// Times that curves and effects are asked beside one another.
 const SWEEPS: usize = 8;
-
-/// What was chosen: candidates, the noise, and which of its shapes.
-pub(super) struct Choice {
-    pub(super) set: Vec<usize>,
-    pub(super) sigma: f64,
-    pub(super) shape: usize,
-}
 
 impl Engine {
     /// The set, and the smoothness of every curve in it.
@@ -111,7 +105,7 @@ impl Engine {
     /// stage is fitted afresh with those before it. The joints' curves are one stage.
     pub(super) fn stages(&mut self) -> Vec<(f64, f64)> {
         let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
-        let places = device::places(&self.problem);
+        let places = device_pose::places(&self.problem);
         let curved = |engine: &Self, c: &usize| engine.candidates[*c].curve.is_some();
         let last = self.held_out_rms_mm();
         let ends: Vec<usize> = (1..=state.1.len())
@@ -131,7 +125,7 @@ impl Engine {
             all.resize(end, (before, reached));
         }
         (self.candidates, self.chosen, self.covariance) = state;
-        device::restore(&mut self.problem, &places);
+        device_pose::restore(&mut self.problem, &places);
         all
     }
 

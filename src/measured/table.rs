@@ -138,6 +138,14 @@ impl Table {
         if errors.is_empty() { Ok(Self { file: source.name.clone(), rows, match_mm: None }) } else { Err(errors) }
     }
 
+    /// A row that does not belong to its program.
+    pub(crate) fn row_error(&self, line: u64, message: String) -> Diagnostic {
+        let mut diagnostic = Diagnostic::error("measured.row", &self.file, message)
+            .help("`target` is the ordinal of an executed motion, or the name of a declared robtarget visited once");
+        (diagnostic.line, diagnostic.column) = (usize::try_from(line).unwrap_or(0), 1);
+        diagnostic
+    }
+
     /// Forces and covariates by target, for `--forces`.
     #[must_use]
     pub fn forces(&self) -> Forces {

@@ -4,25 +4,9 @@ use super::band::Band;
 use super::lattice::{Lattice, turned};
 use super::line::LEAST_CUT;
 use super::solid::Solid;
-use super::sweep::{Distance, Sweep};
+use super::sweep::{Cut, Distance, Sweep};
 use nalgebra::Vector3;
 use std::ops::Range;
-
-/// A sweep that is to be taken from the lines.
-#[derive(Clone, Debug)]
-pub(super) struct Cut {
-    pub(super) sweep: Sweep,
-    /// Which of the deferred moves it is of.
-    pub(super) of: usize,
-    /// Which cut it is, from 1, and the number of its sweep, which may have grown by it.
-    pub(super) number: u32,
-    pub(super) by: u32,
-    /// Lines that it may touch.
-    pub(super) columns: Range<usize>,
-    pub(super) rows: Range<usize>,
-    /// The same cutter goes on from where the cut before has brought it.
-    pub(super) continues: bool,
-}
 
 impl Band {
     /// Length on the band's lines that a cut removes, m.

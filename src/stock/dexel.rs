@@ -2,12 +2,11 @@
 
 use super::band::{Band, TILE};
 use super::blank::Blank;
-use super::cut::Cut;
 use super::history::Moment;
 use super::lattice::{Lattice, turned};
 use super::line::{BLANK, Line};
 use super::solid::Solid;
-use super::sweep::{Sweep, ToolPose};
+use super::sweep::{Cut, Sweep, ToolPose};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use smallvec::SmallVec;

@@ -1,12 +1,7 @@
-//! The part of a cutter's front that is in material, and the mean force on it.
+//! A cutter's front, with the force integrals over the cells of its mask.
 
-use super::dexel::Stock;
-use super::history::Moment;
-use super::refine;
 use super::solid::Solid;
-use super::sweep::ToolPose;
-use super::view::View;
-use crate::cutting::{Coefficients, Cutter, ForceParts};
+use crate::cutting::{Coefficients, Cutter};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -45,23 +40,6 @@ pub(super) struct Cell {
     pub(super) along: Vector3<f64>,
     /// What it clears on each metre of feed, m², by the same components.
     pub(super) clears: [f64; 2],
-}
-
-/// What of a cutter is engaged.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Engaged {
-    /// Mean force on the tool, linear in the feed per tooth, stock's axes.
-    pub force: ForceParts,
-    /// How far the rim of the engagement may put it off, the same parts as sizes: N, N/m.
-    pub bound: [f64; 2],
-    /// Extent of the engaged part along the tool axis, m.
-    pub depth: f64,
-    /// Angle about the axis that is engaged at half that depth, rad.
-    pub arc: f64,
-    /// Volume cut on each metre of feed, m².
-    pub section: f64,
-    /// The flat bottom is pressed into material, on which the force model has no say.
-    pub bottom: bool,
 }
 
 /// A point of the cutter's profile: sine and cosine of κ, distance from the axis, height, m.
@@ -124,7 +102,7 @@ impl Front {
     }
 
     /// Rows that reach as high as a height (m), or over it.
-    fn rows_below(&self, up: f64) -> usize {
+    pub(super) fn rows_below(&self, up: f64) -> usize {
         let over = up - self.solid.corner;
         if over >= 0.0 {
             return self.along + (over / self.rise).ceil() as usize;
@@ -179,39 +157,6 @@ impl Front {
             along: cutting * -ring.cos,
             clears: [ring.across * ring.sin * cos, -ring.across * ring.cos],
         }
-    }
-
-    /// What is in the material of a cutter at a pose, `way` (m) being the way into it, whose direction is the feed.
-    ///
-    /// To be asked before that move is removed: on a straight move no point of the front has been there.
-    #[must_use]
-    pub fn engaged(&self, stock: &Stock, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
-        self.engaged_at(stock, &stock.now(), pose, way)
-    }
-
-    /// The same of the stock as it was at a moment since its history [is kept](Stock::keep_history).
-    #[must_use]
-    pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, way: &Vector3<f64>) -> Engaged {
-        let size = way.norm();
-        if size == 0.0 {
-            return Engaged::default();
-        }
-        let view = View::new(self, (stock, moment), pose, way, size);
-        let [low, high] = stock.blank().bounds();
-        let reach = |k: usize| {
-            let axis = pose.axis[k];
-            axis * if axis > 0.0 { high[k] - pose.tip[k] } else { low[k] - pose.tip[k] }
-        };
-        // Highest point of the blank along the axis, seen from the tip; no farther than where the whole of a ring is over it.
-        let axis = pose.axis;
-        let over_top = high.z - pose.tip.z + self.solid.radius * axis.x.hypot(axis.y);
-        let rings = if axis.z > 0.0 { over_top / axis.z } else { f64::INFINITY };
-        let highest = (reach(0) + reach(1) + reach(2)).min(rings);
-        if highest <= 0.0 {
-            return Engaged::default();
-        }
-        let sum = refine::sum(&view, self.rows_below(highest));
-        view.finish(sum)
     }
 }
 

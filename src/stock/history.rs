@@ -1,8 +1,7 @@
 //! The stock as it was at a moment: what stood there can be asked while others cut on, or have cut on.
 
-use super::cut::Cut;
 use super::line::{BLANK, Line};
-use super::sweep::Sweep;
+use super::sweep::{Cut, Sweep};
 use nalgebra::Vector3;
 
 /// A moment of a [`Stock`](super::Stock): what has been swept up to then.

@@ -3,6 +3,7 @@
 use super::solid::{HypotFast, Solid};
 use crate::robot::Pose;
 use nalgebra::{Rotation3, Unit, Vector3};
+use std::ops::Range;
 
 /// Where a tool stands in the stock's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +68,22 @@ pub(super) struct Sweep {
 pub(super) struct Distance {
     pub(super) value: f64,
     pub(super) slope: f64,
+}
+
+/// A sweep that is to be taken from the lines.
+#[derive(Clone, Debug)]
+pub(super) struct Cut {
+    pub(super) sweep: Sweep,
+    /// Which of the deferred moves it is of.
+    pub(super) of: usize,
+    /// Which cut it is, from 1, and the number of its sweep, which may have grown by it.
+    pub(super) number: u32,
+    pub(super) by: u32,
+    /// Lines that it may touch.
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+    /// The same cutter goes on from where the cut before has brought it.
+    pub(super) continues: bool,
 }
 
 impl Sweep {

@@ -1,34 +1,28 @@
 //! A cutter's front as it stands in the stock.
 
 use super::dexel::Stock;
-use super::front::{Engaged, Front, Ring};
+use super::front::{Front, Ring};
 use super::history::Moment;
-use super::refine::Sum;
 use super::sweep::ToolPose;
-use crate::cutting::ForceParts;
 use nalgebra::Vector3;
-use std::f64::consts::TAU;
 
 /// Below this sine of its angle to the feed the tool plunges: φ is counted from anywhere.
 const PLUNGE: f64 = 1e-6;
 
-/// Sine of a ramp from which the flat bottom counts as cutting: half a degree.
-const PLUNGE_OF_BOTTOM: f64 = 0.01;
-
 /// A cutter in the stock.
 pub(super) struct View<'a> {
     pub(super) front: &'a Front,
-    stock: &'a Stock,
-    moment: &'a Moment,
-    pose: &'a ToolPose,
-    x: Vector3<f64>,
-    y: Vector3<f64>,
+    pub(super) stock: &'a Stock,
+    pub(super) moment: &'a Moment,
+    pub(super) pose: &'a ToolPose,
+    pub(super) x: Vector3<f64>,
+    pub(super) y: Vector3<f64>,
     /// The feed across the axis, and along it.
     pub(super) feed: [f64; 2],
     /// What a chip counts beside a depth, m.
-    scale: f64,
+    pub(super) scale: f64,
     /// The sweep that leads here.
-    before: u32,
+    pub(super) before: u32,
 }
 
 impl<'a> View<'a> {
@@ -85,54 +79,5 @@ impl<'a> View<'a> {
 
     pub(super) fn angle(&self, column: f64) -> (f64, f64) {
         self.front.angle(column)
-    }
-
-    pub(super) fn finish(&self, sum: Sum) -> Engaged {
-        let world = |v: Vector3<f64>| self.x * v.x + self.y * v.y + self.pose.axis.into_inner() * v.z;
-        let force = ForceParts { edge: world(sum.edge), cutting: world(sum.cutting) };
-        let (mut depth, mut arc) = (0.0, 0.0);
-        if let Some([low, high]) = sum.rows {
-            let [low, high] = [low, high].map(|row| self.front.ring(row).up);
-            depth = high - low;
-            arc = self.arc(0.5 * (low + high));
-        }
-        Engaged { force, bound: sum.bound, depth, arc, section: sum.section, bottom: self.bottom() }
-    }
-
-    /// Angle that is engaged at a height, rad.
-    fn arc(&self, up: f64) -> f64 {
-        let solid = self.front.solid;
-        let ring = if up < solid.corner {
-            let cos = 1.0 - up / solid.corner;
-            let sin = (1.0 - cos * cos).sqrt();
-            Ring { sin, cos, across: solid.flat() + solid.corner * sin, up }
-        } else {
-            Ring { sin: 1.0, cos: 0.0, across: solid.radius, up }
-        };
-        let step = TAU / self.front.around as f64;
-        let level = |angle: &(f64, f64)| match self.chip(&ring, *angle) {
-            chip if chip <= 0.0 => chip,
-            chip => self.level(chip, self.depth(&self.point(ring.across, ring.up, *angle)).0),
-        };
-        let depths: Vec<f64> = self.front.edges[..self.front.around].iter().map(level).collect();
-        let share = |a: f64, b: f64| match (a > 0.0, b > 0.0) {
-            (true, true) => 1.0,
-            (false, false) => 0.0,
-            (true, false) => a / (a - b),
-            (false, true) => b / (b - a),
-        };
-        (0..depths.len()).map(|i| share(depths[i], depths[(i + 1) % depths.len()])).sum::<f64>() * step
-    }
-
-    /// Whether the flat bottom goes down into material.
-    fn bottom(&self) -> bool {
-        let flat = self.front.solid.flat();
-        if flat <= 0.0 || self.feed[1] > -PLUNGE_OF_BOTTOM {
-            return false;
-        }
-        let inside = |across: f64, angle| self.stock.depth_at(self.moment, &self.point(across, 0.0, angle), 0).0 > 0.0;
-        [0.3, 0.6, 0.95]
-            .iter()
-            .any(|share| (0..8).any(|k| inside(share * flat, self.angle(k as f64 * self.front.around as f64 / 8.0))))
     }
 }

@@ -7,7 +7,7 @@
 //! effects it will probably name outright.
 
 use super::draws::Draws;
-use crate::identify::candidates::Candidate;
+use crate::identify::candidate::Candidate;
 use crate::identify::explain::NAMED;
 use crate::identify::search::{NESTED, PRICE, caution, contains};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};

@@ -6,7 +6,7 @@
 use super::criterion::Criterion;
 use super::draws::Draws;
 use super::sheet::{Bench, Row, Sheet};
-use crate::identify::candidates::Candidate;
+use crate::identify::candidate::Candidate;
 use crate::identify::data::Blocks;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

@@ -9,10 +9,11 @@ use super::draws::Draws;
 use super::{PlannedKind, PlannedPair, PlannedRow, listed};
 use crate::cell::{Cell, Instrument, PlanSection};
 use crate::effects::kind;
-use crate::identify::candidates::{self, Candidate, Home};
+use crate::identify::candidate::{Candidate, Home, with};
 use crate::identify::data::Problem;
-use crate::identify::engine::{Engine, Linearised, stiff};
+use crate::identify::engine::{Engine, stiff};
 use crate::identify::explain::NAMED;
+use crate::identify::found::Linearised;
 use crate::identify::moments::Moments;
 use crate::identify::noise;
 use crate::identify::pattern::Pattern;
@@ -76,7 +77,7 @@ pub(super) fn judge(
         let help = "give `[robot] start_deg` near the middle of [plan] box_mm, with the tool upright";
         return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
     }
-    let mut engine = Engine::new(candidates::with(&cell.arm, &[]), problem, &cell.covariances);
+    let mut engine = Engine::new(with(&cell.arm, &[]), problem, &cell.covariances);
     let wanted: Vec<usize> = (0..engine.candidates.len()).collect();
     let linear = engine.linearise(&wanted, &noise::few());
     let laws = listed(engine.candidates.clone());

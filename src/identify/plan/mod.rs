@@ -13,7 +13,8 @@ mod pool;
 mod sheet;
 mod write;
 
-use super::candidates::{self, Candidate};
+use super::candidate::{Candidate, with};
+use super::candidates;
 use crate::cell::{Cell, PlanSection};
 use crate::correct::named_tool;
 use crate::effects::{Shape, ToolFrame, kind};
@@ -177,7 +178,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
         let help = "move or enlarge box_mm of [plan], allow more tilt_deg, or check wobj, tool and [robot]";
         return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
     }
-    let arm = candidates::with(&cell.arm, &[]);
+    let arm = with(&cell.arm, &[]);
     let bench = Bench { section, arm: &arm, frames, spots, start: cell.start };
     let mut draws = Draws::of(3);
     let reference = start(&bench, REFERENCE, &mut draws)?;

@@ -7,7 +7,7 @@
 
 use super::cards::Cards;
 use super::lex::{Lexer, Place, Token, behind_mark};
-use super::read::Reader;
+use super::reader::Reader;
 use super::{ClOptions, is_foreign, is_source_language, refused};
 use crate::program::chunk::leaves_its_start;
 use crate::program::{Next, StreamableChunk};

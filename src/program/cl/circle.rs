@@ -3,10 +3,10 @@
 use super::arc::{Arc, Circle, Sense};
 use super::layout::{GroupSlot, Slot};
 use super::lex::Record;
-use super::modal::Xyz;
 use super::motion::{Step, xyz_of};
-use super::read::{ARC_WITHOUT_END, Outcome, Reader};
-use super::refusal;
+use super::reader::Reader;
+use super::refusal::{self, ARC_WITHOUT_END, Outcome};
+use super::state::{Checked, Known, PendingArc};
 use super::statement::Statement;
 use super::vector::{add, cross, dot, norm, scale, sub, unit};
 use crate::program::Role;
@@ -14,35 +14,6 @@ use crate::text::Span;
 
 /// Radii by which the printed end of an arc may be off its centre: CATIA prints it on the circle, give or take a digit.
 const FAR: f64 = 100.0;
-
-/// Arc read, its end not yet.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PendingArc {
-    pub(super) circle: Circle,
-    pub(super) centres: [Option<Xyz>; 2],
-    pub(super) record: Record,
-    /// How well the direction of travel is known.
-    pub(super) sense: Known,
-}
-
-/// How well an arc's direction of travel is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
-    /// The text says it.
-    Said,
-    /// The system that wrote the file prints it so.
-    Dialect,
-    /// Nobody says it: what most do.
-    Guessed,
-}
-
-/// An arc whose direction of travel no word says, already among the targets.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Checked {
-    arc: PendingArc,
-    start: [f64; 3],
-    end: [f64; 3],
-}
 
 impl Reader {
     /// `CIRCLE/x,y,z,i,j,k[,r[,t,f,d,e]][,TIMES,n]`: the next position is its end.

@@ -3,16 +3,9 @@
 use super::frame::Frame;
 use super::lex::Record;
 use super::number::number;
-use super::read::Reader;
+use super::reader::Reader;
+use super::state::MatrixRows;
 use crate::program::{CutterInfo, Mark};
-
-/// A CATIA matrix in comments: rows still to come.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct MatrixRows {
-    open: bool,
-    rows: usize,
-    values: [f64; 12],
-}
 
 impl Reader {
     pub(super) fn comment(&mut self, record: Record, text: &[u8]) {

@@ -10,8 +10,9 @@ use super::layout::{GroupSlot, Slot};
 use super::lex::{Kind, Record, Token};
 use super::modal::{Feed, Xyz, feed_unit};
 use super::motion::Step;
-use super::read::{Outcome, Reader};
-use super::refusal::{self, Refusal};
+use super::reader::Reader;
+use super::refusal::{self, Outcome, Refusal};
+use super::state::Hole;
 use super::statement::Statement;
 use super::vector::{add, dot, norm, scale, sub};
 use crate::program::Role;
@@ -24,48 +25,6 @@ const MOST_PECKS: usize = 1000;
 
 /// Moves shorter than this part of the hole's depth are none.
 const NO_MOVE: f64 = 1e-9;
-
-/// What becomes of a position under a cycle; lengths in printed units, over the hole's mouth along the tool axis.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Hole {
-    /// Where feed begins.
-    clear: f64,
-    /// Where rapid travel arrives.
-    approach: f64,
-    /// Where the tool is retracted to; back to where it came from where that is left to the machine.
-    retract: Option<f64>,
-    depth: f64,
-    /// Depths of pecks, rising, the last one the depth.
-    pecks: Vec<f64>,
-    /// Between pecks the tool stays in the hole.
-    breaks_chips: bool,
-    /// It comes out with feed.
-    feeds_out: bool,
-    feed: Option<Feed>,
-    dwell: f64,
-}
-
-/// The cycle in force, and the one that `CYCLE/ON` brings back.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Cycle {
-    active: Option<Hole>,
-    last: Option<Hole>,
-    /// Height over the mouth before the first hole, for a retraction that is left to the machine.
-    initial: Option<f64>,
-    /// A cycle that was refused: its positions are no path.
-    refused: bool,
-}
-
-impl Cycle {
-    pub(super) fn is_active(&self) -> bool {
-        self.active.is_some() || self.refused
-    }
-
-    /// What a position stands for; none under a cycle that was refused.
-    pub(super) fn hole(&self) -> Option<Hole> {
-        self.active.clone()
-    }
-}
 
 /// How a cycle is performed.
 #[derive(Clone, Copy, PartialEq)]

@@ -5,13 +5,15 @@
 //! | `lex`, `number`, `cards` | bytes | records of tokens: lines, continuation, comments, free text |
 //! | `statement` | tokens | major word and items |
 //! | `words`, `refusal` | major word | what it does, and what becomes of it |
-//! | `read`, `setup`, `motion`, `circle`, `hole`, `machine`, `comment`, `modal`, `frame`, `arc`, `dialect` | statements | targets, actions |
+//! | `read`, `setup`, `motion`, `circle`, `hole`, `auxiliary`, `comment` | statements | targets, actions, collected in `reader` |
+//! | `modal`, `machine`, `state`, `frame`, `units`, `arc`, `dialect` | | what holds from one statement to the next |
 //! | [`Chunks`] | bytes of a long file | targets, a stretch at a time |
 //! | `layout`, `rewrite` | wanted positions | edits on number tokens |
 //! | `corrected`, `feeds` | corrected tips and axes | the same CL data with them |
 //! | [`spin`](fn@spin) | tool axis | orientation of the TCP |
 
 mod arc;
+mod auxiliary;
 mod cards;
 mod chunks;
 mod circle;
@@ -29,11 +31,14 @@ mod motion;
 mod number;
 mod plain;
 mod read;
+mod reader;
 mod refusal;
 mod rewrite;
 mod setup;
 mod spin;
+mod state;
 mod statement;
+mod units;
 mod vector;
 mod words;
 
@@ -148,7 +153,7 @@ pub fn read(source: Source, options: &ClOptions) -> Result<Program, Vec<Diagnost
     }
     let lexer = lex::Lexer::new(&source.bytes, source.lines_before);
     let cards = lexer.is_cards();
-    let mut reader = read::Reader::new(&source.bytes, options);
+    let mut reader = reader::Reader::new(&source.bytes, options);
     reader.run(lexer);
     let refusal = source_language(&reader, &source)
         .or_else(|| without_unit(&reader, &source))
@@ -177,7 +182,7 @@ fn refused(options: &ClOptions) -> Option<Diagnostic> {
 }
 
 /// Refuses a file with a position whose unit nobody says.
-fn without_unit(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
+fn without_unit(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     let message = "no UNITS statement, and no `units` in [cl]: expected millimetres or inches";
     let help = "set `units = \"mm\"` or `units = \"inch\"` under [cl] in the cell file";
     Some(Diagnostic::error("cl.no-unit", &source.name, message).at(source, reader.no_unit?).help(help))
@@ -188,19 +193,19 @@ fn without_unit(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
 const POSITIONS_PER_SOURCE_WORD: usize = 4;
 
 /// Refuses APT-360 source: symbolic geometry that only an APT processor turns into positions.
-fn source_language(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
+fn source_language(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     let at = reader.first_source_word.filter(|_| is_source_language(reader))?;
     let message = "APT-360 source (symbolic geometry), expected CL data with numeric positions";
     let help = "run it through an APT processor and give its CL output";
     Some(Diagnostic::error("cl.apt-source", &source.name, message).at(source, at).help(help))
 }
 
-fn is_source_language(reader: &read::Reader) -> bool {
+fn is_source_language(reader: &reader::Reader) -> bool {
     reader.source_words > 0 && reader.source_words * POSITIONS_PER_SOURCE_WORD >= reader.literal_targets
 }
 
 /// Refuses what has no CL statement in it.
-fn foreign(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
+fn foreign(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     if !is_foreign(reader) {
         return None;
     }
@@ -213,6 +218,6 @@ fn foreign(reader: &read::Reader, source: &Source) -> Option<Diagnostic> {
     )
 }
 
-fn is_foreign(reader: &read::Reader) -> bool {
+fn is_foreign(reader: &reader::Reader) -> bool {
     reader.understood == 0 && reader.ordinal == 0
 }

@@ -1,7 +1,7 @@
 //! What holds from one statement to the next.
 
-use super::read::Outcome;
 use super::refusal;
+use super::refusal::Outcome;
 use super::statement::Statement;
 use crate::program::{CutterInfo, Mark};
 use crate::text::Span;

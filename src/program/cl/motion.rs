@@ -5,8 +5,9 @@ use super::dialect::Dialect;
 use super::layout::{Slot, StartSlot};
 use super::lex::{Kind, Record};
 use super::modal::Xyz;
-use super::read::{Outcome, Reader};
-use super::refusal;
+use super::reader::Reader;
+use super::refusal::{self, Outcome};
+use super::state::PendingArc;
 use super::statement::{Numbers, Statement};
 use super::vector::{add, dot, norm, scale, sub, unit};
 use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target};
@@ -182,7 +183,7 @@ impl Reader {
             let last = i + 1 == places.len();
             self.modal.axis = axis.unwrap_or_else(|| self.axis_where_none_is_printed());
             if let (Some(arc), true) = (pending, i > 0) {
-                self.pending = Some(super::circle::PendingArc { centres: [None; 2], ..arc });
+                self.pending = Some(PendingArc { centres: [None; 2], ..arc });
             }
             self.arrive(record, xyz, position, last || pending.is_none());
         }

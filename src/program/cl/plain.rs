@@ -3,7 +3,7 @@
 use super::lex::{Lexer, Place, Record, RecordKind};
 use super::modal::Xyz;
 use super::motion::axis;
-use super::read::Reader;
+use super::reader::Reader;
 use crate::text::Span;
 use crate::text::number::read_leading;
 
@@ -81,7 +81,7 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::super::lex::Lexer;
-    use super::super::read::Reader;
+    use super::super::reader::Reader;
     use crate::program::cl::ClOptions;
     use crate::text::Source;
     use proptest::prelude::*;

@@ -1,20 +1,10 @@
 //! Statements to targets: the meaning of each word, with what holds from one to the next.
 
-use super::circle::{Checked, PendingArc};
-use super::comment::MatrixRows;
-use super::dialect::Dialect;
-use super::frame::Frame;
-use super::hole::Cycle;
 use super::lex::{Kind, Lexer, Record, RecordKind, Token};
-use super::machine::Machine;
-use super::modal::Modal;
-use super::refusal::{self, Refusal};
-use super::setup::unit_at_start;
+use super::reader::Reader;
+use super::refusal::{self, ARC_WITHOUT_END, Outcome};
 use super::statement::Statement;
 use super::words::{self, Class, Meaning, Word, decides_motion, looks_like_motion};
-use super::{ClOptions, Layout, Point};
-use crate::program::{Action, CutterInfo, Kept, Language, Program, Target, Tool, Wobj};
-use crate::text::{Diagnostic, Severity, Source, Span};
 
 /// Why a statement is listed whose word nobody knows.
 const UNKNOWN: &str = "statement not known, taken as one that moves nothing";
@@ -22,95 +12,7 @@ const UNKNOWN: &str = "statement not known, taken as one that moves nothing";
 /// Why a statement is listed that the cell declares to be harmless.
 const DECLARED: &str = "taken as harmless, as the cell declares (`[cl] harmless`)";
 
-/// Why an arc is kept that no position follows.
-pub(super) const ARC_WITHOUT_END: &str = "arc without an end";
-
-/// Everything that reading collects, and all that holds from one record to the next.
-#[derive(Debug)]
-pub(super) struct Reader {
-    pub(super) options: ClOptions,
-    pub(super) dialect: Dialect,
-    pub(super) modal: Modal,
-    /// Tool, spindle, coolant.
-    pub(super) machine: Machine,
-    /// The drilling cycle in force, and the last one.
-    pub(super) cycle: Cycle,
-    pub(super) pending: Option<PendingArc>,
-    /// The last motion, where it is an arc whose sense was guessed: the next position may tell better.
-    pub(super) checked: Option<Checked>,
-    pub(super) units: Option<f64>,
-    /// The frame that positions are printed in now: index into the layout's.
-    pub(super) frame: u16,
-    /// The file's first frame, in its absolute axes.
-    pub(super) base: Option<Frame>,
-    /// z of the frame last named, for systems that drop it from their positions.
-    pub(super) setup_axis: [f64; 3],
-    /// Positions are printed in the frame last named (`TRNTYP/LOCAL`).
-    pub(super) local: bool,
-    pub(super) matrix: MatrixRows,
-    pub(super) ordinal: u32,
-    pub(super) targets: Vec<Target>,
-    pub(super) actions: Vec<Action>,
-    pub(super) kept: Vec<Kept>,
-    pub(super) layout: Layout,
-    pub(super) literal_targets: usize,
-    pub(super) arcs: usize,
-    pub(super) cutter: Option<CutterInfo>,
-    /// Statements that only APT-360 source has, and the first of them.
-    pub(super) source_words: usize,
-    pub(super) first_source_word: Option<Span>,
-    /// Statements of a known word and a slash: what only CL data have.
-    pub(super) understood: usize,
-    /// The program has ended (`FINI`).
-    pub(super) finished: bool,
-    /// A position whose unit nothing tells: the file as a whole cannot be read.
-    pub(super) no_unit: Option<Span>,
-    /// Warnings, code and message, each once.
-    pub(super) said: Vec<(&'static str, &'static str)>,
-    /// Reasons why statements are kept, at the first of each, and how many there are.
-    told: Vec<(Diagnostic, usize)>,
-}
-
-/// Nothing, or why a statement is not understood.
-pub(super) type Outcome = Result<(), Refusal>;
-
 impl Reader {
-    /// A reader of the file that begins with `head`, which is all of it or more than its makers' traces are looked for in.
-    pub(super) fn new(head: &[u8], options: &ClOptions) -> Self {
-        let units = unit_at_start(head, options);
-        let layout = Layout { frames: vec![Frame::identity(units.unwrap_or(1.0))], ..Layout::default() };
-        Self {
-            options: options.clone(),
-            dialect: Dialect::detect(head),
-            modal: Modal::default(),
-            machine: Machine::new(),
-            cycle: Cycle::default(),
-            pending: None,
-            checked: None,
-            units,
-            frame: 0,
-            base: None,
-            setup_axis: [0.0, 0.0, 1.0],
-            local: false,
-            matrix: MatrixRows::default(),
-            ordinal: 0,
-            targets: Vec::new(),
-            actions: Vec::new(),
-            kept: Vec::new(),
-            layout,
-            literal_targets: 0,
-            arcs: 0,
-            cutter: None,
-            source_words: 0,
-            first_source_word: None,
-            understood: 0,
-            finished: false,
-            no_unit: None,
-            said: Vec::new(),
-            told: Vec::new(),
-        }
-    }
-
     /// Reads all records that `lexer` has.
     pub(super) fn run(&mut self, mut lexer: Lexer) {
         let mut tokens = Vec::new();
@@ -143,58 +45,6 @@ impl Reader {
         }
         self.checked = None;
         self.machine.end(self.targets.len(), &mut self.actions);
-    }
-
-    /// What was read since the last time, as the program of `source`, whose bytes it was read from.
-    pub(super) fn program(&mut self, source: Source) -> Program {
-        self.tell_what_is_kept(&source);
-        let raised = |tool: &String| match self.options.point {
-            Point::Tip => 0.0,
-            Point::Centre => self.options.corner_radius_of(tool),
-        };
-        self.layout.raised_mm = self.machine.tools().iter().map(raised).collect();
-        let layout = Layout { frames: self.layout.frames.clone(), cards: self.layout.cards, ..Layout::default() };
-        let tool = |name: &String| Tool { name: name.as_str().into(), data: None };
-        Program {
-            sources: [source].into(),
-            written: 1,
-            language: Language::Cl,
-            dialect: self.dialect.name(),
-            tools: self.machine.tools().iter().map(tool).collect(),
-            wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None, unit: None }],
-            targets: std::mem::take(&mut self.targets),
-            actions: std::mem::take(&mut self.actions),
-            kept: std::mem::take(&mut self.kept),
-            literal_targets: self.literal_targets,
-            arcs: self.arcs,
-            cutter: self.cutter,
-            diagnostics: Vec::new(),
-            layout: crate::program::Layout::Cl(std::mem::replace(&mut self.layout, layout)),
-        }
-    }
-
-    /// Statements that mean something to a machine tool, by reason at the first of each.
-    fn tell_what_is_kept(&mut self, source: &Source) {
-        for kept in self.kept.iter().filter(|kept| !kept.fault) {
-            match self.told.iter_mut().find(|(first, _)| first.message == kept.reason) {
-                Some((_, count)) => *count += 1,
-                None => {
-                    let warning = Diagnostic::error("cl.kept", &source.name, kept.reason).at(source, kept.span);
-                    let help = "it has no part in the program that is written";
-                    self.told.push((warning.severity(Severity::Warning).help(help), 1));
-                }
-            }
-        }
-    }
-
-    /// What was noticed so far.
-    pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
-        let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
-        let told = |(first, count): &(Diagnostic, usize)| match count {
-            1 => first.clone(),
-            more => Diagnostic { message: format!("{} ({more} statements)", first.message), ..first.clone() },
-        };
-        self.said.iter().map(said).chain(self.told.iter().map(told)).collect()
     }
 
     fn record(&mut self, bytes: &[u8], record: Record, tokens: &[Token]) {
@@ -330,27 +180,6 @@ impl Reader {
         self.list(record, "SYN gives words other names, which are not known here");
         Ok(())
     }
-
-    /// Lists a statement that passes.
-    pub(super) fn list(&mut self, record: Record, reason: &'static str) {
-        self.kept.push(kept(record, reason.into(), false));
-    }
-
-    /// Refuses a statement: no program may be written from the file.
-    pub(super) fn refuse(&mut self, record: Record, why: Refusal) {
-        self.kept.push(kept(record, why, true));
-    }
-
-    pub(super) fn say(&mut self, code: &'static str, message: &'static str) {
-        if self.said.iter().all(|(said, _)| *said != code) {
-            self.said.push((code, message));
-        }
-    }
-
-    pub(super) fn source_word(&mut self, record: Record) {
-        self.source_words += 1;
-        self.first_source_word.get_or_insert(record.span);
-    }
 }
 
 /// `CUTCOM/OFF` ends a compensation that never began.
@@ -381,8 +210,4 @@ fn mode(s: &Statement) -> Outcome {
 fn head(s: &Statement) -> Outcome {
     let first = s.number_items().iter().all(|t| (t.value - 1.0).abs() < 0.5);
     if first { Ok(()) } else { Err(refusal::SECOND_HEAD) }
-}
-
-fn kept(record: Record, why: Refusal, fault: bool) -> Kept {
-    Kept { source: 0, span: record.span, line: record.line, reason: why.reason, fault, help: why.help }
 }

@@ -21,6 +21,12 @@ impl From<&'static str> for Refusal {
     }
 }
 
+/// Nothing, or why a statement is not understood.
+pub(super) type Outcome = Result<(), Refusal>;
+
+/// Why an arc is kept that no position follows.
+pub(super) const ARC_WITHOUT_END: &str = "arc without an end";
+
 const fn refusal(reason: &'static str, help: &'static str) -> Refusal {
     Refusal { reason, help }
 }

@@ -6,111 +6,12 @@
 //! text, whatever number of them is executed.
 
 use super::Site;
-use super::agreed::{Again, Agreement};
-use super::run::Runner;
-use super::value::Place;
+use super::agreed::Again;
+use super::gathering::{Gathering, Motion, OffsetBy, Point};
+use super::runner::Runner;
 use crate::program::chunk::StreamableChunk;
 use crate::program::{Editable, Program, Role, Target};
-use smallvec::SmallVec;
-use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
-
-/// What becomes of the targets of a run.
-pub(super) enum Gathering {
-    /// All are held.
-    All,
-    /// One motion of those that are alike.
-    Distinct(Distinct),
-    /// All, chunk by chunk, with what was found of those that are alike.
-    Chunks(Box<Emitter>),
-}
-
-/// What the targets of one motion have in common with those that are alike.
-pub(super) type Motion = SmallVec<[Point; 2]>;
-
-/// What decides from the text what becomes of one target.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Point {
-    source: u16,
-    statement: u32,
-    role: Role,
-    tool: u16,
-    wobj: u16,
-    root: Option<u32>,
-    steps: SmallVec<[OffsetBy; 1]>,
-    editable: Editable,
-}
-
-/// One step of `Offs` or `RelTool`.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-struct OffsetBy {
-    place: Option<Place>,
-    /// Its numbers, where the target may be edited by it.
-    bits: [u64; 7],
-}
-
-/// Motions that are held once.
-#[derive(Debug, Default)]
-pub(super) struct Distinct {
-    /// The first target of each among those held.
-    pub(super) known: HashMap<Motion, u32>,
-    /// Loops whose rounds turned out not to be known.
-    pub(super) given_up: BTreeSet<u64>,
-}
-
-/// Hands on the targets of a run.
-pub(super) struct Emitter {
-    found: Arc<Distinct>,
-    /// One of each that are alike.
-    like: Arc<Program>,
-    agreement: Agreement,
-    out: SyncSender<StreamableChunk>,
-    /// Targets in a chunk.
-    chunk: usize,
-    alike: Vec<u32>,
-    /// The loop whose rounds are not followed.
-    muted: Option<u64>,
-    first: bool,
-    /// It went elsewhere than the run before.
-    is_broken: bool,
-}
-
-impl Emitter {
-    pub(super) fn new(
-        found: Arc<Distinct>,
-        like: Arc<Program>,
-        agreement: Agreement,
-        out: SyncSender<StreamableChunk>,
-        chunk: usize,
-    ) -> Self {
-        Self { found, like, agreement, out, chunk, alike: Vec::new(), muted: None, first: true, is_broken: false }
-    }
-}
-
-impl Gathering {
-    /// A loop begins.
-    pub(super) fn enter_loop(&mut self, number: u64) {
-        if let Self::Chunks(emitter) = self
-            && emitter.muted.is_none()
-            && emitter.found.given_up.contains(&number)
-        {
-            emitter.muted = Some(number);
-        }
-    }
-
-    /// The rounds of a loop are not known after all; so many targets were held before.
-    pub(super) fn give_up_loop(&mut self, number: u64, targets: usize) {
-        match self {
-            Self::All => {}
-            Self::Distinct(distinct) => {
-                distinct.given_up.insert(number);
-                distinct.known.retain(|_, at| (*at as usize) < targets);
-            }
-            Self::Chunks(emitter) => emitter.muted = emitter.muted.filter(|muted| *muted != number),
-        }
-    }
-}
 
 impl Runner<'_> {
     /// A motion is complete: its targets are the last.
@@ -197,7 +98,7 @@ impl Runner<'_> {
     fn emit(&mut self, last: bool) {
         let Gathering::Chunks(emitter) = &mut self.gathering else { return };
         let like = &emitter.like;
-        let Some(layout) = super::chunk::layout(like) else { return };
+        let Some(layout) = super::Layout::of(like) else { return };
         let again = Again::new(std::mem::take(&mut emitter.alike), emitter.agreement.clone());
         let layout = crate::program::Layout::Rapid(super::Layout {
             literals: Arc::clone(&layout.literals),

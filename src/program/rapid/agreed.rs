@@ -123,7 +123,7 @@ impl Asked {
 
     /// What comes of all that was said, in the program of one motion of those that are alike.
     pub(super) fn agreed(&self, like: &Program, options: &RewriteOptions) -> Option<Agreed> {
-        let layout = super::chunk::layout(like)?;
+        let layout = super::Layout::of(like)?;
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut firsts: Vec<u32> = all.keys().copied().collect();
         firsts.sort_unstable();

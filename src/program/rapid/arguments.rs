@@ -3,8 +3,9 @@
 use super::eval::{RUN_TIME, Scope};
 use super::motion::Call;
 use super::parameters::ABSENT;
-use super::run::{Cached, MAX_NORM_ERROR, Mode, NOT_UNIT, Runner};
+use super::runner::{Cached, Mode, Runner};
 use super::symbols::{Upper, first_word};
+use super::value::{MAX_NORM_ERROR, NOT_UNIT};
 use super::value::{Place, Value, predefined, unit};
 use crate::program::{Tool, ToolData, Wobj, WobjData};
 use crate::text::{Severity, Span, decode};

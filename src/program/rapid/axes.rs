@@ -7,48 +7,14 @@ use super::eval::Scope;
 use super::literal::UNUSED_AXIS;
 use super::motion::Call;
 use super::predefined::Instruction;
-use super::run::{Mode, Runner};
+use super::runner::{Mode, Runner};
+use super::state::Axes;
 use super::symbols::{Upper, first_word};
 use super::value::axes_in_use;
 use crate::program::{ExternalAxes, InactiveUnit, Role};
 use crate::robot::{EXTERNAL_AXES, External};
 use crate::text::{Span, decode};
 use std::sync::Arc;
-
-/// What holds of external axes. What is not known is `None`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Axes {
-    /// Added by the controller, mm or degrees.
-    pub(super) offset: Option<External>,
-    /// Which units are deactivated: a number of [`Runner::inactive`].
-    pub(super) inactive: Option<u32>,
-    /// Where the last motion left them, offset included.
-    positions: [Option<f64>; EXTERNAL_AXES],
-}
-
-impl Default for Axes {
-    fn default() -> Self {
-        Self { offset: Some([0.0; EXTERNAL_AXES]), inactive: Some(0), positions: [None; EXTERNAL_AXES] }
-    }
-}
-
-impl Axes {
-    /// Something may have changed any of it.
-    pub(super) const UNKNOWN: Self = Self { offset: None, inactive: None, positions: [None; EXTERNAL_AXES] };
-
-    pub(super) fn join(self, other: Self) -> Self {
-        Self {
-            offset: self.offset.filter(|_| self.offset == other.offset),
-            inactive: self.inactive.filter(|_| self.inactive == other.inactive),
-            positions: std::array::from_fn(|i| self.positions[i].filter(|_| self.positions[i] == other.positions[i])),
-        }
-    }
-
-    /// They may have moved.
-    pub(super) fn lose_positions(&mut self) {
-        self.positions = [None; EXTERNAL_AXES];
-    }
-}
 
 /// Why external axes of a target are not known.
 pub(super) const COMPUTED: &str = "external axes computed at run time";

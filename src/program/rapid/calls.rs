@@ -2,13 +2,14 @@
 
 use super::errors::FAILED;
 use super::eval::{RUN_TIME, Scope};
-use super::memory::Left;
+use super::known::RoutineId;
+use super::layers::Left;
 use super::memory::note;
 use super::motion::Call;
 use super::parameters::Bound;
-use super::run::{Flow, Frame, Mode, Runner};
+use super::runner::{Flow, Frame, Mode, Runner};
 use super::state::{Switch, Switches};
-use super::symbols::{Content, RoutineId, Upper, first_word};
+use super::symbols::{Content, Upper, first_word};
 use super::tree::{Param, Statement, any, simple_statements};
 use super::value::Value;
 use crate::text::{Diagnostic, Severity, Span};
@@ -224,7 +225,7 @@ impl<'a> Runner<'a> {
         self.events += 1;
         let changes = self.symbols.changed_by(id).clone();
         let own = changes.own.clone();
-        let here = super::changes::Changes { own: Default::default(), ..changes };
+        let here = super::known::Changes { own: Default::default(), ..changes };
         self.forget(&here, CALLS_ITSELF);
         self.state.lose(here.switches);
         self.may_have_moved(id, &self.symbols.routine(id).body);

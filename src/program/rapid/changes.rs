@@ -1,10 +1,11 @@
 //! What statements could change, by their text alone: asked where it is not known whether, or how often, they run.
 
+use super::known::{Changes, Known, RoutineId};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call, Simple};
 use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
-use super::symbols::{RoutineId, Symbols, Upper, first_word};
+use super::symbols::{Symbols, Upper, first_word};
 use super::tree::{Param, RoutineKind, Statement, Storage};
 use crate::text::Span;
 use std::cell::RefCell;
@@ -13,23 +14,6 @@ use std::rc::Rc;
 
 /// A name in upper case.
 type Name = Box<[u8]>;
-
-/// What running some statements, and all that they call, could change.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Changes {
-    /// Data of modules.
-    pub(super) data: BTreeSet<usize>,
-    /// The routine's own data and parameters.
-    pub(super) own: BTreeSet<Name>,
-    /// Names that nothing in the files declares.
-    pub(super) foreign: BTreeSet<Name>,
-    /// Whatever a routine can that is not in the files.
-    pub(super) anything: bool,
-    /// What besides data.
-    pub(super) switches: Switches,
-    /// What of it is switched off: nothing, but where a jump may leave it on.
-    pub(super) switches_off: Switches,
-}
 
 /// Where a name leads.
 #[derive(Clone, Debug)]
@@ -56,21 +40,6 @@ struct Direct {
     later: Vec<RoutineId>,
     /// Something that is not known may run at some later time.
     anything_later: bool,
-}
-
-/// What each routine changes, and what may change at any moment.
-#[derive(Default)]
-pub(super) struct Known {
-    /// By file, module and place: body and handlers, with all that they call.
-    routines: HashMap<RoutineId, Changes>,
-    /// What traps, handlers and synchronised procedures change, and all data that an unknown routine could.
-    pub(super) at_any_moment: Changes,
-    /// Routines whose motions may run at any moment, or in a function.
-    pub(super) aside: BTreeSet<RoutineId>,
-    /// Data that a routine that is not in the files could change.
-    everything: Rc<BTreeSet<usize>>,
-    /// By the address of a block.
-    blocks: RefCell<HashMap<usize, Rc<Changes>>>,
 }
 
 impl Changes {

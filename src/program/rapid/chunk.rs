@@ -1,12 +1,11 @@
 //! A chunk of a long program: a stretch of its text with what makes it a program.
 
-use super::chunks::END;
 use super::index::Entry;
 use super::kinds::Kinds;
+use super::lines::END;
 use super::routines::Part;
-use super::streamable;
 use crate::program::chunk::Elsewhere;
-use crate::program::{Mark, Predecessor, Program, StreamableChunk};
+use crate::program::{Mark, Program};
 use crate::text::Source;
 use std::ops::Range;
 use std::sync::Arc;
@@ -60,28 +59,6 @@ impl Chunk {
         self.own.is_empty()
     }
 
-    /// Reads the chunk; `None` where it is not streamable after all.
-    #[must_use]
-    pub fn read(mut self) -> Option<StreamableChunk> {
-        let lines = std::mem::take(&mut self.lines);
-        let mut chunk = match streamable::read(&self) {
-            Some(read) => StreamableChunk {
-                program: read.into_program(self.dialect, self.source),
-                own: self.own,
-                elsewhere: self.elsewhere,
-                at: self.at,
-                last: self.last,
-            },
-            None => self.read_plain()?,
-        };
-        for target in chunk.program.targets.iter_mut().filter(|_| !lines.is_empty()) {
-            let line = target.line as usize;
-            let (running, file) = lines[lines.partition_point(|(running, _)| *running <= line).checked_sub(1)?];
-            target.line = u32::try_from(line - running + file).ok()?;
-        }
-        Some(chunk)
-    }
-
     /// Who wrote the program.
     #[cfg(test)]
     pub(super) fn dialect(&self) -> &'static str {
@@ -98,32 +75,6 @@ impl Chunk {
     pub(super) fn program_of(&self, head: Vec<u8>, statement: &[u8]) -> Option<Program> {
         let source = Source::new(self.source.name.clone(), [&head, statement, END].concat());
         super::read_as(self.dialect, vec![source], Vec::new()).ok()
-    }
-
-    /// The reference for [`Chunk::read`]: every statement is read for itself.
-    pub(super) fn read_plain(self) -> Option<StreamableChunk> {
-        let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
-        let streamable = layout(&program).is_some_and(|layout| {
-            // A mark behind the last motion is in force nowhere.
-            let marks = self.last || layout.mark_behind == self.mark_behind;
-            let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
-            let kind = if self.elsewhere.is_empty() { layout.streamable } else { held() };
-            kind && layout.motions == self.motions as usize && marks
-        });
-        // Line ends that only one of the two counts.
-        let lines = program.targets.last().is_none_or(|target| target.line as usize == self.last_line);
-        for target in &mut program.targets {
-            // One comes from where the chunk before ends.
-            target.predecessor = Predecessor::Previous;
-            target.ordinal = target.ordinal.checked_add(self.motions_before)?;
-        }
-        (streamable && lines && program.diagnostics.is_empty() && program.kept.is_empty()).then_some(StreamableChunk {
-            program,
-            own: self.own,
-            elsewhere: self.elsewhere,
-            at: self.at,
-            last: self.last,
-        })
     }
 
     /// The stretch.
@@ -169,25 +120,5 @@ impl Chunk {
             }
             self.lines.push((part.running_line, part.line));
         }
-    }
-}
-
-/// Whether all targets stand in the stretch or in the declarations that were put in for it.
-fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) -> bool {
-    layout.sites.iter().all(|site| match site {
-        super::Site::Literal { literal, .. } => {
-            let span = layout.literals[*literal as usize].span().range();
-            let behind = elsewhere.partition_point(|declared| declared.own.end < span.end);
-            let declared = elsewhere.get(behind).is_some_and(|declared| declared.own.start <= span.start);
-            declared || own.start <= span.start && span.end <= own.end
-        }
-        _ => true,
-    })
-}
-
-pub(super) fn layout(program: &Program) -> Option<&super::Layout> {
-    match &program.layout {
-        crate::program::Layout::Rapid(layout) => Some(layout),
-        _ => None,
     }
 }

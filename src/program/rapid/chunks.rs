@@ -6,18 +6,15 @@
 //! assignment, a call, a declared target, an offset of external axes, …) is looked for in the chunk as read; a program with any
 //! of that is not streamable and is read whole.
 
-use super::chunk::{Chunk, layout};
+use super::chunk::Chunk;
 use super::kinds::Kinds;
 use super::lex::{self, Cursor, Kind};
+use super::lines::{CHUNK, END, first_word, is_motion, line_of};
 use super::predefined::harmless;
 use crate::program::{Language, Mark, Next, detect};
 use crate::text::{Source, Span, lines};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
-
-/// Bytes of the body in a chunk: some five hundred targets. A quarter of it is no faster, for all the calls of the system. Not a
-/// matter of threads: any number of them sees the same chunks.
-pub const CHUNK: usize = 64 * 1024;
 
 /// Most bytes before the first motion and behind the last.
 const HEAD: usize = 1 << 20;
@@ -33,9 +30,6 @@ const AHEAD: usize = 4;
 
 /// What begins a body.
 const FIRST: &[u8] = b"MoveL";
-
-/// Ends a chunk that is not the last.
-pub(super) const END: &[u8] = b"\nENDPROC\nENDMODULE\n";
 
 /// Cuts a program into chunks, reading no further than needed.
 #[derive(Debug)]
@@ -142,7 +136,8 @@ impl<R: Read> Chunks<R> {
         };
         chunks.dialect = head.dialect;
         chunks.plain_head = head.literal_targets == 0 && chunks.context.is_empty();
-        Ok((layout(&head).is_some_and(|layout| layout.streamable) && head.targets.is_empty()).then_some(chunks))
+        Ok((super::Layout::of(&head).is_some_and(|layout| layout.streamable) && head.targets.is_empty())
+            .then_some(chunks))
     }
 
     /// The same for an input that begins with the first motion, behind `lines` lines, of which `head` is what every chunk
@@ -322,23 +317,10 @@ struct Cut {
     last: bool,
 }
 
-/// The line at the start of `bytes`, with its end.
-pub(super) fn line_of(bytes: &[u8]) -> &[u8] {
-    &bytes[..memchr::memchr(b'\n', bytes).map_or(bytes.len(), |end| end + 1)]
-}
-
 /// How the last line ends.
 fn line_end(text: &[u8]) -> &[u8] {
     let returns = text.iter().rev().skip(1).take_while(|b| **b == b'\r').count();
     &text[text.len().saturating_sub(1 + returns)..]
-}
-
-pub(super) fn first_word(text: &[u8]) -> &[u8] {
-    &text[..text.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(text.len())]
-}
-
-pub(super) fn is_motion(word: &[u8]) -> bool {
-    [&b"MoveL"[..], b"MoveJ", b"MoveAbsJ"].iter().any(|motion| motion.eq_ignore_ascii_case(word))
 }
 
 /// Offset of the line of the first motion.

@@ -1,24 +1,13 @@
 //! The next cycle: where `main` ends it begins again, with the data and the displacement that it left.
 
-use super::run::Runner;
-use super::state::Switch;
-use super::symbols::{Content, RoutineId};
+use super::known::RoutineId;
+use super::runner::Runner;
+use super::state::{Begun, Switch};
+use super::symbols::Content;
 use super::tree::Storage;
 use super::value::{Value, unit};
 use crate::program::{ToolData, WobjData};
 use crate::text::{Diagnostic, Severity, Span};
-use std::collections::BTreeMap;
-
-/// What `main` finds as the text declares it.
-#[derive(Default)]
-pub(super) struct Begun {
-    /// Tools and work objects that the program assigns, but not yet in every run.
-    declared: BTreeMap<usize, Value>,
-    /// Those that a motion uses before they are assigned.
-    used: Vec<(usize, Value)>,
-    /// Whether a motion came before the first instruction that switches program displacement.
-    moved_before_displacement: Option<bool>,
-}
 
 impl Runner<'_> {
     /// Before `main` runs.

@@ -3,7 +3,7 @@
 use super::eval::{RUN_TIME, Scope};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
-use super::run::Runner;
+use super::runner::Runner;
 use super::symbols::{Content, Part, Upper, Variable, first_word};
 use super::tree::Storage;
 use super::value::{Value, parts};

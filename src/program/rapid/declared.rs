@@ -5,8 +5,9 @@
 //! runs, as in `chunks`, with the declarations of the targets that it moves to; both stand somewhere else in the file.
 
 use super::chunk::Chunk;
-use super::chunks::{CHUNK, Chunks};
+use super::chunks::Chunks;
 use super::index::{Index, lines_of};
+use super::lines::CHUNK;
 use super::routines::{Parts, Running, running};
 use crate::program::{Next, Program};
 use crate::text::Source;

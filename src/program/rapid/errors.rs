@@ -1,9 +1,10 @@
 //! Errors: what handlers get, and what holds behind them.
 
+use super::known::RoutineId;
 use super::memory::note;
 use super::motion::{self};
-use super::run::{Flow, Runner};
-use super::symbols::{RoutineId, first_word};
+use super::runner::{Flow, Runner};
+use super::symbols::first_word;
 use super::tree::{Statement, any, simple_statements};
 use crate::text::Span;
 

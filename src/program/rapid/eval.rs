@@ -6,7 +6,7 @@ mod operators;
 use super::lex::{Cursor, Kind, Lexeme};
 use super::literal::{Literal, Written};
 use super::motion::{self, Call};
-use super::run::Runner;
+use super::runner::Runner;
 use super::symbols::Upper;
 use super::value::{self, Place, Pose, Value};
 use crate::text::{self, Span};

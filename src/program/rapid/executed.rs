@@ -1,9 +1,9 @@
 //! A program that runs through more motions than can be held: run once for what they have in common, and once more for each use of
 //! its chunks.
 
-use super::again::{Distinct, Emitter, Gathering};
 use super::agreed::{Agreed, Agreement, Asked};
-use super::run::Runner;
+use super::gathering::{Distinct, Emitter, Gathering};
+use super::runner::Runner;
 use super::tree::File;
 use super::{Cut, parsed, program_of};
 use crate::program::{Next, Program, RewriteOptions, StreamableChunk};

@@ -1,10 +1,10 @@
 //! Branches and loops: followed where their conditions are known; else every branch is run and what they leave is joined.
 
 use super::eval::Scope;
+use super::layers::Left;
 use super::lex::{Cursor, Kind};
-use super::memory::Left;
 use super::motion::{self, Call};
-use super::run::{Flow, Mode, Runner};
+use super::runner::{Flow, Mode, Runner};
 use super::state::Switches;
 use super::symbols::{Content, Upper};
 use super::tree::{Statement, any};

@@ -1,7 +1,7 @@
 //! Tools and work objects that modules declare, whether a program uses them or not.
 
 use super::eval::Scope;
-use super::run::Runner;
+use super::runner::Runner;
 use super::symbols::Content;
 use super::value::unit;
 use crate::program::{Tool, ToolData, Wobj, WobjData};

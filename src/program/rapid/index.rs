@@ -1,7 +1,7 @@
 //! Where a long program declares its targets, and where its routines stand: their lines, not what these say.
 
-use super::chunks::{CHUNK, first_word, is_motion};
 use super::lex;
+use super::lines::{CHUNK, first_word, is_motion};
 use super::predefined::harmless;
 use super::routines::Routine;
 use crate::text::lines;

@@ -3,7 +3,7 @@
 use super::eval::{RUN_TIME, Scope};
 use super::motion::Call;
 use super::predefined::Instruction;
-use super::run::{Flow, Runner};
+use super::runner::{Flow, Runner};
 use super::state::{Switch, Switches, Velocity};
 use super::symbols::Upper;
 use super::value::Value;

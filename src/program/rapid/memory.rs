@@ -1,10 +1,10 @@
 //! What data hold, branch by branch: what one branch changes is taken back before the next runs, and what they leave is joined.
 
-use super::changes::Changes;
 use super::eval::RUN_TIME;
+use super::known::Changes;
+use super::layers::{Layer, Left};
 use super::lex::{Cursor, Kind};
-use super::run::Runner;
-use super::state::State;
+use super::runner::Runner;
 use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,21 +14,6 @@ const BRANCHES: &str = "different from branch to branch";
 
 /// More returns of one routine are taken together.
 const MOST_RETURNS: usize = 8;
-
-/// What was there when a branch began.
-pub(super) struct Layer {
-    old: BTreeMap<usize, Content>,
-    state: State,
-    /// Variables that existed then.
-    variables: usize,
-}
-
-/// What a branch left.
-#[derive(Clone, Debug)]
-pub(super) struct Left {
-    pub(super) changed: BTreeMap<usize, Value>,
-    pub(super) state: State,
-}
 
 impl Runner<'_> {
     /// Changes a variable.

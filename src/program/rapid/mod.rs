@@ -26,11 +26,15 @@ mod eval;
 mod executed;
 mod flow;
 mod frames;
+mod gathering;
 mod index;
 mod insert;
 mod instructions;
 mod kinds;
+mod known;
+mod layers;
 mod lex;
+mod lines;
 mod literal;
 mod memory;
 mod motion;
@@ -39,11 +43,15 @@ mod named;
 mod outcome;
 mod own;
 mod parameters;
+mod parser;
 mod pins;
 mod predefined;
+mod ran;
+mod read_chunk;
 mod rewrite;
 mod routines;
 mod run;
+mod runner;
 mod sample;
 mod shape;
 mod state;
@@ -59,10 +67,11 @@ mod writer;
 // What passes between `Chunks` and the line that corrects them; not for callers.
 #[doc(hidden)]
 pub use chunk::Chunk;
-pub use chunks::{CHUNK, Chunks};
+pub use chunks::Chunks;
 pub use declared::{Declared, Names};
 pub use executed::{Executed, ExecutedChunks};
 pub use frames::declared_frames;
+pub use lines::CHUNK;
 use rewrite::rewrite;
 
 use super::front_end::FrontEnd;
@@ -97,6 +106,14 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
+    /// Where the numbers of a RAPID program stand.
+    pub(super) fn of(program: &Program) -> Option<&Self> {
+        match &program.layout {
+            super::Layout::Rapid(layout) => Some(layout),
+            _ => None,
+        }
+    }
+
     /// What a target is made from by `Offs` and `RelTool`.
     fn offset(&self, site: &Site) -> Option<&Offset> {
         match site {
@@ -203,7 +220,7 @@ fn read_cut(
 ) -> Result<Program, Vec<Diagnostic>> {
     let written = sources.len();
     let (sources, files, cuts) = parsed(sources, context, cut)?;
-    let outcome = run::Runner::new(&sources, &files, written).run(&files);
+    let outcome = runner::Runner::new(&sources, &files, written).run(&files);
     program_of(outcome, (sources, &files, written), dialect, cuts)
 }
 

@@ -1,11 +1,13 @@
 //! Executed motions: their targets, tools, work objects and speeds, and what of them may be edited.
 
 use super::arguments::is_unit;
-use super::changes::{Changes, is_synchronised};
+use super::changes::is_synchronised;
 use super::eval::{RUN_TIME, Scope};
+use super::known::Changes;
 use super::motion::{Call, Shape, ToolAt, Zone};
-use super::run::{Mode, NOT_UNIT, Runner};
+use super::runner::{Mode, Runner};
 use super::state::{Switch, Switches};
+use super::value::NOT_UNIT;
 use super::value::{Place, Pose, Value, unit};
 use super::{Offset, Site};
 use crate::program::{Editable, Goal, Motion, Predecessor, Role, Target, ToolData};

@@ -2,10 +2,11 @@
 //! numbers declare alike.
 
 use super::axes::as_written;
-use super::chunks::line_of;
 use super::index::{declared, hash, is_word};
+use super::lines::line_of;
 use super::literal::Literal;
-use super::sample::{Sample, pose};
+use super::sample::Sample;
+use super::shape::pose;
 use crate::program::{ExternalAxes, Goal};
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! What a run comes to: which targets may be edited after all, and whether the program means the same wherever it is cut.
 
-use super::run::Runner;
+use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
 use super::value::Place;
 use super::{Layout, Site};

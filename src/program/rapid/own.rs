@@ -255,7 +255,7 @@ impl Writer<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{chunk, rewrite};
+    use super::super::rewrite;
     use crate::program::{Change, Conf, Confdata, Goal, Program, RewriteOptions, Rewritten, rapid};
     use crate::text::{Source, apply};
     use proptest::prelude::*;
@@ -313,7 +313,7 @@ mod tests {
                     external: (*kind == 6).then(|| Box::new([Some(by[0]), None, Some(12.5), None, None, None])),
                 }).filter(|_| *kind > 0)
             }).collect();
-            let (layout, options) = (chunk::layout(&program).unwrap(), RewriteOptions::default());
+            let (layout, options) = (super::super::Layout::of(&program).unwrap(), RewriteOptions::default());
             prop_assert!(super::is_own(&layout.sites));
             let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
             let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));

@@ -1,9 +1,10 @@
 //! What a routine is given: copies, and names for the places of others.
 
 use super::eval::{RUN_TIME, Scope};
+use super::known::RoutineId;
 use super::motion::Call;
-use super::run::Runner;
-use super::symbols::{Content, Names, Part, RoutineId, Upper, declared, first_word};
+use super::runner::Runner;
+use super::symbols::{Content, Names, Part, Upper, declared, first_word};
 use super::tree::Param;
 use super::value::Value;
 use crate::text::Span;

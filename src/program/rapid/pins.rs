@@ -2,7 +2,7 @@
 
 use super::Site;
 use super::literal::Literal;
-use super::run::Runner;
+use super::runner::Runner;
 use super::value::{Place, Pose, Value};
 
 impl<'a> Runner<'a> {

@@ -2,9 +2,7 @@
 
 use super::index::is_word;
 use super::literal::{Literal, POSE, Written};
-use super::run::MAX_NORM_ERROR;
-use super::shape::Shape;
-use super::value::unit;
+use super::shape::{Pose, Shape, pose};
 use crate::program::{Conf, Goal};
 use crate::text::number::{Leading, read_leading};
 use std::ops::Range;
@@ -160,14 +158,4 @@ impl<'a> Named<'a> {
             (name..name + len, self.before.len() + len + self.behind.len())
         })
     }
-}
-
-/// Position, mm, and orientation, of unit norm.
-pub(super) type Pose = ([f64; 3], [f64; 4]);
-
-/// Where a robtarget is; `None` where its orientation is none.
-#[inline]
-pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Option<Pose> {
-    let norm = quat.iter().map(|c| c * c).sum::<f64>();
-    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| (position_mm, unit(quat)))
 }

@@ -1,7 +1,7 @@
 //! Lines that differ from another in digits alone: all bytes are compared at once, and all digits read at once.
 
 use super::literal::{Literal, POSE};
-use super::sample::{Pose, pose};
+use super::value::{MAX_NORM_ERROR, unit};
 use crate::lanes::widest;
 use crate::text::number::{MOST_DIGITS, Runs};
 
@@ -171,6 +171,16 @@ impl Shape {
         }
         u64::from_le_bytes(eight) != 0
     }
+}
+
+/// Position, mm, and orientation, of unit norm.
+pub(super) type Pose = ([f64; 3], [f64; 4]);
+
+/// Where a robtarget is; `None` where its orientation is none.
+#[inline]
+pub(super) fn pose(position_mm: [f64; 3], quat: [f64; 4]) -> Option<Pose> {
+    let norm = quat.iter().map(|c| c * c).sum::<f64>();
+    ((norm - 1.0).abs() <= MAX_NORM_ERROR).then(|| (position_mm, unit(quat)))
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! What instructions leave in force besides data, and which of it statements may switch.
 
-use super::axes::Axes;
+use super::value::Value;
 use crate::program::Mark;
+use crate::robot::{EXTERNAL_AXES, External};
+use std::collections::BTreeMap;
 use std::ops::BitOrAssign;
 
 /// Whether something is switched on.
@@ -35,6 +37,41 @@ impl Velocity {
     /// What a programmed speed becomes, mm/s.
     pub(super) fn of(self, programmed: f64) -> f64 {
         (self.share * programmed).min(self.most_mm_s)
+    }
+}
+
+/// What holds of external axes. What is not known is `None`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Axes {
+    /// Added by the controller, mm or degrees.
+    pub(super) offset: Option<External>,
+    /// Which units are deactivated: a number of [`Runner::inactive`](super::runner::Runner).
+    pub(super) inactive: Option<u32>,
+    /// Where the last motion left them, offset included.
+    pub(super) positions: [Option<f64>; EXTERNAL_AXES],
+}
+
+impl Default for Axes {
+    fn default() -> Self {
+        Self { offset: Some([0.0; EXTERNAL_AXES]), inactive: Some(0), positions: [None; EXTERNAL_AXES] }
+    }
+}
+
+impl Axes {
+    /// Something may have changed any of it.
+    pub(super) const UNKNOWN: Self = Self { offset: None, inactive: None, positions: [None; EXTERNAL_AXES] };
+
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            offset: self.offset.filter(|_| self.offset == other.offset),
+            inactive: self.inactive.filter(|_| self.inactive == other.inactive),
+            positions: std::array::from_fn(|i| self.positions[i].filter(|_| self.positions[i] == other.positions[i])),
+        }
+    }
+
+    /// They may have moved.
+    pub(super) fn lose_positions(&mut self) {
+        self.positions = [None; EXTERNAL_AXES];
     }
 }
 
@@ -139,4 +176,15 @@ impl BitOrAssign for Switches {
         self.load |= load;
         self.velocity |= velocity;
     }
+}
+
+/// What `main` finds as the text declares it.
+#[derive(Default)]
+pub(super) struct Begun {
+    /// Tools and work objects that the program assigns, but not yet in every run.
+    pub(super) declared: BTreeMap<usize, Value>,
+    /// Those that a motion uses before they are assigned.
+    pub(super) used: Vec<(usize, Value)>,
+    /// Whether a motion came before the first instruction that switches program displacement.
+    pub(super) moved_before_displacement: Option<bool>,
 }

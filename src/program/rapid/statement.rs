@@ -2,18 +2,9 @@
 
 use super::lex::{Key, Kind, Lexeme, key};
 use super::literal::Literal;
-use super::syntax::Parser;
+use super::parser::{NO_SEMICOLON, Parser, Scan, UNCLOSED};
 use super::tree::Statement;
 use crate::text::Span;
-
-/// How a simple statement's scan ended.
-pub(super) enum Scan {
-    Done,
-    Broken(&'static str),
-}
-
-pub(super) const NO_SEMICOLON: &str = "missing semicolon";
-const UNCLOSED: &str = "bracket without an end";
 
 impl Parser<'_> {
     /// A call, an assignment, a label or what cannot be read.

@@ -4,13 +4,14 @@
 use super::arguments::index;
 use super::axes::as_written;
 use super::chunk::Chunk;
-use super::chunks::line_of;
 use super::index::{hash, target};
 use super::kinds::{Meaning, Motion, words};
 use super::lex;
+use super::lines::line_of;
 use super::literal::Literal;
 use super::named::Declarations;
-use super::sample::{Found, Named, Sample, pose};
+use super::sample::{Found, Named, Sample};
+use super::shape::pose;
 use super::value::Place;
 use super::{Layout, Site};
 use crate::program::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj};

@@ -1,6 +1,6 @@
 //! Names: data and routines of all modules, and what is known of those that RAPID itself declares.
 
-use super::changes::Known;
+use super::known::{Known, RoutineId};
 use super::lex::{Cursor, Kind};
 use super::tree::{Data, File, Routine, Storage};
 use super::value::Value;
@@ -79,14 +79,6 @@ pub(super) struct Variable {
     pub(super) foreign: bool,
     /// Declared data (not a parameter or a loop's variable): its statement.
     pub(super) declared: Option<Span>,
-}
-
-/// A routine by file, module and place in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct RoutineId {
-    pub(super) file: usize,
-    pub(super) module: usize,
-    pub(super) routine: usize,
 }
 
 /// Everything declared outside routines.

@@ -3,7 +3,7 @@
 mod blocks;
 
 use super::lex::{Cursor, Key, Kind, Lexeme, key};
-use super::statement::{NO_SEMICOLON, Scan};
+use super::parser::{NO_SEMICOLON, Parser, Scan};
 use super::tree::{Data, File, Module, Param, Record, Routine, RoutineKind, Storage};
 use crate::text::{Source, Span};
 
@@ -23,29 +23,7 @@ pub(super) fn parse(source: &Source, index: u16) -> Result<File, TooDeep> {
     Ok(parser.file)
 }
 
-pub(super) struct Parser<'a> {
-    pub(super) cursor: Cursor<'a>,
-    pub(super) index: u16,
-    pub(super) file: File,
-    /// The module read last had its ENDMODULE.
-    ended: bool,
-}
-
-impl<'a> Parser<'a> {
-    pub(super) fn key_of(&self, lexeme: Lexeme) -> Option<Key> {
-        if lexeme.kind == Kind::Word { key(self.cursor.text(lexeme)) } else { None }
-    }
-
-    pub(super) fn peek_key(&mut self) -> Option<Key> {
-        let lexeme = self.cursor.peek();
-        self.key_of(lexeme)
-    }
-
-    pub(super) fn odd(&mut self, from: usize, reason: &'static str) {
-        let end = self.cursor.behind.max(from);
-        self.file.odd.push((Span::new(from, end), reason));
-    }
-
+impl Parser<'_> {
     /// `%%%` lines, and what stands between them.
     fn header(&mut self) {
         let start = self.cursor;

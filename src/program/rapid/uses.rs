@@ -1,46 +1,18 @@
 //! Who else uses the numbers of a target: routines that nothing runs, traps, handlers and functions. A number is edited only if
 //! all who use it are known and want the same.
 
+use super::known::RoutineId;
 use super::lex::{Cursor, Kind};
 use super::motion;
-use super::run::{Mode, Runner};
+use super::ran::Use;
+use super::runner::{Mode, Runner};
 use super::state::{State, Switches};
-use super::symbols::{RoutineId, Upper, first_word};
+use super::symbols::{Upper, first_word};
 use super::tree::{Routine, RoutineKind, Statement, Storage, simple_statements};
 use super::value::{Place, Pose, axes_in_use};
 use crate::program::{Editable, Motion, Target};
-use crate::text::{Diagnostic, Severity, Source, Span};
+use crate::text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeSet, HashSet};
-
-/// Statements that were run, a bit for each byte that one may begin at.
-pub(super) struct Ran(Vec<Vec<u64>>);
-
-impl Ran {
-    pub(super) fn new(sources: &[Source]) -> Self {
-        Self(sources.iter().map(|source| vec![0; source.bytes.len() / 64 + 1]).collect())
-    }
-
-    pub(super) fn add(&mut self, source: u16, at: u32) {
-        if let Some(word) = self.0[usize::from(source)].get_mut(at as usize / 64) {
-            *word |= 1 << (at % 64);
-        }
-    }
-
-    fn has(&self, source: usize, at: u32) -> bool {
-        self.0[source].get(at as usize / 64).is_some_and(|word| word & (1 << (at % 64)) != 0)
-    }
-}
-
-/// A motion of a routine that nothing runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Use {
-    root: u32,
-    /// The first number of its offset.
-    offset: Option<Place>,
-    tool: u16,
-    wobj: u16,
-    cuts: bool,
-}
 
 /// Whether a kind of motion may cut.
 fn may_cut(motion: Motion) -> bool {

@@ -5,6 +5,13 @@ use crate::program::{Conf, ToolData, WobjData};
 use crate::text::Span;
 use std::rc::Rc;
 
+/// Largest deviation of |q|² from 1 that a controller takes for a matter of printing: its length is 1 ± 0.001 then. ABB's page
+/// on `orient` asks for a sum of squares of 1; three decimals, the fewest that posts print, keep within this.
+pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
+
+/// What no controller moves to.
+pub(super) const NOT_UNIT: &str = "orientation is not a unit quaternion";
+
 /// A span in one of the sources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Place {

@@ -4,10 +4,10 @@
 //! third on that of the first three, each later one on that of itself and the two before. Three are the least. Source: FANUC,
 //! R-30iB Operator's Manual (Basic Operation), circle arc motion; robot-forum.com, thread 43838.
 
+use super::builder::{Between, Builder, Site, are_in_one_frame, refuse};
 use super::lines::Line;
 use super::run::Visit;
 use super::statement::Kind;
-use super::targets::{Builder, Site, are_in_one_frame, refuse};
 use crate::program::orientation::halfway;
 use crate::program::{Editable, Goal, Motion as Path, Role, Target};
 use nalgebra::{Unit, Vector3};
@@ -19,20 +19,6 @@ const LEAST: usize = 3;
 
 const FEW: &str = "fewer than three circle arc motions (A) in a row";
 const HALF_ARC: &str = "arc with a point that is not edited";
-
-/// Targets of one arc, its circle points among them: one with a point moved is another.
-pub(super) type Arc = Range<usize>;
-
-/// A circle point that no text states, on the way between two `A` motions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Between {
-    /// Its own target.
-    pub(super) target: usize,
-    /// The targets that its circle goes through, as they run.
-    pub(super) circle: [usize; 3],
-    /// Whether it is on the way to the second of them; else to the third.
-    pub(super) first_half: bool,
-}
 
 /// `A` motions in a row, as ranges of statements: only remarks stand between them.
 pub(super) fn rows(lines: &[Line<'_>], kinds: &[Kind<'_>]) -> Vec<Range<usize>> {

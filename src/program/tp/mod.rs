@@ -11,6 +11,7 @@
 //! | `rewrite`, `insert`, `renumber` | wanted poses | edits on numbers of `/POS`, points between |
 
 mod arcs;
+mod builder;
 mod calls;
 mod dialect;
 mod expression;
@@ -40,11 +41,11 @@ pub(crate) struct Layout {
     /// In the order of the text.
     positions: Vec<Position>,
     /// One a target.
-    sites: Vec<targets::Site>,
+    sites: Vec<builder::Site>,
     /// The targets of each arc.
-    points: Vec<arcs::Arc>,
+    points: Vec<builder::Points>,
     /// Circle points that no text states.
-    between: Vec<arcs::Between>,
+    between: Vec<builder::Between>,
     motions: usize,
     unknown: Vec<(&'static str, usize)>,
 }
@@ -104,7 +105,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     }
     let calls = calls::Calls::new(sources[1..].iter());
     let flow = flow::Flow::new(&lines, &calls, follows(&source.bytes[sections.head.clone()]));
-    let built = targets::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
+    let built = builder::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
     diagnostics.extend(not_given(source, &lines, &flow, &calls));
     let mut kept = built.kept;

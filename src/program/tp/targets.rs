@@ -1,9 +1,8 @@
 //! Motions that run to targets: which position, in which frames, and whether its numbers may be edited.
 
-use super::arcs::{self, Arc as Points, Between};
+use super::arcs;
+use super::builder::{Builder, Built, Site, are_in_one_frame, refuse};
 use super::expression;
-use super::flow::Flow;
-use super::lines::Line;
 use super::motion::{INCREMENT, Motion, Point};
 use super::position::{Body, Number, Pose, Position};
 use super::run::Visit;
@@ -13,12 +12,8 @@ use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
     Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData,
 };
-use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// A position that a target is, and may be edited: an index into the positions.
-pub(super) type Site = Option<u32>;
 
 const SELECTED_LATER: [&str; 2] = ["user frame selected at run time", "tool selected at run time"];
 const OTHER_SELECTED: [&str; 2] =
@@ -34,70 +29,7 @@ const COUNTED_FROM: &str = "an incremental motion is counted from it";
 const FRAMES: &str = "arc whose points are recorded in different frames";
 const MARKS: &str = "air or cut is known only at run time";
 
-/// What a run comes to.
-#[derive(Debug, Default)]
-pub(super) struct Built {
-    pub(super) targets: Vec<Target>,
-    /// One a target.
-    pub(super) sites: Vec<Site>,
-    pub(super) tools: Vec<Tool>,
-    pub(super) wobjs: Vec<Wobj>,
-    pub(super) kept: Vec<Kept>,
-    pub(super) motions: usize,
-    pub(super) arcs: usize,
-    /// The targets of each arc.
-    pub(super) points: Vec<Points>,
-    /// Circle points that no text states.
-    pub(super) between: Vec<Between>,
-    /// Motions without a target, by reason, in the order first met.
-    pub(super) unknown: Vec<(&'static str, usize)>,
-}
-
-/// Builds targets from what runs.
-pub(super) struct Builder<'a> {
-    pub(super) lines: &'a [Line<'a>],
-    pub(super) flow: &'a Flow<'a>,
-    pub(super) positions: &'a [Position],
-    /// Index of each number; the second where a number is there twice.
-    pub(super) numbers: BTreeMap<u32, (usize, bool)>,
-    /// Positions that stay for the sake of other uses, with the reason.
-    frozen: BTreeMap<usize, &'static str>,
-    /// The same of every position.
-    all_frozen: Option<&'static str>,
-    /// Targets of each motion.
-    pub(super) ends: BTreeMap<usize, Vec<usize>>,
-    /// External axes that any position has elsewhere than at zero.
-    axes: [bool; EXTERNAL_AXES],
-    /// Motions that others count on from.
-    counted_from: BTreeSet<usize>,
-    /// Statement of the last motion that gave a target.
-    last: Option<usize>,
-    pub(super) built: Built,
-}
-
-impl<'a> Builder<'a> {
-    pub(super) fn new(lines: &'a [Line<'a>], flow: &'a Flow<'a>, positions: &'a [Position]) -> Self {
-        let mut numbers = BTreeMap::new();
-        for (at, position) in positions.iter().enumerate() {
-            numbers.entry(position.number).and_modify(|(_, twice)| *twice = true).or_insert((at, false));
-        }
-        Self {
-            lines,
-            flow,
-            positions,
-            numbers,
-            frozen: BTreeMap::new(),
-            all_frozen: None,
-            ends: BTreeMap::new(),
-            axes: std::array::from_fn(|i| {
-                positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
-            }),
-            counted_from: BTreeSet::new(),
-            last: None,
-            built: Built::default(),
-        }
-    }
-
+impl Builder<'_> {
     /// All of it.
     pub(super) fn build(mut self, visits: &[Visit]) -> Built {
         for (line, kind) in self.lines.iter().zip(&self.flow.kinds) {
@@ -359,16 +291,6 @@ impl<'a> Builder<'a> {
 /// Options that leave the end of a motion where its position says.
 fn stays_at_its_point(motion: &Motion<'_>) -> bool {
     motion.moved == Some("spline motion (S)")
-}
-
-pub(super) fn are_in_one_frame(points: &[(Target, Site)]) -> bool {
-    points.windows(2).all(|two| (two[0].0.tool, two[0].0.wobj) == (two[1].0.tool, two[1].0.wobj))
-}
-
-pub(super) fn refuse(target: &mut Target, why: &'static str) {
-    if !matches!(target.editable, Editable::No(_)) {
-        target.editable = Editable::No(why);
-    }
 }
 
 fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {

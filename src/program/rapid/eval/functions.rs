@@ -4,7 +4,7 @@ use super::super::lex::Cursor;
 use super::super::motion::Call;
 use super::super::parameters::{ABSENT, NOT_KNOWN};
 use super::super::predefined;
-use super::super::run::Runner;
+use super::super::runner::Runner;
 use super::super::symbols::Upper;
 use super::super::value::{NO_TURN, Step, Value, multiply};
 use super::{MAX_DEPTH, RUN_TIME, Scope, TOO_DEEP};

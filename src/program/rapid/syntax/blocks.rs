@@ -1,9 +1,9 @@
 //! Blocks: statements up to the word that ends them, and the branches and loops among them.
 
 use super::super::lex::{Key, Kind};
-use super::super::statement::Scan;
+use super::super::parser::{Parser, Scan};
 use super::super::tree::{Data, Statement};
-use super::{MAX_DEPTH, Parser, TooDeep, storage};
+use super::{MAX_DEPTH, TooDeep, storage};
 use crate::text::Span;
 
 impl Parser<'_> {

@@ -1,0 +1,40 @@
+//! The unit that a file's positions are printed in.
+
+use super::modal::INCH_MM;
+use super::{ClOptions, Units};
+
+/// Where the unit is looked for before the first statement; further down it counts from there on.
+const HEAD: usize = 16 * 1024;
+
+/// The unit that the file's head names, else the options'.
+pub(super) fn unit_at_start(bytes: &[u8], options: &ClOptions) -> Option<f64> {
+    unit_further_down(&bytes[..bytes.len().min(HEAD)]).or(options.units.map(mm_per_unit))
+}
+
+fn mm_per_unit(units: Units) -> f64 {
+    match units {
+        Units::Millimetre => 1.0,
+        Units::Inch => INCH_MM,
+    }
+}
+
+pub(super) fn unit_of(word: &[u8]) -> Option<f64> {
+    match word.to_ascii_uppercase().as_slice() {
+        b"MM" | b"MILLIMETERS" | b"MILLIMETRES" | b"METRIC" => Some(1.0),
+        b"INCHES" | b"INCH" | b"IN" => Some(INCH_MM),
+        b"CM" => Some(10.0),
+        _ => None,
+    }
+}
+
+/// The unit of the first `UNITS` statement in what is left of a file.
+pub(super) fn unit_further_down(rest: &[u8]) -> Option<f64> {
+    rest.split(|b| matches!(b, b'\n' | b'\r')).find_map(|line| {
+        let line = line.trim_ascii_start();
+        let head = line.get(..4)?;
+        if !head.eq_ignore_ascii_case(b"UNIT") {
+            return None;
+        }
+        line.split(|b| !b.is_ascii_alphabetic()).skip(1).find_map(unit_of)
+    })
+}

@@ -1,0 +1,38 @@
+//! The parser's state: where it reads, and the file so far.
+
+use super::lex::{Cursor, Key, Kind, Lexeme, key};
+use super::tree::File;
+use crate::text::Span;
+
+/// How a simple statement's scan ended.
+pub(super) enum Scan {
+    Done,
+    Broken(&'static str),
+}
+
+pub(super) const NO_SEMICOLON: &str = "missing semicolon";
+pub(super) const UNCLOSED: &str = "bracket without an end";
+
+pub(super) struct Parser<'a> {
+    pub(super) cursor: Cursor<'a>,
+    pub(super) index: u16,
+    pub(super) file: File,
+    /// The module read last had its ENDMODULE.
+    pub(super) ended: bool,
+}
+
+impl<'a> Parser<'a> {
+    pub(super) fn key_of(&self, lexeme: Lexeme) -> Option<Key> {
+        if lexeme.kind == Kind::Word { key(self.cursor.text(lexeme)) } else { None }
+    }
+
+    pub(super) fn peek_key(&mut self) -> Option<Key> {
+        let lexeme = self.cursor.peek();
+        self.key_of(lexeme)
+    }
+
+    pub(super) fn odd(&mut self, from: usize, reason: &'static str) {
+        let end = self.cursor.behind.max(from);
+        self.file.odd.push((Span::new(from, end), reason));
+    }
+}

@@ -1,0 +1,101 @@
+//! What a run comes to, as it is built.
+
+use super::flow::Flow;
+use super::lines::Line;
+use super::position::Position;
+use crate::program::{Editable, Kept, Target, Tool, Wobj};
+use crate::robot::EXTERNAL_AXES;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+/// A position that a target is, and may be edited: an index into the positions.
+pub(super) type Site = Option<u32>;
+
+/// Targets of one arc, its circle points among them: one with a point moved is another.
+pub(super) type Points = Range<usize>;
+
+/// A circle point that no text states, on the way between two `A` motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Between {
+    /// Its own target.
+    pub(super) target: usize,
+    /// The targets that its circle goes through, as they run.
+    pub(super) circle: [usize; 3],
+    /// Whether it is on the way to the second of them; else to the third.
+    pub(super) first_half: bool,
+}
+
+/// What a run comes to.
+#[derive(Debug, Default)]
+pub(super) struct Built {
+    pub(super) targets: Vec<Target>,
+    /// One a target.
+    pub(super) sites: Vec<Site>,
+    pub(super) tools: Vec<Tool>,
+    pub(super) wobjs: Vec<Wobj>,
+    pub(super) kept: Vec<Kept>,
+    pub(super) motions: usize,
+    pub(super) arcs: usize,
+    /// The targets of each arc.
+    pub(super) points: Vec<Points>,
+    /// Circle points that no text states.
+    pub(super) between: Vec<Between>,
+    /// Motions without a target, by reason, in the order first met.
+    pub(super) unknown: Vec<(&'static str, usize)>,
+}
+
+/// Builds targets from what runs.
+pub(super) struct Builder<'a> {
+    pub(super) lines: &'a [Line<'a>],
+    pub(super) flow: &'a Flow<'a>,
+    pub(super) positions: &'a [Position],
+    /// Index of each number; the second where a number is there twice.
+    pub(super) numbers: BTreeMap<u32, (usize, bool)>,
+    /// Positions that stay for the sake of other uses, with the reason.
+    pub(super) frozen: BTreeMap<usize, &'static str>,
+    /// The same of every position.
+    pub(super) all_frozen: Option<&'static str>,
+    /// Targets of each motion.
+    pub(super) ends: BTreeMap<usize, Vec<usize>>,
+    /// External axes that any position has elsewhere than at zero.
+    pub(super) axes: [bool; EXTERNAL_AXES],
+    /// Motions that others count on from.
+    pub(super) counted_from: BTreeSet<usize>,
+    /// Statement of the last motion that gave a target.
+    pub(super) last: Option<usize>,
+    pub(super) built: Built,
+}
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(lines: &'a [Line<'a>], flow: &'a Flow<'a>, positions: &'a [Position]) -> Self {
+        let mut numbers = BTreeMap::new();
+        for (at, position) in positions.iter().enumerate() {
+            numbers.entry(position.number).and_modify(|(_, twice)| *twice = true).or_insert((at, false));
+        }
+        Self {
+            lines,
+            flow,
+            positions,
+            numbers,
+            frozen: BTreeMap::new(),
+            all_frozen: None,
+            ends: BTreeMap::new(),
+            axes: std::array::from_fn(|i| {
+                positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
+            }),
+            counted_from: BTreeSet::new(),
+            last: None,
+            built: Built::default(),
+        }
+    }
+}
+
+pub(super) fn are_in_one_frame(points: &[(Target, Site)]) -> bool {
+    points.windows(2).all(|two| (two[0].0.tool, two[0].0.wobj) == (two[1].0.tool, two[1].0.wobj))
+}
+
+pub(super) fn refuse(target: &mut Target, why: &'static str) {
+    if !matches!(target.editable, Editable::No(_)) {
+        target.editable = Editable::No(why);
+    }
+}
