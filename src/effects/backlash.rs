@@ -1,6 +1,6 @@
 //! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
 
-use super::{Effect, Kind, Law, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -31,14 +31,6 @@ impl Physics for Backlash {
 }
 
 impl Effect for Backlash {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_travel(&self) -> bool {
         true
     }

@@ -1,8 +1,7 @@
 //! A pedestal or foundation that yields under everything that the arm carries.
 
 use super::{
-    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of,
-    take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -39,14 +38,6 @@ impl Physics for BaseCompliance {
 }
 
 impl Effect for BaseCompliance {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn parameters(&self) -> Vec<Parameter> {
         // Foundations measure 1e6 to 5e7 N·m/rad; a pedestal on a plate is softer than a cast floor.
         let mut all = indexed("mm_per_n", &self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);

@@ -1,8 +1,7 @@
 //! Links and bearings that yield across the joint axes, where the gears' springs do not count.
 
 use super::{
-    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of,
-    take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -44,14 +43,6 @@ impl Physics for BearingCompliance {
 }
 
 impl Effect for BearingCompliance {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn parameters(&self) -> Vec<Parameter> {
         // Bearings are some five times stiffer across than the gears are along: 1e6 to 5e7 N·m/rad.
         let of = |(i, pair): (usize, &[f64; 2])| {

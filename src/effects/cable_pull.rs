@@ -1,8 +1,6 @@
 //! A hose or cable package that pulls on the forearm.
 
-use super::{
-    ANY, Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, scalar, table_of,
-};
+use super::{ANY, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, scalar, table_of};
 use crate::lanes::{Mask, Real, Vector};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -90,14 +88,6 @@ impl Physics for CablePull {
 }
 
 impl Effect for CablePull {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Stiffness]
     }

@@ -6,7 +6,7 @@
 pub(super) use super::empirical_field::EmpiricalField;
 use super::empirical_field::NAME;
 use super::{
-    ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, Situation, Survey, checked, indexed, table_of,
+    ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Situation, Survey, checked, indexed, table_of,
 };
 use crate::lanes::{Mask, Real, Vector, six};
 use crate::robot::Joints;
@@ -223,14 +223,6 @@ impl Physics for Empirical {
 }
 
 impl Effect for Empirical {
-    fn kind(&self) -> &'static str {
-        NAME
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_command(&self) -> bool {
         self.over == Over::Motor
     }

@@ -3,7 +3,7 @@
 //! The second form of `empirical`: a sum of bells about the places where something was left. It acts in full as near to one
 //! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps.
 
-use super::{Effect, Law, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
+use super::{Effect, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
 use crate::lanes::{Mask, Real, Vector};
 use crate::robot::Joints;
 use nalgebra::Vector3;
@@ -99,14 +99,6 @@ impl Physics for EmpiricalField {
 }
 
 impl Effect for EmpiricalField {
-    fn kind(&self) -> &'static str {
-        NAME
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn covers(&self, _: &Joints, situation: &Situation) -> bool {
         self.off(situation) <= 1.0
     }
@@ -121,7 +113,7 @@ impl Effect for EmpiricalField {
     }
 
     fn to_table(&self) -> toml::Table {
-        table_of(self.kind(), self)
+        table_of(NAME, self)
     }
 }
 

@@ -1,6 +1,6 @@
 //! A cutting force that is off by a factor: another alloy, a dynamometer out of calibration.
 
-use super::{Effect, FACTOR, Kind, Law, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take};
+use super::{Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -34,14 +34,6 @@ impl Physics for ForceScale {
 }
 
 impl Effect for ForceScale {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Force]
     }

@@ -1,6 +1,6 @@
 //! Periodic error of a gear: a few clean harmonics of the motor angle.
 
-use super::{ANY, Effect, Kind, Law, Offset, Parameter, Physics, Site, checked, scalar, table_of};
+use super::{ANY, Effect, Kind, Offset, Parameter, Physics, Site, checked, scalar, table_of};
 use crate::lanes::{Real, SinCos};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -70,14 +70,6 @@ impl Physics for GearHarmonic {
 }
 
 impl Effect for GearHarmonic {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_command(&self) -> bool {
         true
     }

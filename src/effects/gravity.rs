@@ -1,7 +1,7 @@
 //! Weight of links, tool and payload.
 
 use super::{
-    ANY, Covered, Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
+    ANY, Covered, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
     indexed, table_of, take,
 };
 use crate::lanes::{Real, Vector};
@@ -84,14 +84,6 @@ impl Physics for Gravity {
 }
 
 impl Effect for Gravity {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn weighs_payload(&self) -> bool {
         true
     }

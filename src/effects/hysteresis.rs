@@ -1,8 +1,6 @@
 //! Friction in the gears: lost motion that grows with the torque they carry.
 
-use super::{
-    Deflection, Effect, Kind, Law, Load, Need, Parameter, Parts, Physics, State, checked, indexed, table_of, take,
-};
+use super::{Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, indexed, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -42,14 +40,6 @@ impl Physics for Hysteresis {
 }
 
 impl Effect for Hysteresis {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_travel(&self) -> bool {
         true
     }

@@ -1,6 +1,6 @@
 //! A wrist whose gears couple its axes by another ratio than the controller takes off.
 
-use super::{ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, Survey, checked, scalar, table_of};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar, table_of};
 use crate::lanes::Real;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -66,14 +66,6 @@ impl Physics for JointCoupling {
 }
 
 impl Effect for JointCoupling {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_command(&self) -> bool {
         true
     }

@@ -5,7 +5,7 @@
 
 use super::spline::{Place, Spline};
 use super::{
-    ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, Situation, Survey, checked, indexed, table_of,
+    ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Situation, Survey, checked, indexed, table_of,
 };
 use crate::lanes::Real;
 use crate::robot::Joints;
@@ -136,14 +136,6 @@ impl Physics for JointErrorCurve {
 }
 
 impl Effect for JointErrorCurve {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn follows_command(&self) -> bool {
         true
     }

@@ -1,7 +1,7 @@
 //! Elastic joints: gearboxes twist under the torque that they carry (Tang et al., Eq. 3).
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Law, Load, Need, Parameter, Physics, State, checked, indexed, table_of, take,
+    Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Physics, State, checked, indexed, table_of, take,
 };
 use crate::lanes::Real;
 use crate::robot::Joints;
@@ -52,14 +52,6 @@ impl Physics for JointStiffness {
 }
 
 impl Effect for JointStiffness {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Stiffness]
     }

@@ -1,8 +1,6 @@
 //! Links that are not as drawn: lengths, offsets and twists of the modified-DH rows.
 
-use super::{
-    ANY, Covered, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take,
-};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -44,14 +42,6 @@ impl Physics for LinkGeometry {
 }
 
 impl Effect for LinkGeometry {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn covered_by(&self) -> Option<Covered> {
         Some(Covered::Geometry)
     }

@@ -54,16 +54,19 @@ use crate::robot::Joints;
 use std::fmt::Debug;
 use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, scalar, table_of, take};
 
-/// One physical effect with its parameters.
-///
-/// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
-pub trait Effect: Debug + Send + Sync {
-    /// Name in the cell file, one of [`KINDS`].
+/// What the list of effects says of each ([`KINDS`]).
+pub trait Listed {
+    /// Name in the cell file.
     fn kind(&self) -> &'static str;
 
     /// What it does.
     fn law(&self) -> Law<'_>;
+}
 
+/// One physical effect with its parameters.
+///
+/// All methods are pure: the same state gives the same answer, so that rows can be solved in any order.
+pub trait Effect: Listed + Debug + Send + Sync {
     /// Whether what is off depends on the **commanded** motor angles: the inverse then iterates.
     fn follows_command(&self) -> bool {
         false

@@ -443,9 +443,13 @@ macro_rules! registry {
         }
 
         $($(
-            impl<'a> From<&'a $kind::$effect> for Law<'a> {
-                fn from(effect: &'a $kind::$effect) -> Self {
-                    Self(AnyEffect::$effect(effect))
+            impl Listed for $kind::$effect {
+                fn kind(&self) -> &'static str {
+                    $kind::KIND.name
+                }
+
+                fn law(&self) -> Law<'_> {
+                    Law(AnyEffect::$effect(self))
                 }
             }
         )+)*

@@ -3,8 +3,8 @@
 //! The declared spring stays in the cell; this effect adds what the curve deflects beyond it.
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked,
-    indexed, table_of, take,
+    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked, indexed,
+    table_of, take,
 };
 use crate::lanes::{Mask, Real};
 use serde::{Deserialize, Serialize};
@@ -102,14 +102,6 @@ impl Physics for StiffnessCurve {
 }
 
 impl Effect for StiffnessCurve {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Stiffness]
     }

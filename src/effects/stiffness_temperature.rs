@@ -1,7 +1,7 @@
 //! Gears that are softer when they are warm.
 
 use super::{
-    Deflection, Effect, Kind, Law, Load, Need, Parameter, Physics, State, Survey, checked, indexed, table_of, take,
+    Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, indexed, table_of, take,
 };
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
@@ -68,14 +68,6 @@ impl Physics for StiffnessTemperature {
 }
 
 impl Effect for StiffnessTemperature {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Stiffness, Need::Temperature]
     }

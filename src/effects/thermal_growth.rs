@@ -1,7 +1,7 @@
 //! Links that grow as the robot warms up: by time from a cold start, or by measured temperature.
 
 use super::{
-    ANY, Effect, Kind, Law, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, table_of, take,
+    ANY, Effect, Kind, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, table_of, take,
 };
 use crate::lanes::{Mask, Real};
 use serde::de::Error;
@@ -123,14 +123,6 @@ impl Physics for ThermalGrowth {
 }
 
 impl Effect for ThermalGrowth {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         match self.by {
             By::Time { .. } => &[Need::Time],

@@ -4,8 +4,8 @@
 //! that was measured with the tool on.
 
 use super::{
-    Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
-    scalar, table_of, take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed, scalar,
+    table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -49,14 +49,6 @@ impl Physics for ToolCompliance {
 }
 
 impl Effect for ToolCompliance {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Force]
     }

@@ -1,6 +1,6 @@
 //! A TCP that was taught or measured wrong.
 
-use super::{ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -35,14 +35,6 @@ impl Physics for ToolFrameError {
 }
 
 impl Effect for ToolFrameError {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn parameters(&self) -> Vec<Parameter> {
         let mut all = indexed("d_mm", &self.d_mm, "mm", 0.2, 0.0, ANY);
         all.extend(indexed("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));

@@ -1,7 +1,7 @@
 //! A tool that grows dull: its force rises with the length cut.
 
 use super::{
-    Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
+    Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -34,14 +34,6 @@ impl Physics for ToolWear {
 }
 
 impl Effect for ToolWear {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Force]
     }

@@ -1,7 +1,7 @@
 //! The arm trails the command at speed.
 
 use super::{
-    Effect, Kind, Law, NOT_NEGATIVE, Need, Offset, Parameter, Parts, Physics, Site, checked, scalar, table_of, take,
+    Effect, Kind, NOT_NEGATIVE, Need, Offset, Parameter, Parts, Physics, Site, checked, scalar, table_of, take,
 };
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -34,14 +34,6 @@ impl Physics for TrackingLag {
 }
 
 impl Effect for TrackingLag {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Speed]
     }

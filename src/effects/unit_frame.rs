@@ -1,8 +1,6 @@
 //! A mechanical unit that stands elsewhere than declared: what is on it moves with it, robot or part.
 
-use super::{
-    ANY, Effect, Kind, Law, Offset, Parameter, Parts, Physics, Site, Survey, checked, indexed, take, unit_key,
-};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Survey, checked, indexed, take, unit_key};
 use crate::lanes::{Frame, Real, Vector};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -59,14 +57,6 @@ impl Physics for UnitFrame {
 }
 
 impl Effect for UnitFrame {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn unit(&self) -> Option<&str> {
         Some(&self.unit)
     }

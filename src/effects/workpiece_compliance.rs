@@ -1,7 +1,7 @@
 //! A workpiece or fixture that yields along the surface normal: thin walls, soft clamps.
 
 use super::{
-    ANY, Deflection, Effect, Kind, Law, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
+    ANY, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
     scalar, table_of, take,
 };
 use crate::lanes::Real;
@@ -72,14 +72,6 @@ impl Physics for WorkpieceCompliance {
 }
 
 impl Effect for WorkpieceCompliance {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn needs(&self) -> &'static [Need] {
         &[Need::Force]
     }

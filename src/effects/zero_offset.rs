@@ -1,6 +1,6 @@
 //! Joint zeros that are off: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Effect, Kind, Law, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -34,14 +34,6 @@ impl Physics for ZeroOffset {
 }
 
 impl Effect for ZeroOffset {
-    fn kind(&self) -> &'static str {
-        KIND.name
-    }
-
-    fn law(&self) -> Law<'_> {
-        self.into()
-    }
-
     fn covered_by(&self) -> Option<Covered> {
         Some(Covered::Geometry)
     }
