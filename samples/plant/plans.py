@@ -182,11 +182,11 @@ class Planned:
         return self.when
 
 
-def planned(folder, deflex, rows=24):
-    """Runs `deflex plan` on the cell of a folder: the plan and the program's text."""
+def planned(folder, deflex, rows=24, after=None):
+    """Runs `deflex plan` on the cell of a folder, to settle what the JSON `after` left undecided: the plan and the program's text."""
     program, table = folder / "part.mod", folder / "plan.csv"
     subprocess.run([deflex, "plan", "--cell", folder / "cell.toml", "--rows", str(rows), "-o", program, "--measured", table,
-                    "--json", folder / "plan.json", "--quiet"],
+                    "--json", folder / "plan.json", *(["--after", after] if after else []), "--quiet"],
                    check=True, stdout=subprocess.DEVNULL)
     with open(table, newline="") as f:
         read = list(csv.DictReader(f))
