@@ -20,6 +20,8 @@ pub struct Kind {
     pub shape: Shape,
     /// Whether it turns loads into motion: it does nothing where nothing acts on the arm.
     pub bends_under_load: bool,
+    /// Whether its numbers multiply one another: its slopes about a fit do not tell what there would be without it.
+    pub multiplies: bool,
     /// Kinds that have every effect of this kind among them, whatever the data, where nothing else acts.
     pub nested_in: &'static [&'static str],
     /// Kinds that pass for this one where each joint was seen over a little of a turn only.
@@ -93,6 +95,7 @@ impl Kind {
         part: Part::Own,
         shape: Shape::Law,
         bends_under_load: false,
+        multiplies: false,
         nested_in: &[],
         locally_like: &[],
         like_device_frame: false,

@@ -18,6 +18,7 @@ pub(super) const KIND: Kind = Kind {
     ],
     part: super::Part::JointSpring,
     bends_under_load: true,
+    multiplies: true,
     read: |table| checked(table.try_into::<StiffnessCurve>()?),
     candidates,
     ..Kind::PLAIN

@@ -2,8 +2,10 @@
 
 use super::candidate::Candidate;
 use super::engine::Engine;
+use super::explain::EVEN;
 use super::found::Posterior;
 use super::search::Search;
+use crate::effects::Shape;
 
 /// A posterior that a quarter more rows do not undo.
 const SURE: f64 = 0.999;
@@ -30,14 +32,35 @@ impl Engine {
         }
     }
 
+    /// Beside something that is in no list, takes back what all rows together speak against: held-out rows choose nothing, and may
+    /// take away.
+    pub(super) fn withdraw_contradicted(&mut self, posteriors: &mut Vec<Posterior>) {
+        if posteriors.is_empty() {
+            return;
+        }
+        let marks: Vec<bool> = self.problem.rows.iter().map(|row| row.held_out).collect();
+        let state = (self.candidates.clone(), self.covariance.clone(), self.sets.clone(), self.spread);
+        self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
+        self.refit();
+        let mut all = posteriors.clone();
+        self.weigh_anew(&mut all);
+        self.problem.rows.iter_mut().zip(marks).for_each(|(row, held_out)| row.held_out = held_out);
+        (self.candidates, self.covariance, self.sets, self.spread) = state;
+        let holds = |c: usize| all.iter().any(|(other, (share, _))| *other == c && *share >= EVEN);
+        let kept: Vec<usize> = posteriors.iter().map(|(c, _)| *c).filter(|c| holds(*c)).collect();
+        self.withdraw_unless(posteriors, |c, _, _| kept.contains(&c));
+    }
+
     /// Posteriors of the chosen members, and over sets, about the fit as it is.
-    fn weigh_anew(&mut self, posteriors: &mut [Posterior]) {
+    pub(super) fn weigh_anew(&mut self, posteriors: &mut [Posterior]) {
         let shapes = self.shapes_about();
         let (all, set): (Vec<usize>, _) = ((0..self.candidates.len()).collect(), self.chosen.clone());
         let linear = self.linearise(&all, &shapes);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         search.narrow(&all);
-        for (c, told) in posteriors.iter_mut() {
+        // A map names nothing and has no rivals.
+        let named = |c: usize| self.candidates[c].law().is_none_or(|law| law.shape != Shape::Map);
+        for (c, told) in posteriors.iter_mut().filter(|(c, _)| named(*c)) {
             *told = search.rivals(&set, *c, &Candidate::is_named);
         }
         let score = search.full(&set);

@@ -137,6 +137,13 @@ impl Candidate {
         if self.is_pattern() { None } else { kind(&self.kind) }
     }
 
+    /// Whether it is a new effect that follows time with a constant of its own.
+    pub(super) fn has_time_constant(&self) -> bool {
+        let Home::New(shape) = &self.home else { return false };
+        let named = |name: &str| shape.0.parameters().iter().any(|p| p.name == name);
+        self.law().and_then(|law| law.time_constant).is_some_and(named)
+    }
+
     /// What follows if a set has it, where it is no effect.
     pub(super) fn standing(&self) -> Option<Standing> {
         match self.home {

@@ -2,7 +2,8 @@
 
 use super::candidate::{Candidate, Home, Shape};
 use super::data::{Observation, Problem};
-use super::pattern::{MIXED, MIXED_SPREAD, Pattern};
+use super::pattern::{MIXED, MIXED_SPREAD, Pattern, SETTLES};
+use super::returns::never_returns;
 use crate::effects::Shape as Follows;
 use crate::effects::{Cutting, Effect, KINDS, Kind, Survey, joint_error_curve, kind};
 use crate::equilibrium::Arm;
@@ -13,6 +14,8 @@ use nalgebra::{DMatrix, Vector3};
 const JUMPS: usize = 16;
 /// Priors of clampings, as shares of these sizes: probed, against stops, by hand.
 const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
+/// Priors of drifts, as shares of their size: of an instrument that has settled, and of one that warms up.
+const DRIFT_SIZES: [f64; 2] = [1.0, 5.0];
 /// Priors of the twins of each candidate, as shares of the typical sizes: milling cells are calibrated before they cut.
 const SIZES: [f64; 2] = [0.3, 0.08];
 /// The same for robots seen whole by a tracker: as they left the factory, and a reflector that nobody measured.
@@ -63,6 +66,12 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
         found.extend(curves(&survey));
     }
     found.extend(faults(&survey, problem));
+    if never_returns(problem) {
+        found.iter_mut().filter(|candidate| candidate.has_time_constant()).for_each(|candidate| {
+            // Where the arm never comes back one function of time is as good as another: a set has one.
+            candidate.family = Pattern::Drift { settles: None }.family();
+        });
+    }
     found
 }
 
@@ -202,7 +211,12 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
         let clamping = of_pattern(Pattern::Clamping, problem, 1.0);
         all.extend(CLAMPED_SIZES.map(|scale| Candidate { scale, ..clamping.clone() }));
     }
-    all.push(of_pattern(Pattern::Drift, problem, 1.0));
+    let bends = || std::iter::once(None).chain((0..SETTLES.len()).map(Some));
+    let count = (bends().count() * DRIFT_SIZES.len()) as f64;
+    for settles in bends() {
+        let drift = of_pattern(Pattern::Drift { settles }, problem, count);
+        all.extend(DRIFT_SIZES.map(|scale| Candidate { scale, ..drift.clone() }));
+    }
     for run in 0..problem.runs.len() {
         let count = problem.rows.iter().filter(|row| row.run == run).count();
         all.extend((1..JUMPS).map(|at| jump(problem, run, at * count / JUMPS)));

@@ -411,6 +411,11 @@ impl Problem {
         1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
     }
 
+    /// When a row was measured, s.
+    pub(super) fn time_s(&self, row: &Observation) -> f64 {
+        self.runs[row.run].points[row.point].time
+    }
+
     /// A row's coordinates in all that a field may be over.
     fn places(&self, row: &Observation) -> Places {
         [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), self.force(row)]

@@ -372,7 +372,11 @@ impl Engine {
         } else if self.is_unexplained() {
             self.withdraw(&mut posteriors);
             if self.is_unlisted() {
-                self.withdraw_doubtful(&mut posteriors);
+                // Over the whole robot sets are not weighed against one another.
+                if !whole {
+                    self.withdraw_doubtful(&mut posteriors);
+                    self.withdraw_contradicted(&mut posteriors);
+                }
                 self.add_map(&mut posteriors);
             }
         }

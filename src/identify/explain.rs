@@ -11,6 +11,7 @@ use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
 };
 use super::pattern::Standing;
+use super::returns::never_returns;
 use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};
@@ -26,8 +27,8 @@ pub(super) const NAMED: f64 = 0.9;
 const WIDER: f64 = 1.5;
 /// What a name may be instead where something acts that is in no list.
 const UNLISTED: &str = "unlisted";
-/// A name's most where it may be something else.
-const EVEN: f64 = 0.5;
+/// A name's most where it may be something else; below it is more likely wrong than right.
+pub(super) const EVEN: f64 = 0.5;
 /// Rivals below this share of the posterior are not mentioned.
 pub(super) const MENTIONED: f64 = 0.03;
 
@@ -102,7 +103,11 @@ impl Engine {
         let Told { mut posteriors, ranking, unexplained, stages, refit } = told;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
-        let (errors_before, errors_after) = (self.errors(&left_before, held_out), self.errors(after, held_out));
+        // In no cell: it is taken off both.
+        let run_drift = self.run_drift(after);
+        let left_after = after - &run_drift;
+        let errors_before = self.errors(&(left_before - &run_drift), held_out);
+        let errors_after = self.errors(&left_after, held_out);
         let unlisted = self.is_unlisted();
         let mut added = Vec::new();
         let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
@@ -157,7 +162,8 @@ impl Engine {
             of_map = Some(NewEffect { table: map.effect.to_table(), covariance: None, provenance: provenance() });
         }
         let residuals = self.residual_rows(before, after);
-        let after_rms_ci95_mm = self.bootstrap(after);
+        let after_rms_ci95_mm = self.bootstrap(&left_after);
+        let run_drift_rms_mm = Some(self.errors(&run_drift, held_out).rms_mm).filter(|rms_mm| *rms_mm > 0.0);
         let coverage = self.coverage();
         let noise_mm = self.sigma * self.widened();
         let orientation_noise_deg = self.orientation_noise_deg();
@@ -185,7 +191,7 @@ impl Engine {
         }
         extended.extend(of_map);
         merge_curves(&mut added, &mut extended);
-        ties::add(&mut added, &extended);
+        ties::add(&mut added, &extended, never_returns(&self.problem));
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
@@ -209,6 +215,7 @@ impl Engine {
             before: errors_before,
             after: errors_after,
             after_rms_ci95_mm,
+            run_drift_rms_mm,
             added,
             sets: std::mem::take(&mut self.sets),
             ranking: ranking.kinds,

@@ -5,7 +5,7 @@ use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
 use super::engine::{Engine, stacked};
-use super::explain::{MENTIONED, NAMED};
+use super::explain::{EVEN, MENTIONED, NAMED};
 use super::found::{Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
@@ -319,23 +319,34 @@ impl Engine {
         self.choose(set);
     }
 
-    /// Beside something that is in no list, withdraws what is rather something else even among the listed.
+    /// Beside something that is in no list, withdraws what is rather something else even among the listed, weighed in the set
+    /// that is left, one after another.
     pub(super) fn withdraw_doubtful(&mut self, posteriors: &mut Vec<Posterior>) {
-        /// More likely wrong than right.
-        const EVEN: f64 = 0.5;
-        self.withdraw_unless(posteriors, |share, _| share >= EVEN);
+        self.withdraw_unless(posteriors, |_, share, _| share >= EVEN);
+        while !posteriors.is_empty() {
+            self.weigh_anew(posteriors);
+            let least = posteriors.iter().map(|(_, (share, _))| *share).fold(EVEN, f64::min);
+            if least >= EVEN {
+                break;
+            }
+            self.withdraw_unless(posteriors, |_, share, _| share > least);
+        }
     }
 
     /// Withdraws what only nothing stands against, and not clearly enough for a name: there is nothing to tell it apart from.
     pub(super) fn withdraw_faint(&mut self, posteriors: &mut Vec<Posterior>) {
         let against = |rivals: &[(String, f64)]| rivals.iter().any(|(_, share)| *share >= MENTIONED);
-        self.withdraw_unless(posteriors, |share, rivals| share >= NAMED || against(rivals));
+        self.withdraw_unless(posteriors, |_, share, rivals| share >= NAMED || against(rivals));
     }
 
-    /// Withdraws the members whose posterior, and rivals with theirs, do not hold.
-    fn withdraw_unless(&mut self, posteriors: &mut Vec<Posterior>, holds: impl Fn(f64, &[(String, f64)]) -> bool) {
+    /// Withdraws the members that do not hold, by their posteriors and those of their rivals.
+    pub(super) fn withdraw_unless(
+        &mut self,
+        posteriors: &mut Vec<Posterior>,
+        holds: impl Fn(usize, f64, &[(String, f64)]) -> bool,
+    ) {
         let before = posteriors.len();
-        posteriors.retain(|(_, (share, rivals))| holds(*share, rivals));
+        posteriors.retain(|(c, (share, rivals))| holds(*c, *share, rivals));
         if posteriors.len() < before {
             let named = |c: &usize| posteriors.iter().any(|(p, _)| p == c);
             self.choose(self.chosen.iter().copied().filter(|c| self.candidates[*c].is_pattern() || named(c)).collect());
@@ -377,17 +388,23 @@ impl Engine {
 
     /// Takes everything back that makes the held-out rows worse than the declared cell does; whether it had to.
     ///
-    /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them.
+    /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them. Of six
+    /// rows of a table of 24 noise alone makes as much as an effect does.
     pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
+        /// Standard errors by which the held-out rows must speak against it.
+        const AGAINST: f64 = -1.0;
         let held_out = |row: &Observation| row.held_out;
         // A fault as it was fitted is taken off both: it is in neither cell.
         let faults = self.shifted_by(|pattern| pattern.standing() == Standing::Fault);
-        let error_mm = self.errors(&(self.left_by_cell() - &faults), held_out).rms_mm;
+        let (with, without) = (self.left_by_cell() - &faults, self.left_by_declared(before) - &faults);
         let any = self.map.is_some() || self.chosen.iter().any(|&c| !self.candidates[c].is_pattern());
-        let worse = any && error_mm > self.errors(&(self.left_by_declared(before) - &faults), held_out).rms_mm;
+        let size = |left: &DVector<f64>, row: &Observation| left.rows(row.offset, row.seen.len()).norm_squared();
+        let rows = self.problem.rows.iter().filter(|row| row.held_out && !row.outlier);
+        let gains: Vec<f64> = rows.map(|row| size(&without, row) - size(&with, row)).collect();
+        let worse = any && in_standard_errors(&gains) < AGAINST;
         if worse {
             self.map = None;
-            self.refused_mm = Some(error_mm);
+            self.refused_mm = Some(self.errors(&with, held_out).rms_mm);
             let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
             self.chosen = patterns;
             for c in effects {

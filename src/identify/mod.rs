@@ -33,6 +33,8 @@ mod plan;
 mod poses;
 mod profile;
 mod questioned;
+mod returns;
+mod run_drift;
 mod runs;
 mod score;
 mod search;

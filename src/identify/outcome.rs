@@ -24,6 +24,10 @@ pub struct Identification {
     pub after: Errors,
     /// 95 % interval of `after.rms_mm` by bootstrap over blocks, mm.
     pub after_rms_ci95_mm: [f64; 2],
+    /// What the run's drift at held-out rows is, rms, mm, as the fitted rows about them tell it: taken off `before` and `after` alike,
+    /// for it is in no cell. `None` for parts, and where the noise has no drift.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run_drift_rms_mm: Option<f64>,
     /// Effects added.
     pub added: Vec<Added>,
     /// Sets of effects and faults that the rows leave open, most likely first; empty over the whole robot (`--poses`).

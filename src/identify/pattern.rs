@@ -11,7 +11,10 @@ pub(super) enum Pattern {
     /// Each run's part is clamped anew: a small shift and turn a run.
     Clamping,
     /// The instrument drifts: each run's positions follow its time.
-    Drift,
+    Drift {
+        /// How it bends: coming to rest with this of [`SETTLES`], or as a parabola.
+        settles: Option<usize>,
+    },
     /// Something slips: from this row of a run on all positions are shifted.
     Jump {
         /// Index of the run.
@@ -65,8 +68,10 @@ const ORDERS: [f64; 5] = [1.0, 2.0, 3.0, 5.0, 8.0];
 const WAVES: usize = 14;
 /// Numbers of a clamping: three shifts, three turns.
 const CLAMPING: usize = 6;
-/// Functions of time that a drift is made of.
+/// Functions of time that a drift is made of: straight, and bent.
 const DRIFTS: usize = 2;
+/// Time constants with which a drift comes to rest, as shares of the run's length.
+pub(super) const SETTLES: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 /// Products of a force's components, first and second order.
 const PRODUCTS: usize = 9;
 /// Pairs of different axes.
@@ -90,7 +95,7 @@ impl Pattern {
     pub(super) fn standing(self) -> Standing {
         match self {
             Self::Clamping => Standing::Nuisance,
-            Self::Drift | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => {
+            Self::Drift { .. } | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => {
                 Standing::Fault
             }
             Self::Joint(_) | Self::Time | Self::Force | Self::Direction => Standing::Unlisted,
@@ -106,7 +111,7 @@ impl Pattern {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Clamping => "clamping",
-            Self::Drift => "instrument_drift",
+            Self::Drift { .. } => "instrument_drift",
             Self::Jump { .. } => "fixture_slip",
             Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force_readings",
             Self::Joint(_) | Self::Time | Self::Force | Self::Direction => "",
@@ -117,6 +122,7 @@ impl Pattern {
     pub(super) fn family(self) -> String {
         match self {
             Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => "force readings".to_owned(),
+            Self::Drift { .. } => "drift".to_owned(),
             _ => format!("pattern {self:?}"),
         }
     }
@@ -126,7 +132,7 @@ impl Pattern {
         let of_run = |run: usize| if problem.runs.len() > 1 { format!(" of run {}", run + 1) } else { String::new() };
         match self {
             Self::Clamping => "where each run is clamped".to_owned(),
-            Self::Drift => "time, as a drifting instrument or a warming robot does".to_owned(),
+            Self::Drift { .. } => "time, as a drifting instrument or a warming robot does".to_owned(),
             Self::Jump { run, order } => {
                 let line =
                     problem.rows.iter().find(|row| row.run == run && row.order >= order).map_or(0, |row| row.line);
@@ -148,7 +154,7 @@ impl Pattern {
     pub(super) fn size(self, problem: &Problem) -> usize {
         match self {
             Self::Clamping => CLAMPING * problem.runs.len(),
-            Self::Drift => 3 * DRIFTS * problem.runs.len(),
+            Self::Drift { .. } => 3 * DRIFTS * problem.runs.len(),
             Self::Jump { .. } => 3,
             Self::MixedForce(_) => 1 + JOINTS,
             Self::LateForce(_) => 1,
@@ -290,9 +296,10 @@ fn shift(
             let place = 1e3 * point.reference.translation.vector - spans[row.run].centre_mm;
             return CLAMPED.1 * unit.cross(&place);
         }
-        Pattern::Drift if row.run != which / DRIFTS => 0.0,
-        Pattern::Drift if which % DRIFTS == 0 => along,
-        Pattern::Drift => 2.0 * along * (1.0 - along),
+        Pattern::Drift { .. } if row.run != which / DRIFTS => 0.0,
+        Pattern::Drift { .. } if which % DRIFTS == 0 => along,
+        Pattern::Drift { settles: None } => 2.0 * along * (1.0 - along),
+        Pattern::Drift { settles: Some(n) } => 1.0 - (-along / SETTLES[n]).exp(),
         Pattern::Jump { run, order } => f64::from(u8::from(row.run == run && row.order >= order)),
         Pattern::Joint(joint) => {
             let angle = ORDERS[which / 2] * row.motor[joint];

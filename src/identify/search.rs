@@ -349,6 +349,26 @@ impl<'a> Search<'a> {
         names
     }
 
+    /// The best set of each kind that could join one in a law of the springs' place, with its value, nats, as that law's rival.
+    pub(super) fn in_place_of(&self, law: usize, without: &[usize]) -> BTreeMap<&str, (f64, Vec<usize>)> {
+        let own = &self.candidates[law].kind;
+        let joins = |c: &usize| {
+            self.candidates[*c].is_named() && self.candidates[*c].family != SPRING && self.joins(without, *c)
+        };
+        let alone = (0..self.candidates.len()).filter(joins).map(|c| (c, [without, &[c]].concat()));
+        let beside = self.beside_faults(without, &|c| self.candidates[c].family != SPRING);
+        let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
+        for (c, set) in alone.chain(beside) {
+            let kind = &self.candidates[c].kind[..];
+            let nested = if contains(kind, own) { NESTED * self.caution() } else { 0.0 };
+            let value = self.objective(&set) + nested;
+            if best.get(kind).is_none_or(|(most, _)| value > *most) {
+                best.insert(kind, (value, set));
+            }
+        }
+        best
+    }
+
     /// Posterior of a member against everything that could stand in its place, and those kinds, most likely first.
     pub(super) fn rivals(
         &self,

@@ -4,17 +4,22 @@
 //! Seen over a little of a turn they are one thing, and the evidence only says which of them is the simplest.
 
 use super::outcome::Added;
+use super::pattern::Pattern;
 use crate::cell::NewEffect;
 use crate::effects::{KINDS, Kind, Part, Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
-/// Adds to each set the names that stand for the same thing there.
-pub(super) fn add(added: &mut [Added], extended: &[NewEffect]) {
+/// Adds to each set the names that stand for the same thing there; `never_returns` where time and place go together in every run.
+pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bool) {
     let there: Vec<&Kind> = added.iter().filter_map(|effect| kind(&effect.kind)).collect();
     let of = |shape: Shape| KINDS.iter().filter(move |kind| kind.shape == shape);
     let waves: Vec<bool> = extended.iter().map(|new| new.table.get("curves").is_some_and(is_a_wave)).collect();
-    for (effect, wave) in added.iter_mut().zip(waves) {
+    let constant = |new: &NewEffect, law: &Kind| law.time_constant.is_some_and(|name| new.table.contains_key(name));
+    for ((effect, new), wave) in added.iter_mut().zip(extended).zip(waves) {
         let Some(law) = kind(&effect.kind) else { continue };
+        if never_returns && constant(new, law) {
+            tie(effect, Pattern::Drift { settles: None }.name());
+        }
         for like in there.iter().filter(|other| law.locally_like.contains(&other.name)) {
             tie(effect, like.name);
         }

@@ -11,6 +11,7 @@ use super::found::{Choice, Linearised};
 use super::search::{FIELD, FLEXIBLE, MOST, PRICE, Search};
 use super::smooth::{Beside, Curve};
 use crate::effects::Stage;
+use nalgebra::DVector;
 
 /// Nats a row that a member must gain: half a percent of what is left.
 const SHARE: f64 = 0.0015;
@@ -106,13 +107,14 @@ impl Engine {
     pub(super) fn stages(&mut self) -> Vec<(f64, f64)> {
         let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
         let places = device_pose::places(&self.problem);
+        let run_drift = self.run_drift(&self.residual());
+        let last = self.held_out_rms_mm(&run_drift);
         let curved = |engine: &Self, c: &usize| engine.candidates[*c].curve.is_some();
-        let last = self.held_out_rms_mm();
         let ends: Vec<usize> = (1..=state.1.len())
             .filter(|&n| n == state.1.len() || !(curved(self, &state.1[n - 1]) && curved(self, &state.1[n])))
             .collect();
         self.choose(Vec::new());
-        let mut reached = self.held_out_rms_mm();
+        let mut reached = self.held_out_rms_mm(&run_drift);
         let mut all = Vec::new();
         for end in ends {
             let before = reached;
@@ -120,7 +122,7 @@ impl Engine {
                 last
             } else {
                 self.choose(state.1[..end].to_vec());
-                self.held_out_rms_mm()
+                self.held_out_rms_mm(&run_drift)
             };
             all.resize(end, (before, reached));
         }
@@ -129,8 +131,9 @@ impl Engine {
         all
     }
 
-    fn held_out_rms_mm(&self) -> f64 {
-        self.errors(&self.residual(), |row| row.held_out).rms_mm
+    /// Held-out error with the run's drift taken off, mm rms.
+    fn held_out_rms_mm(&self, run_drift: &DVector<f64>) -> f64 {
+        self.errors(&(self.residual() - run_drift), |row| row.held_out).rms_mm
     }
 
     /// Drops members whose fitted numbers leave the rows as they are without them: within bounds they do nothing, though

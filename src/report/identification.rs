@@ -93,6 +93,12 @@ pub fn identify_text(found: &Identification) -> String {
         "  both are of rows that no fit has seen; the numbers written are then fitted to all rows of a part\n",
     );
 
+    if let Some(rms_mm) = found.run_drift_rms_mm {
+        let _ = writeln!(
+            out,
+            "  the run drifts by {rms_mm:.4} mm rms, as the fitted rows about each tell: taken off both, for it is in no cell"
+        );
+    }
     if found.added.is_empty() {
         out.push_str(match found.unexplained.significant {
             true => "\nNothing is added to the cell.\n",

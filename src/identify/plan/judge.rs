@@ -81,7 +81,7 @@ pub(super) fn judge(
     let wanted: Vec<usize> = (0..engine.candidates.len()).collect();
     let linear = engine.linearise(&wanted, &noise::few());
     let laws = listed(engine.candidates.clone());
-    let drift = |c: &&Candidate| matches!(c.home, Home::Pattern(Pattern::Drift));
+    let drift = |c: &&Candidate| matches!(c.home, Home::Pattern(Pattern::Drift { settles: None }));
     let drift = engine.candidates.iter().find(drift).into_iter().flat_map(Candidate::columns);
     let nuisance = linear.always.iter().copied().chain(drift).collect();
     let axes = engine.problem.scalars / rows.len().max(1);

@@ -123,7 +123,7 @@ impl Bench<'_> {
     /// What an instrument that drifts would show at all rows, mm per prior size.
     pub(super) fn drifts(&self, sheet: &Sheet) -> DMatrix<f64> {
         let all: Vec<usize> = (0..sheet.rows.len()).collect();
-        DMatrix::from_columns(&pattern::shifts(&self.problem(sheet, &all), Pattern::Drift))
+        DMatrix::from_columns(&pattern::shifts(&self.problem(sheet, &all), Pattern::Drift { settles: None }))
     }
 
     /// Scalars that a row has.
