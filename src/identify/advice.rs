@@ -2,6 +2,7 @@
 
 use super::data::Problem;
 use super::outcome::{Added, Separation, Unexplained};
+use super::pattern::Pattern;
 
 /// A rival with its d′ on these rows, where it is small.
 fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
@@ -27,7 +28,17 @@ pub(super) fn advice(
             "readings come in steps of {step} mm, more than they scatter: let the instrument write more digits, or what is smaller is lost"
         ));
     }
-    for effect in added.iter().filter(|effect| !effect.not_told_apart_from.is_empty()) {
+    let drift = Pattern::Drift { settles: None }.name();
+    let drifts = |effect: &&Added| effect.not_told_apart_from.iter().any(|rival| rival == drift);
+    for effect in added.iter().filter(drifts) {
+        all.push(format!(
+            "`{}` cannot be told apart from an instrument that drifts: measure some of the first targets again at the end of the run, or give \
+             `temperature_c`",
+            effect.kind
+        ));
+    }
+    let by_posture = |effect: &&Added| effect.not_told_apart_from.iter().any(|rival| rival != drift);
+    for effect in added.iter().filter(by_posture) {
         all.push(format!(
             "`{}` cannot be told apart from {}: measure in further postures (another area, the wrist flipped, the tool turned \
              about its axis) and at load levels that reverse; more points of the same do not help",

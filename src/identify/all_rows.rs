@@ -2,7 +2,7 @@
 
 use super::candidate::Candidate;
 use super::engine::Engine;
-use super::explain::EVEN;
+use super::explain::NAMED;
 use super::found::Posterior;
 use super::search::Search;
 use crate::effects::Shape;
@@ -32,8 +32,8 @@ impl Engine {
         }
     }
 
-    /// Beside something that is in no list, takes back what all rows together speak against: held-out rows choose nothing, and may
-    /// take away.
+    /// Beside something that is in no list, takes back names that are not sure on all rows together: held-out rows choose nothing, and
+    /// may take away.
     pub(super) fn withdraw_contradicted(&mut self, posteriors: &mut Vec<Posterior>) {
         if posteriors.is_empty() {
             return;
@@ -46,7 +46,7 @@ impl Engine {
         self.weigh_anew(&mut all);
         self.problem.rows.iter_mut().zip(marks).for_each(|(row, held_out)| row.held_out = held_out);
         (self.candidates, self.covariance, self.sets, self.spread) = state;
-        let holds = |c: usize| all.iter().any(|(other, (share, _))| *other == c && *share >= EVEN);
+        let holds = |c: usize| all.iter().any(|(other, (share, _))| *other == c && *share >= NAMED);
         let kept: Vec<usize> = posteriors.iter().map(|(c, _)| *c).filter(|c| holds(*c)).collect();
         self.withdraw_unless(posteriors, |c, _, _| kept.contains(&c));
     }

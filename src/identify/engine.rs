@@ -375,9 +375,12 @@ impl Engine {
                 // Over the whole robot sets are not weighed against one another.
                 if !whole {
                     self.withdraw_doubtful(&mut posteriors);
-                    self.withdraw_contradicted(&mut posteriors);
                 }
                 self.add_map(&mut posteriors);
+                // A map can take over what a name stood for.
+                if !whole {
+                    self.withdraw_contradicted(&mut posteriors);
+                }
             }
         }
         if !whole {

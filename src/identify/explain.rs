@@ -27,8 +27,8 @@ pub(super) const NAMED: f64 = 0.9;
 const WIDER: f64 = 1.5;
 /// What a name may be instead where something acts that is in no list.
 const UNLISTED: &str = "unlisted";
-/// A name's most where it may be something else; below it is more likely wrong than right.
-pub(super) const EVEN: f64 = 0.5;
+/// A name's most where it may be something else.
+const EVEN: f64 = 0.5;
 /// Rivals below this share of the posterior are not mentioned.
 pub(super) const MENTIONED: f64 = 0.03;
 

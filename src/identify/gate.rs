@@ -5,7 +5,7 @@ use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
 use super::engine::{Engine, stacked};
-use super::explain::{EVEN, MENTIONED, NAMED};
+use super::explain::{MENTIONED, NAMED};
 use super::found::{Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
@@ -319,14 +319,14 @@ impl Engine {
         self.choose(set);
     }
 
-    /// Beside something that is in no list, withdraws what is rather something else even among the listed, weighed in the set
-    /// that is left, one after another.
+    /// Beside something that is in no list, withdraws names that would not be sure without it either, weighed in the set that is
+    /// left, one after another.
     pub(super) fn withdraw_doubtful(&mut self, posteriors: &mut Vec<Posterior>) {
-        self.withdraw_unless(posteriors, |_, share, _| share >= EVEN);
+        self.withdraw_unless(posteriors, |_, share, _| share >= NAMED);
         while !posteriors.is_empty() {
             self.weigh_anew(posteriors);
-            let least = posteriors.iter().map(|(_, (share, _))| *share).fold(EVEN, f64::min);
-            if least >= EVEN {
+            let least = posteriors.iter().map(|(_, (share, _))| *share).fold(NAMED, f64::min);
+            if least >= NAMED {
                 break;
             }
             self.withdraw_unless(posteriors, |_, share, _| share > least);

@@ -8,7 +8,7 @@ use super::candidates;
 use super::data::{Observation, Seen};
 use super::engine::Engine;
 use super::found::{MAP, Map, Posterior};
-use super::noise::{Field, Over};
+use super::noise::{self, Field, Over};
 use super::pattern::Standing;
 use super::score::in_standard_errors;
 use super::search::Search;
@@ -51,6 +51,10 @@ struct Kriged<'a> {
 impl Engine {
     /// Beside something unexplained, adds the map that holds on blocks that its fit has not seen, if one does.
     pub(super) fn add_map(&mut self, posteriors: &mut Vec<Posterior>) {
+        // What goes with time is at no place: a map of it would be of the path as it was walked.
+        if self.shape.drift > noise::MOST_WANDER {
+            return;
+        }
         self.map = self.field_map();
         if self.map.is_none() {
             self.add_polynomial(posteriors);
@@ -68,7 +72,8 @@ impl Engine {
         let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
         blocks.dedup();
         let split = |block: &(usize, usize)| -> (Vec<Left>, Vec<Left>) { left.iter().partition(|l| l.block == *block) };
-        // What is told of a block that was not seen holds as far from seen places as its own rows are.
+        // What is told of a block that was not seen holds as far from seen places as its own rows are: the nearer ones, for another
+        // program goes elsewhere.
         let apart = |block: &(usize, usize)| {
             let (own, others) = split(block);
             own.iter().map(|l| nearest(&others, &l.place)).collect::<Vec<_>>()
@@ -76,7 +81,7 @@ impl Engine {
         let mut distances: Vec<f64> = blocks.par_iter().flat_map_iter(apart).collect();
         distances.sort_by(f64::total_cmp);
         let within =
-            distances.get(distances.len() / 2).copied().filter(|within| within.is_finite() && *within > 0.0)?;
+            distances.get(distances.len() / 4).copied().filter(|within| within.is_finite() && *within > 0.0)?;
         let gain = |block: &(usize, usize)| {
             let (own, others) = split(block);
             let kriged = self.kriged(&others, best.field);
