@@ -72,8 +72,7 @@ impl Engine {
         let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
         blocks.dedup();
         let split = |block: &(usize, usize)| -> (Vec<Left>, Vec<Left>) { left.iter().partition(|l| l.block == *block) };
-        // What is told of a block that was not seen holds as far from seen places as its own rows are: the nearer ones, for another
-        // program goes elsewhere.
+        // What is told of a block that was not seen holds as far from seen places as its own rows are.
         let apart = |block: &(usize, usize)| {
             let (own, others) = split(block);
             own.iter().map(|l| nearest(&others, &l.place)).collect::<Vec<_>>()
@@ -81,7 +80,7 @@ impl Engine {
         let mut distances: Vec<f64> = blocks.par_iter().flat_map_iter(apart).collect();
         distances.sort_by(f64::total_cmp);
         let within =
-            distances.get(distances.len() / 4).copied().filter(|within| within.is_finite() && *within > 0.0)?;
+            distances.get(distances.len() / 2).copied().filter(|within| within.is_finite() && *within > 0.0)?;
         let gain = |block: &(usize, usize)| {
             let (own, others) = split(block);
             let kriged = self.kriged(&others, best.field);
