@@ -391,7 +391,8 @@ impl Engine {
     /// Held-out rows choose nothing, but nobody wants a cell that is worse on them: the fitted rows are then not like them. Of six
     /// rows of a table of 24 noise alone makes as much as an effect does.
     pub(super) fn gains_nothing(&mut self, before: &DVector<f64>) -> bool {
-        /// Standard errors by which the held-out rows must speak against it.
+        /// Held-out rows up to which noise decides as often as what is fitted, and standard errors by which so few must speak against it.
+        const FEW: usize = 12;
         const AGAINST: f64 = -1.0;
         let held_out = |row: &Observation| row.held_out;
         // A fault as it was fitted is taken off both: it is in neither cell.
@@ -401,7 +402,8 @@ impl Engine {
         let size = |left: &DVector<f64>, row: &Observation| left.rows(row.offset, row.seen.len()).norm_squared();
         let rows = self.problem.rows.iter().filter(|row| row.held_out && !row.outlier);
         let gains: Vec<f64> = rows.map(|row| size(&without, row) - size(&with, row)).collect();
-        let worse = any && in_standard_errors(&gains) < AGAINST;
+        let least = if gains.len() > FEW { 0.0 } else { AGAINST };
+        let worse = any && in_standard_errors(&gains) < least;
         if worse {
             self.map = None;
             self.refused_mm = Some(self.errors(&with, held_out).rms_mm);
