@@ -55,6 +55,9 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
 
 fn figures(found: &Identification) -> String {
     let [low, high] = found.after_rms_ci95_mm;
+    let drift = found.run_drift_rms_mm.map_or_else(String::new, |rms_mm| {
+        format!("; the run's drift of {} mm rms is taken off here and before", decimals(rms_mm, 4))
+    });
     let errors = |errors: &crate::identify::Errors| {
         format!("mean {}, largest {} mm", decimals(errors.mean_mm, 4), decimals(errors.max_mm, 4))
     };
@@ -71,7 +74,7 @@ fn figures(found: &Identification) -> String {
             value: decimals(found.after.rms_mm, 6),
             unit: "mm rms",
             label: "Extended cell",
-            aside: format!("{}; 95 % [{}, {}] mm", errors(&found.after), decimals(low, 4), decimals(high, 4)),
+            aside: format!("{}; 95 % [{}, {}] mm{drift}", errors(&found.after), decimals(low, 4), decimals(high, 4)),
         },
         Tile {
             key: "noise_floor_rms_mm",
