@@ -26,6 +26,17 @@ def deflex(binary, *arguments):
     return subprocess.run([binary, *map(str, arguments), "--quiet"], capture_output=True, text=True)
 
 
+def of_first_run(measured, forces):
+    """The rows of a table's first run: another program is cut once."""
+    with open(measured, newline="") as f:
+        rows = list(csv.DictReader(f))
+    with open(forces, "w", newline="") as f:
+        out = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
+        out.writeheader()
+        out.writerows(row for row in rows if row.get("run") == rows[0].get("run"))
+    return forces
+
+
 def transfer(binary, folder, cell, scratch):
     """Predicted minus played on another program, mm rms; NaN where the cell has no answer."""
     report = scratch / "transfer.csv"
@@ -57,12 +68,12 @@ def turn_twice(binary, folder, number, scratch):
         names.append([added["kind"] for added in json.loads(found.read_text())["added"]])
         if turn == 2:
             break
-        corrected = scratch / "corrected.mod"
-        done = deflex(binary, "compensate", program, "--cell", cells[1], "--forces", measured, "-o", corrected)
+        corrected, forces = scratch / "corrected.mod", of_first_run(measured, scratch / "forces.csv")
+        done = deflex(binary, "compensate", program, "--cell", cells[1], "--forces", forces, "-o", corrected)
         if not corrected.exists():
             return None, f"compensate: {done.stderr.strip()[:200]}"
         plan = read_program(corrected)
-        force, when = plant.read_forces(measured, len(plan.moves))
+        force, when = plant.read_forces(forces, len(plan.moves))
         result = plant.run(read_cell(folder / "cell.toml"), plan, truth, force, when)
         program, measured = corrected, scratch / "again.csv"
         plant.write(measured, result, plant.noise(truth, len(result.position), [77, number]))

@@ -55,11 +55,13 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
         found.extend(variants.into_iter().map(new).flat_map(|new| bounded(new, kind, &survey)));
     }
     // Effects of other sizes than the typical one compete too, on the same columns.
-    let sizes = if problem.free_device { &SIZES_WHOLE[..] } else { &SIZES };
-    let open = |candidate: &&mut Candidate| candidate.known.is_none();
-    found.iter_mut().filter(open).for_each(|candidate| candidate.variants *= (sizes.len() + 1) as f64);
-    let twin = |c: &Candidate| sizes.iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();
-    let twins: Vec<Candidate> = found.iter().filter(|candidate| candidate.known.is_none()).flat_map(twin).collect();
+    let sizes = |candidate: &Candidate| match candidate.known {
+        None if problem.free_device => &SIZES_WHOLE[..],
+        _ => &SIZES,
+    };
+    found.iter_mut().for_each(|candidate| candidate.variants *= (sizes(candidate).len() + 1) as f64);
+    let twin = |c: &Candidate| sizes(c).iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();
+    let twins: Vec<Candidate> = found.iter().flat_map(twin).collect();
     found.extend(twins);
     let is_curve = |effect: &dyn Effect| kind(effect.kind()).is_some_and(|kind| kind.shape == Follows::Curve);
     if problem.free_device && !arm.effects.iter().any(|effect| is_curve(effect.as_ref())) {

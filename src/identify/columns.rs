@@ -69,6 +69,19 @@ impl Columns {
         Self { list, curves: self.curves.clone(), means: self.means.clone(), limits: self.limits.clone() }
     }
 
+    /// The same with priors of the typical sizes about zero.
+    pub(super) fn full_size(&self) -> Self {
+        let list = self.list.iter().map(|&(column, _)| (column, 1.0)).collect();
+        Self { curves: self.curves.clone(), ..Self::independent(list) }
+    }
+
+    /// Prior precision, in units of the list's sizes.
+    pub(super) fn precision(&self) -> DMatrix<f64> {
+        let mut matrix = DMatrix::zeros(self.list.len(), self.list.len());
+        self.add_precision(&mut matrix);
+        matrix
+    }
+
     /// Adds what the prior's means pull to, in units of the list's sizes: such numbers are independent of others.
     pub(super) fn add_means(&self, right: &mut DVector<f64>) {
         self.means.iter().for_each(|&(i, mean)| right[i] += mean);

@@ -466,20 +466,14 @@ impl Problem {
     /// Sets rows aside, as many along all of each run, until no more are left than a search needs; returns them.
     pub(super) fn set_aside(&mut self) -> Vec<Observation> {
         /// Rows that are searched on at most: from one part, and over the whole robot with its hundreds of columns.
-        const MOST: [usize; 2] = [4_000, 12_500];
-        let most = MOST[usize::from(self.free_device)];
-        let every = self.rows.len().div_ceil(most);
-        if every < 2 {
+        const MOST: [usize; 2] = [1_000, 12_500];
+        /// Its multiples leave no gaps (Weyl 1916): every so-many-th row would be the same few targets of a program that repeats.
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let share = MOST[usize::from(self.free_device)] as f64 / self.rows.len() as f64;
+        if share >= 1.0 {
             return Vec::new();
         }
-        // One of each so many, by the golden ratio: every so-many-th would be the same few targets of a program that repeats.
-        let kept = |row: &Observation| {
-            const GOLDEN: f64 = 0.618_033_988_749_894_9;
-            let share = ((row.order / every) as f64 * GOLDEN).fract();
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below `every`
-            let at = (share * every as f64) as usize;
-            row.order % every == at
-        };
+        let kept = |row: &Observation| (row.order as f64 * GOLDEN).fract() < share;
         let rows = std::mem::take(&mut self.rows);
         let (kept, aside) = rows.into_iter().partition(kept);
         self.rows = kept;

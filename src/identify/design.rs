@@ -81,6 +81,15 @@ impl Along {
         Self { columns, of, raised, angle_deg }
     }
 
+    /// Writes the columns themselves.
+    pub(super) fn write(&self, into: &mut DMatrix<f64>) {
+        let mut weights = vec![0.0; self.columns.len()];
+        for (scalar, (angle_deg, raised)) in self.angle_deg.iter().zip(&self.raised).enumerate() {
+            self.of.weights(*angle_deg, &mut weights);
+            self.columns.clone().zip(&weights).for_each(|(column, weight)| into[(scalar, column)] = raised * weight);
+        }
+    }
+
     /// Adds the curve with these values at its knots.
     fn add(&self, values: &[f64], into: &mut DVector<f64>) {
         let mut weights = vec![0.0; values.len()];

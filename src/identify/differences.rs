@@ -5,19 +5,20 @@ use super::data::Problem;
 use super::design::{Along, Design};
 use super::device_pose;
 use super::pattern;
+use crate::effects::JointCurve;
 use crate::equilibrium::Arm;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Columns of candidates that are not chosen, about the arm with one set of others in it: they hardly change while that set
-/// is only fitted anew.
+/// Columns of candidates that are not chosen, about the arm with effects of some kinds in it: they hardly change while these
+/// are only fitted anew.
 pub(super) struct Reuse {
     /// Candidates from this one on come and go.
     below: usize,
-    /// The set.
-    about: Vec<usize>,
+    /// The kinds, in order.
+    about: Vec<String>,
     columns: BTreeMap<usize, Vec<DVector<f64>>>,
 }
 
@@ -43,12 +44,15 @@ impl Design {
         // Of members of the set itself no columns are kept: others' serve on when these alone are asked about another set.
         let others = wanted.iter().any(|c| !chosen.contains(c));
         let renumbered = reuse.columns.values().flatten().any(|column| column.len() != problem.scalars);
-        if others && reuse.about != chosen || renumbered {
-            reuse.about = chosen.to_vec();
+        let in_arm = chosen.iter().map(|&c| &candidates[c]).filter(|candidate| !candidate.is_pattern());
+        let mut about: Vec<String> = in_arm.map(|candidate| candidate.kind.clone()).collect();
+        about.sort_unstable();
+        if others && reuse.about != about || renumbered {
+            reuse.about.clone_from(&about);
             // What shifts the rows does so whatever the arm is.
             reuse.columns.retain(|c, _| !renumbered && candidates[*c].is_shift());
         }
-        let serves = |reuse: &Reuse, c: usize| reuse.about == chosen && c < reuse.below && !chosen.contains(&c);
+        let serves = |reuse: &Reuse, c: usize| reuse.about == about && c < reuse.below && !chosen.contains(&c);
         let firsts = firsts(candidates, chosen, wanted);
         let unknowns = (0..problem.devices.len()).map(|run| device_pose::unknowns(problem, run));
         let instruments: Vec<(usize, usize)> =
@@ -83,26 +87,34 @@ impl Design {
                     let columns = pattern::columns(&pattern::About { problem, arm: &whole, base }, *pattern);
                     candidate.columns().zip(columns).for_each(|(at, column)| design.kept.set_column(at, &column));
                 }
-                // A curve is moved as a whole.
-                (None, _) if candidate.curve.is_some() => differences.push((c, 0..candidate.values.len())),
-                (None, _) => differences.extend((0..candidate.values.len()).map(|k| (c, k..k + 1))),
+                // A curve is moved as a whole: what each knot counts for is known.
+                (None, _) => match curve_of(candidate) {
+                    Some(curve) => differences.push((c, 0..candidate.values.len(), Some(curve))),
+                    None => differences.extend((0..candidate.values.len()).map(|k| (c, k..k + 1, None))),
+                },
             }
         }
         for some in differences.chunks(TOGETHER) {
-            let moved = some.iter().map(|(c, numbers)| {
+            let moved = some.iter().map(|(c, numbers, _)| {
                 let own = chosen.contains(c).then(|| now(Some(*c)));
                 moved(own.as_ref().unwrap_or(&whole), &candidates[*c], numbers.clone())
             });
             let (arms, scales): (Vec<Arm>, Vec<f64>) = moved.unzip();
             let residuals = problem.residuals_near(&arms, &settled);
-            for (((c, numbers), scale), residual) in some.iter().zip(scales).zip(residuals) {
+            for (((c, numbers, curve), scale), residual) in some.iter().zip(scales).zip(residuals) {
                 // The residual falls by what the prediction grows.
                 let mut column = (base - residual) * scale;
                 column.iter_mut().for_each(|v| *v = if v.is_finite() { *v } else { 0.0 });
                 let columns = candidates[*c].columns();
-                match &candidates[*c].curve {
-                    Some(curve) => design.curves.push(Along::new(problem, columns, Arc::clone(&curve.of), column)),
+                match curve {
                     None => design.kept.set_column(columns.start + numbers.start, &column),
+                    Some(curve) => {
+                        let along = Along::new(problem, columns, Arc::clone(curve), column);
+                        match candidates[*c].curve {
+                            Some(_) => design.curves.push(along),
+                            None => along.write(&mut design.kept),
+                        }
+                    }
                 }
             }
         }
@@ -118,6 +130,15 @@ impl Design {
         }
         (design, own.collect())
     }
+}
+
+/// The curve of a joint's angle that a candidate is, where it is one.
+fn curve_of(candidate: &Candidate) -> Option<Arc<JointCurve>> {
+    let of_shape = |home: &Home| match home {
+        Home::New(shape) => shape.0.joint_curve().map(Arc::new),
+        Home::Declared(_) | Home::Pattern(_) => None,
+    };
+    candidate.curve.as_ref().map(|curve| Arc::clone(&curve.of)).or_else(|| of_shape(&candidate.home))
 }
 
 /// Where candidates' columns begin: those of curves are counted by themselves.

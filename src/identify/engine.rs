@@ -57,6 +57,8 @@ fn reached(progress: &Progress<'_>, share: f64) -> Result<(), Vec<Diagnostic>> {
 const LEAST_ROWS: usize = 8;
 /// Rounds of linearising, choosing and refitting.
 const ROUNDS: usize = 6;
+/// Rows that every number is fitted to at most: of denser tables those that were searched on hold them well enough.
+const FITTED: usize = 4_000;
 /// One row in so many is few, over the whole robot.
 const FEW: usize = 500;
 /// Rounds of seeking gear harmonics before anything flexible is let in.
@@ -285,7 +287,8 @@ impl Engine {
         for round in 0..if self.problem.free_device { 0 } else { GEAR_ROUNDS } {
             reached(progress, within(SOLVED, SOUGHT, round, GEAR_ROUNDS))?;
             let wanted: Vec<usize> = (0..self.candidates.len()).filter(|&c| stiff(&self.candidates[c])).collect();
-            let now = self.linearise_narrowed(&wanted, &shapes);
+            let tried = if round == 0 { shapes.clone() } else { self.shapes_about() };
+            let now = self.linearise_narrowed(&wanted, &tried);
             let search = Search::new(&self.candidates, &now.moments, &now.always);
             let set = search.best_of(&self.chosen, &wanted);
             let score = self.score_of(&now, &search.columns(&set), &shapes);
@@ -300,6 +303,7 @@ impl Engine {
             }
         }
         let whole = self.problem.free_device;
+        let mut visited: Vec<Vec<usize>> = Vec::new();
         for round in 0..ROUNDS {
             let shapes = self.shapes_about();
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
@@ -331,8 +335,10 @@ impl Engine {
             let same = if whole {
                 self.families(&set) == self.families(&self.chosen)
             } else {
-                sorted(&set) == sorted(&self.chosen)
+                // Two that are as good can lead to one another.
+                sorted(&set) == sorted(&self.chosen) || visited.contains(&sorted(&set))
             };
+            visited.push(sorted(&self.chosen));
             if same && !whole {
                 (self.sets, self.spread) = self.posterior_over_sets(&search, &now, &set, (sigma, shape));
             }
@@ -351,6 +357,9 @@ impl Engine {
             let tails = !whole && round + 1 < ROUNDS && self.widen_tails();
             let weighed = self.weigh_turns();
             let new = outliers || gear || jump || tails || unlisted || weighed;
+            if new {
+                visited.clear();
+            }
             let settled = same && !new && (whole || !self.prune());
             linear = Some(now);
             if settled && field.is_none() {
@@ -397,15 +406,19 @@ impl Engine {
         self.map = map;
         let stages = if whole { self.stages() } else { Vec::new() };
         let dense = !self.aside.is_empty();
+        let every = self.problem.rows.len() + self.aside.len() <= FITTED;
         if dense {
-            // What follows scores every row; numbers are those of the rows that were searched on, whose columns are no longer needed.
+            // What follows scores every row; columns of those that were searched on are no longer needed.
             (self.comb, self.reuse) = (None, Reuse::of(0));
             self.problem.take_back(std::mem::take(&mut self.aside));
             self.mark_outliers();
+            if every {
+                self.refit();
+            }
         }
         let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
-        let told = Told { posteriors, ranking, unexplained, stages, refit: !dense && !whole };
+        let told = Told { posteriors, ranking, unexplained, stages, refit: every && !whole };
         Ok(self.outcome(&before, &after, told, data_hash))
     }
 

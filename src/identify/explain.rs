@@ -18,7 +18,7 @@ use super::separability::{self, Trace};
 use super::ties;
 use crate::cell::NewEffect;
 use crate::effects::{Shape, kind};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// A name needs this posterior; below it, the set that cannot be told apart.
 pub(super) const NAMED: f64 = 0.9;
@@ -248,12 +248,11 @@ impl Engine {
     fn fitted_effects(&self, posteriors: &[Posterior]) -> Vec<(Vec<FittedParameter>, toml::Table, Vec<Vec<f64>>)> {
         let mut at = 0;
         let mut all = Vec::new();
-        // Over the whole robot rows are many and sets are not weighed against one another.
-        let wider = if self.problem.free_device { 1.0 } else { self.spread * WIDER };
+        let wider = self.wider_covariance();
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
             let size = candidate.values.len();
-            let block = self.covariance.view((at, at), (size, size)) * wider;
+            let block = wider.view((at, at), (size, size));
             at += size;
             let Some(effect) = fitted(&self.declared, candidate) else { continue };
             if !posteriors.iter().any(|(p, _)| *p == c) {
@@ -271,6 +270,18 @@ impl Engine {
             all.push((parameters, effect.to_table(), covariance));
         }
         all
+    }
+
+    /// Posterior covariance of the chosen columns with what the data say taken for as much less sure as they are surer than they
+    /// should be: what they do not hold stays as wide as its prior, and no wider.
+    fn wider_covariance(&self) -> DMatrix<f64> {
+        // Over the whole robot rows are many and sets are not weighed against one another.
+        let wider = if self.problem.free_device { 1.0 } else { self.spread * WIDER };
+        let prior = Search::new(&self.candidates, &[], &[]).columns(&self.chosen).full_size().precision();
+        let known = self.covariance.clone().cholesky().map(|factor| factor.inverse());
+        let precision = known.map(|known| prior * (1.0 - 1.0 / wider) + known / wider);
+        let covariance = precision.and_then(DMatrix::cholesky).map(|factor| factor.inverse());
+        covariance.unwrap_or_else(|| &self.covariance * wider)
     }
 
     /// White noise of measured orientations, where there are any.

@@ -33,8 +33,7 @@ impl<'a> Part<'a> {
             let gram = moments.gram.column(a);
             products.extend(list[..=i].iter().map(|&(b, t)| gram[b] * s * t));
         }
-        let mut prior = DMatrix::zeros(list.len(), list.len());
-        columns.add_precision(&mut prior);
+        let prior = columns.precision();
         let mut pull = vec![0.0; list.len()];
         columns.means.iter().for_each(|&(i, mean)| pull[i] += mean);
         Self { moments, before, columns, products, prior, pull }

@@ -1,7 +1,6 @@
 //! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
 
 use super::candidate::{Candidate, SPRING, fitted};
-use super::columns::Columns;
 use super::device_pose;
 use super::engine::Engine;
 use super::found::{Linearised, Posterior};
@@ -89,9 +88,7 @@ impl Engine {
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
             // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
-            let wide = columns.list.iter().map(|&(column, _)| (column, 1.0)).collect();
-            let wide = Columns { curves: columns.curves.clone(), ..Columns::independent(wide) };
-            let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
+            let Some((_, covariance)) = posterior(moments, &columns.full_size(), self.sigma) else { return };
             let frames = linear.always.len();
             let size = covariance.nrows() - frames;
             self.covariance = covariance.view((frames, frames), (size, size)).into_owned();

@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
 pub(super) const PRICE: f64 = 8.0;
 
+/// What numbers that are known already must gain by moving, nats: for themselves, as there is nothing to name.
+const MOVED: f64 = 3.0;
+
 /// What a flexible pattern must gain beyond a physical effect, nats.
 pub(super) const FLEXIBLE: f64 = 10.0;
 
@@ -156,10 +159,12 @@ impl<'a> Search<'a> {
     /// What a member must gain: more for its variants, and for what could stand for anything.
     pub(super) fn price(&self, c: usize) -> f64 {
         let candidate = &self.candidates[c];
-        // That parts are clamped anew, or that a known effect is known better, is no discovery: the evidence's own price of
-        // the numbers is enough.
-        let expected = candidate.standing() == Some(Standing::Nuisance) || candidate.known.is_some();
-        let price = if expected { 0.0 } else { PRICE };
+        // That parts are clamped anew, or that a known effect is known better, is no discovery.
+        let price = match candidate.standing() {
+            Some(Standing::Nuisance) => 0.0,
+            _ if candidate.known.is_some() => MOVED,
+            _ => PRICE,
+        };
         let price = match candidate.standing() {
             Some(Standing::Unlisted) => UNLISTED,
             _ if candidate.is_flexible() => price + FLEXIBLE,
