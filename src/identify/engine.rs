@@ -14,7 +14,7 @@ use super::moments::Moments;
 use super::noise;
 use super::outcome::{Identification, SetShare};
 use super::score::{Score, posterior, score};
-use super::search::Search;
+use super::search::{Search, sorted};
 use crate::cell::Cell;
 use crate::effects::Shape;
 use crate::equilibrium::Arm;
@@ -574,12 +574,6 @@ pub(super) fn stacked(columns: &DMatrix<f64>, data: &DVector<f64>) -> DMatrix<f6
     let mut stacked = columns.clone().insert_column(columns.ncols(), 0.0);
     stacked.set_column(columns.ncols(), data);
     stacked
-}
-
-fn sorted(set: &[usize]) -> Vec<usize> {
-    let mut sorted = set.to_vec();
-    sorted.sort_unstable();
-    sorted
 }
 
 /// What cannot bend to anything: neither patterns of what is unlisted nor smooth curves.

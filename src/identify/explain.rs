@@ -276,7 +276,10 @@ impl Engine {
     /// should be: what they do not hold stays as wide as its prior, and no wider.
     fn wider_covariance(&self) -> DMatrix<f64> {
         // Over the whole robot rows are many and sets are not weighed against one another.
-        let wider = if self.problem.free_device { 1.0 } else { self.spread * WIDER };
+        if self.problem.free_device || self.chosen.is_empty() {
+            return self.covariance.clone();
+        }
+        let wider = self.spread * WIDER;
         let prior = Search::new(&self.candidates, &[], &[]).columns(&self.chosen).full_size().precision();
         let known = self.covariance.clone().cholesky().map(|factor| factor.inverse());
         let precision = known.map(|known| prior * (1.0 - 1.0 / wider) + known / wider);

@@ -57,11 +57,19 @@ impl Profile {
         Self { columns, factors: BTreeMap::new() }
     }
 
+    /// Evidence with further columns behind its own where the noise that is left settles, bounds left out.
+    pub(super) fn roughly(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> f64 {
+        let Self { columns, factors } = self;
+        let (level, part) = (Level::new(moments, columns, more), Part::new(moments, columns, more));
+        let mut nodes = BTreeMap::new();
+        let Ok(node) = settled(factors, &level, &part, &mut nodes, guess) else { return f64::NEG_INFINITY };
+        let of = |asked: &Node| level.at(f64::from(node) * STEP, asked.explained, asked.half_log_det);
+        nodes.get(&node).and_then(Option::as_ref).map_or(f64::NEG_INFINITY, of)
+    }
+
     /// Evidence with further columns behind its own and σ at its best, and that σ; the moments are always the same.
     pub(super) fn beside(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
-        /// Until the noise that is left settles.
-        const JUMPS: usize = 20;
-        /// Steps to the top then at most: where a declared noise holds against the data, it may be far.
+        /// Steps to the top at most: where a declared noise holds against the data, it may be far.
         const STEPS: usize = 200;
         let Self { columns, factors } = self;
         let columns = &*columns;
@@ -69,16 +77,10 @@ impl Profile {
         let part = Part::new(moments, columns, more);
         let mut nodes: BTreeMap<i32, Option<Node>> = BTreeMap::new();
         let least = node_of(LEAST_SIGMA);
-        let mut node = node_of(guess.unwrap_or_else(|| level.left(0.0))).max(least);
-        for _ in 0..JUMPS {
-            let asked = nodes.entry(node).or_insert_with(|| new_node(factors, &level, &part, node));
-            let Some(asked) = asked else { return (f64::NEG_INFINITY, sigma_of(node)) };
-            let next = node_of(level.left(asked.explained)).max(least);
-            if (next - node).abs() <= 1 {
-                break;
-            }
-            node = next;
-        }
+        let mut node = match settled(factors, &level, &part, &mut nodes, guess) {
+            Ok(node) => node,
+            Err(node) => return (f64::NEG_INFINITY, sigma_of(node)),
+        };
         let mut value = |node: i32| {
             let asked = nodes.entry(node).or_insert_with(|| new_node(factors, &level, &part, node));
             let of = |asked: &Node| level.at(f64::from(node) * STEP, asked.explained, asked.half_log_det);
@@ -111,6 +113,28 @@ impl Profile {
         let share = f64::from(node - from) + at;
         (evidence + low + share * (high - low), log_sigma.exp().max(LEAST_SIGMA))
     }
+}
+
+/// The node at which the noise that is left settles, asked for; where there is none, the one that has no factor.
+fn settled(
+    factors: &mut Factors,
+    level: &Level,
+    part: &Part,
+    nodes: &mut BTreeMap<i32, Option<Node>>,
+    guess: Option<f64>,
+) -> Result<i32, i32> {
+    const JUMPS: usize = 20;
+    let least = node_of(LEAST_SIGMA);
+    let mut node = node_of(guess.unwrap_or_else(|| level.left(0.0))).max(least);
+    for _ in 0..JUMPS {
+        let asked = nodes.entry(node).or_insert_with(|| new_node(factors, level, part, node));
+        let next = node_of(level.left(asked.as_ref().ok_or(node)?.explained)).max(least);
+        if (next - node).abs() <= 1 {
+            return Ok(node);
+        }
+        node = next;
+    }
+    nodes.entry(node).or_insert_with(|| new_node(factors, level, part, node)).as_ref().map(|_| node).ok_or(node)
 }
 
 /// What a node tells of the part's columns beside those before it, whose factors are kept.

@@ -59,7 +59,8 @@ pub(super) struct Search<'a> {
     pub(super) always: &'a [usize],
     /// Noise shapes worth trying, most promising first.
     active: RefCell<Vec<usize>>,
-    known: RefCell<BTreeMap<Vec<usize>, f64>>,
+    /// Of each set what it gains less its price, nats, and its best shape.
+    known: RefCell<BTreeMap<Vec<usize>, (f64, usize)>>,
     /// Last σ of each shape: where the next profile starts.
     sigmas: RefCell<Vec<Option<f64>>>,
     /// Members that the last sets began with, and the profile of each shape beside them.
@@ -114,16 +115,39 @@ impl<'a> Search<'a> {
 
     /// Evidence of a set less its price, nats, over the shapes worth trying.
     pub(super) fn objective(&self, set: &[usize]) -> f64 {
-        let mut key = set.to_vec();
-        key.sort_unstable();
+        self.weighed(set).0
+    }
+
+    /// The same, and the best shape.
+    fn weighed(&self, set: &[usize]) -> (f64, usize) {
+        let key = sorted(set);
         if let Some(known) = self.known.borrow().get(&key) {
             return *known;
         }
         let more = self.beyond_shared(set);
-        let evidence = self.active.borrow().iter().map(|&s| self.profile(s, &more)).fold(f64::NEG_INFINITY, f64::max);
-        let value = evidence - self.prices(&key);
-        self.known.borrow_mut().insert(key, value);
-        value
+        let mut best = (f64::NEG_INFINITY, 0);
+        for &shape in self.active.borrow().iter() {
+            let evidence = self.profile(shape, &more);
+            if evidence > best.0 {
+                best = (evidence, shape);
+            }
+        }
+        best.0 -= self.prices(&key);
+        self.known.borrow_mut().insert(key, best);
+        best
+    }
+
+    /// Whether a set is far from another's value, nats, as the other's best shape tells: then its own does not matter.
+    fn is_far_below(&self, (value, shape): (f64, usize), set: &[usize]) -> bool {
+        /// What other shapes, bounds and σ at its best can add, nats.
+        const FAR: f64 = 30.0;
+        if self.known.borrow().contains_key(&sorted(set)) {
+            return false;
+        }
+        let more = self.beyond_shared(set);
+        let guess = self.sigmas.borrow()[shape];
+        let roughly = self.shared.borrow_mut().1[shape].roughly(&self.moments[shape], &more, guess);
+        roughly - self.prices(set) < value - FAR
     }
 
     /// Columns of a set beyond the shared ones, which are all but its last member's: sets are asked that differ in that.
@@ -248,7 +272,7 @@ impl<'a> Search<'a> {
 
     fn climb(&self, start: Vec<usize>, pool: &[usize]) -> Vec<usize> {
         let mut set = start;
-        let mut value = self.objective(&set);
+        let mut own = self.weighed(&set);
         // Each round gains.
         for _ in 0..3 * MOST {
             let mut moves: Vec<Vec<usize>> = Vec::new();
@@ -265,9 +289,10 @@ impl<'a> Search<'a> {
                 );
                 moves.push(without);
             }
-            let best = moves.into_iter().map(|m| (self.objective(&m), m)).max_by(|a, b| a.0.total_cmp(&b.0));
+            let near = moves.into_iter().filter(|set| !self.is_far_below(own, set));
+            let best = near.map(|set| (self.weighed(&set), set)).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
             match best {
-                Some((better, chosen)) if better > value + 1e-9 => (value, set) = (better, chosen),
+                Some((better, chosen)) if better.0 > own.0 + 1e-9 => (own, set) = (better, chosen),
                 _ => break,
             }
         }
@@ -418,4 +443,11 @@ impl<'a> Search<'a> {
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         (of_kind / total, rivals)
     }
+}
+
+/// Members of a set in order.
+pub(super) fn sorted(set: &[usize]) -> Vec<usize> {
+    let mut sorted = set.to_vec();
+    sorted.sort_unstable();
+    sorted
 }
