@@ -4,7 +4,7 @@
   benches/compare.py [--anchors DIR] [--targets N] [--runs N]        a table on stdout
   benches/compare.py --figure docs/speed.svg [--largest N]           how time and memory grow
   benches/compare.py --memory [--targets N]                          peak memory by kind of program and command
-  benches/compare.py --identification --rows 200000                  the same of an identification alone
+  benches/compare.py --identification --rows 210000                  the same of an identification alone
 
 --anchors (or ANCHORS in the environment) is a folder with the hand-written floor, built: target/release/pipeline_floor and
 force_bench; --python an interpreter with the packages of its python_job.py, the same job in NumPy. What is not there is left
@@ -389,7 +389,7 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--figure")
     parser.add_argument("--largest", type=int, default=10_000_000)
-    parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 200000 takes minutes and gigabytes")
+    parser.add_argument("--rows", type=int, default=10_000, help="most measured rows of an identification; 210000 for the largest")
     parser.add_argument("--identification", action="store_true", help="only how an identification grows")
     parser.add_argument("--memory", action="store_true", help="only peak memory")
     parser.add_argument("--generate", metavar="FILE", help="only write the program of --targets")

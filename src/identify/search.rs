@@ -329,7 +329,7 @@ impl<'a> Search<'a> {
     pub(super) fn sets(&self, set: &[usize]) -> Vec<(f64, Vec<usize>)> {
         /// Sets below this are not told.
         const TOLD: f64 = 0.005;
-        let (own, caution) = (self.objective(set), self.caution());
+        let (own, caution) = (self.weighed(set), self.caution());
         let mut moves = vec![set.to_vec()];
         let further = |set: &[usize]| {
             let joins = |c: &usize| self.candidates[*c].is_named() && self.joins(set, *c);
@@ -345,8 +345,11 @@ impl<'a> Search<'a> {
         let mut by_names: BTreeMap<Vec<&str>, (f64, f64, Vec<usize>)> = BTreeMap::new();
         let mut total = 0.0;
         for set in moves {
+            if self.is_far_below(own, &set) {
+                continue;
+            }
             let value = self.objective(&set);
-            let weight = ((value - own) / caution).min(50.0).exp();
+            let weight = ((value - own.0) / caution).min(50.0).exp();
             total += weight;
             let entry = by_names.entry(self.names(&set)).or_insert((0.0, f64::NEG_INFINITY, Vec::new()));
             entry.0 += weight;
@@ -407,31 +410,36 @@ impl<'a> Search<'a> {
         allowed: &dyn Fn(&Candidate) -> bool,
     ) -> (f64, Vec<(String, f64)>) {
         let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
-        let (own, caution) = (self.objective(set), self.caution());
+        let (own, caution) = (self.weighed(set), self.caution());
         let mut weights: BTreeMap<String, f64> = BTreeMap::new();
         let mut total = 1.0;
-        let share = |value: f64| ((value - own) / caution).min(50.0).exp();
-        total += share(self.objective(&without));
+        // Nats that a set is given beyond its evidence.
+        let share = |set: &[usize], more: f64| {
+            let far = self.is_far_below(own, set);
+            if far { 0.0 } else { ((self.objective(set) + more - own.0) / caution).min(50.0).exp() }
+        };
+        total += share(&without, 0.0);
         // What other variants of its kind add is its own.
         let mut of_kind = 1.0;
         for (c, candidate) in self.candidates.iter().enumerate() {
             if c == member || !allowed(candidate) || !self.joins(&without, c) {
                 continue;
             }
+            let set = [&without[..], &[c]].concat();
             if candidate.kind == self.candidates[member].kind {
-                let weight = share(self.objective(&[&without[..], &[c]].concat()));
+                let weight = share(&set, 0.0);
                 of_kind += weight;
                 total += weight;
                 continue;
             }
             let nested = if contains(&candidate.kind, &self.candidates[member].kind) { NESTED * caution } else { 0.0 };
-            let weight = share(self.objective(&[&without[..], &[c]].concat()) + nested);
+            let weight = share(&set, nested);
             total += weight;
             *weights.entry(candidate.kind.clone()).or_default() += weight;
         }
         for (c, set) in self.beside_faults(&without, &|c| c != member) {
             let kind = &self.candidates[c].kind;
-            let weight = share(self.objective(&set));
+            let weight = share(&set, 0.0);
             total += weight;
             if *kind == self.candidates[member].kind {
                 of_kind += weight;
