@@ -183,17 +183,16 @@ impl<'a> Search<'a> {
     /// What a member must gain: more for its variants, and for what could stand for anything.
     pub(super) fn price(&self, c: usize) -> f64 {
         let candidate = &self.candidates[c];
-        // That parts are clamped anew, or that a known effect is known better, is no discovery.
         let price = match candidate.standing() {
+            Some(Standing::Unlisted) => UNLISTED,
+            // That parts are clamped anew, or that a known effect is known better, is no discovery.
             Some(Standing::Nuisance) => 0.0,
             _ if candidate.known.is_some() => MOVED,
             _ => PRICE,
         };
-        let price = match candidate.standing() {
-            Some(Standing::Unlisted) => UNLISTED,
-            _ if candidate.is_flexible() => price + FLEXIBLE,
-            _ => price,
-        };
+        // What passes for much; what is unlisted has that in its own price.
+        let bent = candidate.is_flexible() && candidate.standing() != Some(Standing::Unlisted);
+        let price = if bent { price + FLEXIBLE } else { price };
         price + candidate.variants.ln()
     }
 
