@@ -1,6 +1,6 @@
 //! A joint's own error as a smooth curve of its angle, where no few harmonics describe it.
 //!
-//! Valid only where it was seen: beyond its first and last knot the curve holds their value, and
+//! Valid only where it was seen: beyond its first and last knot the curve fades to nothing, so that no correction jumps, and
 //! [`Effect::covers`] says so.
 
 use super::spline::{Place, Spline};
@@ -55,7 +55,8 @@ impl JointCurve {
         &self.knots_deg
     }
 
-    /// What each knot's value counts for at a commanded motor angle, degrees; one in all. As many as there are knots.
+    /// What each knot's value counts for at a commanded motor angle, degrees; one in all where the curve holds. As many as there are
+    /// knots.
     pub fn weights(&self, angle_deg: f64, out: &mut [f64]) {
         let Place { i, values, bends } = Place::of(&self.knots_deg, angle_deg);
         for (out, (low, high)) in out.iter_mut().zip(self.bends[i].iter().zip(&self.bends[i + 1])) {

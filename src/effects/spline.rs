@@ -1,5 +1,9 @@
-/// Natural cubic spline through knots: smooth to the second derivative, linear in its values, held constant beyond the
-/// first and last knot.
+//! A smooth curve through knots that claims nothing beyond them.
+
+use super::fade;
+
+/// Natural cubic spline through knots: smooth to the second derivative, linear in its values. Beyond the first and the last knot
+/// their value fades to nothing over a step as wide as the one before: nothing is known there.
 #[derive(Clone, Debug)]
 pub(super) struct Spline {
     knots: Vec<f64>,
@@ -62,12 +66,14 @@ pub(super) struct Place {
 
 impl Place {
     pub(super) fn of(knots: &[f64], x: f64) -> Self {
-        let x = x.clamp(knots[0], knots[knots.len() - 1]);
+        let within = x.clamp(knots[0], knots[knots.len() - 1]);
+        let (beyond, x) = ((x - within).abs(), within);
         let i = knots.partition_point(|knot| *knot <= x).clamp(1, knots.len() - 1) - 1;
         let step = knots[i + 1] - knots[i];
         let (a, b) = ((knots[i + 1] - x) / step, (x - knots[i]) / step);
         let bend = |share: f64| (share.powi(3) - share) * step * step / 6.0;
-        Self { i, values: [a, b], bends: [bend(a), bend(b)] }
+        let left = fade(1.0 + beyond / step);
+        Self { i, values: [left * a, left * b], bends: [bend(a), bend(b)] }
     }
 }
 
@@ -83,8 +89,16 @@ mod tests {
         assert_relative_eq!(spline.at(0.5), 11.0 / 16.0, max_relative = 1e-15);
         assert_relative_eq!(spline.at(1.5), 11.0 / 16.0, max_relative = 1e-15);
         assert_relative_eq!(spline.at(1.0), 1.0);
-        assert_relative_eq!(spline.at(-7.0), 0.0);
         assert!(spline.covers(2.0) && !spline.covers(2.1));
+    }
+
+    #[test]
+    fn beyond_the_knots_the_last_value_fades_over_a_step() {
+        let spline = Spline::new(vec![0.0, 1.0, 3.0], vec![4.0, 1.0, 8.0]);
+        // 3 t² − 2 t³ of what is left of the step: 1 before, 2 behind.
+        for (x, value) in [(0.0, 4.0), (-0.5, 2.0), (-1.0, 0.0), (-7.0, 0.0), (3.0, 8.0), (3.5, 6.75), (5.0, 0.0)] {
+            assert_relative_eq!(spline.at(x), value, max_relative = 1e-15, epsilon = 1e-15);
+        }
     }
 
     #[test]

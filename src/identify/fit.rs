@@ -1,14 +1,13 @@
 //! Fitting the chosen effects together: down the slope, over to lookalikes, and without what is not needed.
 
-use super::candidate::{Candidate, SPRING, fitted};
+use super::candidate::fitted;
 use super::device_pose;
 use super::engine::Engine;
-use super::found::{Linearised, Posterior};
+use super::found::Linearised;
 use super::noise;
 use super::score::{Normal, posterior};
-use super::search::{Search, caution};
+use super::search::Search;
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
 
 /// Steps of a refit at most.
 const REFITS: usize = 8;
@@ -23,24 +22,6 @@ const CLEARLY: f64 = 5.0;
 /// Leaps to lookalikes in a refit at most, and what one must gain, twice nats.
 const LEAPS: usize = 5;
 const LEAP: f64 = 1.0;
-
-/// Evidence of each kind at its own best, nats.
-type Odds = BTreeMap<String, f64>;
-
-/// Evidence of a set about its own fit, nats, with all numbers, and the set.
-type Best = (f64, Vec<Candidate>, Vec<usize>);
-
-/// The laws of the joints' springs beside one another, and beside all else that could stand there.
-struct Springs {
-    /// The chosen one.
-    own: usize,
-    odds: Odds,
-    /// Evidence of the set with nothing in its place, nats, where all that could stand there was weighed without it.
-    nothing: Option<f64>,
-    /// The best with its numbers, and its set.
-    candidates: Vec<Candidate>,
-    chosen: Vec<usize>,
-}
 
 impl Engine {
     /// Fits the chosen numbers: down the nearest slope, then from any lookalike that is better.
@@ -206,108 +187,6 @@ impl Engine {
             self.choose(self.chosen.iter().copied().filter(|&o| o != c).collect());
             any = true;
         }
-    }
-
-    /// Lets the other laws of the joints' springs, each fitted in full, and all else stand against the chosen one.
-    ///
-    /// Where a bent spring's slopes meet cannot be seen from a straight one, so that searches about the fit pass it over; nor do
-    /// its slopes where they meet tell what the rows would be without it.
-    pub(super) fn contest(&mut self, posteriors: &mut Vec<Posterior>) {
-        let before = self.chosen.clone();
-        let Some(springs) = self.spring_laws() else { return };
-        (self.candidates, self.chosen) = (springs.candidates.clone(), springs.chosen.clone());
-        self.refit();
-        let new = |c: &usize| !before.contains(c) && !self.candidates[*c].is_pattern();
-        let now = self.chosen.iter().copied().find(new).or(Some(springs.own).filter(|own| self.chosen.contains(own)));
-        match (posteriors.iter_mut().find(|(c, _)| *c == springs.own), now) {
-            (Some(member), Some(now)) => {
-                member.0 = now;
-                self.share_among_springs(member, springs);
-            }
-            _ => posteriors.retain(|(c, _)| *c != springs.own),
-        }
-    }
-
-    /// The posterior of the chosen law of the joints' springs against the others, each fitted in full.
-    pub(super) fn weigh_springs(&mut self, posteriors: &mut [Posterior]) {
-        let Some(springs) = self.spring_laws() else { return };
-        self.refit();
-        if let Some(member) = posteriors.iter_mut().find(|(c, _)| *c == springs.own) {
-            self.share_among_springs(member, springs);
-        }
-    }
-
-    /// Each law fitted in full in the chosen one's place, and all else weighed about the fit without it;
-    /// `None` where none is chosen, or two that have been weighed against each alone already.
-    fn spring_laws(&mut self) -> Option<Springs> {
-        let spring = |c: &usize| self.candidates[*c].family == SPRING;
-        let springs: Vec<usize> = self.chosen.iter().copied().filter(spring).collect();
-        let [own] = springs[..] else { return None };
-        let others: Vec<usize> = (0..self.candidates.len())
-            .filter(|c| *c != own && spring(c) && self.candidates[*c].is_full_size())
-            .collect();
-        let mut odds = Odds::new();
-        let mut best: Best = (self.objective_here(), self.candidates.clone(), self.chosen.clone());
-        odds.insert(self.candidates[own].kind.clone(), best.0);
-        let state = (self.candidates.clone(), self.chosen.clone());
-        for other in others {
-            self.choose(state.1.iter().map(|&c| if c == own { other } else { c }).collect());
-            let value = self.objective_here();
-            let known = odds.entry(self.candidates[other].kind.clone()).or_insert(value);
-            *known = known.max(value);
-            if value > best.0 {
-                best = (value, self.candidates.clone(), self.chosen.clone());
-            }
-            (self.candidates, self.chosen) = state.clone();
-        }
-        let multiplies = self.candidates[own].law().is_some_and(|law| law.multiplies);
-        let nothing = if multiplies { Some(self.weigh_elsewhere(own, &mut odds, &mut best)) } else { None };
-        (self.candidates, self.chosen) = state;
-        Some(Springs { own, odds, nothing, candidates: best.1, chosen: best.2 })
-    }
-
-    /// Weighs all that is no law of the springs in the place of one, about the fit without it; the evidence of nothing there, nats.
-    fn weigh_elsewhere(&mut self, own: usize, odds: &mut Odds, best: &mut Best) -> f64 {
-        let without: Vec<usize> = self.chosen.iter().copied().filter(|c| *c != own).collect();
-        self.choose(without.clone());
-        let all: Vec<usize> = (0..self.candidates.len()).collect();
-        let linear = self.linearise(&all, &[self.shape]);
-        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-        let nothing = search.objective(&without);
-        let mut likeliest: Option<(f64, Vec<usize>)> = None;
-        for (kind, (value, set)) in search.in_place_of(own, &without) {
-            odds.insert(kind.to_owned(), value);
-            if value > likeliest.as_ref().map_or(best.0, |(most, _)| *most) {
-                likeliest = Some((value, set));
-            }
-        }
-        if let Some((_, set)) = likeliest {
-            self.choose(set);
-            let value = self.objective_here();
-            if value > best.0 {
-                *best = (value, self.candidates.clone(), self.chosen.clone());
-            }
-        }
-        nothing
-    }
-
-    /// The posterior of what stands in the place of a law of the springs, from the odds of all that could; where others were not
-    /// weighed about a fit of their own they keep theirs.
-    fn share_among_springs(&self, (member, (share, rivals)): &mut Posterior, springs: Springs) {
-        let kind = &self.candidates[*member].kind;
-        let fitted = self.problem.rows.iter().filter(|row| !row.held_out && !row.outlier);
-        let caution = caution(fitted.map(|row| row.seen.count()).sum());
-        rivals.retain(|(rival, _)| springs.nothing.is_none() && !springs.odds.contains_key(rival));
-        let elsewhere: f64 = rivals.iter().map(|(_, share)| share).sum::<f64>().min(1.0 - f64::EPSILON);
-        let most = springs.odds.values().copied().chain(springs.nothing).fold(f64::NEG_INFINITY, f64::max);
-        let weight = |odds: f64| ((odds - most) / caution).exp();
-        let weights: BTreeMap<String, f64> =
-            springs.odds.into_iter().map(|(kind, odds)| (kind, weight(odds))).collect();
-        let total = weights.values().sum::<f64>() + springs.nothing.map_or(0.0, weight);
-        *share = (1.0 - elsewhere) * weights.get(kind).copied().unwrap_or(1.0) / total;
-        let others = weights.into_iter().filter(|(other, _)| other != kind);
-        rivals.extend(others.map(|(other, weight)| (other, (1.0 - elsewhere) * weight / total)));
-        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
     }
 
     /// Evidence of the chosen set less its price, about its own fit.

@@ -40,6 +40,7 @@ mod score;
 mod search;
 mod separability;
 mod smooth;
+mod springs;
 mod ties;
 mod whole;
 

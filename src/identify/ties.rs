@@ -23,11 +23,6 @@ pub(super) fn add(added: &mut [Added], extended: &[NewEffect], never_returns: bo
         for like in there.iter().filter(|other| law.locally_like.contains(&other.name)) {
             tie(effect, like.name);
         }
-        // Of one spring, off and bent make up for one another wherever its law is not quite either.
-        let springs = |other: &&&Kind| other.part == Part::JointSpring && other.name != law.name;
-        if law.part == Part::JointSpring {
-            there.iter().filter(springs).for_each(|other| tie(effect, other.name));
-        }
         // What a law of the springs has among its effects is that law as well, beside another one of the same springs.
         let beside_spring = there.iter().any(|other| other.part == Part::JointSpring);
         let whole = |whole: &&&str| kind(whole).is_some_and(|whole| whole.part == Part::JointSpring);
