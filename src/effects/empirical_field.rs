@@ -1,7 +1,8 @@
 //! No named effect explains it: a field over the place of what was left there, used only near where it was seen.
 //!
 //! The second form of `empirical`: a sum of bells about the places where something was left. It acts in full as near to one
-//! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps.
+//! of them as it was seen to hold, and fades to nothing over as much again, so that no correction jumps. What is left in one
+//! clamping may belong to the place in the base or to that on the part: it acts where both are near.
 
 use super::{Effect, Offset, Parameter, Parts, Physics, Site, Situation, table_of};
 use crate::lanes::{Mask, Real, Vector};
@@ -22,17 +23,39 @@ pub(super) struct EmpiricalField {
     within_mm: f64,
     /// Places in the base.
     at_mm: Vec<[f64; 3]>,
+    /// The same places in the work object; without them the field is of the base alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    on_part_mm: Vec<[f64; 3]>,
     /// What each place's bell shifts by.
     shift_mm: Vec<[f64; 3]>,
 }
 
-/// A field of bells about places in the base, each with a shift of its own (base axes, mm), that holds within a distance of
-/// them: an `empirical` effect.
+/// A place of a field, mm.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldPlace {
+    /// In the base.
+    pub at: Vector3<f64>,
+    /// In the work object.
+    pub on_part: Vector3<f64>,
+}
+
+impl FieldPlace {
+    /// How far two places are from one another, in the base or on the part, whichever is more.
+    #[must_use]
+    pub fn apart(&self, other: &Self) -> f64 {
+        (self.at - other.at).norm().max((self.on_part - other.on_part).norm())
+    }
+}
+
+/// A field of bells about places, each with a shift of its own (base axes, mm), that holds within a distance of them: an
+/// `empirical` effect.
 #[must_use]
-pub fn empirical_field(reach_mm: f64, within_mm: f64, bells: &[(Vector3<f64>, Vector3<f64>)]) -> Box<dyn Effect> {
+pub fn empirical_field(reach_mm: f64, within_mm: f64, bells: &[(FieldPlace, Vector3<f64>)]) -> Box<dyn Effect> {
     let three = |v: Vector3<f64>| [v.x, v.y, v.z];
-    let (at_mm, shift_mm) = bells.iter().map(|(at, shift)| (three(*at), three(*shift))).unzip();
-    Box::new(EmpiricalField { reach_mm, within_mm, at_mm, shift_mm })
+    let at_mm = bells.iter().map(|(place, _)| three(place.at)).collect();
+    let on_part_mm = bells.iter().map(|(place, _)| three(place.on_part)).collect();
+    let shift_mm = bells.iter().map(|(_, shift)| three(*shift)).collect();
+    Box::new(EmpiricalField { reach_mm, within_mm, at_mm, on_part_mm, shift_mm })
 }
 
 impl EmpiricalField {
@@ -47,18 +70,24 @@ impl EmpiricalField {
         if places != shifts || !finite(&self.at_mm) || !finite(&self.shift_mm) {
             return Err(format!("{places} `at_mm` and {shifts} `shift_mm`, expected as many of both, all finite"));
         }
+        let on_part = self.on_part_mm.len();
+        if on_part > 0 && on_part != places || !finite(&self.on_part_mm) {
+            return Err(format!(
+                "{places} `at_mm` and {on_part} `on_part_mm`, expected as many of both or none, all finite"
+            ));
+        }
         Ok(self)
     }
 
-    /// Squared distances, mm², from where the TCP is sent to the places.
-    fn apart(&self, situation: &Situation) -> impl Iterator<Item = f64> {
-        let place = 1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector;
-        self.at_mm.iter().map(move |at| (place - Vector3::from(*at)).norm_squared())
-    }
-
-    /// Distance to the nearest place, in those up to which the field holds.
+    /// Distance from where the TCP is sent to the nearest place, in those up to which the field holds.
     fn off(&self, situation: &Situation) -> f64 {
-        self.apart(situation).fold(f64::INFINITY, f64::min).sqrt() / self.within_mm
+        let on_part = 1e3 * situation.wobj_from_tcp.translation.vector;
+        let at = 1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector;
+        let apart = |(i, place): (usize, &[f64; 3])| {
+            let known = Vector3::from(*self.on_part_mm.get(i).unwrap_or(&on_part.into()));
+            FieldPlace { at, on_part }.apart(&FieldPlace { at: Vector3::from(*place), on_part: known })
+        };
+        self.at_mm.iter().enumerate().map(apart).fold(f64::INFINITY, f64::min) / self.within_mm
     }
 }
 
@@ -82,10 +111,15 @@ impl Physics for EmpiricalField {
         let place = site.base_from_wobj.point(site.wanted) * R::of(1e3);
         let scale = -0.5 / (self.reach_mm * self.reach_mm);
         let (mut shift, mut nearest) = (Vector::ZERO, R::of(f64::INFINITY));
-        for (at, bell) in self.at_mm.iter().zip(&self.shift_mm) {
+        for (i, (at, bell)) in self.at_mm.iter().zip(&self.shift_mm).enumerate() {
             let apart = place - Vector::of(&(*at).into());
             let apart = apart.dot(apart);
-            nearest = apart.lt(nearest).select(apart, nearest);
+            let off = self.on_part_mm.get(i).map_or(apart, |on_part| {
+                let off = site.wanted * R::of(1e3) - Vector::of(&(*on_part).into());
+                let off = off.dot(off);
+                off.lt(apart).select(apart, off)
+            });
+            nearest = off.lt(nearest).select(off, nearest);
             let exponent = apart * scale;
             let felt = R::of(NOTHING).lt(exponent);
             if felt.any() {
@@ -128,6 +162,21 @@ mod tests {
         within_mm = 20
         at_mm = [[100, 0, 0], [130, 0, 0]]
         shift_mm = [[0.1, 0, 0], [0, -0.04, 0]]"#;
+
+    #[test]
+    fn another_clamping_is_not_where_it_was_seen() {
+        let at = |wobj: f64, on_part: f64| {
+            let mut bench = Bench::default();
+            bench.situation.base_from_wobj.translation.vector = Vector3::new(wobj, 0.0, 0.0);
+            bench.situation.wobj_from_tcp.translation.vector = Vector3::new(on_part, 0.0, 0.0);
+            bench.run(&format!("{FIELD}\non_part_mm = [[50, 0, 0], [80, 0, 0]]")).1.lag
+        };
+        // As seen, with a work object 30 mm off (halfway through the fade on the part), and 40 mm off (gone).
+        let first = 1e-4 * (-0.125f64).exp();
+        assert_abs_diff_eq!(at(0.05, 0.060).x, first, epsilon = 1e-15);
+        assert_abs_diff_eq!(at(0.09, 0.020).x, 0.5 * first, epsilon = 1e-15);
+        assert_abs_diff_eq!(at(0.10, 0.010), Vector3::zeros());
+    }
 
     #[test]
     fn bells_add_up_and_end() {

@@ -38,8 +38,8 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
-pub use empirical_field::empirical_field;
 pub(crate) use empirical_field::fade;
+pub use empirical_field::{FieldPlace, empirical_field};
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use kind::{Kind, Part, Shape, Stage};

@@ -3,7 +3,7 @@
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
 use crate::correct::Prepared;
-use crate::effects::{Cutting, Situation};
+use crate::effects::{Cutting, FieldPlace, Situation};
 use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
 use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
@@ -409,6 +409,12 @@ impl Problem {
     pub(super) fn place_mm(&self, row: &Observation) -> Vector3<f64> {
         let run = &self.runs[row.run];
         1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
+    }
+
+    /// The same beside its place in the work object.
+    pub(super) fn place_of(&self, row: &Observation) -> FieldPlace {
+        let on_part = 1e3 * self.runs[row.run].points[row.point].reference.translation.vector;
+        FieldPlace { at: self.place_mm(row), on_part }
     }
 
     /// When a row was measured, s.

@@ -12,7 +12,7 @@ use super::noise::{self, Field, Over};
 use super::pattern::Standing;
 use super::score::in_standard_errors;
 use super::search::Search;
-use crate::effects::{empirical_field, fade};
+use crate::effects::{FieldPlace, empirical_field, fade};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
 use rayon::prelude::*;
 use statrs::function::erf::erf;
@@ -34,7 +34,7 @@ struct Left {
     /// What is left out together.
     block: (usize, usize),
     weight: f64,
-    place: Vector3<f64>,
+    place: FieldPlace,
     error: Vector3<f64>,
 }
 
@@ -118,7 +118,7 @@ impl Engine {
                 order: row.order,
                 block: self.problem.validation_block(row),
                 weight: row.weight * row.tail,
-                place: self.problem.place_mm(row),
+                place: self.problem.place_of(row),
                 error: base_from_wobj.rotation * error,
             }
         };
@@ -133,7 +133,7 @@ impl Engine {
             let (a, b) = (&left[i], &left[j]);
             let white = if i == j { a.weight * a.weight } else { 0.0 };
             let drift = if a.run == b.run { self.shape.drifting(a.order.abs_diff(b.order)) } else { 0.0 };
-            white + drift + field.covariance(&a.place, &b.place)
+            white + drift + field.covariance(&a.place.at, &b.place.at)
         });
         let factor: Cholesky<f64, Dyn> = covariance.cholesky()?;
         let errors = DMatrix::from_fn(left.len(), 3, |i, k| left[i].error[k]);
@@ -175,17 +175,17 @@ impl Engine {
 
 impl Kriged<'_> {
     /// The field's mean, mm.
-    fn at(&self, place: &Vector3<f64>) -> Vector3<f64> {
+    fn at(&self, place: &FieldPlace) -> Vector3<f64> {
         let bell = |(left, shift): (&Left, &Vector3<f64>)| {
-            shift * self.field.covariance(place, &left.place) / self.field.share
+            shift * self.field.covariance(&place.at, &left.place.at) / self.field.share
         };
         self.left.iter().zip(&self.shifts).map(bell).sum()
     }
 }
 
 /// Distance to the nearest place, mm.
-fn nearest(left: &[Left], place: &Vector3<f64>) -> f64 {
-    left.iter().map(|l| (l.place - place).norm()).fold(f64::INFINITY, f64::min)
+fn nearest(left: &[Left], place: &FieldPlace) -> f64 {
+    left.iter().map(|l| l.place.apart(place)).fold(f64::INFINITY, f64::min)
 }
 
 /// How likely a gain of so many standard errors is one: of a name there is no question.
