@@ -5,8 +5,10 @@ use super::engine::Engine;
 use super::explain::NAMED;
 use super::found::Posterior;
 use super::search::Search;
-use crate::effects::Shape;
+use crate::effects::{Shape, kind};
 
+/// Odds from which on another effect is likelier on all rows: nearer to even noise decides as often.
+const LIKELIER: f64 = 1.5;
 /// A posterior that a quarter more rows do not undo.
 const SURE: f64 = 0.999;
 
@@ -26,9 +28,45 @@ impl Engine {
             (self.candidates, self.covariance) = state;
         } else if posteriors.iter().any(|(_, (share, _))| *share < SURE) {
             self.weigh_anew(posteriors);
+            self.take_likelier(posteriors);
         }
         for (row, (held_out, outlier)) in self.problem.rows.iter_mut().zip(marks) {
             (row.held_out, row.outlier) = (held_out, outlier);
+        }
+    }
+
+    /// Takes an effect that is likelier than the chosen one on all rows in its place: what is written is to be what most rows speak
+    /// for, though its error is told of the one that was found without those held out.
+    fn take_likelier(&mut self, posteriors: &mut [Posterior]) {
+        for place in 0..posteriors.len() {
+            let (member, (share, rivals)) = &posteriors[place];
+            let (member, share) = (*member, *share);
+            let likelier = rivals.iter().find(|(rival, _)| kind(rival).is_some());
+            let Some((rival, more)) = likelier.filter(|(_, other)| *other > LIKELIER * share).cloned() else {
+                continue;
+            };
+            let without: Vec<usize> = self.chosen.iter().copied().filter(|&c| c != member).collect();
+            let all: Vec<usize> = (0..self.candidates.len()).collect();
+            let linear = self.linearise(&all, &[self.shape]);
+            let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+            let could = |&c: &usize| self.candidates[c].kind == rival && search.joins(&without, c);
+            let value = |c: usize| (search.objective(&[&without[..], &[c]].concat()), c);
+            let best = all.into_iter().filter(could).map(value).max_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, other)) = best else { continue };
+            let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
+            let own = self.candidates[member].kind.clone();
+            self.choose(state.1.iter().map(|&c| if c == member { other } else { c }).collect());
+            if self.residual().iter().any(|v| !v.is_finite()) {
+                (self.candidates, self.chosen, self.covariance) = state;
+                continue;
+            }
+            let (c, (now, rivals)) = &mut posteriors[place];
+            (*c, *now) = (other, more);
+            let known = rivals.iter_mut().find(|(kind, _)| *kind == self.candidates[other].kind);
+            if let Some(known) = known {
+                *known = (own, share);
+            }
+            rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
     }
 

@@ -174,7 +174,8 @@ impl Engine {
             self.take_all_rows(&mut posteriors);
         }
         let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
-        for (added, (_, (posterior, rivals))) in added.iter_mut().zip(named) {
+        for (added, (c, (posterior, rivals))) in added.iter_mut().zip(named) {
+            added.kind.clone_from(&self.candidates[*c].kind);
             // Beside something that no effect explains no name is sure.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
             let told = added.posterior >= NAMED;
