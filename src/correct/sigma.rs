@@ -6,12 +6,14 @@ use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
 use crate::program::Program;
+use crate::robot::Joints;
 use nalgebra::{DMatrix, Vector3};
 
 /// Step of a parameter for its derivative, in standard deviations: the model is smooth on that scale.
 const STEP: f64 = 0.5;
 
-/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter.
+/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter, and with each
+/// joint where an effect was not seen.
 pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
     let known: Vec<(usize, &DMatrix<f64>)> =
         cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
@@ -40,10 +42,28 @@ pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &
                 }
             }
         }
+        let more = parallelism.map(at.len(), |n| at[n].map_or(0.0, |point| unseen(cell, effect, prepared, point)));
+        variance.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     }
     for (row, variance) in rows.iter_mut().zip(variance) {
         row.sigma_mm = Some(1e3 * (variance.max(0.0) / 3.0).sqrt());
     }
+}
+
+/// Variance of a predicted position, m², all axes together, for what an effect does not say of the joints there.
+fn unseen(cell: &Cell, effect: usize, prepared: &Prepared, point: usize) -> f64 {
+    let (situation, point) = (prepared.situation(point), &prepared.points[point]);
+    let sigma = cell.arm.effects[effect].unseen(&point.motor);
+    let place = |motor: &Joints| {
+        let there = cell.arm.predict(&situation, motor, &point.travel).ok()?;
+        Some(there.wobj_from_tcp.translation.vector)
+    };
+    let of = |joint: usize| {
+        let mut motor = point.motor;
+        motor[joint] += sigma[joint];
+        Some((place(&motor)? - place(&point.motor)?).norm_squared())
+    };
+    (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
 }
 
 /// Change of every predicted position with one parameter, m per unit.

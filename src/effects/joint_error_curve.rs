@@ -149,6 +149,17 @@ impl Effect for JointErrorCurve {
         self.curves.iter().all(|(joint, curve)| curve.covers(motor_commanded[*joint].to_degrees()))
     }
 
+    /// A curve is as large elsewhere as where it was seen, and has less and less to do with its end.
+    fn unseen(&self, motor_commanded: &Joints) -> Joints {
+        let mut sigma = Joints::zeros();
+        for (joint, curve) in &self.curves {
+            let held = curve.held(motor_commanded[*joint].to_degrees());
+            let mean_square = curve.values().iter().map(|v| v * v).sum::<f64>() / curve.values().len() as f64;
+            sigma[*joint] = (mean_square * (1.0 - held * held)).sqrt();
+        }
+        sigma
+    }
+
     fn joint_curve(&self) -> Option<JointCurve> {
         let [(joint, curve)] = &self.curves[..] else { return None };
         let knots = curve.knots();
@@ -198,8 +209,23 @@ mod tests {
         let mut bench = Bench::default();
         bench.motor[1] = 5f64.to_radians();
         assert_abs_diff_eq!(bench.run(curve).1.joints[1], 6.5e-5 + 1.593_75e-5, epsilon = 1e-18);
+        // Halfway out of the step beyond the last knot, and out of it.
+        bench.motor[1] = 15f64.to_radians();
+        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 1.5e-5, epsilon = 1e-18);
         bench.motor[1] = 40f64.to_radians();
-        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 3e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 0.0);
+    }
+
+    #[test]
+    fn beyond_its_knots_a_curve_may_be_as_large_as_it_is() {
+        let flat = joint_error_curve(2, -10.0, 10.0, 10.0);
+        let curve = flat.with_values(&[3e-5, 0.0, -4e-5]);
+        let unseen = |deg: f64| curve.unseen(&crate::robot::Joints::from([0.0, deg.to_radians(), 0.0, 0.0, 0.0, 0.0]));
+        let rms: f64 = (25e-10f64 / 3.0).sqrt();
+        assert_abs_diff_eq!(unseen(7.0).norm(), 0.0);
+        // Half of the end's value is held at half a step: √(1 − ¼) is not.
+        assert_abs_diff_eq!(unseen(15.0)[1], rms * 0.75f64.sqrt(), epsilon = 1e-18);
+        assert_abs_diff_eq!(unseen(-40.0)[1], rms, epsilon = 1e-18);
     }
 
     #[test]
@@ -208,7 +234,7 @@ mod tests {
         let curve = flat.joint_curve().unwrap();
         let values: Vec<f64> = (0..curve.knots_deg().len()).map(|i| ((i * i) as f64).sin()).collect();
         let raised = flat.with_values(&values);
-        for angle in [-40.0, -30.0, -3.3, 12.0, 49.9, 50.0, 60.0] {
+        for angle in [-40.0, -33.0, -30.0, -3.3, 12.0, 49.9, 50.0, 60.0] {
             let mut weights = vec![0.0; values.len()];
             curve.weights(angle, &mut weights);
             let mut bench = Bench::default();
@@ -216,7 +242,12 @@ mod tests {
             let there = bench.run(&toml::to_string(&raised.to_table()).unwrap()).1.joints[0];
             let sum: f64 = weights.iter().zip(&values).map(|(w, v)| w * v).sum();
             assert_abs_diff_eq!(there, sum, epsilon = 1e-12);
-            assert_abs_diff_eq!(weights.iter().sum::<f64>(), 1.0, epsilon = 1e-12);
+            let held = curve
+                .knots_deg()
+                .last()
+                .zip(curve.knots_deg().first())
+                .is_some_and(|(last, first)| (*first..=*last).contains(&angle));
+            assert!(!held || (weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         }
     }
 }

@@ -104,6 +104,12 @@ pub trait Effect: Listed + Debug + Send + Sync {
         true
     }
 
+    /// Standard deviation, rad, of what each joint may be off beyond what the effect says where it was not seen.
+    fn unseen(&self, motor_commanded: &Joints) -> Joints {
+        let _ = motor_commanded;
+        Joints::zeros()
+    }
+
     /// The curve of one joint's angle that the effect is, where it is nothing else.
     fn joint_curve(&self) -> Option<JointCurve> {
         None

@@ -45,6 +45,11 @@ impl Spline {
         self.knots.first().is_some_and(|first| *first <= x) && self.knots.last().is_some_and(|last| x <= *last)
     }
 
+    /// How much of the nearest knot's value is left beyond the first or the last one; one between them.
+    pub(super) fn held(&self, x: f64) -> f64 {
+        Place::of(&self.knots, x).values.iter().sum()
+    }
+
     /// Second derivatives at the knots.
     pub(super) fn bends(&self) -> &[f64] {
         &self.bends
