@@ -38,7 +38,7 @@ pub(super) fn contains(whole: &str, part: &str) -> bool {
 }
 
 /// A family that contains another is not ruled out by parsimony alone until it loses by this much, in [`caution`]s.
-pub(super) const NESTED: f64 = 1.25;
+pub(super) const NESTED: f64 = 1.0;
 
 /// Nats that count as one in a posterior of so many scalars: models are never quite true, and evidence is surer than it
 /// should be, the more so the more rows repeat what is not true.
