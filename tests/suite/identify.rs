@@ -270,6 +270,22 @@ fn a_field_that_nobody_lists_is_mapped() {
     assert!((rms - found.after.rms_mm).abs() < 1e-4, "{rms} {:?}", found.after);
 }
 
+/// A spring that hardens is no softer one with two slopes; one that is off and has two slopes is both.
+#[test]
+fn laws_of_one_spring_are_weighed_together() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind");
+    for (name, wanted) in [
+        ("designed_white_stiffness_curve-52", &["stiffness_curve"][..]),
+        ("designed_white_springs-4000", &["joint_stiffness", "stiffness_curve"]),
+    ] {
+        let found = of_folder(&folder.join(name));
+        let mut named: Vec<&str> = found.added.iter().map(|added| added.kind.as_str()).collect();
+        named.sort_unstable();
+        assert_eq!(named, wanted, "{name}");
+        assert!(found.added.iter().all(|a| a.posterior >= 0.9 && a.not_told_apart_from.is_empty()), "{name}");
+    }
+}
+
 /// Some cells of the blind table, wandering noise mostly; all of it is `examples/blind_table.rs`.
 #[test]
 fn blind_cells_are_never_named_wrong() {
