@@ -14,7 +14,7 @@ const SURE: f64 = 0.999;
 
 impl Engine {
     /// Fits the chosen numbers to every row, for the cell that is written, and weighs on all of them what could stand in
-    /// each member's place. What is chosen, and its errors, are those that held-out rows had no part in.
+    /// each member's place. Errors stay those of what was chosen without the held-out rows.
     pub(super) fn take_all_rows(&mut self, posteriors: &mut [Posterior]) {
         let marks: Vec<(bool, bool)> = self.problem.rows.iter().map(|row| (row.held_out, row.outlier)).collect();
         let state = (self.candidates.clone(), self.covariance.clone());
