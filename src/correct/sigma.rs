@@ -52,8 +52,11 @@ pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &
 
 /// Variance of a predicted position, m², all axes together, for what an effect does not say of the joints there.
 fn unseen(cell: &Cell, effect: usize, prepared: &Prepared, point: usize) -> f64 {
+    let sigma = cell.arm.effects[effect].unseen(&prepared.points[point].motor);
+    if sigma.amax() <= 0.0 {
+        return 0.0;
+    }
     let (situation, point) = (prepared.situation(point), &prepared.points[point]);
-    let sigma = cell.arm.effects[effect].unseen(&point.motor);
     let place = |motor: &Joints| {
         let there = cell.arm.predict(&situation, motor, &point.travel).ok()?;
         Some(there.wobj_from_tcp.translation.vector)
