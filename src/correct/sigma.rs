@@ -61,10 +61,11 @@ fn unseen(cell: &Cell, effect: usize, prepared: &Prepared, point: usize) -> f64 
         let there = cell.arm.predict(&situation, motor, &point.travel).ok()?;
         Some(there.wobj_from_tcp.translation.vector)
     };
+    let Some(there) = place(&point.motor) else { return 0.0 };
     let of = |joint: usize| {
         let mut motor = point.motor;
         motor[joint] += sigma[joint];
-        Some((place(&motor)? - place(&point.motor)?).norm_squared())
+        Some((place(&motor)? - there).norm_squared())
     };
     (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
 }
