@@ -174,8 +174,17 @@ impl Engine {
             self.take_all_rows(&mut posteriors);
         }
         let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
+        let mut replaced = Vec::new();
         for (added, (c, (posterior, rivals))) in added.iter_mut().zip(named) {
-            added.kind.clone_from(&self.candidates[*c].kind);
+            let kind = &self.candidates[*c].kind;
+            if added.kind != *kind {
+                replaced.push(format!(
+                    "on all rows `{kind}` is likelier than `{}`, which the fitted rows alone speak for: it is written in its place, and \
+                     the errors are those of `{}`; measure once more before this cell is relied on",
+                    added.kind, added.kind
+                ));
+                added.kind.clone_from(kind);
+            }
             // Beside something that no effect explains no name is sure.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
             let told = added.posterior >= NAMED;
@@ -197,6 +206,7 @@ impl Engine {
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
+        advice.extend(replaced);
         advice.extend(self.doubt.take());
         advice.extend(self.refused_mm.map(|error_mm| {
             format!(
