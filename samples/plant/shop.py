@@ -100,8 +100,9 @@ CASES = {
     # Where a hose is fastened stands in the cell; what it pulls with is to be found.
     "hose": dict(plan="designed", effects=[(cable_pull,)], declared=lambda e: {**e, "stiffness_n_per_m": 0.0, "rest_mm": round(0.9 * e["rest_mm"])}),
     "planned": dict(plan="planned", effects=FEW_ROWS),
-    # The same effects and noise on twice the rows.
+    # The same effects and noise on twice and four times the rows.
     "planned48": dict(plan="planned", rows=48, effects=FEW_ROWS, draws_of="planned"),
+    "planned96": dict(plan="planned", rows=96, effects=FEW_ROWS, draws_of="planned"),
     # The same effects and noise on rows that nobody planned.
     "unplanned": dict(plan="zigzag", effects=FEW_ROWS, draws_of="planned"),
 }
