@@ -250,7 +250,7 @@ impl Engine {
         score(&moments, &columns.numbered(), None)
     }
 
-    /// The same columns about the numbers as they are now.
+    /// The same columns about the numbers as they are now, where no field is fitted.
     pub(super) fn renewed(&self, linear: Linearised, wanted: &[usize]) -> Linearised {
         let data = self.pseudo(&linear.design, self.residual(), wanted);
         let series = self.problem.series(|row| !row.held_out);
@@ -294,11 +294,14 @@ impl Engine {
             let score = self.score_of(&now, &search.columns(&set), &shapes);
             (self.sigma, self.shape) = (score.sigma, shapes[score.shape]);
             reached(progress, within(SOLVED, SOUGHT, 2 * round + 1, 2 * GEAR_ROUNDS))?;
-            let first = self.chosen.is_empty() && self.add_gear(&now);
+            // What was found without gear harmonics may only imitate them.
+            if round == 0 && self.add_gear(&now) {
+                continue;
+            }
             self.choose(set);
             let tails = self.widen_tails();
             let jump = self.add_jumps();
-            if !self.add_gear(&now) && !first && !jump && !tails {
+            if !self.add_gear(&now) && !jump && !tails {
                 break;
             }
         }

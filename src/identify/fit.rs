@@ -15,6 +15,8 @@ const REFITS: usize = 8;
 const DAMPINGS: [f64; 5] = [0.0, 1.0, 30.0, 1e3, 1e5];
 /// Changes below this share of the typical sizes are no longer followed.
 const SETTLED: f64 = 1e-4;
+/// Columns serve on where no number changes by more than this share of its typical size: they differ by less than what is fitted.
+const NEARBY: f64 = 0.1;
 /// What a step must gain, twice nats a measured number: what makes up for one another drifts along its valley for less.
 const TREMOR: f64 = 1e-6;
 /// What a member must gain beyond its price when the others are fitted anew without it, nats.
@@ -59,11 +61,13 @@ impl Engine {
     /// Levenberg-Marquardt on the chosen numbers with their priors, noise as last chosen.
     pub(super) fn descend(&mut self) {
         let chosen = self.chosen.clone();
-        let mut last = None;
+        let (mut last, mut largest) = (None, f64::INFINITY);
         for _ in 0..REFITS {
             let linear = match last.take() {
                 // Over the whole robot columns are many and hardly change: the first ones serve to the end.
-                Some(linear) if self.problem.free_device => self.renewed(linear, &chosen),
+                Some(linear) if self.problem.free_device || largest < NEARBY && self.shape.field.is_none() => {
+                    self.renewed(linear, &chosen)
+                }
                 _ => self.linearise(&chosen, &[self.shape]),
             };
             let moments = &linear.moments[0];
@@ -74,7 +78,7 @@ impl Engine {
             let size = covariance.nrows() - frames;
             self.covariance = covariance.view((frames, frames), (size, size)).into_owned();
             let normal = Normal::of(moments, &columns, self.sigma);
-            let largest = self.step(&linear, &normal);
+            largest = self.step(&linear, &normal);
             if largest < SETTLED {
                 break;
             }
