@@ -1,6 +1,6 @@
 """The whole blind table: `table.py [-o FOLDER] [--seeds N] [--first N] [--planned N]`.
 
-Builds deflex, makes the cells of generate.py (designed and plain), of shop.py (as shops have them) and planned ones of 24 and 48 rows, and
+Builds deflex, makes the cells of generate.py (designed and plain), of shop.py (as shops have them) and planned ones of 24, 48 and 96 rows, and
 has each answered by the example `blind_table`, which prints a line a cell and the totals. Needs requirements.txt.
 """
 
@@ -8,6 +8,8 @@ import argparse
 import pathlib
 import subprocess
 import sys
+
+from shop import CASES
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -18,15 +20,19 @@ def main():
     parser.add_argument("-o", "--output", type=pathlib.Path, default=ROOT / "target" / "table")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--first", type=int, default=0, help="number of the first seed: others than those that rules were tuned on")
-    parser.add_argument("--planned", type=int, default=20, help="planned cells of either number of rows")
+    parser.add_argument("--planned", type=int, default=20, help="planned cells of each number of rows")
     a = parser.parse_args()
     subprocess.run(["cargo", "build", "--release", "--bin", "deflex", "--example", "blind_table"], cwd=ROOT, check=True)
     release, first = ROOT / "target" / "release", ["--first", str(a.first)]
-    planned = ["--kinds", "planned,planned48", "--seeds", str(a.planned), "--deflex", str(release / "deflex")]
+    by_deflex = [kind for kind, case in CASES.items() if case["plan"] == "planned"]
+
+    def kinds(some):
+        return ["--kinds", ",".join(some), "--deflex", str(release / "deflex")]
+
     parts = {
         "blind": ["generate.py", "--seeds", str(a.seeds)],
-        "shop": ["shop.py", "--seeds", str(a.seeds), "--deflex", str(release / "deflex")],
-        "planned": ["shop.py", *planned],
+        "shop": ["shop.py", "--seeds", str(a.seeds), *kinds(kind for kind in CASES if kind not in by_deflex)],
+        "planned": ["shop.py", "--seeds", str(a.planned), *kinds(by_deflex)],
     }
     for name, (script, *options) in parts.items():
         folder = a.output / name

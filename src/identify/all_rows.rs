@@ -49,13 +49,15 @@ impl Engine {
             let all: Vec<usize> = (0..self.candidates.len()).collect();
             let linear = self.linearise(&all, &[self.shape]);
             let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-            let could = |&c: &usize| self.candidates[c].kind == rival && search.joins(&without, c);
-            let value = |c: usize| (search.objective(&[&without[..], &[c]].concat()), c);
-            let best = all.into_iter().filter(could).map(value).max_by(|a, b| a.0.total_cmp(&b.0));
-            let Some((_, other)) = best else { continue };
+            let in_place = search.in_place_of(member, &without, &|candidate| candidate.kind == rival);
+            let Some((_, set)) = in_place.into_values().next() else { continue };
+            let (others, faults): (Vec<usize>, Vec<usize>) =
+                set.into_iter().filter(|c| !without.contains(c)).partition(|&c| self.candidates[c].kind == rival);
+            let Some(&other) = others.first() else { continue };
             let state = (self.candidates.clone(), self.chosen.clone(), self.covariance.clone());
             let own = self.candidates[member].kind.clone();
-            self.choose(state.1.iter().map(|&c| if c == member { other } else { c }).collect());
+            let swapped = |&c: &usize| if c == member { other } else { c };
+            self.choose(state.1.iter().map(swapped).chain(faults).collect());
             if self.residual().iter().any(|v| !v.is_finite()) {
                 (self.candidates, self.chosen, self.covariance) = state;
                 continue;

@@ -381,14 +381,20 @@ impl<'a> Search<'a> {
         names
     }
 
-    /// The best set of each kind that could join one in a law of the springs' place, with its value, nats, as that law's rival.
-    pub(super) fn in_place_of(&self, law: usize, without: &[usize]) -> BTreeMap<&str, (f64, Vec<usize>)> {
-        let own = &self.candidates[law].kind;
+    /// The best set of each allowed kind that could join one in a member's place, with its value, nats, as that member's rival.
+    pub(super) fn in_place_of(
+        &self,
+        member: usize,
+        without: &[usize],
+        allowed: &dyn Fn(&Candidate) -> bool,
+    ) -> BTreeMap<&str, (f64, Vec<usize>)> {
+        let own = &self.candidates[member].kind;
         let joins = |c: &usize| {
-            self.candidates[*c].is_named() && self.candidates[*c].family != SPRING && self.joins(without, *c)
+            let candidate = &self.candidates[*c];
+            candidate.is_named() && allowed(candidate) && self.joins(without, *c)
         };
         let alone = (0..self.candidates.len()).filter(joins).map(|c| (c, [without, &[c]].concat()));
-        let beside = self.beside_faults(without, &|c| self.candidates[c].family != SPRING);
+        let beside = self.beside_faults(without, &|c| self.candidates[c].is_pattern() || allowed(&self.candidates[c]));
         let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, set) in alone.chain(beside) {
             let kind = &self.candidates[c].kind[..];

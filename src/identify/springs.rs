@@ -126,7 +126,7 @@ impl Engine {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         odds.insert(Vec::new(), search.objective(&without));
         let mut likeliest: Option<(f64, Vec<usize>)> = None;
-        for (kind, (value, set)) in search.in_place_of(own, &without) {
+        for (kind, (value, set)) in search.in_place_of(own, &without, &|candidate| candidate.family != SPRING) {
             odds.insert(vec![kind.to_owned()], value);
             if value > likeliest.as_ref().map_or(best.0, |(most, _)| *most) {
                 likeliest = Some((value, set));

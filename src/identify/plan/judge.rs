@@ -107,21 +107,21 @@ pub(super) fn judge(
         .collect();
     progress(1.0);
     // Expected probability after so many of all (Jeffreys 1946): a dozen draws make nothing sure.
-    let chance = |kind: usize, verdict: Verdict| {
-        let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| truth.kind == kind);
+    let chance = |of: &dyn Fn(usize) -> bool, verdict: Verdict| {
+        let all = || tried.iter().zip(&verdicts).filter(|(truth, _)| of(truth.kind));
         let count = all().filter(|(_, found)| **found == verdict).count() as f64;
         (count + 0.5) / (all().count() as f64 + 1.0)
     };
     let of_kind = |kind: usize| PlannedKind {
         kind: named[kind].clone(),
         d_prime: criterion.distance_from_none(&distances, kind),
-        chance_right: chance(kind, Verdict::Right),
-        chance_wrong: chance(kind, Verdict::Wrong),
+        chance_right: chance(&|of| of == kind, Verdict::Right),
+        chance_wrong: chance(&|of| of == kind, Verdict::Wrong),
     };
     let mut kinds: Vec<PlannedKind> = (0..named.len()).map(of_kind).collect();
     kinds.sort_by(|a, b| a.chance_right.total_cmp(&b.chance_right));
-    let mean = |of: &dyn Fn(&PlannedKind) -> f64| kinds.iter().map(of).sum::<f64>() / kinds.len().max(1) as f64;
-    let (right, wrong) = (mean(&|kind| kind.chance_right), mean(&|kind| kind.chance_wrong));
+    // Each kind is drawn as often as the others.
+    let (right, wrong) = (chance(&|_| true, Verdict::Right), chance(&|_| true, Verdict::Wrong));
     Ok(Judged { pairs, kinds, right, wrong, simulated: tried.len() })
 }
 

@@ -64,7 +64,7 @@ pub struct Plan {
     pub pairs: Vec<PlannedPair>,
     /// The first of them.
     pub weakest: Option<PlannedPair>,
-    /// Expected probability that one effect of `effect_mm` is named outright, and nothing else: mean over the kinds.
+    /// Expected probability that one effect of `effect_mm`, of any kind, is named outright, and nothing else.
     pub chance_right: f64,
     /// Expected probability that something else is.
     pub chance_wrong: f64,
