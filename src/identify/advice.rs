@@ -1,7 +1,7 @@
 //! What to measure next, and why.
 
 use super::data::Problem;
-use super::outcome::{Added, Separation, Unexplained};
+use super::outcome::{Added, Identification, Separation, SetShare, Unexplained};
 use super::pattern::Pattern;
 
 /// A rival with its d′ on these rows, where it is small.
@@ -60,4 +60,16 @@ pub(super) fn advice(
         all.push("no row carries a cutting force: compliance, curve and force effects cannot be seen; measure loaded rows too".to_owned());
     }
     all
+}
+
+/// What may act and is too faint to be named, where nothing is added.
+pub(super) fn faintly(found: &Identification) -> Option<String> {
+    let of = |set: &&SetShare| format!("`{}` ({:.2})", set.kinds.join("` with `"), set.probability);
+    let faint: Vec<String> = found.faint().iter().map(of).collect();
+    (!faint.is_empty()).then(|| {
+        format!(
+            "too faint to be named: {} may act; twice the rows, or readings that scatter less, would tell",
+            faint.join(", or ")
+        )
+    })
 }

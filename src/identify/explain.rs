@@ -1,6 +1,6 @@
 //! From the chosen effects to an answer that people can check: errors, intervals, rivals, what is left, advice.
 
-use super::advice::advice;
+use super::advice::{advice, faintly};
 use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
@@ -216,7 +216,7 @@ impl Engine {
             )
         }));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));
-        Identification {
+        let mut found = Identification {
             rows: self.problem.rows.len(),
             held_out_rows,
             noise_mm,
@@ -237,7 +237,9 @@ impl Engine {
             outliers,
             extended,
             residuals,
-        }
+        };
+        found.advice.extend(faintly(&found));
+        found
     }
 
     fn wander_mm(&self) -> f64 {

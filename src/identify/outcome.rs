@@ -1,3 +1,4 @@
+use super::explain::{MENTIONED, NAMED};
 use crate::cell::NewEffect;
 use serde::Serialize;
 
@@ -94,6 +95,19 @@ pub struct SetShare {
     pub kinds: Vec<String>,
     /// Its posterior probability among the sets about the one that was chosen.
     pub probability: f64,
+}
+
+impl Identification {
+    /// What may act where nothing is added and nothing unexplained is said: sets of effects, most likely first, where nothing
+    /// at all is not as likely as a name must be.
+    #[must_use]
+    pub fn faint(&self) -> Vec<&SetShare> {
+        let nothing: f64 = self.sets.iter().filter(|set| set.kinds.is_empty()).map(|set| set.probability).sum();
+        if !self.added.is_empty() || self.unexplained.significant || self.sets.is_empty() || nothing >= NAMED {
+            return Vec::new();
+        }
+        self.sets.iter().filter(|set| !set.kinds.is_empty() && set.probability >= MENTIONED).collect()
+    }
 }
 
 /// A fitted number.

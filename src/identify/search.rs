@@ -13,7 +13,7 @@ use super::profile::Profile;
 use super::score::{Score, score};
 use crate::effects::kind;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// What a name must gain over none, nats: 3 for itself, and as much again because some twenty kinds are tried.
@@ -220,6 +220,9 @@ impl<'a> Search<'a> {
         // A pair can beat what single steps find: two effects whose sum a third imitates.
         let mut singles: Vec<(f64, usize)> = pool.iter().map(|&c| (self.objective(&[c]), c)).collect();
         singles.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Of a kind's many variants the best: a climb goes on to the others.
+        let mut seen = BTreeSet::new();
+        singles.retain(|&(_, c)| seen.insert((&self.candidates[c].family, &self.candidates[c].kind)));
         const PAIRED: usize = 10;
         let mut pairs = Vec::new();
         for (i, &(_, a)) in singles.iter().take(PAIRED).enumerate() {

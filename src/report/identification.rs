@@ -17,9 +17,16 @@ pub fn identify_answer(found: &Identification) -> String {
         parts.push(format!("more shows than this cell and noise explain{}", follows.unwrap_or_default()));
     }
     if found.added.is_empty() {
-        parts.push(match found.unexplained.significant {
-            true => "nothing is added to the cell".to_owned(),
-            false => format!("nothing shows: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
+        let faint = found.faint();
+        parts.push(match faint.first() {
+            _ if found.unexplained.significant => "nothing is added to the cell".to_owned(),
+            Some(set) => format!(
+                "nothing shows for sure: {} may act ({:.2}); the declared cell explains the rows to {:.3} mm",
+                set.kinds.join(" and ").replace('_', " "),
+                set.probability,
+                found.after.rms_mm
+            ),
+            None => format!("nothing shows: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
         });
     } else {
         let names: Vec<String> = found.added.iter().map(named).collect();
@@ -102,6 +109,9 @@ pub fn identify_text(found: &Identification) -> String {
     if found.added.is_empty() {
         out.push_str(match found.unexplained.significant {
             true => "\nNothing is added to the cell.\n",
+            false if !found.faint().is_empty() => {
+                "\nNothing is added: what may act is too faint on these rows to be named.\n"
+            }
             false => "\nNothing is added: the declared cell explains the data to the noise.\n",
         });
     } else {

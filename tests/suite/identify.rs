@@ -286,6 +286,22 @@ fn laws_of_one_spring_are_weighed_together() {
     }
 }
 
+/// Twenty-four rows of a work object that is 0.05 mm off, in noise that wanders: too little for a name, too much for nothing.
+#[test]
+fn what_is_too_faint_to_be_named_is_said() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/faint");
+    let found = of_folder(&folder);
+    assert!(found.added.is_empty() && !found.unexplained.significant);
+    assert_eq!(found.faint()[0].kinds, ["work_object_frame"]);
+    assert!(
+        found.advice.iter().any(|line| line.starts_with("too faint to be named: `work_object_frame` (0.")),
+        "{:?}",
+        found.advice
+    );
+    let text = deflex::report::identify_answer(&found);
+    assert!(text.starts_with("nothing shows for sure: work object frame may act (0."), "{text}");
+}
+
 /// Some cells of the blind table, wandering noise mostly; all of it is `examples/blind_table.rs`.
 #[test]
 fn blind_cells_are_never_named_wrong() {

@@ -101,6 +101,9 @@ fn added(found: &Identification) -> String {
     if found.added.is_empty() {
         return match found.unexplained.significant {
             true => "<p>Nothing.</p>\n".to_owned(),
+            false if !found.faint().is_empty() => {
+                "<p>Nothing: what may act is too faint on these rows to be named.</p>\n".to_owned()
+            }
             false => "<p>Nothing: the declared cell explains the data to the noise.</p>\n".to_owned(),
         };
     }
