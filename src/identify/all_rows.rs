@@ -2,8 +2,8 @@
 
 use super::candidate::Candidate;
 use super::engine::Engine;
-use super::explain::NAMED;
 use super::found::Posterior;
+use super::outcome::NAMED;
 use super::search::Search;
 use crate::effects::{Shape, kind};
 

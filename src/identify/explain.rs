@@ -8,7 +8,8 @@ use super::engine::Engine;
 use super::found::{Linearised, MAP, Posterior, Ranking, Told};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, MENTIONED, NAMED, Ranked, ResidualRow,
+    Unexplained,
 };
 use super::pattern::Standing;
 use super::returns::never_returns;
@@ -20,8 +21,6 @@ use crate::cell::NewEffect;
 use crate::effects::{Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
-/// A name needs this posterior; below it, the set that cannot be told apart.
-pub(super) const NAMED: f64 = 0.9;
 /// Variances of fitted numbers that stand for one: models are never quite true, and the noise's shape is fitted too.
 /// Calibrated on cells of the shop table so that 95 % intervals hold in 95 % of them.
 const WIDER: f64 = 1.5;
@@ -29,8 +28,6 @@ const WIDER: f64 = 1.5;
 const UNLISTED: &str = "unlisted";
 /// A name's most where it may be something else.
 const EVEN: f64 = 0.5;
-/// Rivals below this share of the posterior are not mentioned.
-pub(super) const MENTIONED: f64 = 0.03;
 
 impl Engine {
     /// Every kind alone, best variant first, and how far apart they are.

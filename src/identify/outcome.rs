@@ -1,6 +1,10 @@
-use super::explain::{MENTIONED, NAMED};
 use crate::cell::NewEffect;
 use serde::Serialize;
+
+/// A name needs this posterior; below it, the set that cannot be told apart.
+pub(super) const NAMED: f64 = 0.9;
+/// Rivals below this share of the posterior are not mentioned.
+pub(super) const MENTIONED: f64 = 0.03;
 
 /// The answer (`docs/reference.md`, `identify --json`).
 #[derive(Clone, Debug, Serialize)]

@@ -8,7 +8,7 @@
 
 use super::draws::Draws;
 use crate::identify::candidate::Candidate;
-use crate::identify::explain::NAMED;
+use crate::identify::outcome::NAMED;
 use crate::identify::search::{NESTED, PRICE, caution, contains};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
