@@ -3,7 +3,7 @@
 use super::again::Again;
 use super::args::{Compensate, RAPID_MM_S};
 use super::job::Job;
-use super::output::{Outputs, is_stdout};
+use super::output::{Outputs, is_file_name, is_stdout};
 use super::report::Noticed;
 use super::setup::Setup;
 use deflex::correct::PostOptions;
@@ -47,11 +47,11 @@ pub(super) fn place(args: &Compensate, file: &Path) -> PathBuf {
     }
 }
 
-/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout.
+/// Where a program's report goes that no `--report` names: beside the program, unless that goes to stdout, a pipe or a device.
 pub(super) fn report_beside(args: &Compensate, file: &Path) -> Option<PathBuf> {
     match (&args.out_dir, &args.output) {
         (Some(dir), _) => Some(dir.join(file.with_extension("report.csv"))),
-        (None, Some(output)) if args.reports.report.is_none() && !is_stdout(output) => {
+        (None, Some(output)) if args.reports.report.is_none() && is_file_name(output) => {
             Some(output.with_extension("report.csv"))
         }
         _ => None,

@@ -38,7 +38,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     }
     one_thing(1 + args.reports.to_stdout())?;
     let originals = Originals::new(args.against.as_deref(), &jobs, kind)?;
-    let mut outputs = Outputs::new(args.inputs.iter().chain(&args.context).chain([&args.model.cell]));
+    let mut outputs = Outputs::default();
     let batch = Batch {
         setup: &setup,
         originals: &originals,

@@ -29,7 +29,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     setup.options.post = Some(args.post);
     one_stdout(args, &jobs)?;
     named_as_written(args, &jobs)?;
-    let outputs = outputs(args, &jobs);
+    let outputs = Outputs::default();
     let batch = Batch {
         args,
         setup: &setup,
@@ -90,13 +90,6 @@ impl Batch<'_> {
         }
         Ok(done)
     }
-}
-
-/// Outputs that take no input's place.
-fn outputs(args: &Compensate, jobs: &[Job]) -> Outputs {
-    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
-    let listed: Vec<PathBuf> = jobs.iter().flat_map(|job| &job.texts).map(|text| PathBuf::from(text.name())).collect();
-    Outputs::new(read.chain(&listed))
 }
 
 /// Only one thing goes to stdout, and several programs go to a folder.

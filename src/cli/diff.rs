@@ -20,7 +20,7 @@ pub(super) fn run(args: &Diff) -> Outcome {
     let printed = [&args.report, &args.json, &args.html].into_iter().flatten().filter(|path| is_stdout(path)).count();
     one_thing(printed)?;
 
-    let mut outputs = Outputs::new([&args.original, &args.corrected].into_iter().chain(&args.reading.context));
+    let mut outputs = Outputs::default();
     if printed == 0 && !args.quiet {
         outputs.add(Path::new("-"), diff_text(&found).as_bytes())?;
     }

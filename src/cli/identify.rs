@@ -36,8 +36,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let done = done?;
     let found = &done.found;
 
-    let read = args.run.iter().chain(&args.poses).chain([&args.cell]).chain(&args.reading.context);
-    let mut outputs = Outputs::new(read);
+    let mut outputs = Outputs::default();
     if let Some(path) = &args.output {
         outputs.add(path, done.cell()?.as_bytes())?;
     }

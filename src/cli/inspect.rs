@@ -33,7 +33,7 @@ pub(super) fn run(args: &Inspect) -> Outcome {
         .collect();
     bar.finish_and_clear();
     let (files, refusals): (Vec<InspectFile>, Vec<Vec<Diagnostic>>) = all(inspected)?.into_iter().unzip();
-    let mut outputs = Outputs::new(paths.iter().chain(&args.reading.context));
+    let mut outputs = Outputs::default();
     if let Some(path) = &args.json {
         outputs.add_report(path, pretty(&InspectFiles { files: &files })?.as_bytes())?;
     }

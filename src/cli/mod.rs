@@ -70,6 +70,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
             return if error.use_stderr() { 2 } else { 0 };
         }
     };
+    watch::start();
+    output::lock::wait_at_most(cli.lock_timeout);
     output::clean_up_when_interrupted();
     let _clean = output::AtTheEnd;
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {

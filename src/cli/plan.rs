@@ -29,8 +29,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let done = done?;
     let found = &done.found;
 
-    let read = args.pool.iter().chain(&args.after).chain(&args.reading.context).chain([&args.cell]);
-    let mut outputs = Outputs::new(read);
+    let mut outputs = Outputs::default();
     outputs.add(&args.output, found.program.as_bytes())?;
     if let Some(path) = &args.measured {
         outputs.add(path, found.table.as_bytes())?;

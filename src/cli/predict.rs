@@ -29,8 +29,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     }
     one_thing(reports.to_stdout())?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
-    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
-    let outputs = Outputs::new(read.chain(&args.against));
+    let outputs = Outputs::default();
     let batch = Batch {
         setup: &setup,
         originals: &originals,

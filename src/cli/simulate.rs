@@ -34,8 +34,7 @@ pub(super) fn run(args: &Simulate) -> Outcome {
     let printed = to_stdout.into_iter().flatten().filter(|path| is_stdout(path)).count();
     one_thing(printed)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
-    let read = args.inputs.iter().chain(&args.reading.context).chain([&args.model.cell]).chain(&args.model.forces);
-    let mut outputs = Outputs::new(read.chain(&args.against).chain(&args.probe));
+    let mut outputs = Outputs::default();
     let (mut files, mut text) = (Vec::new(), String::new());
     let count = jobs.len() as f64;
     let bar = progress::shares("cutting", args.common.quiet);

@@ -1,8 +1,8 @@
 //! Inputs that change while they are read: a program is read several times over, and must be the same each time.
 
-use super::file_state::State;
+use super::file_state::{Identity, State};
 use super::message;
-use super::output::marker;
+use super::output::{marker, refuse};
 use deflex::text::{Diagnostic, Severity};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -14,6 +14,7 @@ use std::time::{Duration, SystemTime};
 /// A file as it was when it was first opened.
 #[derive(Debug)]
 struct Watched {
+    identity: Identity,
     state: State,
     /// Of the content, where the file was written so shortly before that times do not tell a later write.
     hash: Option<u64>,
@@ -30,24 +31,43 @@ struct All {
     unfinished: BTreeMap<PathBuf, Vec<(PathBuf, String)>>,
 }
 
-static WATCHED: Mutex<All> = Mutex::new(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
+/// `None` where no run of the command goes on: what a caller of the library holds in memory is not watched.
+static WATCHED: Mutex<Option<All>> = Mutex::new(None);
 
-fn watched() -> MutexGuard<'static, All> {
+fn watched() -> MutexGuard<'static, Option<All>> {
     // Entries are put in whole.
     WATCHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Watches what is opened from here on.
+pub(super) fn start() {
+    *watched() = Some(All { files: BTreeMap::new(), unfinished: BTreeMap::new() });
 }
 
 /// Remembers a file before it is read; what is no regular file (a pipe, a device) can be read once only, and is not watched.
 pub(super) fn watch(path: &Path) {
     let Ok(metadata) = fs::metadata(path) else { return };
-    if !metadata.is_file() || watched().files.contains_key(path) {
+    if !metadata.is_file() || watched().as_ref().is_none_or(|all| all.files.contains_key(path)) {
         return;
     }
     message::print(unfinished(path).as_slice(), false);
-    let state = State::of(&metadata);
     let fresh = |modified: SystemTime| modified.elapsed().map_or(true, |age| age < TICK);
-    let hash = state.modified.is_none_or(fresh).then(|| hash(path).ok()).flatten();
-    watched().files.insert(path.to_owned(), Watched { state, hash });
+    let hash = metadata.modified().map_or(true, fresh).then(|| hash(path).ok()).flatten();
+    let entry = Watched { identity: Identity::of(path), state: State::of(&metadata), hash };
+    if let Some(all) = watched().as_mut() {
+        all.files.insert(path.to_owned(), entry);
+    }
+}
+
+/// Refuses an output that goes into a file which the run reads.
+pub(super) fn not_an_input(path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
+    match watched().iter().flat_map(|all| &all.files).find(|(_, file)| file.identity == *identity) {
+        Some((input, _)) => {
+            let why = format!("it is an input of this run, {}", input.display());
+            Err(refuse(path, &why, "choose another name: the original is needed again"))
+        }
+        None => Ok(()),
+    }
 }
 
 /// A warning for a file that belongs to a set which is unfinished.
@@ -55,7 +75,7 @@ fn unfinished(path: &Path) -> Option<Diagnostic> {
     let target = fs::canonicalize(path).ok()?;
     let folder = target.parent()?.to_owned();
     let mut all = watched();
-    let files = all.unfinished.entry(folder).or_insert_with_key(|folder| marker::unfinished(folder));
+    let files = all.as_mut()?.unfinished.entry(folder).or_insert_with_key(|folder| marker::unfinished(folder));
     let (_, marker) = files.iter().find(|(file, _)| *file == target)?;
     let message = format!("is one of several outputs that a killed run left unfinished ({marker})");
     let help = "run again what wrote it: its files are not of one run";
@@ -71,7 +91,7 @@ pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
     };
     let watched = watched();
     let errors: Vec<Diagnostic> =
-        watched.files.iter().filter(|entry| !same(*entry)).map(|(path, _)| told(path)).collect();
+        watched.iter().flat_map(|all| &all.files).filter(|entry| !same(*entry)).map(|(path, _)| told(path)).collect();
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 

@@ -5,6 +5,7 @@ mod groups;
 mod measured;
 mod programs;
 
+use super::output::lock::DEFAULT_TIMEOUT_S;
 use clap::{Parser, Subcommand};
 
 pub(super) use cell::{Generate, Generated, Init, Pose};
@@ -18,6 +19,9 @@ pub(super) use programs::{Check, CheckFormat, Compensate, Diff, Form, Inspect, P
 pub(super) struct Cli {
     #[command(subcommand)]
     pub(super) command: Command,
+    /// How long to wait for a folder that another program keeps locked, s
+    #[arg(long, global = true, value_name = "SECONDS", default_value_t = DEFAULT_TIMEOUT_S)]
+    pub(super) lock_timeout: u64,
 }
 
 const EXAMPLES: &str = "\

@@ -4,23 +4,32 @@
 //! `.deflex-ID-N.tmp`). The system lets go of the lock when the run ends in whatever way, so that what a killed run left
 //! is known by it, and removed by the next one that writes there.
 
-use std::fs::File;
+use crate::cli::message;
+use deflex::text::{Diagnostic, Severity};
+use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
-use std::time::{Duration, SystemTime};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 const PREFIX: &str = ".deflex-";
 const LOCK: &str = ".lock";
 const FILE: &str = ".tmp";
 
-/// Names this run among all that write to the same folders, on whatever machine.
-pub(super) fn run_id() -> &'static str {
-    static ID: OnceLock<String> = OnceLock::new();
-    ID.get_or_init(|| {
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        format!("{:x}-{:x}", std::process::id(), now.as_nanos() & 0xffff_ffff_ffff)
-    })
+/// Hexadecimal digits of a run's ID: 128 random bits, which name it among all that write to the same folders, on whatever
+/// machine, and which no file made in advance can have.
+const ID_DIGITS: usize = 32;
+
+/// A new ID.
+pub(super) fn new_id() -> io::Result<String> {
+    let mut bits = [0; ID_DIGITS / 2];
+    getrandom::fill(&mut bits).map_err(io::Error::other)?;
+    Ok(bits.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Whether a text is an ID.
+pub(super) fn is_id(text: &str) -> bool {
+    text.len() == ID_DIGITS && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 /// The file by whose lock a run is known to live.
@@ -33,27 +42,87 @@ pub(super) fn is_lock(name: &str) -> bool {
     name.ends_with(LOCK)
 }
 
-/// The name of this run's file of a number.
-pub(super) fn waiting(folder: &Path, number: usize) -> PathBuf {
-    folder.join(format!("{PREFIX}{}-{number}{FILE}", run_id()))
+/// The name of a run's file of a number.
+pub(super) fn waiting(folder: &Path, id: &str, number: usize) -> PathBuf {
+    folder.join(format!("{PREFIX}{id}-{number}{FILE}"))
 }
 
-/// Waits until no other run puts outputs into a folder, and keeps others from doing so; `None` where folders have no locks.
-pub(super) fn lock_folder(folder: &Path) -> Option<File> {
-    let folder = File::open(folder).ok()?;
-    folder.lock().ok().map(|()| folder)
+/// The run that a hidden file belongs to.
+pub(super) fn owner(name: &str) -> Option<&str> {
+    let rest = name.strip_prefix(PREFIX)?;
+    let id = match rest.strip_suffix(LOCK) {
+        Some(id) => id,
+        None => {
+            let (id, number) = rest.strip_suffix(FILE)?.rsplit_once('-')?;
+            number.bytes().all(|byte| byte.is_ascii_digit()).then_some(id)?
+        }
+    };
+    is_id(id).then_some(id)
 }
 
-/// The same, but no longer than another run takes to put its outputs there: whoever holds a lock on the system's folder for
-/// temporary files for longer is none of ours.
+/// How long a run waits for another program's lock on a folder, s.
+static TIMEOUT_S: AtomicU64 = AtomicU64::new(DEFAULT_TIMEOUT_S);
+
+/// Putting outputs in place takes well under a second: whoever holds a lock for a minute does something else.
+pub(in crate::cli) const DEFAULT_TIMEOUT_S: u64 = 60;
+
+/// Sets `--lock-timeout`.
+pub(in crate::cli) fn wait_at_most(seconds: u64) {
+    TIMEOUT_S.store(seconds, Ordering::Relaxed);
+}
+
+/// Often enough that nobody notices, seldom enough to cost nothing.
+const POLL: Duration = Duration::from_millis(10);
+
+/// What a run waits before it says so, and before it goes on where it need not have the lock: another run has put its outputs
+/// in place by then.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Keeps other runs from putting outputs into a folder, once no other does; `None` where folders have no locks.
+///
+/// # Errors
+/// Another program holds a lock on it for longer than `--lock-timeout`.
+pub(super) fn lock_folder(folder: &Path) -> io::Result<Option<File>> {
+    let Ok(file) = File::open(folder) else { return Ok(None) };
+    let (start, limit) = (Instant::now(), Duration::from_secs(TIMEOUT_S.load(Ordering::Relaxed)));
+    let mut said = false;
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(Some(file)),
+            Err(TryLockError::Error(_)) => return Ok(None),
+            Err(TryLockError::WouldBlock) if start.elapsed() >= limit => {
+                let why = format!("another program has held a lock on its folder for {} s", limit.as_secs());
+                return Err(io::Error::new(io::ErrorKind::TimedOut, why));
+            }
+            Err(TryLockError::WouldBlock) => {
+                if !said && start.elapsed() >= PATIENCE {
+                    said = true;
+                    message::print(&[waits(folder, limit)], false);
+                }
+                std::thread::sleep(POLL);
+            }
+        }
+    }
+}
+
+fn waits(folder: &Path, limit: Duration) -> Diagnostic {
+    let message = format!("another program holds a lock on this folder: waiting for at most {} s", limit.as_secs());
+    Diagnostic::error("io.lock", &folder.display().to_string(), message)
+        .severity(Severity::Warning)
+        .help("`--lock-timeout SECONDS` sets how long; Ctrl-C ends the run, and nothing is written")
+}
+
+/// The same for work that can be left to a later run: whoever holds a lock on the system's folder for temporary files for
+/// longer than another run takes is none of ours.
 pub(super) fn take_turn(folder: &Path) -> Option<File> {
-    const TRIES: u32 = 100;
-    (0..TRIES).find_map(|_| {
-        try_lock_folder(folder).or_else(|| {
-            std::thread::sleep(Duration::from_millis(10));
-            None
-        })
-    })
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        if let Some(held) = try_lock_folder(folder) {
+            return Some(held);
+        }
+        std::thread::sleep(POLL);
+    }
+    None
 }
 
 /// The same without waiting.
@@ -62,36 +131,29 @@ pub(super) fn try_lock_folder(folder: &Path) -> Option<File> {
     folder.try_lock().ok().map(|()| folder)
 }
 
-/// The run that a hidden file belongs to.
-pub(super) fn owner(name: &str) -> Option<&str> {
-    let rest = name.strip_prefix(PREFIX)?;
-    match rest.strip_suffix(LOCK) {
-        Some(id) => Some(id),
-        None => rest.strip_suffix(FILE)?.rsplit_once('-').map(|(id, _)| id),
-    }
-}
-
-/// Whether the run still holds its lock.
+/// Whether a run still holds its lock.
 pub(super) fn is_held(folder: &Path, id: &str) -> bool {
-    if id == run_id() {
-        return true;
-    }
-    match File::open(of(folder, id)) {
-        Ok(lock) => lock.try_lock().is_err(),
+    let path = of(folder, id);
+    match fs::symlink_metadata(&path) {
+        // What stands there instead of a file (a pipe that would never open) is no lock of ours.
+        Ok(metadata) if !metadata.is_file() => false,
+        Ok(_) => File::open(path).map_or(true, |lock| lock.try_lock().is_err()),
         Err(error) => error.kind() != io::ErrorKind::NotFound,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::owner;
+    use super::{new_id, owner};
 
     #[test]
     fn only_our_own_names_have_an_owner() {
-        assert_eq!(owner(".deflex-1f-2a.lock"), Some("1f-2a"));
-        assert_eq!(owner(".deflex-1f-2a-17.tmp"), Some("1f-2a"));
-        for name in ["deflex-1f-2a.lock", ".deflex-1f", ".part.mod.swp", "x.tmp", ".deflex.tmp"] {
-            assert_eq!(owner(name), None, "{name}");
+        let id = new_id().unwrap();
+        assert_eq!(owner(&format!(".deflex-{id}.lock")), Some(&*id));
+        assert_eq!(owner(&format!(".deflex-{id}-17.tmp")), Some(&*id));
+        let others = ["deflex-1f-2a.lock", ".deflex-1f-2a.lock", ".deflex-1f", ".part.mod.swp", "x.tmp", ".deflex.tmp"];
+        for name in others.map(str::to_owned).into_iter().chain([format!(".deflex-{id}-a.tmp"), format!("{id}.lock")]) {
+            assert_eq!(owner(&name), None, "{name}");
         }
     }
 }

@@ -1,52 +1,74 @@
 //! The marker of a set that is being put in place, and what becomes of one that a killed run left.
+//!
+//! A marker is a file that anything could have written. It is believed of its own folder only, of plain names, and of files
+//! that match what it says of them to the last bit, inode and owner included: what only the run that staged them could know.
 
 use super::lock;
-use super::place::{self, How};
+use super::place::{self, How, Move};
 use crate::cli::file_state::State;
 use crate::cli::message;
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::ffi::OsString;
+use std::fs::{self, File, Metadata};
+use std::io;
 use std::path::{Path, PathBuf};
 
 const PREFIX: &str = "deflex-unfinished-";
 const SUFFIX: &str = ".json";
 
-/// One output on its way.
+/// No marker is longer: a hundred thousand files of a set fit in it.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// A name or a path as text, or as the system has it where it is none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Entry {
-    pub(super) waits: PathBuf,
-    pub(super) target: PathBuf,
-    pub(super) how: How,
-    /// The target's state before; `None` where there was no file.
-    before: Option<State>,
+#[serde(untagged)]
+enum Name {
+    Text(String),
+    System(OsString),
 }
 
-impl Entry {
-    pub(super) fn new(waits: PathBuf, target: PathBuf, how: How) -> Self {
-        let before = state(&target);
-        Self { waits, target, how, before }
+impl Name {
+    fn of(name: impl Into<OsString>) -> Self {
+        name.into().into_string().map_or_else(Self::System, Self::Text)
     }
 
-    /// Whether nobody else has written the target since; what is overwritten in place may have been begun.
-    fn untouched(&self) -> bool {
-        let now = state(&self.target);
-        match self.how {
-            How::Rename => now == self.before,
-            How::Overwrite => now.is_some(),
+    fn path(&self) -> &Path {
+        match self {
+            Self::Text(text) => Path::new(text),
+            Self::System(name) => Path::new(name),
         }
     }
+
+    /// The path in a folder, of a name that leads nowhere else.
+    fn within(&self, folder: &Path) -> Option<PathBuf> {
+        let joined = folder.join(self.path());
+        let plain = joined.parent() == Some(folder) && joined.file_name() == Some(self.path().as_os_str());
+        plain.then_some(joined)
+    }
 }
 
-fn state(path: &Path) -> Option<State> {
-    fs::metadata(path).ok().map(|metadata| State::of_content(&metadata))
+/// One output on its way, by its names in the marker's folder.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Entry {
+    waits: Name,
+    target: Name,
+    how: How,
+    sha256: String,
+    /// Of the waiting file.
+    staged: State,
+    /// The target's state before; `None` where there was no file.
+    before: Option<State>,
 }
 
 /// The marker's text.
 #[derive(Debug, Serialize, Deserialize)]
 struct Marker {
     deflex: String,
+    /// All folders of the set: each has a marker of its own.
+    folders: Vec<Name>,
     files: Vec<Entry>,
 }
 
@@ -57,7 +79,7 @@ pub(super) fn id_of(name: &str) -> Option<&str> {
 
 /// Whether the marker of a run is in a folder.
 pub(super) fn exists(folder: &Path, id: &str) -> bool {
-    of(folder, id).exists()
+    of(folder, id).symlink_metadata().is_ok()
 }
 
 /// The marker of a run in a folder.
@@ -65,21 +87,41 @@ pub(super) fn of(folder: &Path, id: &str) -> PathBuf {
     folder.join(format!("{PREFIX}{id}{SUFFIX}"))
 }
 
-/// What stands in it.
-pub(super) fn text(entries: &[Entry]) -> Vec<u8> {
+/// What stands in the marker of a folder: what comes into it, and where else the set goes.
+pub(super) fn text(folder: &Path, folders: &BTreeSet<PathBuf>, moves: &[Move]) -> io::Result<Vec<u8>> {
     let said = "these outputs of one run are unfinished: some are new, some are those of before; \
                 the next run of deflex that writes to this folder finishes them";
-    let text = Marker { deflex: said.to_owned(), files: entries.to_vec() };
-    serde_json::to_vec_pretty(&text).unwrap_or_default()
+    let name = |path: &Path| Name::of(path.file_name().unwrap_or_default());
+    let entry = |go: &Move| -> io::Result<Entry> {
+        let staged = fs::symlink_metadata(&go.waits)?;
+        Ok(Entry {
+            waits: name(&go.waits),
+            target: name(&go.target),
+            how: go.how,
+            sha256: hash(&go.waits)?,
+            staged: State::of_content(&staged),
+            before: state(&go.target),
+        })
+    };
+    let here = moves.iter().filter(|go| place::folder_of(&go.target) == folder);
+    let marker = Marker {
+        deflex: said.to_owned(),
+        folders: folders.iter().map(Name::of).collect(),
+        files: here.map(entry).collect::<io::Result<_>>()?,
+    };
+    Ok(serde_json::to_vec_pretty(&marker)?)
 }
 
-/// The folders of outputs, in their order.
-pub(super) fn folders(entries: &[Entry]) -> BTreeSet<PathBuf> {
-    entries.iter().filter_map(|entry| entry.target.parent()).map(Path::to_owned).collect()
+fn state(path: &Path) -> Option<State> {
+    fs::symlink_metadata(path).ok().map(|metadata| State::of_content(&metadata))
+}
+
+fn hash(path: &Path) -> io::Result<String> {
+    Origin::read("", File::open(path)?).map(|origin| origin.sha256)
 }
 
 /// Takes the markers of a run away.
-pub(super) fn unmark(folders: &BTreeSet<PathBuf>, id: &str) {
+pub(super) fn unmark<'a>(folders: impl IntoIterator<Item = &'a PathBuf>, id: &str) {
     for folder in folders {
         // A marker that will not go says what is no longer true; the next run removes it.
         if fs::remove_file(of(folder, id)).is_ok() {
@@ -95,40 +137,141 @@ pub(super) fn sync_folder(folder: &Path) {
     }
 }
 
-/// Finishes the set of a run that was killed. The lock of `here` is held.
-pub(super) fn recover(here: &Path, id: &str) {
-    let Ok(text) = fs::read(of(here, id)) else { return };
-    // A marker gets its name when it is whole: what cannot be read is nobody's.
-    let Ok(Marker { files, .. }) = serde_json::from_slice::<Marker>(&text) else { return };
-    let folders = folders(&files);
-    let others: Vec<Option<File>> =
-        folders.iter().filter(|folder| *folder != here).map(|folder| lock::try_lock_folder(folder)).collect();
-    if others.iter().any(Option::is_none) {
-        return;
-    }
-    // Marked in some folders only: no file has its new name yet, or all have.
-    if !folders.iter().all(|folder| exists(folder, id)) {
-        files.iter().for_each(|entry| drop(fs::remove_file(&entry.waits)));
-        return unmark(&folders, id);
-    }
-    let mut kept = Vec::new();
-    for entry in files.iter().filter(|entry| entry.waits.exists()) {
-        if !entry.untouched() {
-            kept.push(entry.target.display().to_string());
-            let _ = fs::remove_file(&entry.waits);
-        } else if place::place(&entry.waits, &entry.target, entry.how).is_err() {
-            // It stays marked: neither finished nor forgotten.
-            return;
-        }
-    }
-    folders.iter().for_each(|folder| sync_folder(folder));
-    unmark(&folders, id);
-    message::print(&told(&files, &kept), false);
+/// Who owns a file; one and the same where the system does not say.
+pub(super) fn owner(metadata: &Metadata) -> u32 {
+    #[cfg(unix)]
+    return std::os::unix::fs::MetadataExt::uid(metadata);
+    #[cfg(not(unix))]
+    0
 }
 
-fn told(files: &[Entry], kept: &[String]) -> Vec<Diagnostic> {
-    let first = files.first().map_or_else(String::new, |entry| entry.target.display().to_string());
-    let finished = format!("the {} outputs of a run that was killed are finished now", files.len());
+/// Whether a name is that of a plain file which a user owns.
+pub(super) fn is_file_of(path: &Path, user: u32) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file() && owner(&metadata) == user)
+}
+
+/// Why a marker is left alone, and all that it names.
+type Doubt = &'static str;
+
+/// Reads the marker of a run in a folder.
+fn read(folder: &Path, id: &str, user: u32) -> Result<Marker, Doubt> {
+    let path = of(folder, id);
+    if !lock::is_id(id) || !is_file_of(&path, user) {
+        return Err("it is no file that a run of yours has made");
+    }
+    if fs::metadata(&path).map_or(true, |metadata| metadata.len() > MOST_BYTES) {
+        return Err("it is longer than any marker");
+    }
+    let text = fs::read(&path).map_err(|_| "it cannot be read")?;
+    serde_json::from_slice(&text).map_err(|_| "it does not have the form of a marker")
+}
+
+/// One folder's share of an unfinished set.
+struct Part {
+    folder: PathBuf,
+    files: Vec<Entry>,
+}
+
+impl Part {
+    /// Where a waiting file is, and where it goes; `None` where it waits no longer.
+    fn proven(&self, entry: &Entry, id: &str, user: u32) -> Result<Option<Move>, Doubt> {
+        let waits = entry.waits.within(&self.folder).ok_or("it names files of other folders")?;
+        let target = entry.target.within(&self.folder).ok_or("it names files of other folders")?;
+        let name = waits.file_name().and_then(|name| name.to_str()).filter(|name| !lock::is_lock(name));
+        if name.and_then(lock::owner) != Some(id) {
+            return Err("it names files that its run has not staged");
+        }
+        if fs::symlink_metadata(&waits).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+            return Ok(None);
+        }
+        let staged = is_file_of(&waits, user) && state(&waits) == Some(entry.staged);
+        if !staged || hash(&waits).ok().as_ref() != Some(&entry.sha256) {
+            return Err("a file that it names is not the one that its run has staged");
+        }
+        Ok(Some(Move { waits, target, how: entry.how }))
+    }
+
+    /// All of them, before any is touched.
+    fn moves(&self, id: &str, user: u32) -> Result<Vec<(Move, Option<State>)>, Doubt> {
+        let proven = |entry: &Entry| Some((self.proven(entry, id, user).transpose()?, entry.before));
+        self.files.iter().filter_map(proven).map(|(go, before)| Ok((go?, before))).collect()
+    }
+}
+
+/// Whether nobody else has written a target since; what is overwritten in place may have been begun.
+fn untouched(go: &Move, before: Option<State>) -> bool {
+    match (state(&go.target), before, go.how) {
+        (now, before, How::Rename) => now == before,
+        (Some(now), Some(before), How::Overwrite) => {
+            now.same_file(&before) && fs::symlink_metadata(&go.target).is_ok_and(|metadata| metadata.is_file())
+        }
+        (_, _, How::Overwrite) => false,
+    }
+}
+
+/// Finishes the set of a run of this user that was killed. The lock of `here` is held.
+pub(super) fn recover(here: &Path, id: &str, user: u32) {
+    if let Err(why) = finish(here, id, user) {
+        let message = format!("is left alone, with all that it names: {why}");
+        let doubt = Diagnostic::error("io.marker", &of(here, id).display().to_string(), message)
+            .severity(Severity::Warning)
+            .help("look at the files that it names; delete it when they are as they should be");
+        message::print(&[doubt], false);
+    }
+}
+
+fn finish(here: &Path, id: &str, user: u32) -> Result<(), Doubt> {
+    let here = fs::canonicalize(here).map_err(|_| "its folder cannot be read")?;
+    let marker = read(&here, id, user)?;
+    let mut parts = vec![Part { folder: here, files: marker.files }];
+    let (mut turns, mut marked) = (Vec::new(), true);
+    for folder in marker.folders.iter().map(Name::path) {
+        // One that is gone has taken its share of the set with it.
+        if folder == parts[0].folder || !folder.is_absolute() || !folder.is_dir() {
+            continue;
+        }
+        let Some(turn) = lock::try_lock_folder(folder).filter(|_| !lock::is_held(folder, id)) else {
+            // Somebody is at it.
+            return Ok(());
+        };
+        turns.push(turn);
+        if exists(folder, id) {
+            let files = read(folder, id, user)?.files;
+            parts.push(Part { folder: folder.to_owned(), files });
+        } else {
+            marked = false;
+        }
+    }
+    let moves = parts.iter().map(|part| part.moves(id, user)).collect::<Result<Vec<_>, _>>()?.concat();
+    let folders = || parts.iter().map(|part| &part.folder);
+    // Marked in some folders only: no file has its new name yet, or all have.
+    if !marked {
+        moves.iter().for_each(|(go, _)| drop(fs::remove_file(&go.waits)));
+        unmark(folders(), id);
+        return Ok(());
+    }
+    let mut kept = Vec::new();
+    for (go, before) in &moves {
+        if !untouched(go, *before) {
+            kept.push(go.target.display().to_string());
+            let _ = fs::remove_file(&go.waits);
+        } else if place::place(go).is_err() {
+            return Err("a file that waits cannot get its name");
+        }
+    }
+    folders().for_each(|folder| sync_folder(folder));
+    unmark(folders(), id);
+    let targets = parts.iter().flat_map(|part| part.files.iter().filter_map(|entry| entry.target.within(&part.folder)));
+    message::print(&told(&targets.collect::<Vec<_>>(), &kept), false);
+    Ok(())
+}
+
+fn told(files: &[PathBuf], kept: &[String]) -> Vec<Diagnostic> {
+    let first = files.first().map_or_else(String::new, |target| target.display().to_string());
+    let finished = match files.len() {
+        1 => "the output of a run that was killed is finished now".to_owned(),
+        count => format!("the {count} outputs of a run that was killed are finished now"),
+    };
     let mut all = vec![Diagnostic::error("io.finished", &first, finished).severity(Severity::Note)];
     if !kept.is_empty() {
         let message = format!("left as changed since, though their set is newer: {}", kept.join(", "));
@@ -143,9 +286,10 @@ pub(in crate::cli) fn unfinished(folder: &Path) -> Vec<(PathBuf, String)> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let marked = |name: String| {
-        let text = fs::read(folder.join(id_of(&name).map(|_| &name)?)).ok()?;
-        let marker: Marker = serde_json::from_slice(&text).ok()?;
-        Some(marker.files.into_iter().map(move |entry| (entry.target, name.clone())))
+        let id = id_of(&name)?;
+        let user = fs::symlink_metadata(folder.join(&name)).map(|metadata| owner(&metadata)).ok()?;
+        let files = read(folder, id, user).ok()?.files;
+        Some(files.into_iter().filter_map(move |entry| Some((entry.target.within(folder)?, name.clone()))))
     };
     names.filter_map(marked).flatten().collect()
 }

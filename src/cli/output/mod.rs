@@ -4,7 +4,7 @@
 //! [set]. What goes to stdout waits in memory, or in a temporary file where it is long. What is dropped without
 //! [`Outputs::commit`] leaves no trace, nor does a run that is interrupted; what a killed one leaves, the next removes.
 
-mod lock;
+pub(super) mod lock;
 pub(super) mod marker;
 mod old;
 mod place;
@@ -12,11 +12,11 @@ mod set;
 mod staging;
 
 use super::blocks::Blocks;
+use super::file_state::Identity;
 use super::watch;
 use deflex::program::detect;
 use deflex::text::{Diagnostic, printable};
-use marker::Entry;
-use place::{How, folder_of, resolved};
+use place::{How, Move, folder_of, resolved};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
@@ -28,8 +28,6 @@ pub(super) struct Outputs {
     // Dropped before `made`: a folder goes when its files are gone.
     staged: Vec<Staged>,
     stdout: Vec<u8>,
-    /// Files that the run reads, which it never writes over.
-    inputs: Vec<PathBuf>,
     /// Dropped last of all fields.
     made: Arc<Folders>,
 }
@@ -49,7 +47,7 @@ impl Folders {
 impl Drop for Folders {
     fn drop(&mut self) {
         for folder in self.list().drain(..).rev() {
-            staging::leave(&resolved(&folder));
+            let _ = resolved(&folder).map(|folder| staging::leave(&folder));
             // Fails where something else came to lie in it, as it should.
             let _ = fs::remove_dir(folder);
         }
@@ -60,6 +58,8 @@ impl Drop for Folders {
 #[derive(Debug)]
 struct Staged {
     target: PathBuf,
+    /// Of the target.
+    identity: Identity,
     temporary: Temporary,
     goes: Goes,
 }
@@ -135,15 +135,9 @@ impl Drop for AtTheEnd {
 }
 
 impl Outputs {
-    /// Outputs of a run that reads `inputs`.
-    pub(super) fn new<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>) -> Self {
-        let inputs = inputs.into_iter().filter_map(|path| fs::canonicalize(path).ok()).collect();
-        Self { inputs, ..Self::default() }
-    }
-
-    /// Another one over the same inputs.
+    /// Another one, which makes the same folders.
     pub(super) fn sibling(&self) -> Self {
-        Self { inputs: self.inputs.clone(), made: Arc::clone(&self.made), ..Self::default() }
+        Self { made: Arc::clone(&self.made), ..Self::default() }
     }
 
     /// Stages bytes for a path, `-` being stdout.
@@ -163,20 +157,16 @@ impl Outputs {
     fn stage(&mut self, path: &Path) -> Result<File, Vec<Diagnostic>> {
         if is_stdout(path) {
             let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
-            self.staged.push(Staged { target: path.to_owned(), temporary, goes: Goes::Poured });
+            let identity = Identity::of(path);
+            self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Poured });
             return Ok(file);
         }
         self.make_folder_of(path).map_err(|error| cannot_write(path, &error))?;
-        let target = resolved(path);
-        if self.inputs.contains(&target) {
-            return Err(refuse(
-                path,
-                "it is an input of this run",
-                "choose another name: the original is needed again",
-            ));
-        }
-        self.claim(&target)?;
-        let (staged, file) = stage(target).map_err(|error| cannot_write(path, &error))?;
+        let target = resolved(path).map_err(|error| cannot_write(path, &error))?;
+        let identity = Identity::of(&target);
+        watch::not_an_input(path, &identity)?;
+        self.claim(path, &identity)?;
+        let (staged, file) = stage(target, identity).map_err(|error| cannot_write(path, &error))?;
         self.staged.push(staged);
         Ok(file)
     }
@@ -196,7 +186,7 @@ impl Outputs {
     /// Takes over what another has staged.
     pub(super) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
         for staged in std::mem::take(&mut other.staged) {
-            self.claim(&staged.target)?;
+            self.claim(&staged.target, &staged.identity)?;
             self.staged.push(staged);
         }
         self.stdout.append(&mut other.stdout);
@@ -205,6 +195,8 @@ impl Outputs {
 
     /// Prints, then gives every file its name, if the inputs are still what they were.
     pub(super) fn commit(mut self) -> Result<(), Vec<Diagnostic>> {
+        // Some inputs may have been opened after an output was staged.
+        self.staged.iter().try_for_each(|staged| watch::not_an_input(&staged.target, &staged.identity))?;
         let files = || self.staged.iter().filter(|staged| staged.goes != Goes::Poured);
         for staged in files() {
             let kept = staged.temporary.reopen().and_then(|file| file.sync_all());
@@ -215,21 +207,26 @@ impl Outputs {
             pour(&staged.temporary, &staged.target).map_err(|error| cannot_write(&staged.target, &error))?;
         }
         print(&self.stdout)?;
-        let entry = |staged: &Staged| match staged.goes {
-            Goes::Into(how) => Some(Entry::new(staged.temporary.path.clone(), staged.target.clone(), how)),
+        let go = |staged: &Staged| match staged.goes {
+            Goes::Into(how) => Some(Move { waits: staged.temporary.path.clone(), target: staged.target.clone(), how }),
             Goes::Poured => None,
         };
-        let entries: Vec<Entry> = self.staged.iter().filter_map(entry).collect();
-        let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
-        set::put_in_place(&entries).map_err(|(path, error)| cannot_write(&path, &error))?;
+        let moves: Vec<Move> = self.staged.iter().filter_map(go).collect();
+        set::put_in_place(&moves).map_err(|(path, error)| cannot_write(&path, &error))?;
         self.made.list().clear();
         self.staged.clear();
         Ok(())
     }
 
-    fn claim(&self, target: &Path) -> Result<(), Vec<Diagnostic>> {
-        match self.staged.iter().find(|staged| staged.target == target && staged.goes != Goes::Poured) {
-            Some(_) => Err(refuse(target, "two outputs have this name", "give each output a name of its own")),
+    fn claim(&self, path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
+        match self.staged.iter().find(|staged| staged.identity == *identity && staged.goes != Goes::Poured) {
+            Some(other) if other.target == path => {
+                Err(refuse(path, "two outputs have this name", "give each output a name of its own"))
+            }
+            Some(other) => {
+                let why = format!("another output goes into the same file, {}", other.target.display());
+                Err(refuse(path, &why, "give each output a file of its own"))
+            }
             None => Ok(()),
         }
     }
@@ -269,21 +266,26 @@ pub(super) fn one_thing(count: usize) -> Result<(), Vec<Diagnostic>> {
     Ok(())
 }
 
-fn stage(target: PathBuf) -> io::Result<(Staged, File)> {
+/// Whether a path is that of a file, there or not: what stands beside a device or a pipe has no name from it.
+pub(super) fn is_file_name(path: &Path) -> bool {
+    !is_stdout(path) && fs::metadata(path).map_or(true, |metadata| metadata.is_file())
+}
+
+fn stage(target: PathBuf, identity: Identity) -> io::Result<(Staged, File)> {
     let existing = fs::metadata(&target).ok();
     if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
     if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
         let (temporary, file) = Temporary::spool()?;
-        return Ok((Staged { target, temporary, goes: Goes::Poured }, file));
+        return Ok((Staged { target, identity, temporary, goes: Goes::Poured }, file));
     }
     if let Some(existing) = &existing {
         place::writable(&target, existing)?;
     }
     let (temporary, file) = Temporary::create(folder_of(&target))?;
     let how = existing.map_or(Ok(How::Rename), |existing| place::adopt(&file, &existing))?;
-    Ok((Staged { target, temporary, goes: Goes::Into(how) }, file))
+    Ok((Staged { target, identity, temporary, goes: Goes::Into(how) }, file))
 }
 
 /// Writes a temporary file's bytes to what cannot be replaced; a reader of stdout that went away is no fault of ours.
@@ -330,13 +332,14 @@ fn not_a_program(path: &Path) -> Result<(), Vec<Diagnostic>> {
     Ok(())
 }
 
-fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
+pub(super) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
     vec![Diagnostic::error("io.write", &path.display().to_string(), format!("is not written: {why}")).help(help)]
 }
 
 pub(super) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
-    vec![
-        Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}"))
-            .help("check that the folder exists and that you may write there"),
-    ]
+    let help = match error.kind() {
+        io::ErrorKind::TimedOut => "run again when it has ended, or wait longer with `--lock-timeout SECONDS`",
+        _ => "check that the folder exists and that you may write there",
+    };
+    Diagnostic::error("io.write", &path.display().to_string(), format!("cannot be written: {error}")).help(help).into()
 }

@@ -16,23 +16,34 @@ pub(super) enum How {
     Overwrite,
 }
 
+/// A waiting file, where it goes, and how it gets there.
+#[derive(Clone, Debug)]
+pub(super) struct Move {
+    pub(super) waits: PathBuf,
+    pub(super) target: PathBuf,
+    pub(super) how: How,
+}
+
 /// The file that a path means: through symbolic links, so that the file behind one is replaced, not the link; behind a link to
 /// nothing, the file that it names.
-pub(super) fn resolved(path: &Path) -> PathBuf {
+///
+/// # Errors
+/// The links lead round in a circle.
+pub(super) fn resolved(path: &Path) -> io::Result<PathBuf> {
     /// As many links as Linux follows.
     const MOST: usize = 40;
     let mut path = path.to_owned();
     for _ in 0..MOST {
         if let Ok(there) = fs::canonicalize(&path) {
-            return there;
+            return Ok(there);
         }
-        match fs::read_link(&path) {
-            Ok(link) => path = folder_of(&path).join(link),
-            Err(_) => break,
-        }
+        let Ok(link) = fs::read_link(&path) else {
+            let in_folder = || Some(fs::canonicalize(folder_of(&path)).ok()?.join(path.file_name()?));
+            return Ok(in_folder().unwrap_or(path));
+        };
+        path = folder_of(&path).join(link);
     }
-    let in_folder = || Some(fs::canonicalize(folder_of(&path)).ok()?.join(path.file_name()?));
-    in_folder().unwrap_or(path)
+    Err(io::Error::other("it is a symbolic link that leads back to itself"))
 }
 
 /// The folder that a path is in.
@@ -65,13 +76,10 @@ pub(super) fn adopt(new: &File, existing: &Metadata) -> io::Result<How> {
 }
 
 /// Puts a waiting file into its place.
-pub(super) fn place(waits: &Path, target: &Path, how: How) -> io::Result<()> {
-    match how {
-        How::Rename => fs::rename(waits, target),
-        How::Overwrite => {
-            let mut from = File::open(waits)?;
-            overwrite(&mut from, target)
-        }
+pub(super) fn place(go: &Move) -> io::Result<()> {
+    match go.how {
+        How::Rename => fs::rename(&go.waits, &go.target),
+        How::Overwrite => overwrite(&mut File::open(&go.waits)?, &go.target),
     }
 }
 

@@ -5,53 +5,57 @@
 //! files are old, or all are new, or the marker is there. The next run that writes to the folder finishes such a set: all
 //! that it needs is in the waiting files. Two runs take turns by a lock on the folders.
 
-use super::marker::{Entry, folders, sync_folder, unmark};
-use super::place::{self, How};
-use super::{lock, marker, old, staging};
+use super::marker::{sync_folder, unmark};
+use super::place::{self, How, Move, folder_of};
+use super::{PLACING, lock, marker, old, staging};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::PathBuf;
+use std::sync::PoisonError;
 
 /// Gives every output its name. On an error all targets are as before.
-pub(super) fn put_in_place(entries: &[Entry]) -> Result<(), (PathBuf, io::Error)> {
-    let folders = folders(entries);
-    // In their order, so that two runs never wait for each other.
-    let _turn: Vec<Option<File>> = folders.iter().map(|folder| lock::lock_folder(folder)).collect();
+pub(super) fn put_in_place(moves: &[Move]) -> Result<(), (PathBuf, io::Error)> {
+    let folders: BTreeSet<PathBuf> = moves.iter().map(|go| folder_of(&go.target).to_owned()).collect();
+    // In their order, so that two runs never wait for each other. An interruption does not wait for this.
+    let turn = |folder: &PathBuf| lock::lock_folder(folder).map_err(|error| (folder.clone(), error));
+    let _turns: Vec<Option<File>> = folders.iter().map(turn).collect::<Result<_, _>>()?;
+    let _placing = PLACING.lock().unwrap_or_else(PoisonError::into_inner);
     // One file is old or new by itself.
-    let several = entries.len() > 1 || entries.iter().any(|entry| entry.how == How::Overwrite);
+    let several = moves.len() > 1 || moves.iter().any(|go| go.how == How::Overwrite);
+    let id = staging::id();
     if several {
-        mark(&folders, entries)?;
+        mark(&folders, moves, &id)?;
     }
-    let mut undo = Vec::with_capacity(entries.len());
-    for entry in entries {
-        let failed = |error| (entry.target.clone(), error);
-        let done = old::keep_old(&entry.target, entry.how).and_then(|old| {
-            let done = place::place(&entry.waits, &entry.target, entry.how);
-            undo.push((entry, old));
+    let mut undo = Vec::with_capacity(moves.len());
+    for go in moves {
+        let failed = |error| (go.target.clone(), error);
+        let done = old::keep_old(&go.target, go.how).and_then(|old| {
+            let done = place::place(go);
+            undo.push((go, old));
             done
         });
         if let Err(error) = done.map_err(failed) {
-            for (entry, old) in undo.into_iter().rev() {
-                old.restore(&entry.target, entry.how);
+            for (go, old) in undo.into_iter().rev() {
+                old.restore(&go.target, go.how);
             }
-            unmark(&folders, lock::run_id());
+            unmark(&folders, &id);
             return Err(error);
         }
     }
     folders.iter().for_each(|folder| sync_folder(folder));
     drop(undo);
     if several {
-        unmark(&folders, lock::run_id());
+        unmark(&folders, &id);
     }
     Ok(())
 }
 
-fn mark(folders: &BTreeSet<PathBuf>, entries: &[Entry]) -> Result<(), (PathBuf, io::Error)> {
-    let text = marker::text(entries);
+fn mark(folders: &BTreeSet<PathBuf>, moves: &[Move], id: &str) -> Result<(), (PathBuf, io::Error)> {
     for folder in folders {
-        let path = marker::of(folder, lock::run_id());
+        let path = marker::of(folder, id);
         let write = || -> io::Result<()> {
+            let text = marker::text(folder, folders, moves)?;
             let (waits, mut file) = staging::create(folder)?;
             let written = file.write_all(&text).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&waits, &path));
             if written.is_err() {
@@ -61,7 +65,7 @@ fn mark(folders: &BTreeSet<PathBuf>, entries: &[Entry]) -> Result<(), (PathBuf, 
             written
         };
         if let Err(error) = write() {
-            unmark(folders, lock::run_id());
+            unmark(folders, id);
             return Err((path, error));
         }
         sync_folder(folder);

@@ -17,11 +17,24 @@ struct Staging {
     number: usize,
 }
 
-static STAGING: Mutex<Vec<Staging>> = Mutex::new(Vec::new());
+/// All folders that this run stages into, under one ID.
+#[derive(Debug)]
+struct All {
+    /// Empty where nothing is staged: the next run in this process gets another.
+    id: String,
+    folders: Vec<Staging>,
+}
 
-fn staging() -> MutexGuard<'static, Vec<Staging>> {
+static STAGING: Mutex<All> = Mutex::new(All { id: String::new(), folders: Vec::new() });
+
+fn staging() -> MutexGuard<'static, All> {
     // A list of paths is whole even where a thread died holding it.
     STAGING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Names this run.
+pub(super) fn id() -> String {
+    staging().id.clone()
 }
 
 /// Makes a file beside what belongs into a folder.
@@ -38,16 +51,19 @@ pub(super) fn reserve(folder: &Path) -> io::Result<PathBuf> {
     next(&mut staging(), folder)
 }
 
-fn next(all: &mut Vec<Staging>, folder: &Path) -> io::Result<PathBuf> {
-    let at = match all.iter().position(|staging| staging.folder == folder) {
+fn next(all: &mut All, folder: &Path) -> io::Result<PathBuf> {
+    if all.id.is_empty() {
+        all.id = lock::new_id()?;
+    }
+    let at = match all.folders.iter().position(|staging| staging.folder == folder) {
         Some(at) => at,
         None => {
-            all.push(Staging::new(folder)?);
-            all.len() - 1
+            all.folders.push(Staging::new(folder, &all.id)?);
+            all.folders.len() - 1
         }
     };
-    let staging = &mut all[at];
-    let path = lock::waiting(folder, staging.number);
+    let staging = &mut all.folders[at];
+    let path = lock::waiting(folder, &all.id, staging.number);
     staging.number += 1;
     staging.files.push(path.clone());
     Ok(path)
@@ -55,7 +71,7 @@ fn next(all: &mut Vec<Staging>, folder: &Path) -> io::Result<PathBuf> {
 
 /// A file that has another name now, or is gone.
 pub(super) fn forget(path: &Path) {
-    for staging in staging().iter_mut() {
+    for staging in &mut staging().folders {
         staging.files.retain(|file| file != path);
     }
 }
@@ -63,66 +79,71 @@ pub(super) fn forget(path: &Path) {
 /// Removes what waits in a folder, which may be removed itself then.
 pub(super) fn leave(folder: &Path) {
     let mut all = staging();
-    if let Some(at) = all.iter().position(|staging| staging.folder == folder) {
-        all.swap_remove(at).remove();
+    if let Some(at) = all.folders.iter().position(|staging| staging.folder == folder) {
+        let id = all.id.clone();
+        all.folders.swap_remove(at).remove(&id);
+    }
+}
+
+impl All {
+    fn leave(&mut self) {
+        let id = std::mem::take(&mut self.id);
+        self.folders.drain(..).for_each(|staging| staging.remove(&id));
     }
 }
 
 /// Removes all that waits.
 pub(super) fn leave_all() {
-    staging().drain(..).for_each(Staging::remove);
+    staging().leave();
 }
 
 /// The same at the end of the process, whose other threads make nothing more.
 pub(super) fn leave_for_good() {
     let mut all = staging();
-    all.drain(..).for_each(Staging::remove);
+    all.leave();
     std::mem::forget(all);
 }
 
 impl Staging {
-    fn new(folder: &Path) -> io::Result<Self> {
+    fn new(folder: &Path, id: &str) -> io::Result<Self> {
         // Whoever removes what killed runs left must not take a lock that is not held yet for theirs.
         let alone = lock::take_turn(folder);
-        if alone.is_some() {
-            sweep(folder);
-        }
-        let path = lock::of(folder, lock::run_id());
-        let held = OpenOptions::new().write(true).create(true).truncate(false).open(&path)?;
+        let held = OpenOptions::new().write(true).create_new(true).open(lock::of(folder, id))?;
         // Not every file system has locks: what a killed run leaves there stays.
         let _ = held.lock();
+        if alone.is_some() {
+            sweep(folder, marker::owner(&held.metadata()?));
+        }
         drop(alone);
         Ok(Self { folder: folder.to_owned(), _lock: held, files: Vec::new(), number: 0 })
     }
 
-    fn remove(self) {
+    fn remove(self, id: &str) {
         // Nothing more can be done about a temporary file that will not go.
         self.files.iter().for_each(|file| drop(fs::remove_file(file)));
-        let _ = fs::remove_file(lock::of(&self.folder, lock::run_id()));
+        let _ = fs::remove_file(lock::of(&self.folder, id));
     }
 }
 
-/// Finishes the sets and removes the files of runs that were killed. The folder's lock is held.
-fn sweep(folder: &Path) {
+/// Finishes the sets and removes the files of runs of a user that were killed. The folder's lock is held.
+fn sweep(folder: &Path, user: u32) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut names: Vec<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
     names.sort();
     for id in names.iter().filter_map(|name| marker::id_of(name)) {
         if !lock::is_held(folder, id) {
-            marker::recover(folder, id);
+            marker::recover(folder, id, user);
         }
     }
-    let unfinished: Vec<&str> = names.iter().filter_map(|name| marker::id_of(name)).collect();
-    for (name, id) in names.iter().filter_map(|name| Some((name, lock::owner(name)?))) {
-        // What belongs to a set that could not be finished is its only copy.
-        let needed = unfinished.contains(&id) && marker::exists(folder, id);
-        if !lock::is_held(folder, id) && !needed && !lock::is_lock(name) {
-            let _ = fs::remove_file(folder.join(name));
-        }
-    }
-    for (name, id) in names.iter().filter_map(|name| Some((name, lock::owner(name)?))) {
-        if lock::is_lock(name) && !lock::is_held(folder, id) {
-            let _ = fs::remove_file(folder.join(name));
+    // Of a run that held a lock here once; what belongs to a set that could not be finished is its only copy.
+    let left = |id: &str| {
+        marker::is_file_of(&lock::of(folder, id), user) && !lock::is_held(folder, id) && !marker::exists(folder, id)
+    };
+    let (locks, files): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| lock::is_lock(name));
+    for name in files.into_iter().chain(locks) {
+        let path = folder.join(name);
+        if lock::owner(name).is_some_and(left) && marker::is_file_of(&path, user) {
+            let _ = fs::remove_file(path);
         }
     }
 }
