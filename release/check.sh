@@ -10,6 +10,7 @@ programs=($PROGRAMS)
 # shellcheck disable=SC2206
 arguments=(${ARGUMENTS:-})
 [ ${#programs[@]} -gt 0 ] || { echo "no program matches: $PROGRAMS" >&2; exit 2; }
-[ -z "${AGAINST:-}" ] || arguments+=(--against "$AGAINST")
+[ -z "${AGAINST:-}" ] || arguments+=(--against="$AGAINST")
 echo "sarif=$SARIF" >>"${GITHUB_OUTPUT:-/dev/null}"
-deflex check "${programs[@]}" --cell "$CELL" --max-error "$MAX_ERROR" "${arguments[@]}" --format sarif >"$SARIF"
+# Programs come last: after `--` everything is a name, whatever it begins with.
+deflex check --cell="$CELL" --max-error="$MAX_ERROR" "${arguments[@]}" --format sarif -- "${programs[@]}" >"$SARIF"

@@ -99,6 +99,7 @@ pub mod effects;
 pub mod equilibrium;
 pub mod identify;
 mod lanes;
+pub mod limits;
 pub mod measured;
 pub mod program;
 pub mod report;

@@ -3,7 +3,7 @@
 import html
 import json
 import os
-import tempfile
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -43,27 +43,6 @@ def record(text: str) -> Record:
 def _framed(page: str) -> str:
     """A whole page within a notebook's."""
     return f'<iframe srcdoc="{html.escape(page)}" style="width:100%;height:720px;border:0" loading="lazy"></iframe>'
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Writes a file whole or not at all."""
-    number, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    temporary = Path(name)
-    try:
-        with os.fdopen(number, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if path.exists():
-            temporary.chmod(path.stat().st_mode & 0o7777)
-        else:
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 class _Run:
@@ -135,21 +114,26 @@ class Correction(_Run):
             return data.decode("latin-1")
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the program to `path`, or its files into the folder `path`: each whole or not at all.
+        """Writes the program to `path`, or its files into the folder `path`: all or none, by the writer of the command.
 
-        A program of several files needs a folder, which is made where missing.
+        A program of several files needs a folder, which is made where missing. Files are replaced as `deflex compensate` replaces
+        them: through symbolic links and under all their names, never where they are read-only or inputs of this run
+        (`DeflexError`).
         """
         target = Path(path)
         if len(self.files) == 1 and not target.is_dir():
-            write_whole(target, next(iter(self.files.values())))
+            self._done.write([(target, next(iter(self.files.values())))], [])
             return
         if target.exists() and not target.is_dir():
             raise NotADirectoryError(f"{target} is a file: the program has {len(self.files)}, which need a folder")
-        target.mkdir(parents=True, exist_ok=True)
-        for name, data in self.files.items():
-            file = target / name
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(file, data)
+        self._write_into(target, self.files)
+
+    def _write_into(self, folder: Path, files: Mapping[str, bytes]) -> None:
+        """Writes files into a folder as one set."""
+        paths = [(folder / name, data) for name, data in files.items()]
+        for path, _ in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        self._done.write(paths, [])
 
     def _remaining(self) -> str:
         return f"; remaining max {self.summary.max_remaining_mm:.6f} mm"

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from deflex import _results, _run
+from deflex import _run
 from deflex._deflex import Cell, DeflexError
 from deflex._results import Correction, Record
 from deflex._tables import Table
@@ -140,11 +140,8 @@ def _compensate(
 
 
 def _place(done: Correction, folder: FilePath) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, data in done.files.items():
-        _results.write_whole(folder / name, data)
-    report = folder / FilePath(next(iter(done.files))).with_suffix(".report.csv")
-    _results.write_whole(report, done.csv.encode())
+    report = str(FilePath(next(iter(done.files))).with_suffix(".report.csv"))
+    done._write_into(folder, {**done.files, report: done.csv.encode()})
 
 
 def _identify(

@@ -1,5 +1,7 @@
 //! NumPy arrays to tables and back: the memory of a result becomes the array's.
 
+use crate::work;
+use deflex::limits::ARRAY_ROWS;
 use deflex::report::{Column, ColumnValues, columns};
 use numpy::{
     AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike1, PyArrayLike2, PyArrayLike3, PyArrayMethods,
@@ -23,6 +25,7 @@ pub(crate) fn rows<const N: usize>(name: &str, array: &Rows<'_>) -> PyResult<Vec
         let message = format!("{name} has shape ({}, {}), expected (N, {N})", shape[0], shape[1]);
         return Err(PyValueError::new_err(message));
     }
+    bounded(name, shape[0])?;
     // In memory as it is asked for, mostly; else row by row.
     let all = match array.as_slice() {
         Ok(slice) if array.is_c_contiguous() => slice.as_chunks::<N>().0.to_vec(),
@@ -47,11 +50,18 @@ pub(crate) fn matrices(name: &str, array: &Matrices<'_>) -> PyResult<Vec<[[f64; 
         let message = format!("{name} has shape ({}, {}, {}), expected (N, 4, 4)", shape[0], shape[1], shape[2]);
         return Err(PyValueError::new_err(message));
     }
+    bounded(name, shape[0])?;
     let all: Vec<f64> = match array.as_slice() {
         Ok(slice) if array.is_c_contiguous() => slice.to_vec(),
         _ => array.as_array().iter().copied().collect(),
     };
     Ok(all.as_chunks::<4>().0.as_chunks::<4>().0.to_vec())
+}
+
+/// A view of a few numbers may have any number of rows: they are counted before memory is asked for.
+fn bounded(name: &str, count: usize) -> PyResult<()> {
+    let over = ARRAY_ROWS.exceeded(count as f64);
+    over.map_or(Ok(()), |over| Err(PyValueError::new_err(format!("{name}: {over}; {}", ARRAY_ROWS.help))))
 }
 
 fn finite(name: &str, all: &[f64], width: usize) -> PyResult<()> {
@@ -72,7 +82,7 @@ pub(crate) fn shaped<'py, D: numpy::ndarray::IntoDimension>(
 
 /// The columns of a report by their names.
 pub(crate) fn report<'py>(py: Python<'py>, csv: &[u8]) -> PyResult<Bound<'py, PyDict>> {
-    let all = py.detach(|| columns(csv)).or_raise(py)?;
+    let all = work::detached(py, || columns(csv)).or_raise(py)?;
     let report = PyDict::new(py);
     for Column { name, values, .. } in all {
         match values {

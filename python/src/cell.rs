@@ -1,6 +1,7 @@
 use crate::arrays::{Rows, column, rows, shaped};
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::robot::Robot;
+use crate::work;
 use deflex::cli::held::CellFile;
 use deflex::correct::{Standing, external_of, predict_poses, tool_of};
 use deflex::robot::{PoseMatrix, pose_matrix};
@@ -133,8 +134,9 @@ impl Cell {
         let units: Vec<(&str, &[f64])> = units.iter().map(|(name, at)| (&**name, &**at)).collect();
         let external = external_of(self.file.cell(), &units, count).or_raise(py)?;
         let standing = Standing { wobj, external: &external };
-        let found = py.detach(|| predict_poses(self.file.cell(), &tool, &q, &forces, standing)).or_raise(py)?;
-        let poses: Vec<PoseMatrix> = py.detach(|| {
+        let found =
+            work::detached(py, || predict_poses(self.file.cell(), &tool, &q, &forces, standing)).or_raise(py)?;
+        let poses: Vec<PoseMatrix> = work::detached(py, || {
             found.into_iter().map(|pose| pose.map_or([[f64::NAN; 4]; 4], |pose| pose_matrix(&pose))).collect()
         });
         shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])

@@ -1,4 +1,5 @@
 use crate::errors::OrRaise;
+use crate::work;
 use deflex::cli::held::ProgramFiles;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -42,7 +43,7 @@ impl Program {
     #[pyo3(signature = (paths, *, context = None, format = None))]
     fn read(py: Python<'_>, paths: Paths, context: Option<Paths>, format: Option<&str>) -> PyResult<Self> {
         let (paths, context) = (Vec::from(paths), context.map_or_else(Vec::new, Vec::from));
-        let files = py.detach(|| ProgramFiles::read(&paths, &context, format)).or_raise(py)?;
+        let files = work::detached(py, || ProgramFiles::read(&paths, &context, format)).or_raise(py)?;
         Ok(Self { files: Arc::new(files) })
     }
 
@@ -67,7 +68,7 @@ impl Program {
     /// Executed motions in running order, loops with known bounds expanded.
     #[getter]
     fn motion_targets(&self, py: Python<'_>) -> PyResult<usize> {
-        let parsed = py.detach(|| self.files.parse_alone()).or_raise(py)?;
+        let parsed = work::detached(py, || self.files.parse_alone()).or_raise(py)?;
         Ok(parsed.motion_targets())
     }
 

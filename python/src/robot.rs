@@ -1,4 +1,5 @@
 use crate::arrays::{Matrices, Rows, matrices, rows, shaped};
+use crate::work;
 use deflex::cutting::{Coefficients, Cutter, Engagement, Mode, materials, mean_forces};
 use deflex::equilibrium::Arm;
 use deflex::robot::{self, BUILTIN, Joints, Pose, Unreachable, pose_of_matrix};
@@ -71,7 +72,7 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (q, tool) = (rows::<6>("q", &q)?, frame(tool.as_ref())?);
         let count = q.len();
-        let poses = py.detach(|| self.robot.forward_table(&q, &tool));
+        let poses = work::detached(py, || self.robot.forward_table(&q, &tool));
         shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])
     }
 
@@ -99,7 +100,7 @@ impl Robot {
             let message = format!("near has {} rows, expected 1 or as many as poses: {count}", near.len());
             return Err(PyValueError::new_err(message));
         }
-        let found = py.detach(|| {
+        let found = work::detached(py, || {
             let poses: Vec<Option<Pose>> = matrices.iter().map(pose_of_matrix).collect();
             if let Some(wrong) = poses.iter().position(Option::is_none) {
                 return Err(wrong);
@@ -128,7 +129,7 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (q, tool) = (rows::<6>("q", &q)?, frame(tool.as_ref())?);
         let count = q.len();
-        let found = py.detach(|| self.robot.jacobian_table(&q, &tool));
+        let found = work::detached(py, || self.robot.jacobian_table(&q, &tool));
         shaped(py, found.into_flattened().into_flattened(), [count, 6, 6])
     }
 
@@ -146,7 +147,7 @@ impl Robot {
             return Err(PyValueError::new_err("the joints' stiffness is not known: give joint_nm_per_rad"));
         };
         let count = q.len();
-        let found = py.detach(|| self.robot.stiffness_table(&q, &tool, &springs));
+        let found = work::detached(py, || self.robot.stiffness_table(&q, &tool, &springs));
         shaped(py, found.into_flattened().into_flattened(), [count, 6, 6])
     }
 
@@ -208,7 +209,7 @@ pub(crate) fn cutting_force<'py>(
         tilt: tilt.to_radians(),
     };
     let all: Vec<Engagement> = rows::<5>("engagements", &engagements)?.into_iter().map(row).collect();
-    let found = py.detach(|| mean_forces(cutter, &all, coefficients));
+    let found = work::detached(py, || mean_forces(cutter, &all, coefficients));
     let forces = found.map_err(|(i, error)| PyValueError::new_err(format!("engagement {i}: {error}")))?;
     let numbers: Vec<f64> = forces.iter().flat_map(|force| [force.x, force.y, force.z]).collect();
     shaped(py, numbers, [all.len(), 3])

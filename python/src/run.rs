@@ -10,6 +10,7 @@ use deflex::program::Language;
 use deflex::report::{identify_text, plan_text, residual_csv, summary_line};
 use deflex::text::Source;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -91,12 +92,23 @@ impl Done {
         diagnostics(self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
+    /// Writes files under these paths as one set, as the command does; `inputs` are files that none may replace, besides those that
+    /// were read.
+    fn write(&self, py: Python<'_>, files: Vec<(PathBuf, PyBackedBytes)>, inputs: Vec<PathBuf>) -> PyResult<()> {
+        let sources: Vec<PathBuf> = self.program.sources().iter().map(|source| PathBuf::from(&source.name)).collect();
+        let read: Vec<PathBuf> =
+            sources.into_iter().chain(self.run.inputs().map(Path::to_owned)).chain(inputs).collect();
+        work::run(py, (None, 0), move |_| {
+            held::write(files.iter().map(|(path, bytes)| (path.clone(), &bytes[..])), &read)
+        })
+    }
+
     fn page(&self, py: Python<'_>) -> PyResult<String> {
         let page = || match &self.against {
             Some(original) => held::predict_page(&self.program, original.as_deref(), &self.run),
             None => held::compensate_page(&self.program, &self.run),
         };
-        py.detach(page).or_raise(py)
+        work::detached(py, page).or_raise(py)
     }
 }
 
@@ -238,7 +250,7 @@ impl Found {
     }
 
     fn page(&self, py: Python<'_>) -> String {
-        py.detach(|| self.found.page())
+        work::detached(py, || self.found.page())
     }
 }
 
@@ -299,7 +311,7 @@ impl Simulated {
 
     #[getter]
     fn stl<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &py.detach(|| self.simulated.stl()))
+        PyBytes::new(py, &work::detached(py, || self.simulated.stl()))
     }
 
     #[getter]
@@ -308,7 +320,7 @@ impl Simulated {
     }
 
     fn page(&self, py: Python<'_>) -> String {
-        py.detach(|| self.simulated.page())
+        work::detached(py, || self.simulated.page())
     }
 }
 
@@ -363,7 +375,7 @@ impl Planned {
     }
 
     fn page(&self, py: Python<'_>) -> String {
-        py.detach(|| self.planned.page())
+        work::detached(py, || self.planned.page())
     }
 }
 

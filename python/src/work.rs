@@ -5,6 +5,7 @@ use deflex::cli::held::Follow;
 use deflex::text::Diagnostic;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,6 +16,30 @@ const TICK: Duration = Duration::from_millis(50);
 
 /// As much stack as a main thread has: equilibria of many targets at once stand on it.
 const STACK_BYTES: usize = 8 << 20;
+
+/// Does short work without Python's lock, on the threads of this process.
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
+    py.detach(|| pool().install(work))
+}
+
+/// The threads that share the work. A process that was forked has none of its parent's: it gets its own.
+fn pool() -> &'static ThreadPool {
+    /// By the process that has them.
+    static POOL: Mutex<Option<(u32, &'static ThreadPool)>> = Mutex::new(None);
+    let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    match *pool {
+        Some((process, pool)) if process == std::process::id() => pool,
+        _ => {
+            let builder = || ThreadPoolBuilder::new().stack_size(STACK_BYTES);
+            // One thread is the caller's own where the system gives no more.
+            let started = builder().build().or_else(|_| builder().num_threads(1).use_current_thread().build());
+            // Never dropped: the parent's would wait for threads that are not there.
+            let started: &'static ThreadPool = Box::leak(Box::new(started.expect("a pool of the thread that asks")));
+            *pool = Some((std::process::id(), started));
+            started
+        }
+    }
+}
 
 /// Where a run is.
 #[derive(Default)]
@@ -48,7 +73,7 @@ pub(crate) fn run<T: Send + 'static>(
     let there = Arc::clone(&progress);
     let thread = std::thread::Builder::new().name("deflex".to_owned()).stack_size(STACK_BYTES);
     // Nobody waits any more where the run was called off.
-    thread.spawn(move || drop(send.send(work(there))))?;
+    thread.spawn(move || drop(send.send(pool().install(|| work(there)))))?;
     let tell = |bytes: u64| callback.map_or(Ok(()), |callback| callback.call1((bytes, total)).map(drop));
     let mut told = 0;
     loop {

@@ -14,32 +14,35 @@ deflex=${DEFLEX:-deflex}
 shopt -s nullglob nocaseglob
 files=("$programs"/*.mod)
 [ ${#files[@]} -gt 0 ] || { echo "$programs: no RAPID modules (*.mod)" >&2; exit 2; }
-mkdir -p "$out/corrected" || exit 2
+mkdir -p -- "$out/corrected" || exit 2
 # Of a run before: nothing stale is published.
-rm -f "$out"/corrected/* "$out/check.sarif" "$out/check.xml"
+rm -f -- "$out"/corrected/* "$out/check.sarif" "$out/check.xml"
 
-judge() { "$deflex" check "$@" --cell "$cell" --quiet; }
-if "$deflex" compensate "${files[@]}" --cell "$cell" --quiet \
-  --out-dir "$out/corrected" --report "$out/report.csv" --json "$out/summary.json" --html "$out/report.html"; then
+# Options first: after `--` everything is a name, whatever it begins with.
+judge() { "$deflex" check --cell="$cell" --quiet "${how[@]}" --format "$1" -- "${judged[@]}"; }
+if "$deflex" compensate --cell="$cell" --quiet --out-dir="$out/corrected" --report="$out/report.csv" \
+  --json="$out/summary.json" --html="$out/report.html" -- "${files[@]}"; then
   # At the targets, which a correction alone can mend; what is left on the way to them takes `compensate --subdivide`.
-  judged=("$out/corrected"/*.mod --against "$programs" --max-error "$max_error" --at-targets)
+  how=(--against="$programs" --max-error="$max_error" --at-targets)
+  judged=("$out/corrected"/*.mod)
   failed=0
 else
   # Nothing is corrected where one program fails: what is out of reach stands at its line, tolerances come later.
-  judged=("${files[@]}" --max-error 1000)
+  how=(--max-error=1000)
+  judged=("${files[@]}")
   failed=2
 fi
 
-judge "${judged[@]}" --format sarif > "$out/check.sarif.new"
+judge sarif > "$out/check.sarif.new"
 code=$?
 if [ $code -gt 1 ]; then
-  rm "$out/check.sarif.new"
+  rm -- "$out/check.sarif.new"
   exit $code
 fi
 # Annotations belong to the originals, which the repository holds: a correction changes numbers and no line.
 sed "s|\"uri\": \"${out#./}/corrected/|\"uri\": \"${programs#./}/|" "$out/check.sarif.new" > "$out/check.sarif"
-rm "$out/check.sarif.new"
-judge "${judged[@]}" --format junit > "$out/check.xml"
-judge "${judged[@]}" --format text
+rm -- "$out/check.sarif.new"
+judge junit > "$out/check.xml"
+judge text
 [ $code -eq 0 ] || exit $code
 exit $failed

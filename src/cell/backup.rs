@@ -4,7 +4,7 @@
 //! that end with a backslash go on. Lengths are m and angles rad; an attribute that is not there has its default, so that a base
 //! frame without any is that of the world. ABB, *Technical reference manual: System parameters* (3HAC050948-001), topic Motion.
 
-use super::template::{Frames, backup_cell};
+use super::template::{Frames, backup_cell, comment, quoted};
 use super::unit::AXES;
 use crate::program::rapid::declared_frames;
 use crate::program::{Tool, ToolData, Wobj};
@@ -57,7 +57,8 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
             "give the model that is most like it with --robot (`deflex init --list`), and its own [robot.kinematics]";
         return Err(vec![Diagnostic::error("init.backup", &moc.name, message).help(help)]);
     };
-    let mut head = format!("[robot]\nmodel = {:?}     # {}the backup says {kind}\n", builtin.model, mark(!sure));
+    let mut head =
+        format!("[robot]\nmodel = {}     # {}the backup says {}\n", quoted(&builtin.model), mark(!sure), comment(kind));
     if !others.is_empty() {
         let _ = writeln!(head, "# other robots of the backup: {}", others.join(", "));
     }
@@ -342,7 +343,7 @@ impl FoundUnit {
         let (kind, carries) =
             (if linear { "linear" } else { "rotary" }, if self.carries_robot { "robot" } else { "part" });
         // Writing to a String cannot fail.
-        let _ = writeln!(out, "\n[[unit]]\nname = {:?}\naxis = {:?}", self.name, AXES[self.axis]);
+        let _ = writeln!(out, "\n[[unit]]\nname = {}\naxis = {:?}", quoted(&self.name), AXES[self.axis]);
         let told = if known { String::new() } else { format!("   # << the backup says {}", comment(&self.mechanics)) };
         let _ = writeln!(out, "kind = {kind:?}{told}\ncarries = {carries:?}");
         if linear {
@@ -360,10 +361,6 @@ impl FoundUnit {
             let _ = writeln!(out, "min = {min:?}\nmax = {max:?}");
         }
     }
-}
-
-fn comment(text: &str) -> String {
-    text.chars().filter(|c| !c.is_control()).collect()
 }
 
 /// `[tools]` and `[wobjs]`, and what of them cells do not hold.

@@ -7,6 +7,7 @@ use super::syntax::{in_words, parse};
 use super::{Cell, Controller, CorrectionLimits, PartSection, nearest, plausible, raw, uncertainty};
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
+use crate::limits::{FRAMES, UNITS};
 use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot, Units};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{DMatrix, Vector3};
@@ -43,6 +44,16 @@ impl Cell {
         let (raw, errors) = parse(source, text)?;
         let mut check = Check::new(source, text);
         check.errors = errors;
+        let counts =
+            [("unit", UNITS, raw.unit.len()), ("tools", FRAMES, raw.tools.len()), ("wobjs", FRAMES, raw.wobjs.len())];
+        for (section, bound, count) in counts {
+            if let Some(over) = bound.exceeded(count as f64) {
+                check.error(section, over, bound.help);
+            }
+        }
+        if !check.errors.is_empty() && counts.iter().any(|(_, bound, count)| bound.exceeded(*count as f64).is_some()) {
+            return Err(check.errors);
+        }
         let robot = robot(&mut check, &raw.robot);
         let stiffness = raw.robot.stiffness.as_ref().map(|s| {
             check.positive("robot.stiffness.joint_nm_per_rad", &s.joint_nm_per_rad);

@@ -2,6 +2,7 @@
 
 use super::check::Check;
 use super::{Cell, raw};
+use crate::limits::{STL_REACH_MM, STL_TRIANGLES};
 use crate::stock::{Blank, ClosedMesh, read_stl};
 use crate::text::{Diagnostic, Source};
 use nalgebra::Vector3;
@@ -45,6 +46,10 @@ impl Cell {
             let fail = |message: String, help: &str| vec![Diagnostic::error("stl", &source.name, message).help(help)];
             let triangles = read_stl(&source.bytes)
                 .map_err(|error| fail(error.to_string(), "export the mesh as STL, binary or text, in millimetres"))?;
+            let most = 1e3 * triangles.iter().flatten().fold(0.0_f64, |most, corner| most.max(corner.amax()));
+            for (bound, count) in [(STL_TRIANGLES, triangles.len() as f64), (STL_REACH_MM, most)] {
+                bound.exceeded(count).map_or(Ok(()), |over| Err(fail(over, bound.help)))?;
+            }
             let closed = ClosedMesh::new(&triangles)
                 .map_err(|error| fail(error.to_string(), "repair the mesh: each edge belongs to two triangles"))?;
             Ok(Arc::new(closed))

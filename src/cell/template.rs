@@ -35,8 +35,8 @@ pub fn described_template(described: &Described, file: &str) -> String {
     // Writing to a String cannot fail.
     let _ = writeln!(
         head,
-        "[robot]\nmodel = {:?}     # a name; geometry from {}, up to link {}",
-        described.name,
+        "[robot]\nmodel = {}     # a name; geometry from {}, up to link {}",
+        quoted(&described.name),
         comment(file),
         comment(&described.tip)
     );
@@ -89,8 +89,13 @@ pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Fram
     file(head, &stiffness(published), &own)
 }
 
+/// Text of somebody else's as a TOML string.
+pub(super) fn quoted(text: &str) -> String {
+    toml_edit::Value::from(text).to_string()
+}
+
 /// Text of somebody else's in one line of a comment.
-fn comment(text: &str) -> String {
+pub(super) fn comment(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
 

@@ -1,10 +1,12 @@
 //! A cell from a robot description (URDF): its chain of joints as modified Denavit-Hartenberg rows.
 
+use crate::limits::URDF_JOINTS;
 use crate::robot::{Axes, DhRow, Joints, Limits, Pose, Robot};
 use crate::text::{Diagnostic, Source};
 use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
+use roxmltree::{Node, ParsingOptions};
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::{PI, TAU};
-use urdf_rs::{Joint, JointType};
 
 /// Axes closer to parallel than this sine are parallel: descriptions print six digits at least, and a common normal of axes
 /// closer than that lies anywhere.
@@ -42,25 +44,27 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
             "expand it first: xacro FILE.xacro > robot.urdf",
         ));
     }
-    let urdf = urdf_rs::read_from_string(&text).map_err(|error| {
-        refuse(format!("the file is not URDF: {error}"), "give a .urdf file, an XML with <robot> at its top")
+    let urdf = Description::read(&text).map_err(|reason| {
+        refuse(format!("the file is not URDF: {reason}"), "give a .urdf file, an XML with <robot> at its top")
     })?;
+    if let Some(over) = URDF_JOINTS.exceeded(urdf.joints.len().max(urdf.links.len()) as f64) {
+        return Err(refuse(over, URDF_JOINTS.help));
+    }
     let tip = match tip {
-        Some(tip) if urdf.links.iter().any(|link| link.name == tip) => tip.to_owned(),
+        Some(tip) if urdf.links.iter().any(|link| link == tip) => tip.to_owned(),
         Some(tip) => {
-            let near = super::nearest(tip, urdf.links.iter().map(|link| &link.name[..]));
+            let near = super::nearest(tip, urdf.links.iter().map(String::as_str));
             let help =
                 near.map_or_else(|| "name one of its links".to_owned(), |near| format!("did you mean `{near}`?"));
             return Err(refuse(format!("--tip {tip}: the description has no such link"), &help));
         }
-        None => tip_of(&urdf.joints).map_err(|message| refuse(message, "name the last link with --tip"))?,
+        None => urdf.tip().map_err(|message| refuse(message, "name the last link with --tip"))?,
     };
-    let chain = chain_to(&urdf.joints, &tip);
-    let turning: Vec<&&Joint> = chain.iter().filter(|joint| joint.joint_type != JointType::Fixed).collect();
-    let turns = |joint: &Joint| matches!(joint.joint_type, JointType::Revolute | JointType::Continuous);
+    let chain = urdf.chain_to(&tip);
+    let turning: Vec<&&Joint> = chain.iter().filter(|joint| joint.kind != Kind::Fixed).collect();
+    let turns = |joint: &Joint| matches!(joint.kind, Kind::Revolute | Kind::Continuous);
     if turning.len() != 6 || !turning.iter().all(|joint| turns(joint)) {
-        let names: Vec<String> =
-            turning.iter().map(|joint| format!("{} ({:?})", joint.name, joint.joint_type)).collect();
+        let names: Vec<String> = turning.iter().map(|joint| format!("{} ({:?})", joint.name, joint.kind)).collect();
         let message = format!(
             "the chain to `{tip}` has {} joints that move, expected six that turn: {}",
             names.len(),
@@ -72,17 +76,14 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         ));
     }
     let of_joint = |joint: &Joint| {
-        let [roll, pitch, yaw] = *joint.origin.rpy;
-        Pose::from_parts(
-            Translation3::from(Vector3::from(*joint.origin.xyz)),
-            Rotation3::from_euler_angles(roll, pitch, yaw),
-        )
+        let [roll, pitch, yaw] = joint.rpy;
+        Pose::from_parts(Translation3::from(Vector3::from(joint.xyz)), Rotation3::from_euler_angles(roll, pitch, yaw))
     };
     // What the controller counts from, where the description tells it apart from its own root.
-    let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.link.clone());
-    let start = chain_to(&urdf.joints, "base");
-    let counted = start.first().is_some_and(|joint| joint.parent.link == root)
-        && start.iter().all(|joint| joint.joint_type == JointType::Fixed);
+    let root = chain.first().map_or_else(|| tip.clone(), |joint| joint.parent.clone());
+    let start = urdf.chain_to("base");
+    let counted =
+        start.first().is_some_and(|joint| joint.parent == root) && start.iter().all(|joint| joint.kind == Kind::Fixed);
     let root_from_base =
         if counted { start.iter().fold(Pose::identity(), |at, joint| at * of_joint(joint)) } else { Pose::identity() };
 
@@ -90,7 +91,7 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     for joint in &chain {
         at *= of_joint(joint);
         if turns(joint) {
-            let axis = Vector3::from(*joint.axis.xyz);
+            let axis = Vector3::from(joint.axis);
             let Some(along) = axis.try_normalize(0.0) else {
                 return Err(refuse(
                     format!("joint {}: its axis has no direction", joint.name),
@@ -108,8 +109,8 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     })?;
     let limit = |i: usize| {
         let joint = turning[i];
-        let (lower, upper) = (joint.limit.lower, joint.limit.upper);
-        if joint.joint_type == JointType::Continuous || !(lower.is_finite() && upper.is_finite()) {
+        let [lower, upper] = joint.limit;
+        if joint.kind == Kind::Continuous || !(lower.is_finite() && upper.is_finite()) {
             (-TAU, TAU)
         } else {
             (lower, upper)
@@ -135,14 +136,15 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
         for joint in &chain {
             described *= of_joint(joint);
             if turns(joint) {
-                let axis = Vector3::from(*joint.axis.xyz).normalize();
+                let axis = Vector3::from(joint.axis).normalize();
                 described *= Rotation3::new(axis * *next.next().unwrap_or(&0.0));
             }
         }
         let ours = rows.base * robot.forward(&angles) * flange_from_tip;
         let off = (ours.translation.vector - described.translation.vector).norm();
         let turned = (ours.rotation.matrix() - described.rotation.matrix()).amax();
-        if off > SAME || turned > SAME {
+        // What is no number is not the same either.
+        if !(off <= SAME && turned <= SAME) {
             let message = format!("the rows miss the description by {:.1e} mm", 1e3 * off);
             return Err(refuse(message, "please report this description: its chain should be one of six axes"));
         }
@@ -152,41 +154,151 @@ pub fn described(source: &Source, tip: Option<&str>) -> Result<Described, Vec<Di
     Ok(Described { name: urdf.name, robot, flange_from_tip: (!identity).then_some(flange_from_tip), tip })
 }
 
-/// The joints from the root to a link, in order.
-fn chain_to<'a>(joints: &'a [Joint], tip: &str) -> Vec<&'a Joint> {
-    let mut chain = Vec::new();
-    let mut link = tip;
-    // A description that names a link as its own ancestor has no root.
-    while let Some(joint) = joints.iter().find(|joint| joint.child.link == link).filter(|_| chain.len() <= joints.len())
-    {
-        chain.push(joint);
-        link = &joint.parent.link;
-    }
-    chain.reverse();
-    chain
+/// How a joint moves, as the file names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Revolute,
+    Continuous,
+    Prismatic,
+    Fixed,
+    Floating,
+    Planar,
+    Spherical,
 }
 
-/// The last link, where nobody names it.
-fn tip_of(joints: &[Joint]) -> Result<String, String> {
-    let moves = |chain: &[&Joint]| chain.iter().filter(|joint| joint.joint_type != JointType::Fixed).count();
-    for usual in ["tool0", "flange"] {
-        let chain = chain_to(joints, usual);
-        if moves(&chain) == 6 {
+impl Kind {
+    const ALL: [(&'static str, Self); 7] = [
+        ("revolute", Self::Revolute),
+        ("continuous", Self::Continuous),
+        ("prismatic", Self::Prismatic),
+        ("fixed", Self::Fixed),
+        ("floating", Self::Floating),
+        ("planar", Self::Planar),
+        ("spherical", Self::Spherical),
+    ];
+}
+
+/// A joint between two links: its frame in that of the parent (m, rad), its axis in its own frame, its limits (rad).
+struct Joint {
+    name: String,
+    kind: Kind,
+    parent: String,
+    child: String,
+    xyz: [f64; 3],
+    rpy: [f64; 3],
+    axis: [f64; 3],
+    limit: [f64; 2],
+}
+
+impl Joint {
+    fn read(node: Node<'_, '_>) -> Result<Self, String> {
+        let name = attribute(node, "name")?;
+        let kind = attribute(node, "type")?;
+        let known = Kind::ALL.iter().find(|(word, _)| *word == kind);
+        let (_, kind) = known.ok_or_else(|| format!("{}joint {name}: there is no type `{kind}`", at(node)))?;
+        let part = |tag: &str| node.children().find(|child| child.has_tag_name(tag));
+        let link = |tag: &str| {
+            let part = part(tag).ok_or_else(|| format!("{}joint {name}: <{tag} link=…/> is missing", at(node)))?;
+            attribute(part, "link")
+        };
+        let of = |tag: &str, key: &str, absent: [f64; 3]| part(tag).map_or(Ok(absent), |part| three(part, key, absent));
+        let limit = |key: &str| match part("limit").and_then(|limit| limit.attribute(key)) {
+            None => Ok(0.0),
+            Some(text) => number(text).ok_or_else(|| format!("{}joint {name}: `{text}` is no number", at(node))),
+        };
+        Ok(Self {
+            kind: *kind,
+            parent: link("parent")?,
+            child: link("child")?,
+            xyz: of("origin", "xyz", [0.0; 3])?,
+            rpy: of("origin", "rpy", [0.0; 3])?,
+            axis: of("axis", "xyz", [1.0, 0.0, 0.0])?,
+            limit: [limit("lower")?, limit("upper")?],
+            name,
+        })
+    }
+}
+
+/// Where an element stands in the file.
+fn at(node: Node<'_, '_>) -> String {
+    format!("line {}: ", node.document().text_pos_at(node.range().start).row)
+}
+
+fn attribute(node: Node<'_, '_>, key: &str) -> Result<String, String> {
+    let missing = || format!("{}<{}> has no {key}=\"…\"", at(node), node.tag_name().name());
+    node.attribute(key).map(str::to_owned).ok_or_else(missing)
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|value: &f64| !value.is_nan())
+}
+
+/// Three finite numbers with blanks between them.
+fn three(node: Node<'_, '_>, key: &str, absent: [f64; 3]) -> Result<[f64; 3], String> {
+    let Some(text) = node.attribute(key) else { return Ok(absent) };
+    let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
+    let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+    three
+        .filter(|three| three.iter().all(|value| value.is_finite()))
+        .ok_or_else(|| format!("{}{key}=\"{text}\" of <{}>: expected three numbers", at(node), node.tag_name().name()))
+}
+
+/// What a file describes.
+struct Description {
+    name: String,
+    links: Vec<String>,
+    joints: Vec<Joint>,
+    /// Index of the joint that carries a link.
+    carries: HashMap<String, usize>,
+}
+
+impl Description {
+    fn read(text: &str) -> Result<Self, String> {
+        /// Elements, texts and comments of the largest descriptions are some ten thousand.
+        const MOST_NODES: u32 = 10_000_000;
+        let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+        let document = roxmltree::Document::parse_with_options(text, options).map_err(|error| error.to_string())?;
+        let robot = document.root_element();
+        if !robot.has_tag_name("robot") {
+            return Err(format!("<{}> stands at its top", robot.tag_name().name()));
+        }
+        let all = |tag: &'static str| robot.children().filter(move |child| child.has_tag_name(tag));
+        let links = all("link").map(|link| attribute(link, "name")).collect::<Result<_, _>>()?;
+        let joints: Vec<Joint> = all("joint").map(Joint::read).collect::<Result<_, _>>()?;
+        let mut carries = HashMap::new();
+        for (i, joint) in joints.iter().enumerate() {
+            carries.entry(joint.child.clone()).or_insert(i);
+        }
+        Ok(Self { name: attribute(robot, "name")?, links, joints, carries })
+    }
+
+    /// The joints from the root to a link, in order.
+    fn chain_to(&self, tip: &str) -> Vec<&Joint> {
+        let mut chain = Vec::new();
+        let mut link = tip;
+        // A description that names a link as its own ancestor has no root.
+        while let Some(&i) = self.carries.get(link).filter(|_| chain.len() <= self.joints.len()) {
+            chain.push(&self.joints[i]);
+            link = &self.joints[i].parent;
+        }
+        chain.reverse();
+        chain
+    }
+
+    /// The last link, where nobody names it.
+    fn tip(&self) -> Result<String, String> {
+        let moves = |link: &str| self.chain_to(link).iter().filter(|joint| joint.kind != Kind::Fixed).count();
+        if let Some(usual) = ["tool0", "flange"].into_iter().find(|usual| moves(usual) == 6) {
             return Ok(usual.to_owned());
         }
-    }
-    let parents =
-        |link: &str| joints.iter().any(|joint| joint.parent.link == link && joint.joint_type != JointType::Fixed);
-    let ends: Vec<&str> = joints
-        .iter()
-        .filter(|joint| joint.joint_type != JointType::Fixed && !parents(&joint.child.link))
-        .map(|joint| &joint.child.link[..])
-        .filter(|link| moves(&chain_to(joints, link)) == 6)
-        .collect();
-    match ends[..] {
-        [end] => Ok(end.to_owned()),
-        [] => Err("no chain of six joints that turn was found".to_owned()),
-        _ => Err(format!("several chains have six joints, to {}", ends.join(", "))),
+        let moving = || self.joints.iter().filter(|joint| joint.kind != Kind::Fixed);
+        let parents: HashSet<&str> = moving().map(|joint| &joint.parent[..]).collect();
+        let ends = moving().map(|joint| &joint.child[..]).filter(|link| !parents.contains(link) && moves(link) == 6);
+        match ends.collect::<Vec<_>>()[..] {
+            [end] => Ok(end.to_owned()),
+            [] => Err("no chain of six joints that turn was found".to_owned()),
+            ref ends => Err(format!("several chains have six joints, to {}", ends.join(", "))),
+        }
     }
 }
 

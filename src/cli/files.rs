@@ -1,6 +1,7 @@
 //! Files as they are read and written, what is said where they cannot be, and the errors of many.
 
 use super::watch::watch;
+use deflex::limits::FILE_BYTES;
 use deflex::text::{Diagnostic, Source, cannot_read};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -9,13 +10,22 @@ use std::path::{Path, PathBuf};
 pub(super) fn source(path: &Path) -> Result<Source, Vec<Diagnostic>> {
     let name = path.display().to_string();
     let read = if name == "-" {
-        let mut bytes = Vec::new();
-        std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
+        whole(std::io::stdin().lock())
     } else {
         watch(path);
-        std::fs::read(path)
+        std::fs::File::open(path).and_then(whole)
     };
-    read.map(|bytes| Source::new(name.clone(), bytes)).map_err(|error| cannot_read(&name, &error))
+    let bytes = read.map_err(|error| cannot_read(&name, &error))?;
+    match FILE_BYTES.exceeded(bytes.len() as f64) {
+        None => Ok(Source::new(name, bytes)),
+        Some(over) => Err(Diagnostic::error("io.read", &name, over).help(FILE_BYTES.help).into()),
+    }
+}
+
+/// All bytes of a file, or one more than are taken: a device never ends.
+fn whole(file: impl Read) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    file.take(FILE_BYTES.most + 1).read_to_end(&mut bytes).map(|_| bytes)
 }
 
 /// Reads every file; all that cannot be read are named.

@@ -21,7 +21,13 @@ pub(super) fn run(args: &Init) -> Outcome {
         return write(args, &described_template(&described, &source.name));
     }
     if let Some(folder) = &args.backup {
-        let moc = super::files::source(&folder.join("SYSPAR/MOC.cfg"))?;
+        let moc = folder.join("SYSPAR/MOC.cfg");
+        if moc.exists() && !moc.is_file() {
+            let error =
+                Diagnostic::error("init.backup", &moc.display().to_string(), "is no file, but a pipe or a device");
+            return Err(error.help("give the folder of a backup, in which SYSPAR/MOC.cfg is").into());
+        }
+        let moc = super::files::source(&moc)?;
         let modules = modules(folder)?;
         return write(args, &backup_template(&moc, &modules, args.robot.as_deref())?);
     }
@@ -52,7 +58,11 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
         found.sort();
         found
     };
+    // A pipe or a device under such a name may never end.
     let is_module = |path: &PathBuf| {
+        if !path.is_file() {
+            return false;
+        }
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         ending.is_some_and(|ending| matches!(&ending[..], "mod" | "sys" | "modx" | "sysx"))
     };
@@ -67,8 +77,14 @@ fn modules(folder: &Path) -> Result<Vec<Source>, Vec<Diagnostic>> {
     Ok(sources)
 }
 
-/// Writes the cell file.
+/// Writes the cell file, which is one whatever the names and numbers of the source are.
 fn write(args: &Init, cell: &str) -> Outcome {
+    if let Err(error) = cell.parse::<toml_edit::DocumentMut>() {
+        let message = format!("no cell file comes of this: {}", error.message());
+        let help =
+            "look for names and numbers in the source that are none, such as nan; please report it if there are none";
+        return Err(Diagnostic::error("init.toml", "", message).help(help).into());
+    }
     let mut outputs = Outputs::default();
     outputs.add(args.output.as_deref().unwrap_or(Path::new("-")), cell.as_bytes())?;
     outputs.commit()?;

@@ -62,6 +62,11 @@ const KEPT_BYTES: usize = 8 << 20;
 /// exit code, which is that of `docs/reference.md`. Once in a process: it sets the threads and what an interrupt does.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(KEPT_BYTES)));
+    let args: Vec<OsString> = args.into_iter().collect();
+    if let Some(error) = args::name_or_option(&args) {
+        message::print(&[error], false);
+        return 2;
+    }
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {

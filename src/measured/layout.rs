@@ -2,6 +2,7 @@
 
 use super::columns::{COLUMNS, FORCE_COLUMNS, Places, wrong};
 use crate::cell::nearest;
+use crate::limits;
 use crate::text::Diagnostic;
 use std::cell::Cell;
 
@@ -99,6 +100,9 @@ fn word(sign: char) -> &'static str {
 
 /// Where each column stands in a header.
 pub(super) fn places(file: &str, names: &[&str], wanted: Wanted) -> Result<Places, Vec<Diagnostic>> {
+    if let Some(over) = limits::COLUMNS.exceeded(names.len() as f64) {
+        return Err(wrong(file, 1, over, limits::COLUMNS.help.to_owned()).into());
+    }
     let mut errors = Vec::new();
     let mut place: Places = [None; COLUMNS.len()];
     let mut unknown = Vec::new();

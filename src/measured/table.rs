@@ -1,6 +1,7 @@
 use super::columns::{COLUMNS, Places, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, places, separator};
 use crate::correct::{ForceRow, Forces};
+use crate::limits::MEASURED_ROWS;
 use crate::text::{Diagnostic, Source};
 use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
@@ -130,6 +131,9 @@ impl Table {
     fn of_rows(source: &Source, all: Rows<&[u8]>) -> Result<Self, Vec<Diagnostic>> {
         let (mut rows, mut errors) = (Vec::new(), Vec::new());
         for row in all {
+            if let Some(over) = MEASURED_ROWS.exceeded(rows.len() as f64 + 1.0) {
+                return Err(Diagnostic::error("measured.rows", &source.name, over).help(MEASURED_ROWS.help).into());
+            }
             match row {
                 Ok(row) => rows.push(row),
                 Err(error) => errors.push(error),

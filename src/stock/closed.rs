@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 /// Farther from the surface than this, m, a depth is this: what asks for depths looks at cells of cutters, which are smaller.
 const FAR: f64 = 1e-3;
@@ -11,6 +12,10 @@ const TINY: f64 = 1e-200;
 
 /// Bins along the longer side at most.
 const MOST_BINS: f64 = 512.0;
+
+/// Bins that a triangle stands in, on average, at most; a mesh of few triangles may have this many copies more.
+const MOST_COPIES: usize = 16;
+const FEW_COPIES: usize = 1 << 20;
 
 /// A mesh whose triangles close it, counterclockwise seen from outside, m.
 #[derive(Clone, Debug)]
@@ -156,25 +161,40 @@ impl ClosedMesh {
 
     fn sort_into_bins(&mut self) {
         let size = self.high - self.low;
-        let wanted = (self.triangles.len() as f64).sqrt().clamp(1.0, MOST_BINS);
-        self.size = size.x.max(size.y) / wanted;
-        self.count = [0, 1].map(|k| (size[k] / self.size).floor() as usize + 1);
+        let mut wanted = (self.triangles.len() as f64).sqrt().clamp(1.0, MOST_BINS);
+        loop {
+            self.size = size.x.max(size.y) / wanted;
+            self.count = [0, 1].map(|k| (size[k] / self.size).floor() as usize + 1);
+            let places =
+                |triangle: &[u32; 3]| self.bins_of(triangle).map(|range| range.count()).iter().product::<usize>();
+            // Slivers from one side to the other lie in a whole row of bins, or in all of them: larger bins hold fewer copies.
+            let copies: usize = self.triangles.iter().map(places).sum();
+            if wanted <= 1.0 || copies <= MOST_COPIES * self.triangles.len() + FEW_COPIES {
+                break;
+            }
+            wanted = (0.5 * wanted).max(1.0);
+        }
         self.bins = vec![Vec::new(); self.count[0] * self.count[1]];
-        for (number, triangle) in (0_u32..).zip(&self.triangles) {
-            let corners = triangle.map(|corner| self.points[corner as usize]);
-            let range = |k: usize| {
-                let at = corners.map(|corner| corner[k]);
-                let least = at.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-                let most = at.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-                self.bin(least, k)..=self.bin(most, k)
-            };
-            let (columns, rows) = (range(0), range(1));
+        for number in 0..self.triangles.len() {
+            let [columns, rows] = self.bins_of(&self.triangles[number]);
+            let number = u32::try_from(number).unwrap_or(u32::MAX);
             for j in rows {
                 for i in columns.clone() {
                     self.bins[j * self.count[0] + i].push(number);
                 }
             }
         }
+    }
+
+    /// Columns and rows of bins that a triangle lies over.
+    fn bins_of(&self, triangle: &[u32; 3]) -> [RangeInclusive<usize>; 2] {
+        let corners = triangle.map(|corner| self.points[corner as usize]);
+        [0, 1].map(|k| {
+            let at = corners.map(|corner| corner[k]);
+            let least = at.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+            let most = at.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+            self.bin(least, k)..=self.bin(most, k)
+        })
     }
 
     fn bin(&self, at: f64, k: usize) -> usize {

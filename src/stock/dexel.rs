@@ -3,7 +3,7 @@
 use super::band::{Band, TILE};
 use super::blank::Blank;
 use super::history::Moment;
-use super::lattice::{Lattice, turned};
+use super::lattice::{Lattice, lines_over, turned};
 use super::line::{BLANK, Line};
 use super::solid::Solid;
 use super::sweep::{Cut, Sweep, ToolPose};
@@ -30,7 +30,13 @@ pub struct Stock {
 }
 
 impl Stock {
-    /// A blank that nothing has cut, with lines at a spacing (m).
+    /// Lines that a blank takes at a spacing (m), before memory is asked for: see [`limits`](crate::limits::STOCK_LINES).
+    #[must_use]
+    pub fn lines_over(blank: &Blank, spacing: f64) -> f64 {
+        lines_over(blank, spacing)
+    }
+
+    /// A blank that nothing has cut, with lines at a spacing (m): no more than [`STOCK_LINES`](crate::limits::STOCK_LINES).
     #[must_use]
     pub fn new(blank: Blank, spacing: f64) -> Self {
         let lattice = Lattice::new(blank, spacing);

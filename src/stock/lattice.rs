@@ -31,15 +31,27 @@ fn turned_back(u: f64, v: f64) -> [f64; 2] {
     [cos * u - sin * v, sin * u + cos * v]
 }
 
+/// Lower and upper corner of a blank in the lattice's axes, m.
+fn extent(blank: &Blank) -> [[f64; 2]; 2] {
+    let [low, high] = blank.bounds();
+    let corners = [[low.x, low.y], [high.x, low.y], [low.x, high.y], [high.x, high.y]].map(|[x, y]| turned(x, y));
+    let least = |k: usize| corners.iter().map(|c| c[k]).fold(f64::INFINITY, f64::min);
+    let most = |k: usize| corners.iter().map(|c| c[k]).fold(f64::NEG_INFINITY, f64::max);
+    [[least(0), least(1)], [most(0), most(1)]]
+}
+
+/// Lines over a blank at a spacing (m): a number that no memory has to hold.
+pub(super) fn lines_over(blank: &Blank, spacing: f64) -> f64 {
+    let [low, high] = extent(blank);
+    (0..2).map(|k| ((high[k] - low[k]) / spacing).ceil() + 1.0).product()
+}
+
 impl Lattice {
     /// Over a blank, with lines at a spacing (m).
     pub(super) fn new(blank: Blank, spacing: f64) -> Self {
-        let [low, high] = blank.bounds();
-        let corners = [[low.x, low.y], [high.x, low.y], [low.x, high.y], [high.x, high.y]].map(|[x, y]| turned(x, y));
-        let least = |k: usize| corners.iter().map(|c| c[k]).fold(f64::INFINITY, f64::min);
-        let most = |k: usize| corners.iter().map(|c| c[k]).fold(f64::NEG_INFINITY, f64::max);
-        let lines = [0, 1].map(|k| ((most(k) - least(k)) / spacing).ceil() as usize + 1);
-        Self { spacing, origin: [least(0), least(1), low.z], lines, blank }
+        let [low, high] = extent(&blank);
+        let lines = [0, 1].map(|k| ((high[k] - low[k]) / spacing).ceil() as usize + 1);
+        Self { spacing, origin: [low[0], low[1], blank.bounds()[0].z], lines, blank }
     }
 
     /// Where a line stands.

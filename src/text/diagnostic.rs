@@ -41,7 +41,7 @@ impl Diagnostic {
         Self {
             code,
             severity: Severity::Error,
-            message: message.into(),
+            message: readable(message.into()),
             help: None,
             file: file.to_owned(),
             line: 0,
@@ -70,7 +70,7 @@ impl Diagnostic {
     /// The same, with how to mend it.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
+        self.help = Some(readable(help.into()));
         self
     }
 
@@ -80,6 +80,18 @@ impl Diagnostic {
         self.severity = severity;
         self
     }
+}
+
+/// A message that quotes a word of an input is no longer than this, bytes: as long as a page.
+const LONGEST: usize = 4000;
+
+/// A text with its middle left out where it is longer than anybody reads.
+fn readable(text: String) -> String {
+    if text.len() <= LONGEST {
+        return text;
+    }
+    let [head, tail] = [text.floor_char_boundary(LONGEST * 3 / 4), text.ceil_char_boundary(text.len() - LONGEST / 4)];
+    format!("{} … ({} bytes left out) … {}", &text[..head], tail - head, &text[tail..])
 }
 
 /// One line: `file:line:column: error: message [code]`, without control characters. The CLI renders the snippet with it.
@@ -125,4 +137,19 @@ fn snippet(source: &Source, span: Span) -> (String, std::ops::Range<usize>) {
     let (before, marked, after) = (part(from, start), part(start, stop), part(stop, to));
     let at = before.len()..before.len() + marked.len();
     (before + &marked + &after, at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Diagnostic, LONGEST};
+
+    #[test]
+    fn no_message_is_longer_than_a_page() {
+        let word = "ä".repeat(25_000_000);
+        let said = Diagnostic::error("x", "", format!("`{word}` is not declared")).help(word);
+        for text in [&said.message, said.help.as_ref().unwrap_or(&said.message)] {
+            assert!(text.len() < LONGEST + 50 && text.contains("bytes left out"), "{} bytes", text.len());
+        }
+        assert!(said.message.ends_with("` is not declared"));
+    }
 }

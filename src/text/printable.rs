@@ -36,7 +36,9 @@ fn picture(c: char) -> Option<char> {
         | '\u{200e}'
         | '\u{200f}'
         | '\u{2028}'..='\u{202e}'
-        | '\u{2066}'..='\u{2069}' => Some(char::REPLACEMENT_CHARACTER),
+        | '\u{2066}'..='\u{2069}'
+        // No characters: XML has no place for them.
+        | '\u{fffe}'..='\u{ffff}' => Some(char::REPLACEMENT_CHARACTER),
         _ => None,
     }
 }

@@ -7,6 +7,9 @@ mod programs;
 
 use super::output::lock::DEFAULT_TIMEOUT_S;
 use clap::{Parser, Subcommand};
+use deflex::text::Diagnostic;
+use std::ffi::OsString;
+use std::path::Path;
 
 pub(super) use cell::{Generate, Generated, Init, Pose};
 pub(super) use groups::{Common, Corrected, Model, RAPID_MM_S, Reading, Reports};
@@ -22,6 +25,19 @@ pub(super) struct Cli {
     /// How long to wait for a folder that another program keeps locked, s
     #[arg(long, global = true, value_name = "SECONDS", default_value_t = DEFAULT_TIMEOUT_S)]
     pub(super) lock_timeout: u64,
+}
+
+/// Refuses an argument that reads as an option and is the name of a file: `*.mod` of a shell gives it the name of a file that
+/// someone has called `--forces=.h.mod`, and a check must not turn green by that.
+pub(super) fn name_or_option(args: &[OsString]) -> Option<Diagnostic> {
+    let options = args.iter().skip(1).take_while(|arg| *arg != "--");
+    let mut doubtful = options.filter(|arg| arg.len() > 1 && arg.as_encoded_bytes().starts_with(b"-"));
+    let name = doubtful.find(|arg| Path::new(arg).symlink_metadata().is_ok())?.to_string_lossy();
+    let message = format!("`{name}` reads as an option, and a file of this name is here");
+    let help = format!(
+        "put `--` before the names of files, or write ./{name} for the file; rename it where you mean the option"
+    );
+    Some(Diagnostic::error("usage.name", "", message).help(help))
 }
 
 const EXAMPLES: &str = "\

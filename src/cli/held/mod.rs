@@ -20,12 +20,14 @@ mod identified;
 mod long;
 mod planned;
 mod simulated;
+mod write;
 
 pub use super::input::CellFile;
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, identify};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
+pub use write::write;
 
 use super::again::Again;
 use super::batch::posted_from;
@@ -94,6 +96,12 @@ impl Run {
     fn set_forces(&mut self, (file, forces): (ForceFile, correct::Forces)) {
         self.setup.forces = Some(file);
         self.setup.options.forces = Some(forces);
+    }
+
+    /// Files that the run reads besides the program: the cell, and what declares names.
+    pub fn inputs(&self) -> impl Iterator<Item = &Path> {
+        let context = self.setup.context.sources().iter();
+        context.map(|source| Path::new(&source.name)).chain([Path::new(&self.setup.cell.name)])
     }
 
     /// How CL input from this file is posted, where nothing else is said.

@@ -13,9 +13,10 @@ use super::segment::Kind;
 use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
+use crate::limits::STOCK_LINES;
 use crate::program::{Program, Role};
 use crate::robot::Pose;
-use crate::stock::{Engaged, Front, Moment, Stock, ToolPose};
+use crate::stock::{Blank, Engaged, Front, Moment, Stock, ToolPose};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Unit, Vector3};
 use places::Place;
@@ -67,9 +68,7 @@ pub(super) fn run(
         return Err(vec![unread.help("call Cell::take_meshes before the cell is used")]);
     };
     let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
-    let resolution = section
-        .resolution
-        .unwrap_or_else(|| (RESOLUTION_SHARE * smallest).clamp(*RESOLUTION.start(), *RESOLUTION.end()));
+    let resolution = spacing(blank, section.resolution, smallest)?;
     let mut walk = Walk {
         program,
         cell,
@@ -99,6 +98,26 @@ pub(super) fn run(
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
     }
     Ok(Some(Removal { stock: walk.stock, base_from_stock }))
+}
+
+/// Spacing of the stock's lines, m: what the cell says, or what follows from the smallest cutter and fits into memory.
+fn spacing(blank: &Blank, said: Option<f64>, smallest: f64) -> Result<f64, Vec<Diagnostic>> {
+    let fits = |spacing: f64| STOCK_LINES.exceeded(Stock::lines_over(blank, spacing));
+    // A fifth coarser at a time, from the finest spacing that anything is cut with up to beyond any blank.
+    let coarser =
+        |from: f64| std::iter::successors(Some(from), |at| Some(1.2 * at)).take(400).find(|at| fits(*at).is_none());
+    let chosen = (RESOLUTION_SHARE * smallest).clamp(*RESOLUTION.start(), *RESOLUTION.end());
+    let wanted = said.unwrap_or(chosen);
+    let (Some(over), least) = (fits(wanted), coarser(wanted)) else { return Ok(wanted) };
+    match (said, least) {
+        (None, Some(least)) => Ok(least),
+        (_, least) => {
+            let least =
+                least.map_or_else(String::new, |least| format!(": at least {:.3} mm for this one", 1e3 * least));
+            let error = Diagnostic::error("stock.resolution", "", over);
+            Err(error.help(format!("{}{least}", STOCK_LINES.help)).into())
+        }
+    }
 }
 
 /// The load of a force that follows from the stock, N, work object axes.

@@ -2,7 +2,10 @@
 
 use crate::report::{Origin, VERSION};
 use crate::text::printable;
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD as BASE64;
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use std::fmt::{Display, Write};
 
 const STYLE: &str = include_str!("assets/page.css");
@@ -45,13 +48,18 @@ impl Document<'_> {
         let data = shown(self.data).to_string().replace('<', "\\u003c");
         let (version, licence, body) = (VERSION, escape(UPLOT_LICENSE), self.body);
         let made_from = made_from(self.origins);
+        let charts = format!("\n{UPLOT}\n");
+        let own = format!("\n\"use strict\";\n(() => {{\n{scripts}}})();\n");
+        // These scripts run and no other, whatever a program or a file name brings into the page.
+        let allowed =
+            [&charts, &own].map(|script| format!("'sha256-{}'", BASE64.encode(Sha256::digest(script)))).join(" ");
         format!(
             r#"<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; script-src {allowed}; img-src data:">
 <meta name="color-scheme" content="light dark">
 <meta name="generator" content="deflex {version}">
 <link rel="icon" href="data:,">
@@ -75,14 +83,8 @@ impl Document<'_> {
 <details><summary>Licence of the charts: uPlot 1.6.32</summary><pre>{licence}</pre></details>
 </footer>
 <script type="application/json" id="data">{data}</script>
-<script>
-{UPLOT}
-</script>
-<script>
-"use strict";
-(() => {{
-{scripts}}})();
-</script>
+<script>{charts}</script>
+<script>{own}</script>
 </body>
 </html>
 "#

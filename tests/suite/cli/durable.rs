@@ -344,12 +344,118 @@ fn a_file_is_saved_as_an_editor_does() {
     assert!(fs::symlink_metadata(bench.path("new.mod")).unwrap().is_symlink());
 }
 
+/// A run's ID, and what would be its files.
+const ID: &str = "0123456789abcdef0123456789abcdef";
+
+/// A marker in the form of a killed run's, for one waiting file that is what it says.
+fn plant(bench: &Bench, folder: &str, waits: &str, target: &str, how: &str) {
+    let state = |path: &Path| {
+        fs::symlink_metadata(path).ok().map(|metadata| {
+            let modified = metadata.mtime() * 1_000_000_000 + metadata.mtime_nsec();
+            let own = [metadata.dev(), metadata.ino(), 0, 0];
+            serde_json::json!({ "length": metadata.len(), "modified_ns": modified, "own": own })
+        })
+    };
+    let at = |name: &str| bench.path(folder).join(name);
+    let sha = Command::new("sha256sum").arg("--").arg(at(waits)).output().unwrap();
+    let sha = String::from_utf8(sha.stdout).unwrap();
+    let entry = serde_json::json!({
+        "waits": waits, "target": target, "how": how, "sha256": sha.split(' ').next(),
+        "staged": state(&at(waits)), "before": state(&at(target)),
+    });
+    let folders = [fs::canonicalize(bench.path(folder)).unwrap()];
+    let marker = serde_json::json!({ "deflex": "", "folders": folders, "files": [entry] });
+    bench.write(&format!("{folder}/deflex-unfinished-{ID}.json"), marker.to_string());
+}
+
 #[test]
 fn an_input_of_an_unfinished_set_is_told() {
     let bench = Bench::new();
-    let target = fs::canonicalize(bench.path("part.mod")).unwrap();
-    let entry = format!("{{\"waits\":\"x\",\"target\":{target:?},\"how\":\"rename\",\"before\":null}}");
-    bench.write("deflex-unfinished-1-2.json", format!("{{\"deflex\":\"\",\"files\":[{entry}]}}"));
+    let waits = format!(".deflex-{ID}-0.tmp");
+    bench.write(&waits, "new");
+    plant(&bench, ".", &waits, "part.mod", "rename");
     let said = bench.run("predict part.mod --cell cell.toml").exits(0).stderr;
     assert!(said.contains("part.mod") && said.contains("unfinished"), "{said}");
+}
+
+/// A marker can be written by anyone: it moves, removes and overwrites nothing but what its run has staged.
+#[test]
+fn a_planted_marker_touches_no_file() {
+    let bench = Bench::new();
+    fs::create_dir(bench.path("out")).unwrap();
+    bench.write("victim", "mine").write("out/mine.txt", "mine").write("out/other.txt", "theirs");
+    let waits = format!(".deflex-{ID}-0.tmp");
+    let run = "predict part.mod --cell cell.toml --report out/r.csv -q";
+    let marker = format!("out/deflex-unfinished-{ID}.json");
+    let unharmed = |what: &str, said: &str| {
+        assert!(said.contains("is left alone"), "{what}: {said}");
+        let files = ["victim", "out/mine.txt", "out/other.txt"].map(|name| bench.read(name));
+        assert_eq!(files, ["mine", "mine", "theirs"], "{what}");
+        assert!(bench.path("out/r.csv").exists());
+    };
+    // The marker of versions before, and one with a name that no run has.
+    let victim = bench.path("victim");
+    for name in ["out/deflex-unfinished-1-1.json", &marker] {
+        let entry = serde_json::json!({ "waits": victim, "target": "/nowhere", "how": "rename", "before": null });
+        bench.write(name, serde_json::json!({ "deflex": "", "files": [entry] }).to_string());
+        unharmed(name, &bench.run(run).exits(0).stderr);
+        fs::remove_file(bench.path(name)).unwrap();
+    }
+    // Names that lead out of the folder or are no staged files, in the form of today.
+    for (name, target) in [("../victim", "new"), ("mine.txt", "new"), ("mine.txt", "other.txt")] {
+        plant(&bench, "out", name, target, "rename");
+        unharmed(name, &bench.run(run).exits(0).stderr);
+    }
+    bench.write(&format!("out/{waits}"), "planted");
+    for target in ["../victim", "../new"] {
+        plant(&bench, "out", &waits, target, "overwrite");
+        unharmed(target, &bench.run(run).exits(0).stderr);
+    }
+    // A file that is not the one that was staged: another inode, a link, other bytes.
+    plant(&bench, "out", &waits, "mine.txt", "rename");
+    fs::copy(bench.path(&format!("out/{waits}")), bench.path("out/copy")).unwrap();
+    fs::rename(bench.path("out/copy"), bench.path(&format!("out/{waits}"))).unwrap();
+    unharmed("a copy", &bench.run(run).exits(0).stderr);
+    fs::remove_file(bench.path(&format!("out/{waits}"))).unwrap();
+    symlink("../victim", bench.path(&format!("out/{waits}"))).unwrap();
+    plant(&bench, "out", &waits, "new", "rename");
+    unharmed("a link", &bench.run(run).exits(0).stderr);
+    assert!(!bench.path("new").exists() && !bench.path("out/new").exists());
+    // A pipe where a marker or a lock would be does not hang.
+    fs::remove_file(bench.path(&marker)).unwrap();
+    for name in [marker.clone(), format!("out/.deflex-{ID}.lock")] {
+        assert!(Command::new("mkfifo").arg(bench.path(&name)).status().unwrap().success());
+    }
+    unharmed("a pipe", &bench.run(run).exits(0).stderr);
+    assert!(bench.path(&format!("out/{waits}")).symlink_metadata().is_ok());
+}
+
+/// Holds a lock on a folder while it lives.
+fn hold(bench: &Bench, folder: &str) -> fs::File {
+    let held = fs::File::open(bench.path(folder)).unwrap();
+    held.lock().unwrap();
+    held
+}
+
+#[test]
+fn a_lock_that_is_never_given_back_ends_the_run() {
+    let bench = Bench::new();
+    let held = hold(&bench, ".");
+    let before = bench.names("");
+    let said = bench.run(&format!("{RUN} --lock-timeout 2")).exits(2).stderr;
+    assert!(said.contains("waiting for at most 2 s") && said.contains("has held a lock"), "{said}");
+    assert_eq!(bench.names(""), before);
+    // A signal ends the wait at once.
+    for signal in ["INT", "TERM", "HUP"] {
+        let mut run = start(&bench, &RUN.split(' ').collect::<Vec<_>>());
+        let begun = Instant::now();
+        std::thread::sleep(Duration::from_millis(2500));
+        let pid = run.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{signal}"), &pid]).status().unwrap().success());
+        assert_eq!(run.wait().unwrap().code(), Some(130), "{signal}");
+        assert!(begun.elapsed() < Duration::from_secs(20), "{signal}");
+        assert_eq!(bench.names(""), before, "{signal}");
+    }
+    drop(held);
+    bench.run(RUN).exits(0);
 }

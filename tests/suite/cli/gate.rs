@@ -89,6 +89,78 @@ fn what_cannot_be_read_is_no_answer() {
     assert_eq!(gate(&bench, "0.02").code, Some(2));
 }
 
+/// The name of a file that an argument list without `--` takes for an option: with `.h.mod` as forces nothing cuts.
+const OPTION: &str = "--forces=.h.mod";
+
+/// A program that is out of tolerance under such a name, and the table of no forces that its name speaks of.
+fn disguise(bench: &Bench, folder: &str) {
+    bench.write(&format!("{folder}{OPTION}"), PROGRAM);
+    bench.write(".h.mod", "target,fx_n,fy_n,fz_n\n1,0,0,0\n2,0,0,0\n3,0,0,0\n4,0,0,0\n");
+}
+
+#[test]
+fn a_name_is_no_option_in_the_gate() {
+    let bench = repository();
+    disguise(&bench, "");
+    bench.write("bad.mod", PROGRAM.replace("[[50,0,0]", "[[5000,0,0]"));
+    for folder in [".", "programs"] {
+        disguise(&bench, &format!("{folder}/"));
+        let output = Command::new("./gate.sh")
+            .args([folder, "cell.toml", "out", "0.02"])
+            .current_dir(bench.path(""))
+            .env("DEFLEX", assert_cmd::cargo::cargo_bin!("deflex"))
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(if folder == "." { 1 } else { 0 }), "{said}");
+        if folder == "programs" {
+            assert!(said.contains("--forces=.h.mod: 4 targets, ok"), "{said}");
+        }
+    }
+}
+
+/// `release/check.sh`, which the action runs, in a folder of its own.
+#[test]
+fn a_name_is_no_option_in_the_action() {
+    let bench = Bench::new();
+    disguise(&bench, "");
+    std::fs::create_dir_all(bench.path("deflex/bin")).unwrap();
+    symlink(assert_cmd::cargo::cargo_bin!("deflex"), bench.path("deflex/bin/deflex")).unwrap();
+    let output = Command::new("bash")
+        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/release/check.sh"))
+        .current_dir(bench.path(""))
+        .env("RUNNER_TEMP", bench.path(""))
+        .envs([("PROGRAMS", "*.mod"), ("CELL", "cell.toml"), ("MAX_ERROR", "0.01"), ("SARIF", "out.sarif")])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(bench.read("out.sarif").contains(OPTION), "the file is not judged");
+}
+
+/// The hook as pre-commit runs it: its entry, the arguments that it says to give, the names of the files.
+#[test]
+fn a_name_is_no_option_in_the_hook() {
+    let hook = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/.pre-commit-hooks.yaml")).unwrap();
+    assert!(hook.contains("entry: deflex check\n"));
+    assert!(hook.contains("args: [--cell, cell.toml, --max-error, \"0.1\", --]"));
+    let bench = Bench::new();
+    disguise(&bench, "");
+    let run = |end: &[&str]| {
+        Command::new(assert_cmd::cargo::cargo_bin!("deflex"))
+            .args(["check", "--cell", "cell.toml", "--max-error", "0.01"])
+            .args(end)
+            .args([OPTION, "part.mod"])
+            .current_dir(bench.path(""))
+            .output()
+            .unwrap()
+    };
+    assert_eq!(run(&["--"]).status.code(), Some(1));
+    // Whoever leaves it out is told, and never gets a green check.
+    let refused = run(&[]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && said.contains("`--forces=.h.mod` reads as an option"), "{said}");
+}
+
 /// Lines of a workflow as (indentation, key, value), `- ` being part of the indentation; panics on what is not of this form.
 fn keys(yaml: &str) -> Vec<(usize, &str, &str)> {
     let lines = yaml.lines().filter(|line| !line.trim().is_empty() && !line.trim().starts_with('#'));

@@ -189,3 +189,39 @@ fn what_an_arc_misses_between_its_points_is_said() {
     let said = bench.run("compensate arc.mod --cell shifted.toml -o out.mod").exits(0).stderr;
     assert!(said.contains("4 corrected") && !said.contains("left on the way"), "{said}");
 }
+
+#[test]
+#[cfg(unix)]
+fn a_file_is_one_file_under_all_its_names() {
+    let bench = Bench::new();
+    bench.write("a.mod", "old").write("other.mod", PROGRAM);
+    for (of, name) in [("part.mod", "h.mod"), ("cell.toml", "h.toml"), ("a.mod", "b.csv"), ("other.mod", "h.csv")] {
+        std::fs::hard_link(bench.path(of), bench.path(name)).unwrap();
+    }
+    let said = bench.run(&format!("{RUN} -o h.mod")).exits(2).stderr;
+    assert!(said.contains("it is an input of this run, part.mod"), "{said}");
+    bench.run(&format!("{RUN} -o out.mod --report h.toml")).exits(2);
+    // What is opened only while the run goes on is an input too.
+    bench.run("check part.mod --cell cell.toml --max-error 9 --against other.mod --report h.csv").exits(2);
+    let said = bench.run(&format!("{RUN} -o a.mod --report b.csv")).exits(2).stderr;
+    assert!(said.contains("another output goes into the same file"), "{said}");
+    assert_eq!((bench.read("part.mod"), bench.read("a.mod")), (PROGRAM.to_owned(), "old".to_owned()));
+    assert!(!bench.path("out.mod").exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn nothing_is_named_from_a_device_and_no_link_in_a_circle_is_replaced() {
+    let bench = Bench::new();
+    std::os::unix::fs::symlink("/dev/null", bench.path("null")).unwrap();
+    let before = bench.names("");
+    bench.run(&format!("{RUN} -o null")).exits(0);
+    bench.run(&format!("{RUN} -o /dev/null")).exits(0);
+    assert_eq!(bench.names(""), before);
+    assert!(!std::path::Path::new("/dev/null.report.csv").exists());
+    std::os::unix::fs::symlink("two.mod", bench.path("one.mod")).unwrap();
+    std::os::unix::fs::symlink("one.mod", bench.path("two.mod")).unwrap();
+    let said = bench.run(&format!("{RUN} -o one.mod")).exits(2).stderr;
+    assert!(said.contains("leads back to itself"), "{said}");
+    assert!(std::fs::symlink_metadata(bench.path("one.mod")).unwrap().is_symlink());
+}

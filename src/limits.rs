@@ -1,0 +1,109 @@
+//! The bounds of what deflex reads and computes. Work is sized before memory is asked for: beyond a bound there is an error that says
+//! what to change. This is their one list: code, messages and the table in `docs/limits-and-safety.md` take them from here.
+
+/// A bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Bound {
+    /// What is counted.
+    pub what: &'static str,
+    /// The most that is taken.
+    pub most: u64,
+    /// What to change beyond it.
+    pub help: &'static str,
+}
+
+impl Bound {
+    /// What an input has more of than is taken; `None` within the bound. A count that is no number is beyond it.
+    #[must_use]
+    pub fn exceeded(&self, count: f64) -> Option<String> {
+        let within = count <= self.most as f64;
+        (!within).then(|| format!("{}: {count:.0} are more than the {} that are taken", self.what, self.most))
+    }
+}
+
+/// Lines through the blank: each takes about 60 bytes once it is cut, and a simulation has two stocks.
+pub const STOCK_LINES: Bound = Bound {
+    what: "lines of the stock ([stock] resolution_mm over its box)",
+    most: 100_000_000,
+    help: "give a larger `resolution_mm`, or a smaller blank",
+};
+
+/// Triangles of a mesh: a file of a gigabyte.
+pub const STL_TRIANGLES: Bound =
+    Bound { what: "triangles of an STL file", most: 20_000_000, help: "export the mesh with a coarser tolerance" };
+
+/// How far a corner of a mesh may lie from the origin, mm: a hundred metres are more than any machine; single precision has steps
+/// of a hundredth of a millimetre there.
+pub const STL_REACH_MM: Bound = Bound {
+    what: "coordinates of an STL file, mm",
+    most: 100_000,
+    help: "export the mesh in millimetres, near the origin of the stock's work object",
+};
+
+/// Units of a cell: a controller has six external axes, and each unit one of its own.
+pub const UNITS: Bound = Bound {
+    what: "units ([[unit]]) of a cell",
+    most: crate::robot::EXTERNAL_AXES as u64,
+    help: "each unit has an external axis of its own, eax_a to eax_f: remove the others",
+};
+
+/// Tools of a cell, and work objects too: more than any magazine holds.
+pub const FRAMES: Bound = Bound {
+    what: "tools, or work objects, of a cell",
+    most: 10_000,
+    help: "leave those that the programs of this cell use",
+};
+
+/// Columns of a measured file or of a table of forces.
+pub const COLUMNS: Bound =
+    Bound { what: "columns of a table", most: 10_000, help: "leave the columns that docs/formats.md lists" };
+
+/// Rows of a measured file: an identification holds all of them in memory, some 2 kB each.
+pub const MEASURED_ROWS: Bound = Bound {
+    what: "rows of a measured file",
+    most: 1_000_000,
+    help: "thin the rows out, or leave some of the runs out: neighbouring rows say nearly the same",
+};
+
+/// Joints of a robot description, and links too: an arm has a dozen.
+pub const URDF_JOINTS: Bound = Bound {
+    what: "joints, or links, of a robot description",
+    most: 10_000,
+    help: "give the description of the arm alone",
+};
+
+/// A file that is held as a whole, bytes: cells, tables, meshes, and programs that cannot be read in parts.
+pub const FILE_BYTES: Bound =
+    Bound { what: "bytes of a file that is held as a whole", most: 2 << 30, help: "split the file, or name another" };
+
+/// Rows of an array that Python hands over: 13 GB of poses come back for them.
+pub const ARRAY_ROWS: Bound =
+    Bound { what: "rows of an array", most: 100_000_000, help: "call it with parts of the array" };
+
+/// All of them, in the order of the table.
+pub const ALL: [Bound; 10] = [
+    STOCK_LINES,
+    STL_TRIANGLES,
+    STL_REACH_MM,
+    UNITS,
+    FRAMES,
+    COLUMNS,
+    MEASURED_ROWS,
+    URDF_JOINTS,
+    FILE_BYTES,
+    ARRAY_ROWS,
+];
+
+#[cfg(test)]
+mod tests {
+    use super::STOCK_LINES;
+
+    #[test]
+    fn a_count_that_is_no_number_is_beyond_every_bound() {
+        assert_eq!(STOCK_LINES.exceeded(1e8), None);
+        for count in [1e8 + 1.0, f64::INFINITY, f64::NAN] {
+            assert!(STOCK_LINES.exceeded(count).is_some(), "{count}");
+        }
+    }
+}
