@@ -3,12 +3,17 @@
 
 #![allow(dead_code)] // each fuzz target asks one of the questions
 
-use deflex::cell::Cell;
+use deflex::cell::{Cell, backup_template, described, described_template};
+use deflex::cli::held::write;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
 use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, krl, rapid, read, tp};
+use deflex::robot::BUILTIN;
+use deflex::stock::{ClosedMesh, read_stl};
 use deflex::text::{Diagnostic, Source, apply};
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 /// A cell whose only load is a constant force: what is asked for is the way through, not the figures.
@@ -64,6 +69,70 @@ pub(crate) fn measured(bytes: &[u8]) {
         Ok(table) => drop(table.forces()),
         Err(errors) => said(&errors),
     }
+}
+
+/// A cell file that was made is TOML, whatever it was made from.
+fn is_toml(text: &str) {
+    if let Err(error) = text.parse::<toml::Table>() {
+        panic!("{error}\n{text}");
+    }
+}
+
+/// A robot description: refused in words, or a cell file.
+pub(crate) fn urdf(bytes: &[u8]) {
+    let source = Source::new("robot.urdf", bytes);
+    match described(&source, None) {
+        Ok(described) => is_toml(&described_template(&described, "robot.urdf")),
+        Err(errors) => said(&errors),
+    }
+}
+
+/// A backup, `MOC.cfg` up to the first word MODULE and a module from there on: refused in words, or a cell file.
+pub(crate) fn backup(bytes: &[u8]) {
+    let at = bytes.windows(6).position(|word| word == b"MODULE").unwrap_or(bytes.len());
+    let (moc, module) = (Source::new("MOC.cfg", &bytes[..at]), Source::new("user.sys", &bytes[at..]));
+    match backup_template(&moc, &[module], Some(&BUILTIN[0].model)) {
+        Ok(text) => is_toml(&text),
+        Err(errors) => said(&errors),
+    }
+}
+
+/// An STL file: refused in words, or a solid of a size that is a number.
+pub(crate) fn stl(bytes: &[u8]) {
+    match read_stl(bytes).map(|triangles| ClosedMesh::new(&triangles)) {
+        Ok(Ok(mesh)) => assert!(mesh.bounds().iter().all(|corner| corner.iter().all(|value| value.is_finite()))),
+        Ok(Err(error)) => assert!(!error.to_string().is_empty()),
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+/// A run's ID in the name of a marker.
+const ID: &str = "00112233445566778899aabbccddeeff";
+
+/// A marker that a killed run is said to have left: whatever stands in it, no file of the user changes.
+pub(crate) fn marker(bytes: &[u8]) {
+    /// Two files of the user, in the marker's folder and beside it; and what the marker may name as staged.
+    static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+        let memory = Path::new("/dev/shm");
+        let root = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+        let folder = root.join(format!("deflex-marker-{}", std::process::id())).join("out");
+        fs::create_dir_all(&folder).expect("a folder to try in");
+        for file in [folder.join("mine.txt"), folder.join("../mine.txt")] {
+            fs::write(file, "mine").expect("a file of the user");
+        }
+        folder
+    });
+    let (mark, staged) =
+        (FOLDER.join(format!("deflex-unfinished-{ID}.json")), FOLDER.join(format!(".deflex-{ID}-0.tmp")));
+    fs::write(&mark, bytes).expect("a marker");
+    fs::write(&staged, "staged").expect("a staged file");
+    write([(FOLDER.join("new.txt"), &b"new"[..])], [] as [&Path; 0]).expect("an output");
+    for file in [FOLDER.join("mine.txt"), FOLDER.join("../mine.txt")] {
+        assert_eq!(fs::read(file).expect("a file of the user"), b"mine");
+    }
+    assert_eq!(fs::read(FOLDER.join("new.txt")).expect("the output"), b"new");
+    let names = fs::read_dir(&*FOLDER).expect("the folder").count();
+    assert!(names <= 4, "{names} files");
 }
 
 /// The whole way from program bytes to corrected ones.

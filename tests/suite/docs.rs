@@ -143,6 +143,19 @@ fn every_effect_is_documented() {
     assert_eq!(rows.collect::<Vec<_>>(), kinds);
 }
 
+/// The page of limits has a row for each bound of the code, in its order, with its number and what to change.
+#[test]
+fn every_bound_is_documented() {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/limits-and-safety.md")).unwrap();
+    let table = page.split("| counted | at most |").nth(1).unwrap().split("\n\n").next().unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().skip(2).map(|row| row.split('|').map(str::trim).collect()).collect();
+    assert_eq!(rows.len(), deflex::limits::ALL.len());
+    for (row, bound) in rows.iter().zip(deflex::limits::ALL) {
+        assert_eq!([row[1], &row[2].replace(',', ""), row[3]], [bound.what, &bound.most.to_string(), bound.help]);
+        assert!(!row[4].is_empty(), "{}", bound.what);
+    }
+}
+
 /// Cell files on the pages are read; where only a part is shown, the sample's robot stands before it.
 #[test]
 fn cell_files_of_the_documentation_are_read() {

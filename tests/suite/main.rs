@@ -41,5 +41,6 @@ mod stream_cl;
 mod stream_declared;
 mod stream_krl;
 mod stream_units;
+mod supply;
 mod units;
 mod units_cl;

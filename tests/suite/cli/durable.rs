@@ -57,6 +57,31 @@ fn ended(bench: &Bench, arguments: &[&str]) -> ExitStatus {
     start(bench, arguments).wait().unwrap()
 }
 
+/// A simulation, whose points, page, mesh and figures are one set. Its page goes into a file that has another name too, whose
+/// content is replaced in place.
+const SIMULATION: &[&str] = &[
+    "simulate",
+    "a.mod",
+    "--cell",
+    "stock.toml",
+    "--stl",
+    "out/part.stl",
+    "--report",
+    "all.csv",
+    "--json",
+    "all.json",
+    "--html",
+    "all.html",
+    "--quiet",
+];
+
+/// A stock that the cutter of the program goes through, coarse enough to be cut in no time.
+fn stock(force: usize) -> String {
+    let cell = CELL.replace("[120, ", &format!("[{}, ", 120 + 10 * force));
+    cell + "[stock]\nbox_mm = [[-20, -20, -20], [120, 20, 1]]\nresolution_mm = 2.0\n\
+            [tools.tMill.cutter]\ndiameter_mm = 20\ncorner_radius_mm = 2\nteeth = 2\nhelix_deg = 30\n"
+}
+
 /// Every output of the batch with its bytes.
 fn outputs(bench: &Bench) -> BTreeMap<String, Vec<u8>> {
     let name = |folder: &str, name: &str| Path::new(folder).join(name).to_string_lossy().into_owned();
@@ -167,6 +192,82 @@ fn kill_at(moments: impl Iterator<Item = Moment>) -> Counts {
         now = if finished == sets[now] { now } else { next };
     }
     counts
+}
+
+/// How a run is ended.
+#[derive(Clone, Copy, Debug)]
+enum End {
+    Killed,
+    HungUp,
+}
+
+/// Ends simulations at so many moments; what is there then is old, new, or marked, and whole after the next run.
+fn end_simulations(count: usize, end: End) -> Counts {
+    let bench = batch();
+    fs::create_dir(bench.path("out")).unwrap();
+    let mut sets = Vec::new();
+    let (mut counts, mut whole) = (Counts::default(), Duration::ZERO);
+    for force in 0..2 {
+        bench.write("stock.toml", stock(force));
+        let begun = Instant::now();
+        assert!(ended(&bench, SIMULATION).success());
+        whole = begun.elapsed();
+        sets.push(results(&bench));
+    }
+    assert!(sets[0].len() == 4 && sets[0] != sets[1], "{:?}", sets[0].keys());
+    // From here on it has two names, and is written in place.
+    fs::hard_link(bench.path("all.html"), bench.path("other.html")).unwrap();
+    let mut now = 1;
+    for i in 0..count {
+        let next = 1 - now;
+        bench.write("stock.toml", stock(next));
+        let mut run = start(&bench, SIMULATION);
+        std::thread::sleep(whole.mul_f64(1.1 * (0.618_033_988_749_895 * i as f64).fract()));
+        match end {
+            End::Killed => drop(run.kill()),
+            End::HungUp => {
+                // It may have ended by itself.
+                let _ = Command::new("kill").args(["-HUP", &run.id().to_string()]).stderr(Stdio::null()).status();
+            }
+        }
+        run.wait().unwrap();
+        let found = results(&bench);
+        if found == sets[now] {
+            counts.old += 1;
+        } else if found == sets[next] {
+            counts.new += 1;
+        } else {
+            counts.marked += 1;
+            assert!(matches!(end, End::Killed) && markers(&bench) > 0, "run {i}: a mixed set that does not say so");
+        }
+        if matches!(end, End::HungUp) {
+            assert_eq!((hidden(&bench), markers(&bench)), (Vec::new(), 0), "run {i}");
+        }
+        // A run that writes to both folders finishes the set.
+        bench.run("compensate part.mod --cell cell.toml -o out/other.mod --report other.csv").exits(0);
+        for name in ["out/other.mod", "other.csv"] {
+            fs::remove_file(bench.path(name)).unwrap();
+        }
+        let finished = results(&bench);
+        assert!(finished == sets[now] || finished == sets[next], "run {i}");
+        assert_eq!(bench.read("all.html"), bench.read("other.html"), "run {i}");
+        assert_eq!((hidden(&bench), markers(&bench)), (Vec::new(), 0), "run {i}");
+        now = if finished == sets[now] { now } else { next };
+    }
+    counts
+}
+
+#[test]
+fn simulations_are_ended_without_a_trace() {
+    end_simulations(8, End::Killed);
+    end_simulations(4, End::HungUp);
+}
+
+#[test]
+#[ignore = "minutes: cargo test --test suite -- --ignored --nocapture cli::durable"]
+fn a_thousand_simulations_are_killed_and_two_hundred_hung_up() {
+    println!("killed: {:?}", end_simulations(1000, End::Killed));
+    println!("hung up: {:?}", end_simulations(200, End::HungUp));
 }
 
 /// Spread over the time that a run takes, in no order.

@@ -3,6 +3,8 @@
 mod against;
 mod bad_input;
 mod bench;
+#[cfg(unix)]
+mod bounds;
 mod care;
 mod ci;
 mod cl_post;
