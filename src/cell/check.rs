@@ -9,6 +9,9 @@ use toml_edit::{Document, Item, TableLike};
 /// How far a declared quaternion's norm may be off before it is refused: 4 printed decimals.
 const QUAT_NORM: f64 = 1e-3;
 
+/// Messages about one cell file that name their place; the others name their key.
+const MOST_PLACED: usize = 500;
+
 /// Collects errors about one cell file.
 pub(super) struct Check<'a> {
     pub(super) source: &'a Source,
@@ -27,7 +30,9 @@ impl<'a> Check<'a> {
     /// the file has is marked.
     pub(super) fn error(&mut self, key: &str, message: impl Into<String>, help: impl Into<String>) {
         let diagnostic = Diagnostic::error("cell.value", &self.source.name, message).help(help);
-        let diagnostic = match self.span(key) {
+        // Lines are counted from the top for each place: many more than are printed would take longer than anybody waits.
+        let placed = self.errors.len() + self.warnings.len() < MOST_PLACED;
+        let diagnostic = match self.span(key).filter(|_| placed) {
             Some(span) => diagnostic.at(self.source, span),
             None => diagnostic,
         };
