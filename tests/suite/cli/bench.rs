@@ -58,6 +58,16 @@ force_n = [120, -260, 410]
 frame = \"wobj\"
 ";
 
+/// The same cell with a cutter and a stock, `keys` saying which: forces follow from what is met.
+pub(crate) fn cell_with_stock(keys: &str) -> String {
+    let rest = CELL.split("[cut]").next().unwrap_or_default();
+    format!(
+        "{rest}[cut]\nforce = \"mechanistic\"\n[cut.engagement]\nmode = \"stock\"\nfeed_per_tooth_mm = 0.05\n\
+         [cut.coefficients]\nmaterial = \"al7075\"\n[tools.tMill.cutter]\ndiameter_mm = 20\ncorner_radius_mm = 2\n\
+         teeth = 2\nhelix_deg = 30\n[stock]\n{keys}\n"
+    )
+}
+
 pub(crate) struct Bench {
     folder: TempDir,
 }

@@ -1,6 +1,6 @@
 //! What is too large is refused before memory or time is spent on it, and what never ends is not read.
 
-use super::bench::{Bench, CELL};
+use super::bench::{Bench, CELL, cell_with_stock};
 use std::fmt::Write;
 use std::os::unix::fs::symlink;
 use std::process::Command;
@@ -8,12 +8,6 @@ use std::time::{Duration, Instant};
 
 /// Seconds that a refusal may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
-
-fn stock(keys: &str) -> String {
-    format!(
-        "{CELL}[stock]\n{keys}\n[tools.tMill.cutter]\ndiameter_mm = 20\ncorner_radius_mm = 2\nteeth = 2\nhelix_deg = 30\n"
-    )
-}
 
 /// The command is refused soon, with these words.
 #[track_caller]
@@ -34,11 +28,11 @@ fn a_stock_of_more_lines_than_fit_says_which_spacing_does() {
         ("box_mm = [[-5e4, -5e4, -20], [5e4, 5e4, 1]]\nresolution_mm = 0.25".to_owned(), "at least"),
         ("box_mm = [[-100, -100, -20], [200, 100, 1]]\nresolution_mm = 0.01".to_owned(), "at least 0.0"),
     ] {
-        bench.write("cell.toml", stock(&keys));
+        bench.write("cell.toml", cell_with_stock(&keys));
         refused(&bench, "simulate part.mod --cell cell.toml", &["lines of the stock", "resolution_mm", least]);
     }
     // What deflex chooses by itself fits.
-    bench.write("cell.toml", stock(&format!("box_mm = {part}")));
+    bench.write("cell.toml", cell_with_stock(&format!("box_mm = {part}")));
     bench.run("simulate part.mod --cell cell.toml --json out.json").exits(0);
 }
 
@@ -54,7 +48,9 @@ fn a_mesh_beyond_any_machine_is_refused() {
         }
         text += "endloop\nendfacet\n";
     }
-    bench.write("far.stl", text + "endsolid far\n").write("cell.toml", stock("stl = \"far.stl\"\nresolution_mm = 0.5"));
+    bench
+        .write("far.stl", text + "endsolid far\n")
+        .write("cell.toml", cell_with_stock("stl = \"far.stl\"\nresolution_mm = 0.5"));
     refused(&bench, "simulate part.mod --cell cell.toml", &["coordinates of an STL file", "in millimetres"]);
 }
 

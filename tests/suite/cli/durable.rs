@@ -1,6 +1,6 @@
 //! What is on the disk whatever happens: a kill, a full disk, another writer, an input that changes.
 
-use super::bench::{Bench, CELL, PROGRAM};
+use super::bench::{Bench, CELL, PROGRAM, cell_with_stock};
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
@@ -75,11 +75,10 @@ const SIMULATION: &[&str] = &[
     "--quiet",
 ];
 
-/// A stock that the cutter of the program goes through, coarse enough to be cut in no time.
+/// A stock that the cutter of the program goes through, coarse enough to be cut in no time, and forces of another feed each.
 fn stock(force: usize) -> String {
-    let cell = CELL.replace("[120, ", &format!("[{}, ", 120 + 10 * force));
-    cell + "[stock]\nbox_mm = [[-20, -20, -20], [120, 20, 1]]\nresolution_mm = 2.0\n\
-            [tools.tMill.cutter]\ndiameter_mm = 20\ncorner_radius_mm = 2\nteeth = 2\nhelix_deg = 30\n"
+    let cell = cell_with_stock("box_mm = [[-20, -20, -20], [120, 20, 1]]\nresolution_mm = 2.0");
+    cell.replace("feed_per_tooth_mm = 0.05", &format!("feed_per_tooth_mm = 0.{}", 5 + force))
 }
 
 /// Every output of the batch with its bytes.

@@ -134,7 +134,7 @@ fn a_name_is_no_option_in_the_action() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(bench.read("out.sarif").contains(OPTION), "the file is not judged");
+    assert!(bench.read("out.sarif").contains("\"--forces%3D.h.mod\""), "the file is not judged");
 }
 
 /// The hook as pre-commit runs it: its entry, the arguments that it says to give, the names of the files.
