@@ -1,0 +1,115 @@
+"""Plain rivals of `deflex identify`, on the same rows: a ridge regression, a Gaussian process, and the plant's own laws fitted to them."""
+
+import json
+
+import numpy as np
+
+import cells
+from arm import NUMBERS, Arm, Numbers
+from robots import ROBOTS
+
+BLOCKS = 8  # contiguous stretches that cross-validation leaves out in turn
+PENALTIES = np.logspace(-6, 4, 41)  # over the noise's variance; columns are of typical size
+MOST_ROWS = 700  # that a process is fitted to: its work grows as their cube
+
+
+def read(path):
+    """What `effect_columns` wrote: programmed and declared positions (n, 3), joints (n, 6), columns (n, 3, p)."""
+    with open(path) as f:
+        head = f.readline().strip().split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1, dtype=np.float32).astype(float)
+    n = len(table) // 3
+    return dict(programmed=table[:, 2].reshape(n, 3), declared=table[:, 3].reshape(n, 3), motor=table[::3, 4:10], columns=table[:, 10:].reshape(n, 3, -1), names=head[10:])
+
+
+def rows(path):
+    """Positions, forces, times of a measured file."""
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    return table[:, 1:4], table[:, 4:7], table[:, 7]
+
+
+def ridge(part, other, off):
+    """Predicted errors of both programs beyond the declared cell, mm: one penalty over all columns, chosen on blocks left out."""
+    n = len(off)
+    x, y = part["columns"], off
+    p = x.shape[2]
+    block = np.arange(n) * BLOCKS // n
+    gram = np.array([np.einsum("nij,nik->jk", x[block == b], x[block == b], optimize=True) for b in range(BLOCKS)])
+    cross = np.array([np.einsum("nij,ni->j", x[block == b], y[block == b], optimize=True) for b in range(BLOCKS)])
+    loss = np.zeros(len(PENALTIES))
+    for b in range(BLOCKS):
+        values, vectors = np.linalg.eigh(gram.sum(0) - gram[b])
+        inside = vectors.T @ (cross.sum(0) - cross[b])
+        fits = vectors @ (inside[:, None] / (np.maximum(values, 0)[:, None] + PENALTIES))
+        left = y[block == b][:, :, None] - np.einsum("nij,jk->nik", x[block == b], fits, optimize=True)
+        loss += np.sum(left**2, axis=(0, 1))
+    best = PENALTIES[int(np.argmin(loss))]
+    fit = np.linalg.solve(gram.sum(0) + best * np.eye(p), cross.sum(0))
+    return x @ fit, other["columns"] @ fit
+
+
+def process(part, other, off, forces):
+    """The same of a Gaussian process over joints, place and force: one length, one size, one noise, by marginal likelihood."""
+    inputs = [np.hstack([run["motor"], run["programmed"], force]) for run, force in zip((part, other), forces)]
+    middle, spread = inputs[0].mean(0), inputs[0].std(0)
+    spread = np.where(spread > 1e-6, spread, 1.0)
+    a, b = ((v - middle) / spread for v in inputs)
+    keep = np.unique(np.linspace(0, len(a) - 1, min(len(a), MOST_ROWS)).astype(int))
+    mean = off.mean(0)
+    y, near = off[keep] - mean, a[keep]
+    apart = lambda u, v: np.maximum(np.sum(u**2, 1)[:, None] + np.sum(v**2, 1) - 2 * u @ v.T, 0)
+    square = apart(near, near)
+    best = (np.inf,)
+    for length in (1.0, 2.0, 4.0, 8.0, 16.0):
+        values, vectors = np.linalg.eigh(np.exp(-square / (2 * length**2)))
+        inside = (vectors.T @ y) ** 2
+        for noise in (1e-4, 1e-3, 1e-2, 1e-1):
+            # The size that fits best stands in closed form once the noise is a share of it.
+            total = np.maximum(values, 0) + noise
+            size = np.mean(inside / total[:, None])
+            cost = 1.5 * len(y) * np.log(size) + 1.5 * np.sum(np.log(total))
+            if cost < best[0]:
+                best = (cost, length, vectors @ ((vectors.T @ y) / total[:, None]))
+    _, length, weights = best
+    return tuple(mean + np.exp(-apart(v, near) / (2 * length**2)) @ weights for v in (a, b))
+
+
+def right_laws(folder, steps=2):
+    """Positions of both programs (mm) by the plant's own laws, fitted to the measured rows with the spread of each number as its prior."""
+    truth = json.loads((folder / "truth.json").read_text())
+    robot = next(r for r in ROBOTS if r.label == truth["robot"])
+    table = [np.array(v) for v in truth["table"]]
+    groups = {g: s for g, s in truth["size"].items() if s > 0}
+    _, found = cells.drawn(robot, truth["seed"][:2] + [1])
+    measured, force, times = rows(folder / "measured.csv")
+    noise = np.hypot(truth["sigma_mm"], truth["wander_mm"])
+    free = [(g, n, shape) for g, n, shape, *_ in NUMBERS if groups.get(g, 0) > 0 and g != "sensor"]
+    count = sum(int(np.prod(shape)) for *_, shape in free)
+
+    def arm(z):
+        numbers, at = {}, 0
+        for g, n, shape, *_ in NUMBERS:
+            numbers[g, n] = np.zeros(shape)
+        for g, n, shape in free:
+            size = int(np.prod(shape))
+            numbers[g, n] = z[at : at + size].reshape(shape)
+            at += size
+        made = Arm(robot, Numbers(numbers, dict.fromkeys(groups, 1.0)), *table)
+        made.taught = z[at : at + 3] * 1e-3, z[at + 3 : at + 6] * 1e-3
+        return made
+
+    def run(z, name, force):
+        path, _, motor, _ = found[name]
+        return arm(z).run(motor, path.points, force, path.times())
+
+    z = np.zeros(count + 6)
+    for _ in range(steps):
+        at = run(z, "part", force)
+        slopes = np.empty((at.size, len(z)))
+        for i in range(len(z)):
+            other = z.copy()
+            other[i] += 0.05
+            slopes[:, i] = (run(other, "part", force) - at).ravel() / 0.05
+        left = (measured - at).ravel() + slopes @ z
+        z = np.linalg.solve(slopes.T @ slopes / noise**2 + np.eye(len(z)), slopes.T @ left / noise**2)
+    return run(z, "part", force), run(z, "transfer", rows(folder / "transfer_measured.csv")[1])
