@@ -98,7 +98,7 @@ def judged(options, folder):
     declared = part["declared"], other["declared"]
     note("declared", declared)
     off = measured - part["declared"]
-    note("ridge", [d + p for d, p in zip(declared, rivals.ridge(part, other, off))])
+    note("ridge", [d + p for d, p in zip(declared, rivals.ridge(part, other, off, force))])
     note("process", [d + p for d, p in zip(declared, rivals.process(part, other, off, forces))])
     if int(folder.name) - options.first < options.right_laws:
         note("right", rivals.right_laws(folder))

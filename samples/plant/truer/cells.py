@@ -72,12 +72,12 @@ def programs(robot, rng):
     first, second = rng.choice(list(paths.FAMILIES), 2, replace=False)
     rows, other = int(np.exp(rng.uniform(np.log(300), np.log(1500)))), int(rng.uniform(150, 500))
     side = rng.uniform(0, 2 * np.pi)
-    away = np.array([np.cos(side) * 150, np.sin(side) * 170, 0.0])
+    away = np.array([np.cos(side) * 110, np.sin(side) * 130, 0.0])
     spin = rng.uniform(-0.8, 0.8)
     found = {}
     for name, family, count, at, turned, size in (
         ("part", first, rows, -away + [0, 0, rng.uniform(0, 60)], spin, rng.uniform(0.8, 1.6)),
-        ("transfer", second, other, away + [0, 0, rng.uniform(40, 160)], spin + rng.choice([-1, 1]) * rng.uniform(0.5, 1.3), rng.uniform(0.8, 1.6)),
+        ("transfer", second, other, away + [0, 0, rng.uniform(20, 110)], spin + rng.choice([-1, 1]) * rng.uniform(0.3, 0.9), rng.uniform(0.8, 1.6)),
     ):
         start = 0.0 if name == "part" else rng.uniform(0, 1500)
         path, quats = paths.draw(robot, rng, family, count, table, at, turned, start, rng.uniform(0.2, 2.5), size)
@@ -142,7 +142,7 @@ def case(job):
     folder = root / kind / f"{index:03}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "cell.toml").write_text(robot.cell_toml())
-    sigma, wander, drift = round(rng.uniform(0.008, 0.016), 4), round(rng.uniform(0.003, 0.008), 4), round(rng.uniform(0.0, 0.02), 4)
+    sigma, wander, drift = round(rng.uniform(0.008, 0.016), 4), round(rng.uniform(0.003, 0.008), 4), round(rng.uniform(0.0, 0.01), 4)
     for number, (name, position) in enumerate(exact.items()):
         path, quats, motor, _ = found[name]
         (folder / f"{name}.mod").write_text(paths.rapid(robot, path, quats, motor))

@@ -8,8 +8,8 @@ import cells
 from arm import NUMBERS, Arm, Numbers
 from robots import ROBOTS
 
-BLOCKS = 8  # contiguous stretches that cross-validation leaves out in turn
-PENALTIES = np.logspace(-6, 4, 41)  # over the noise's variance; columns are of typical size
+BLOCKS = 8  # that cross-validation leaves out in turn
+PENALTIES = np.logspace(-5, 2, 36)  # mm²: columns are of typical size, so that the noise's variance would be right for columns that are all there is
 MOST_ROWS = 700  # that a process is fitted to: its work grows as their cube
 
 
@@ -28,20 +28,29 @@ def rows(path):
     return table[:, 1:4], table[:, 4:7], table[:, 7]
 
 
-def ridge(part, other, off):
+def blocks(run, forces):
+    """Groups of rows that belong together in posture, place and load: what another program would not share. By k-means from fixed starts."""
+    inputs = np.hstack([run["motor"], run["programmed"], forces])
+    inputs = (inputs - inputs.mean(0)) / np.maximum(inputs.std(0), 1e-6)
+    centres = inputs[np.linspace(0, len(inputs) - 1, BLOCKS).astype(int)]
+    for _ in range(20):
+        nearest = np.argmin(((inputs[:, None] - centres) ** 2).sum(2), axis=1)
+        centres = np.array([inputs[nearest == b].mean(0) if np.any(nearest == b) else centres[b] for b in range(BLOCKS)])
+    return nearest
+
+
+def ridge(part, other, off, forces):
     """Predicted errors of both programs beyond the declared cell, mm: one penalty over all columns, chosen on blocks left out."""
-    n = len(off)
-    x, y = part["columns"], off
-    p = x.shape[2]
-    block = np.arange(n) * BLOCKS // n
+    x, p = part["columns"], part["columns"].shape[2]
+    block = blocks(part, forces)
     gram = np.array([np.einsum("nij,nik->jk", x[block == b], x[block == b], optimize=True) for b in range(BLOCKS)])
-    cross = np.array([np.einsum("nij,ni->j", x[block == b], y[block == b], optimize=True) for b in range(BLOCKS)])
+    cross = np.array([np.einsum("nij,ni->j", x[block == b], off[block == b], optimize=True) for b in range(BLOCKS)])
     loss = np.zeros(len(PENALTIES))
     for b in range(BLOCKS):
         values, vectors = np.linalg.eigh(gram.sum(0) - gram[b])
         inside = vectors.T @ (cross.sum(0) - cross[b])
         fits = vectors @ (inside[:, None] / (np.maximum(values, 0)[:, None] + PENALTIES))
-        left = y[block == b][:, :, None] - np.einsum("nij,jk->nik", x[block == b], fits, optimize=True)
+        left = off[block == b][:, :, None] - np.einsum("nij,jk->nik", x[block == b], fits, optimize=True)
         loss += np.sum(left**2, axis=(0, 1))
     best = PENALTIES[int(np.argmin(loss))]
     fit = np.linalg.solve(gram.sum(0) + best * np.eye(p), cross.sum(0))
