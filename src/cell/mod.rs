@@ -31,12 +31,13 @@ pub use urdf::{Described, described};
 
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
+use crate::program::Language;
 use crate::program::cl::ClOptions;
 use crate::program::post::Templates;
 use crate::robot::{Joints, Pose, Units};
-use crate::text::Diagnostic;
+use crate::text::{Diagnostic, Source};
 use nalgebra::{DMatrix, Vector3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A milling cell, read and checked.
@@ -93,7 +94,7 @@ pub struct CorrectionLimits {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Controller {
-    /// Whether the file has the section at all: said once where an effect would matter.
+    /// Whether the file says what the controller compensates: its lack is said once where an effect would matter.
     pub declared: bool,
     /// `gravity` is corrected by the controller.
     pub gravity: bool,
@@ -101,6 +102,34 @@ pub struct Controller {
     pub geometry: bool,
     /// Kinds of effects in the file that are left out because the controller corrects them.
     pub left_out: Vec<String>,
+    /// Routines of the controller that the user vouches for, upper case: they change neither frames nor positions.
+    pub harmless: BTreeSet<String>,
+}
+
+impl Controller {
+    /// Context of a program in a language, which declares the routines that the user vouches for: each without a statement. What
+    /// the program's own files or a context before these declare under such a name stands.
+    #[must_use]
+    pub fn declarations(&self, language: Language) -> Vec<Source> {
+        if self.harmless.is_empty() {
+            return Vec::new();
+        }
+        let all = |each: &dyn Fn(&String) -> String| self.harmless.iter().map(each).collect::<String>();
+        let one = |text: String| vec![Source::new("[controller] harmless", text)];
+        match language {
+            Language::Rapid => {
+                one(format!("MODULE deflex_harmless\n{}ENDMODULE\n", all(&|name| format!("PROC {name}()\nENDPROC\n"))))
+            }
+            Language::Krl => one(all(&|name| format!("GLOBAL DEF {name} ( )\nEND\n"))),
+            Language::Ls => {
+                let program =
+                    |name: &String| Source::new(name.clone(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
+                self.harmless.iter().map(program).collect()
+            }
+            // CL data call nothing.
+            Language::Cl => Vec::new(),
+        }
+    }
 }
 
 /// `[cl]`.

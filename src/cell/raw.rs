@@ -88,7 +88,9 @@ pub(super) struct Limits {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Controller {
-    pub(super) compensates: Vec<String>,
+    pub(super) compensates: Option<Vec<String>>,
+    #[serde(default)]
+    pub(super) harmless: Vec<String>,
 }
 
 #[derive(Deserialize)]

@@ -323,12 +323,26 @@ fn limits(check: &mut Check, raw: Option<&raw::Limits>) -> CorrectionLimits {
 }
 
 fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
-    let mut controller = Controller { declared: raw.is_some(), ..Controller::default() };
-    for word in raw.map_or(&[][..], |c| &c.compensates[..]) {
+    let compensates = raw.and_then(|c| c.compensates.as_ref());
+    let mut controller = Controller { declared: compensates.is_some(), ..Controller::default() };
+    for word in compensates.into_iter().flatten() {
         match check.word("controller.compensates", word, &Covered::WORDS) {
             Some(Covered::Gravity) => controller.gravity = true,
             Some(Covered::Geometry) => controller.geometry = true,
             None => {}
+        }
+    }
+    for name in raw.map_or(&[][..], |c| &c.harmless[..]) {
+        let begins = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_' || c == '$');
+        if begins && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '$') {
+            controller.harmless.insert(name.to_ascii_uppercase());
+        } else {
+            let message = format!("controller.harmless: \"{name}\" is no name of a routine");
+            check.error(
+                "controller.harmless",
+                message,
+                "give the name alone, without brackets: harmless = [\"MoveSettings\"]",
+            );
         }
     }
     controller

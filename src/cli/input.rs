@@ -9,6 +9,7 @@ use deflex::program::cl::{ClOptions, Units};
 use deflex::program::{Language, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// How CL is read where no cell says it: only what is independent of it is asked for then.
@@ -23,8 +24,9 @@ pub(super) fn program(
     cell: &CellFile,
     tool: Option<&str>,
 ) -> Result<Program, Vec<Diagnostic>> {
+    let context = reading.knowing(&cell.cell, job.language).into_owned();
     if job.language.is_edited() {
-        return parse(job, reading, &ReadOptions { cl: &ClOptions::default(), look: false });
+        return parse(job, context, &ReadOptions { cl: &ClOptions::default(), look: false });
     }
     let Some(options) = cell.cl_options(tool) else {
         let message =
@@ -34,18 +36,18 @@ pub(super) fn program(
                 .help("add [cl] with tool, wobj, units, point and spin"),
         ]);
     };
-    parse(job, reading, &ReadOptions { cl: &options, look: false })
+    parse(job, context, &ReadOptions { cl: &options, look: false })
 }
 
 /// Parses a program where no cell is known: nothing will be written.
 pub(super) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
-    parse(job, reading, &ReadOptions { cl: &without_cell(), look: true })
+    parse(job, reading.sources.clone(), &ReadOptions { cl: &without_cell(), look: true })
 }
 
-fn parse(job: Job, reading: &Context, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
+fn parse(job: Job, context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
     let (name, sources) = (job.name, all(job.texts.into_iter().map(Text::read))?);
     let refused = || vec![Diagnostic::error("program.refused", &name, "the program cannot be read")];
-    let read = read(job.language, sources, reading.sources.clone(), options);
+    let read = read(job.language, sources, context, options);
     read.map_err(|errors| if errors.is_empty() { refused() } else { errors })
 }
 
@@ -73,8 +75,10 @@ impl Context {
         Ok(Self { sources: sources(paths)? })
     }
 
-    pub(super) fn sources(&self) -> &[Source] {
-        &self.sources
+    /// With the routines that a cell vouches for.
+    pub(super) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
+        let more = cell.controller.declarations(language);
+        if more.is_empty() { Cow::Borrowed(&self.sources) } else { Cow::Owned([self.sources.clone(), more].concat()) }
     }
 }
 

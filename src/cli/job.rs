@@ -8,6 +8,7 @@ use deflex::program::{Language, LongProgram, ModuleNames, detect, group_modules,
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span, cannot_read};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
@@ -71,7 +72,7 @@ impl Job {
     }
 
     /// The program in one text, where it may be read in chunks; `context` declares what it does not, and CL data are read with `cl`.
-    pub(super) fn long<'a>(&'a self, context: &'a [Source], cl: Option<ClOptions>) -> Option<Long<'a>> {
+    pub(super) fn long<'a>(&'a self, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Option<Long<'a>> {
         let [text] = &self.texts[..] else { return None };
         Some(LongProgram::new(text, self.language, context, cl))
     }

@@ -55,7 +55,7 @@ impl Setup {
 
     /// The program in one text, where it may be read in chunks.
     pub(super) fn long<'a>(&'a self, job: &'a Job) -> Option<Long<'a>> {
-        job.long(self.context.sources(), self.cl_options())
+        job.long(self.context.knowing(&self.cell.cell, job.language), self.cl_options())
     }
 
     /// What a long program came to; `None` where it did not go through like that.

@@ -4,6 +4,7 @@ use super::any_chunks::AnyChunks;
 use super::cl::ClOptions;
 use super::language::Language;
 use crate::text::{Diagnostic, Source, cannot_read};
+use std::borrow::Cow;
 use std::io::{Read, Seek};
 
 /// The text of a program, as often as it is read.
@@ -35,7 +36,7 @@ pub trait LongText {
 pub struct LongProgram<'a, T> {
     text: T,
     language: Language,
-    context: &'a [Source],
+    context: Cow<'a, [Source]>,
     cl: Option<ClOptions>,
 }
 
@@ -59,7 +60,7 @@ pub struct InChunks<'a, T> {
 
 impl<'a, T: LongText> LongProgram<'a, T> {
     /// A text in a language; `context` declares what it does not, and `cl` is how CL data are read, which without are not.
-    pub fn new(text: T, language: Language, context: &'a [Source], cl: Option<ClOptions>) -> Self {
+    pub fn new(text: T, language: Language, context: Cow<'a, [Source]>, cl: Option<ClOptions>) -> Self {
         Self { text, language, context, cl }
     }
 
@@ -92,7 +93,7 @@ impl<'a, T: LongText> LongProgram<'a, T> {
     }
 
     fn chunks(&self, reading: Reading) -> Result<Option<AnyChunks<T::Reader>>, Vec<Diagnostic>> {
-        let (name, context) = (self.text.name(), self.context);
+        let (name, context) = (self.text.name(), &self.context[..]);
         let open = || self.text.open();
         let chunks = match (self.language, reading) {
             (Language::Rapid, Reading::InOrder) => AnyChunks::inline(name, open()?, context),

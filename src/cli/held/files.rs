@@ -52,7 +52,7 @@ impl ProgramFiles {
 
     /// The program in one text, where it may be read in chunks.
     pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
-        self.job.long(self.context(), run.setup.cl_options())
+        self.job.long(self.context.knowing(&run.setup.cell.cell, self.job.language), run.setup.cl_options())
     }
 
     /// Names of the files in an output folder.
@@ -85,10 +85,6 @@ impl ProgramFiles {
 
     pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {
         self.job.marked()
-    }
-
-    pub(super) fn context(&self) -> &[Source] {
-        self.context.sources()
     }
 }
 

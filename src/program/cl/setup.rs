@@ -6,13 +6,13 @@ use super::lex::Record;
 use super::reader::Reader;
 use super::refusal::Outcome;
 use super::statement::Statement;
-use super::units::{unit_further_down, unit_of};
+use super::units::{one_unit, unit_further_down};
 use super::vector::{cross, scale};
 use crate::program::CutterInfo;
 
 impl Reader {
     pub(super) fn units(&mut self, s: &Statement) -> Outcome {
-        let unit = s.words().find_map(unit_of).ok_or("unit not known")?;
+        let unit = one_unit(s.words()).ok_or("UNITS names no unit that is known, or two")?;
         self.set_units(unit);
         Ok(())
     }

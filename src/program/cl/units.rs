@@ -18,7 +18,15 @@ fn mm_per_unit(units: Units) -> f64 {
     }
 }
 
-pub(super) fn unit_of(word: &[u8]) -> Option<f64> {
+/// The one unit that words name; `None` where they name none, or two.
+pub(super) fn one_unit<'w>(words: impl Iterator<Item = &'w [u8]>) -> Option<f64> {
+    let mut units = words.filter_map(unit_of);
+    let first = units.next()?;
+    #[allow(clippy::float_cmp)] // of one list
+    units.all(|other| other == first).then_some(first)
+}
+
+fn unit_of(word: &[u8]) -> Option<f64> {
     match word.to_ascii_uppercase().as_slice() {
         b"MM" | b"MILLIMETERS" | b"MILLIMETRES" | b"METRIC" => Some(1.0),
         b"INCHES" | b"INCH" | b"IN" => Some(INCH_MM),
@@ -35,6 +43,6 @@ pub(super) fn unit_further_down(rest: &[u8]) -> Option<f64> {
         if !head.eq_ignore_ascii_case(b"UNIT") {
             return None;
         }
-        line.split(|b| !b.is_ascii_alphabetic()).skip(1).find_map(unit_of)
+        one_unit(line.split(|b| !b.is_ascii_alphabetic()).skip(1))
     })
 }

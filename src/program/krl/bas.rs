@@ -34,6 +34,17 @@ impl<'a> Runner<'a> {
     /// An element of the controller's tables; number 0 is the flange, or the world.
     pub(super) fn table(&mut self, table: &[u8], number: &Value) -> Value {
         let name = upper(table);
+        let switches = match table {
+            b"BASE_DATA" => &names::CORRECTIONS[0][..],
+            b"TOOL_DATA" => &names::CORRECTIONS[1][..],
+            _ => &[],
+        };
+        for switch in switches {
+            let id = self.symbols.find(self.here(), &upper(switch));
+            if self.volatile.contains(&id) || self.value(id).bool() != Some(false) {
+                return Value::unknown("a frame that BAS may correct (BASE_CORR, TOOL_CORR)");
+            }
+        }
         let id = self.symbols.find(self.here(), &name);
         let (steps, known) = match number.index() {
             Some(0) => {
@@ -71,8 +82,17 @@ impl<'a> Runner<'a> {
                 self.set_speed(number);
                 self.orientation_of_act();
             }
-            b"CP_DAT" => self.orientation_of_act(),
+            b"CP_DAT" => {
+                let id = self.symbols.find(self.here(), &upper(b"LDAT_ACT"));
+                let speed = self.value(id).component(b"VEL").cloned().unwrap_or(Value::unknown(RUN_TIME));
+                self.set_speed(speed);
+                self.orientation_of_act();
+            }
             b"INITMOV" => {
+                for switch in names::CORRECTIONS.into_iter().flatten() {
+                    let id = self.symbols.find(self.here(), &upper(switch));
+                    self.state.values.insert(id, Value::Bool(false));
+                }
                 // What was in force before stays only where it was nothing but that.
                 let names = [
                     (self.symbols.base, self.symbols.base_name, "$BASE"),

@@ -56,7 +56,8 @@ impl<'a> Runner<'a> {
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
         let mut seen = HashSet::new();
-        for id in self.symbols.all().collect::<Vec<_>>() {
+        // What those of BAS.SRC do is known.
+        for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut seen, &mut changes);
         }
         let fixed = self.symbols.own_state();
@@ -185,18 +186,13 @@ impl<'a> Runner<'a> {
         if is_frame_function(name) {
             return self.frame_function(name, first);
         }
-        let known = names::HARMLESS_ROUTINES.contains(&&name[..]);
-        self.give_away(
-            &arguments,
-            !known || matches!(&name[..], b"SREAD" | b"STRCOPY" | b"STRADD" | b"CAST_FROM" | b"CAST_TO"),
-        );
-        if !known {
+        let starts = first.as_ref().and_then(Value::index) == Some(1);
+        let effect = self.effect(name, starts);
+        self.give_away(&arguments, effect.arguments);
+        if effect.changes.anything {
             self.tell_unknown(name, at);
-            self.forget(
-                &Changes { anything: true, ..Changes::default() },
-                "may be changed by a function that is not in the files",
-            );
         }
+        self.forget(&effect.changes, "may be changed by a routine that is not in the files");
         let number = first.and_then(|value| value.number());
         let computed = match (&name[..], number) {
             (b"ABS", Some(v)) => v.abs(),
@@ -248,6 +244,8 @@ impl<'a> Runner<'a> {
     /// Runs a routine with copies of what it is given, and gives back what is its caller's own.
     fn follow(&mut self, id: RoutineId, arguments: &[Argument]) {
         let params: &'a [Param] = &self.symbols.routine(id).params;
+        // What a routine that is declared without parameters takes all the same (one of `[controller] harmless`).
+        self.give_away(arguments.get(params.len()..).unwrap_or_default(), true);
         let values: Vec<Value> = arguments.iter().map(|argument| argument.value.clone()).collect();
         let lent = |i: usize| arguments.get(i).and_then(|a| a.path.as_ref()).filter(|_| params[i].is_out);
         let changes = self.known_changes(id);
@@ -262,6 +260,9 @@ impl<'a> Runner<'a> {
             self.state.values.insert(path.id, value);
         }
         let left = self.enter(id, &values, &aliased);
+        // What a TRIGGER may still change under a parameter's name is the caller's.
+        let late = (0..params.len()).filter(|i| left.get(*i).is_some_and(|left| left.is_triggered)).filter_map(lent);
+        self.triggered.extend(late.map(|path| path.id));
         self.volatile = volatile;
         self.volatile.extend(&self.triggered);
         for (id, value) in held {
@@ -272,8 +273,8 @@ impl<'a> Runner<'a> {
             if aliased[i] || self.resumes {
                 let value = self.value(path.id).forgotten("may be changed under two names");
                 self.state.values.insert(path.id, value);
-            } else if let Some(value) = left.get(i) {
-                self.assign(&path, value.clone(), None);
+            } else if let Some(left) = left.get(i) {
+                self.assign(&path, left.value.clone(), None);
             }
         }
         if self.resumes {
@@ -296,24 +297,21 @@ impl<'a> Runner<'a> {
 
     /// What a TRIGGER starts runs some time while the program goes on: what it changes is not known from here.
     pub(super) fn trigger(&mut self, mut cursor: Cursor<'a>) {
+        let whole = cursor.rest();
         cursor.until(&[b"DO"]);
         let mut behind = cursor;
         let first = behind.next();
-        let name = upper(cursor.text(first));
-        let mut changes = Changes::default();
         if behind.peek().kind == Kind::Mark(b'(') {
             let arguments = self.arguments(&mut behind, 0);
             self.give_away(&arguments, true);
-            match self.symbols.find_routine(self.here(), &name) {
-                Some(id) => changes = (*self.known_changes(id)).clone(),
-                None if names::HARMLESS_ROUTINES.contains(&&name[..]) => {}
-                None => {
-                    self.tell_unknown(&name, first.span());
-                    changes.anything = true;
-                }
-            }
-        } else if name.first() != Some(&b'$') {
-            changes.ids.extend(self.path(&mut cursor, 0).map(|path| path.id));
+        } else if self.path(&mut cursor, 0).is_some() && cursor.accept_mark(b'=') {
+            let value = self.expression(&mut cursor);
+            self.pin(&value);
+        }
+        let changes = self.changes_by(whole);
+        if changes.anything {
+            let name = upper(cursor.text(first));
+            self.tell_unknown(&name, first.span());
         }
         self.triggered.extend(changes.ids.iter().copied());
         if changes.anything {
@@ -336,7 +334,7 @@ impl<'a> Runner<'a> {
                 let is_call = behind.peek().kind == Kind::Mark(b'(');
                 let is_statement =
                     names::HARMLESS_STATEMENTS.contains(&&name[..]) || matches!(&name[..], b"FOR" | b"SEC");
-                if is_statement || is_call && matches!(&name[..], b"AND" | b"OR" | b"NOT" | b"EXOR") {
+                if is_statement || is_call && names::NO_CALLS.contains(&&name[..]) {
                     cursor.next();
                     continue;
                 }

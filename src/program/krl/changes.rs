@@ -5,6 +5,7 @@ use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id};
 use super::symbols::{RoutineId, spans};
+use super::system::{System, system};
 use super::tree::{Statement, walk};
 use super::value::{Name, Value, upper};
 use crate::text::{Diagnostic, Severity, Span, decode};
@@ -17,6 +18,18 @@ struct Scope<'n> {
     own: Option<&'n HashMap<Name, Id>>,
     /// Names of a routine that is not run: its own data end with it.
     hidden: HashSet<Name>,
+    /// The statement is what an interrupt starts.
+    is_handler: bool,
+}
+
+/// Statements that are looked through in about the time that one takes to run.
+const STATEMENTS_PER_STEP: usize = 8;
+
+/// What a routine that no file has may change.
+pub(super) struct Effect {
+    pub(super) changes: Changes,
+    /// The variables that it is given as well.
+    pub(super) arguments: bool,
 }
 
 impl<'a> Runner<'a> {
@@ -24,8 +37,17 @@ impl<'a> Runner<'a> {
     pub(super) fn changes_in(&mut self, block: &'a [Statement]) -> Changes {
         let mut changes = Changes::default();
         let own = self.frames.last().map(|frame| frame.names.clone());
-        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new() };
+        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new(), is_handler: false };
         self.collect(block, &scope, &mut HashSet::new(), &mut changes);
+        changes
+    }
+
+    /// What a statement of the routine that is being run could change.
+    pub(super) fn changes_by(&mut self, statement: Span) -> Changes {
+        let mut changes = Changes::default();
+        let own = self.frames.last().map(|frame| frame.names.clone());
+        let scope = Scope { file: self.here(), own: own.as_ref(), hidden: HashSet::new(), is_handler: false };
+        self.collect_statement(statement, &scope, &mut HashSet::new(), &mut changes);
         changes
     }
 
@@ -39,7 +61,7 @@ impl<'a> Runner<'a> {
         let params = routine.params.iter().map(|param| param.name);
         let hidden = routine.data.iter().map(|data| data.name).chain(params);
         let hidden = hidden.map(|name| upper(&bytes[name.range()])).collect();
-        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden }, seen, changes);
+        self.collect(&routine.body, &Scope { file: id.file, own: None, hidden, is_handler: false }, seen, changes);
     }
 
     /// The same, found once.
@@ -75,7 +97,10 @@ impl<'a> Runner<'a> {
         for counter in counters {
             self.changed(&upper(&bytes[counter.range()]), scope, changes);
         }
-        for span in spans(block) {
+        let spans = spans(block);
+        // A loop is looked through each time that it begins.
+        self.steps += spans.len() / STATEMENTS_PER_STEP;
+        for span in spans {
             self.collect_statement(span, scope, seen, changes);
         }
     }
@@ -86,6 +111,34 @@ impl<'a> Runner<'a> {
         } else if !scope.hidden.contains(name) {
             changes.ids.insert(self.symbols.find(scope.file, name));
         }
+        // What base and tool are counted from changes them too.
+        let (base, tool) = match &name[..] {
+            b"$BASE" | b"$ROBROOT" | b"$ERSYSROOT" => (true, false),
+            b"$TOOL" => (false, true),
+            b"$NULLFRAME" | b"$WORLD" => (true, true),
+            _ => return,
+        };
+        self.frames_change(changes, base, tool);
+    }
+
+    /// What a routine that no file has may change; `starts` where its first argument is 1, or an interrupt starts it.
+    pub(super) fn effect(&mut self, name: &[u8], starts: bool) -> Effect {
+        let mut effect = Effect { changes: Changes::default(), arguments: false };
+        match system(name) {
+            _ if is_frame_function(name) => {}
+            Some(System::Nothing) => {}
+            Some(System::TouchSense) if starts => {}
+            Some(System::Arguments) => effect.arguments = true,
+            Some(System::Data(data)) => {
+                let here = self.here();
+                effect.changes.ids.extend(data.iter().map(|name| self.symbols.find(here, &upper(name.as_bytes()))));
+            }
+            Some(System::TouchSense) | None => {
+                effect.changes.anything = true;
+                effect.arguments = true;
+            }
+        }
+        effect
     }
 
     fn collect_statement(
@@ -100,21 +153,17 @@ impl<'a> Runner<'a> {
         let first = upper(cursor.text(cursor.peek()));
         let moves = names::motion(&first).is_some() || names::relative(&first).is_some();
         if moves {
-            changes.ids.extend([self.symbols.position, self.symbols.stands]);
+            changes.ids.extend([self.symbols.position, self.symbols.turned, self.symbols.stands]);
         } else if &first[..] == b"TRIGGER" {
             cursor.until(&[b"DO"]);
-            let rest = cursor.rest();
-            return self.collect_statement(rest, scope, seen, changes);
+            changes.anything |= !is_understood(cursor);
+            return self.collect_statement(cursor.rest(), scope, seen, changes);
         } else if &first[..] == b"INTERRUPT" || &first[..] == b"GLOBAL" {
             return;
         }
         // `name … =` at the beginning of a statement.
         if let Some(name) = assigned(cursor).filter(|_| !moves) {
             self.changed(&name, scope, changes);
-            let (base, tool) = (&name[..] == b"$BASE", &name[..] == b"$TOOL");
-            if base || tool {
-                self.frames_change(changes, base, tool);
-            }
         }
         while !cursor.is_done() {
             let lexeme = cursor.next();
@@ -122,6 +171,9 @@ impl<'a> Runner<'a> {
                 continue;
             }
             let name = upper(cursor.text(lexeme));
+            if names::NO_CALLS.contains(&&name[..]) {
+                continue;
+            }
             if &name[..] == b"BAS" {
                 let mut behind = cursor;
                 let constant = behind.accept_mark(b'(') && behind.accept_mark(b'#');
@@ -130,12 +182,15 @@ impl<'a> Runner<'a> {
                 if &command[..] == b"VEL_CP" {
                     changes.ids.insert(self.symbols.speed);
                 } else if &command[..] == b"CP_DAT" {
-                    changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
+                    changes.ids.extend([self.symbols.speed, self.symbols.orientation, self.symbols.circle_type]);
                 } else if !names::HARMLESS_COMMANDS.contains(&&command[..]) {
                     self.frames_change(changes, base, tool);
                     let [load, speed] = [self.symbols.load, self.symbols.speed];
                     changes.ids.extend([load, speed, self.symbols.mode]);
                     changes.ids.extend([self.symbols.orientation, self.symbols.circle_type]);
+                    if &command[..] == b"INITMOV" {
+                        names::CORRECTIONS.iter().flatten().for_each(|name| self.changed(&upper(name), scope, changes));
+                    }
                 }
                 continue;
             }
@@ -147,8 +202,14 @@ impl<'a> Runner<'a> {
                 }
                 None if names::HARMLESS_STATEMENTS.contains(&&first[..]) && !moves && first[..] == name[..] => {}
                 None => {
-                    arguments.iter().for_each(|name| self.changed(name, scope, changes));
-                    changes.anything |= !names::HARMLESS_ROUTINES.contains(&&name[..]) && !is_frame_function(&name);
+                    let mut behind = cursor;
+                    let starts = behind.accept_mark(b'(') && behind.text(behind.peek()) == b"1";
+                    let effect = self.effect(&name, starts || scope.is_handler);
+                    changes.ids.extend(effect.changes.ids);
+                    changes.anything |= effect.changes.anything;
+                    if effect.arguments {
+                        arguments.iter().for_each(|name| self.changed(name, scope, changes));
+                    }
                 }
             }
         }
@@ -173,7 +234,11 @@ impl<'a> Runner<'a> {
             ids.extend(self.symbols.visible());
         }
         for id in ids {
-            let value = self.value(id).forgotten(why);
+            let value = if self.symbols.is_table(id) {
+                self.value(id).all_forgotten(why)
+            } else {
+                self.value(id).forgotten(why)
+            };
             self.state.values.insert(id, value);
         }
     }
@@ -211,7 +276,7 @@ impl<'a> Runner<'a> {
                 }
                 cursor.until(&[b"DO"]);
                 let mut changes = Changes::default();
-                let scope = Scope { file: id.file, own: None, hidden: HashSet::new() };
+                let scope = Scope { file: id.file, own: None, hidden: HashSet::new(), is_handler: true };
                 self.collect_statement(cursor.rest(), &scope, &mut HashSet::new(), &mut changes);
                 self.volatile.extend(changes.ids);
                 if changes.anything {

@@ -4,12 +4,14 @@ use super::lex::{Cursor, Kind};
 use super::names;
 use super::run::Runner;
 use super::state::Id;
-use super::value::{NO_VALUE, Name, Place, Step, Value, chained, flat, upper};
+use super::value::{NO_VALUE, Name, Place, REST, Step, Value, chained, flat, upper};
 use crate::text::{Span, decode, number};
 use std::rc::Rc;
 
 /// Why a value is not known.
 pub(super) const RUN_TIME: &str = "worked out when the program runs";
+/// Why an aggregate has no value.
+const TWICE: &str = "an aggregate has a component twice";
 /// Brackets within one another.
 const MAX_DEPTH: usize = 40;
 /// Computed numbers closer than this are not told apart: controllers count in single precision.
@@ -285,9 +287,10 @@ impl<'a> Runner<'a> {
             self.pin(&whole);
             return Value::unknown("index known only at run time");
         }
-        if self.symbols.is_table(&path.name)
+        if self.symbols.is_table(path.id)
             && let (Value::Array(items), Some(Step::Element(at))) = (&whole, path.steps.first())
             && !items.contains_key(at)
+            && !items.contains_key(&REST)
         {
             let own = Value::Own(format!("{}[{at}]", decode(&path.name)).into());
             return own.get(&path.steps[1..]);
@@ -307,12 +310,14 @@ impl<'a> Runner<'a> {
 
     /// `{[TYPE:] X 1.0, Y 2.0, …}`
     fn aggregate(&mut self, cursor: &mut Cursor<'a>, depth: usize) -> Value {
+        let start = cursor.rest().start;
         cursor.accept_mark(b'{');
         let mut behind = *cursor;
         if behind.accept(Kind::Word).is_some() && behind.accept_mark(b':') {
             *cursor = behind;
         }
-        let mut fields = Vec::with_capacity(6);
+        let mut fields: Vec<(Name, Value)> = Vec::with_capacity(6);
+        let mut twice = false;
         while let Some(name) = cursor.accept(Kind::Word) {
             let name = upper(cursor.text(name));
             if cursor.accept_mark(b'[') {
@@ -321,12 +326,18 @@ impl<'a> Runner<'a> {
                 }
             }
             let value = self.sum(cursor, depth);
+            twice |= fields.iter().any(|(known, _)| *known == name);
             fields.push((name, value));
             if !cursor.accept_mark(b',') {
                 break;
             }
         }
-        if cursor.accept_mark(b'}') {
+        if twice {
+            fields.iter().for_each(|(_, value)| self.pin(value));
+            cursor.accept_mark(b'}');
+            self.refuse(Span { start, end: cursor.rest().start }, TWICE);
+            Value::unknown(TWICE)
+        } else if cursor.accept_mark(b'}') {
             Value::Record(Rc::new(fields))
         } else {
             // What it is made of is read, if nothing else.

@@ -1,6 +1,6 @@
 //! Branches and loops.
 
-use super::run::{Flow, Runner};
+use super::run::{Flow, Runner, place};
 use super::state::{Id, State};
 use super::tree::{Condition, Statement};
 use super::value::{Value, upper};
@@ -8,6 +8,8 @@ use crate::text::Span;
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 pub(super) const MAX_ROUNDS: usize = 100_000;
+/// Values that are compared and copied in about the time of a statement.
+pub(super) const VALUES_PER_STEP: usize = 256;
 /// Why data are not known in a loop.
 pub(super) const LOOP: &str = "changed in a loop whose rounds are known only at run time";
 
@@ -16,9 +18,9 @@ impl<'a> Runner<'a> {
     pub(super) fn joined(&mut self, states: Vec<State>) -> Option<State> {
         let mut states = states.into_iter();
         let first = states.next()?;
-        let (start, pinned) = (&self.symbols.start, &mut self.pinned);
+        let (start, position, pinned) = (&self.symbols.start, self.symbols.position, &mut self.pinned);
         Some(states.fold(first, |all, state| {
-            all.join(&state, start, &mut |place| {
+            all.join(&state, start, position, &mut |place| {
                 pinned.insert(place);
             })
         }))
@@ -27,6 +29,7 @@ impl<'a> Runner<'a> {
     /// Every branch from what holds before all of them, since any may be the one that runs.
     pub(super) fn branches(&mut self, branches: &[&'a [Statement]]) -> Flow {
         let before = std::mem::take(&mut self.state);
+        self.steps += before.values.len() / VALUES_PER_STEP;
         let mut left = Vec::new();
         for branch in branches {
             self.state = before.clone();
@@ -177,7 +180,11 @@ impl<'a> Runner<'a> {
                     self.pin(&last);
                 }
                 let holds = before.covers(&self.state, &self.symbols.start) && volatile == self.volatile.len();
-                if !holds && self.steps <= self.most_steps {
+                self.steps += 1 + before.values.len() / VALUES_PER_STEP;
+                if !holds && self.steps > self.most_steps {
+                    return self.give_up(body.first().map(place).unwrap_or_default());
+                }
+                if !holds {
                     // What a round leaves is what another begins with: once more, with what holds in both.
                     let behind = std::mem::take(&mut self.state);
                     self.state = self.joined(vec![before, behind]).unwrap_or_default();

@@ -31,6 +31,7 @@ mod settle;
 mod state;
 mod symbols;
 mod syntax;
+mod system;
 mod tree;
 mod value;
 

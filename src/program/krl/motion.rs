@@ -12,6 +12,11 @@ use std::sync::Arc;
 /// Why motions of handlers, functions and routines that call themselves stay.
 pub(super) const BESIDE: &str = "in a routine that may run at any moment";
 
+/// Words that say how a motion goes over into the next.
+const APPROXIMATE: [&[u8]; 5] = [b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
+/// Status and turn.
+const STATUS: [&[u8]; 2] = [b"S", b"T"];
+
 /// A position as a motion takes it.
 struct Position {
     numbers: [f64; 6],
@@ -53,7 +58,7 @@ impl<'a> Runner<'a> {
     }
 
     fn lose_position(&mut self, why: &'static str) {
-        for id in [self.symbols.position, self.symbols.stands] {
+        for id in [self.symbols.position, self.symbols.turned, self.symbols.stands] {
             self.state.values.insert(id, Value::unknown(why));
         }
     }
@@ -66,20 +71,36 @@ impl<'a> Runner<'a> {
         let (first, name) = self.point(&mut cursor);
         let second = cursor.accept_mark(b',').then(|| self.point(&mut cursor));
         let angle = cursor.accept_mark(b',') && cursor.accept_word(b"CA");
-        let (_, with) = cursor.until(&[b"WITH"]);
-        let before = with.map(|_| {
-            let (settings, _) = cursor.until(&[b"C_SPL", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP"]);
+        if angle {
+            drop(self.expression(&mut cursor));
+        }
+        while APPROXIMATE.iter().any(|word| cursor.accept_word(word)) {}
+        let before = cursor.accept_word(b"WITH").then(|| {
+            let (settings, approximate) = cursor.until(&APPROXIMATE);
+            while APPROXIMATE.iter().any(|word| approximate.is_some() && cursor.accept_word(word)) {}
             self.with(settings)
         });
+        let is_whole = cursor.is_done();
         let (via, (end, name)) = match second {
             Some(second) => (Some(first), second),
             None => (None, (first, name)),
         };
+        let invalid = if via.is_some() && motion != Motion::Circular {
+            Some("only a circle has two positions")
+        } else if !is_whole {
+            Some("what stands after the position is not understood")
+        } else {
+            let other = via.iter().chain([&end]).any(has_other_components);
+            other.then_some("the position has a component that no position has")
+        };
         let done = match (motion, &via) {
             (Motion::Circular, None) => Err("circle without an end"),
             (Motion::Circular, Some(_)) if angle => Err("circle with an angle"),
-            _ => self.go(motion, via.as_ref(), &end, name, span),
+            _ => invalid.map_or_else(|| self.go(motion, via.as_ref(), &end, name, span), Err),
         };
+        if let Some(reason) = invalid {
+            self.refuse(span, reason);
+        }
         if let Err(reason) = done {
             self.use_axes_of(&end);
             [via, Some(end)].iter().flatten().for_each(|value| self.pin(value));
@@ -119,6 +140,12 @@ impl<'a> Runner<'a> {
         let mut to = to?;
         let elsewhere = self.leave_axes(&mut to);
         let on_arc = if motion == Motion::Circular { self.turns_on_arc() } else { Ok(()) };
+        let from = match motion {
+            Motion::Circular if self.orientation_before().is_none() => Err(
+                "the orientation at the auxiliary point is not known: that before the arc is not, or in another frame",
+            ),
+            _ => Ok(()),
+        };
         let turns = if motion == Motion::Joint { Ok(true) } else { self.turns(&to) };
         let (mark, mark_known) = self.mark();
         #[allow(clippy::cast_possible_truncation)]
@@ -138,7 +165,7 @@ impl<'a> Runner<'a> {
             _ => (None, true),
         };
         let unlocated = elsewhere.or_else(|| self.unlocated(&to)).or(turns.err()).or(on_arc.err());
-        let editable = match unlocated {
+        let editable = match unlocated.or(from.err()) {
             Some(reason) => Editable::No(reason),
             None if !mark_known => Editable::No("air or cut is known only at run time"),
             None if self.is_beside() => Editable::No(BESIDE),
@@ -183,15 +210,39 @@ impl<'a> Runner<'a> {
         let all = POSE.iter().zip(numbers).chain(named);
         let record = all.map(|(name, value)| (Name::from_slice(name), value)).collect();
         self.state.values.insert(self.symbols.position, Value::Record(std::rc::Rc::new(record)));
+        self.note_orientation(&to, turns.is_ok());
         self.push(target, Site { tokens: to.places });
         Ok(())
+    }
+
+    /// Notes how the tool is turned at the end of a motion, and in what frames that is counted.
+    fn note_orientation(&mut self, to: &Position, is_known: bool) {
+        let turned = if is_known {
+            let angles = POSE[3..].iter().zip(&to.numbers[3..]).map(|(name, v)| (*name, Value::Number(*v, None)));
+            let frames = [(&b"BASE"[..], self.symbols.base), (b"TOOL", self.symbols.tool)];
+            let frames = frames.map(|(name, id)| (name, self.value(id)));
+            let all = angles.chain(frames).map(|(name, value)| (Name::from_slice(name), value));
+            Value::Record(std::rc::Rc::new(all.collect()))
+        } else {
+            Value::unknown("the programmed orientation is disregarded")
+        };
+        self.state.values.insert(self.symbols.turned, turned);
+    }
+
+    /// How the tool is turned before a motion, in its base and of its tool; `None` where that is not known.
+    fn orientation_before(&self) -> Option<[f64; 4]> {
+        let turned = Some(self.value(self.symbols.turned)).filter(|_| !self.volatile.contains(&self.symbols.turned))?;
+        let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| frame.is(&self.value(id)));
+        let [a, b, c] = turned.numbers([b"A", b"B", b"C"])?;
+        (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool)).then(|| quaternion_of_zyx_deg([a, b, c]))
     }
 
     /// The auxiliary point of a circle: its angles are ignored, the orientation turns from that before to that at the end.
     fn via(&mut self, via: &Value, to: &Position, target: &Target) -> Result<(), &'static str> {
         let [x, y, z] = via.numbers([b"X", b"Y", b"Z"]).ok_or_else(|| why(via))?;
-        let from = self.value(self.symbols.position);
-        let quat = from.frame().map_or_else(|| to.quat(), |(_, before)| halfway(before, to.quat()));
+        let before = self.orientation_before();
+        let located = target.located && before.is_some();
+        let quat = before.map_or_else(|| to.quat(), |before| halfway(before, to.quat()));
         let mut tokens = [None; 6];
         for (to, name) in tokens.iter_mut().zip([b"X", b"Y", b"Z"]) {
             *to = via.component(name).and_then(place);
@@ -199,7 +250,7 @@ impl<'a> Runner<'a> {
         let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
         let editable = if target.editable == Editable::Pose { Editable::Position } else { target.editable };
         self.external.push(to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number)));
-        self.push(Target { role: Role::Via, goal, editable, name: None, ..target.clone() }, Site { tokens });
+        self.push(Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() }, Site { tokens });
         Ok(())
     }
 
@@ -235,6 +286,7 @@ impl<'a> Runner<'a> {
         let record = Value::Record(std::rc::Rc::new(external.collect()));
         self.external.push(EXTERNAL.map(|name| end.component(name).and_then(Value::number)));
         self.state.values.insert(self.symbols.position, record);
+        self.state.values.insert(self.symbols.turned, Value::unknown("the motion before goes to axis angles"));
         self.push(target, Site::default());
         Ok(())
     }
@@ -368,6 +420,13 @@ impl<'a> Runner<'a> {
         self.targets.push(target);
         self.sites.push(site);
     }
+}
+
+/// Whether a position has components that are neither those of a point nor those of axes.
+fn has_other_components(value: &Value) -> bool {
+    let Value::Record(fields) = value else { return false };
+    let known = |name: &Name| POSE.iter().chain(&AXES).chain(&EXTERNAL).chain(&STATUS).any(|known| name[..] == **known);
+    fields.iter().any(|(name, _)| !known(name))
 }
 
 /// Why a value is no position.

@@ -27,7 +27,7 @@ pub(super) fn relative(word: &[u8]) -> Option<&'static str> {
 }
 
 /// Statements that change no data and move nothing.
-pub(super) const HARMLESS_STATEMENTS: [&[u8]; 14] = [
+pub(super) const HARMLESS_STATEMENTS: [&[u8]; 15] = [
     b"WAIT",
     b"HALT",
     b"CONTINUE",
@@ -42,69 +42,13 @@ pub(super) const HARMLESS_STATEMENTS: [&[u8]; 14] = [
     b"CONST_VEL",
     b"STOP",
     b"SYNC",
+    b"ON_ERROR_PROCEED",
 ];
 
-/// Functions and procedures of the system that change no data but what they are given, and move nothing.
-pub(super) const HARMLESS_ROUTINES: [&[u8]; 59] = [
-    b"ABS",
-    b"ACOS",
-    b"ASIN",
-    b"ATAN2",
-    b"COS",
-    b"SIN",
-    b"SQRT",
-    b"TAN",
-    b"EXP",
-    b"LOG",
-    b"ROUND",
-    b"TRUNC",
-    b"MIN",
-    b"MAX",
-    b"INV_POS",
-    b"INVERSE",
-    b"FORWARD",
-    b"STRADD",
-    b"STRCLEAR",
-    b"STRCOMP",
-    b"STRCOPY",
-    b"STRDECLLEN",
-    b"STRFIND",
-    b"STRLEN",
-    b"SREAD",
-    b"SWRITE",
-    b"CREAD",
-    b"CWRITE",
-    b"COPEN",
-    b"CCLOSE",
-    b"CIOCTL",
-    b"CAST_FROM",
-    b"CAST_TO",
-    b"VARTYPE",
-    b"VARSTATE",
-    b"IR_STOPM",
-    b"MSGNOTIFY",
-    b"MSGQUIT",
-    b"MSGDIALOG",
-    b"MSGLOOP",
-    b"SET_KRLMSG",
-    b"SET_KRLDLG",
-    b"CLEAR_KRLMSG",
-    b"EXISTS_KRLMSG",
-    b"EXISTS_KRLDLG",
-    b"GET_MSGBUFFER",
-    b"WSPACEGIVE",
-    b"WSPACETAKE",
-    b"GET_AXESMASK",
-    b"SVEL_PTP",
-    b"SVEL_JOINT",
-    b"SACC_CP",
-    b"SACC_PTP",
-    b"SAPO",
-    b"SAPO_PTP",
-    b"SGEAR_JERK",
-    b"SJERK",
-    b"SACC_JOINT",
-    b"USE_CM_PRO_VALUES",
+/// Words of the language that may stand before a bracket and call nothing.
+pub(super) const NO_CALLS: [&[u8]; 15] = [
+    b"AND", b"OR", b"NOT", b"EXOR", b"B_AND", b"B_OR", b"B_NOT", b"B_EXOR", b"FOR", b"SEC", b"CA", b"DO", b"WHEN",
+    b"TO", b"STEP",
 ];
 
 /// System data that keep what they are assigned; all others change by themselves.
@@ -114,6 +58,20 @@ pub(super) const SETTLED: [&[u8]; 8] =
 /// System data that say how motions are understood; what they hold is not read.
 pub(super) const HEEDED: [&[u8]; 4] = [b"$EX_AX_IGNORE", b"$ASYNC_AXIS", b"$CIRC_TYPE", b"$CIRC_MODE"];
 
+/// Switches by which BAS corrects a base, and a tool, with frames of their own; `BAS (#INITMOV,0)` takes them back.
+pub(super) const CORRECTIONS: [[&[u8]; 2]; 2] =
+    [[b"BASE_CORR_ON", b"M_BAS_COR_ON"], [b"TOOL_CORR_ON", b"TOOL_CORR_W_ON"]];
+
 /// Commands of BAS that set nothing that matters to where the robot goes, or how fast along a path.
-pub(super) const HARMLESS_COMMANDS: [&[u8]; 9] =
-    [b"VEL_PTP", b"ACC_PTP", b"ACC_CP", b"ACC_GLUE", b"VEL_GLUE", b"PTP_DAT", b"OUT_SYNC", b"OUT_ASYNC", b"OV_PRO"];
+pub(super) const HARMLESS_COMMANDS: [&[u8]; 10] = [
+    b"VEL_PTP",
+    b"ACC_PTP",
+    b"ACC_CP",
+    b"ACC_GLUE",
+    b"VEL_GLUE",
+    b"PTP_DAT",
+    b"OUT_SYNC",
+    b"OUT_ASYNC",
+    b"OV_PRO",
+    b"GROUP",
+];

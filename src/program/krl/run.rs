@@ -36,15 +36,22 @@ pub(super) struct Frame {
     pub(super) names: HashMap<Name, Id>,
     /// What it leaves where it returns before its end.
     returns: Vec<State>,
-    /// GOTO may go on behind anything.
-    jumps: bool,
+    /// What a routine with GOTO changes: it may be any at a label.
+    jumps: Option<Rc<Changes>>,
 }
 
 impl Frame {
     /// The names of a file alone.
     pub(super) fn of_file(file: usize) -> Self {
-        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new(), jumps: false }
+        Self { routine: RoutineId { file, at: usize::MAX }, names: HashMap::new(), returns: Vec::new(), jumps: None }
     }
+}
+
+/// What a routine leaves in one of its parameters.
+pub(super) struct Left {
+    pub(super) value: Value,
+    /// A TRIGGER may change it still.
+    pub(super) is_triggered: bool,
 }
 
 /// Where a target's six numbers stand: X Y Z A B C; `None` for one that stands nowhere.
@@ -182,8 +189,9 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs a routine with values for its parameters, of which some may change under another name.
-    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Vec<Value> {
+    pub(super) fn enter(&mut self, id: RoutineId, values: &[Value], aliased: &[bool]) -> Vec<Left> {
         self.entered.insert(id);
+        self.steps += (self.state.values.len() + self.volatile.len()) / super::flow::VALUES_PER_STEP;
         let routine = self.symbols.routine(id);
         let bytes = self.bytes(id.file);
         let mut names = HashMap::new();
@@ -210,27 +218,20 @@ impl<'a> Runner<'a> {
             self.symbols.declare_type(local, &bytes[data.kind.range()]);
             names.insert(upper(&bytes[data.name.range()]), local);
         }
-        self.frames.push(Frame { routine: id, names, returns: Vec::new(), jumps: false });
+        self.frames.push(Frame { routine: id, names, returns: Vec::new(), jumps: None });
         let loops = std::mem::take(&mut self.loops);
-        let jumps = self.jumps(routine);
+        let jumps = self.jumps(routine).map(Rc::new);
+        let has_jumps = jumps.is_some();
         if let Some(frame) = self.frames.last_mut() {
-            frame.jumps = jumps.is_some();
-        }
-        if let Some(changes) = &jumps {
-            self.volatile.extend(changes.ids.iter().copied());
-            if changes.anything {
-                self.volatile.extend(self.symbols.visible());
-            }
+            frame.jumps = jumps;
         }
         let (first, partials) = (self.sites.len(), self.open_partials);
         let flow = self.block(&routine.body);
-        if jumps.is_some() && self.open_partials > partials {
+        if has_jumps && self.open_partials > partials {
             // The motion before may be any.
             let sites = self.sites.get(first..).unwrap_or_default();
             self.pinned.extend(sites.iter().flat_map(|site| site.tokens).flatten());
         }
-        self.volatile = before;
-        self.volatile.extend(&self.triggered);
         self.loops = loops;
         let Some(frame) = self.frames.pop() else { return Vec::new() };
         let mut left = frame.returns;
@@ -238,12 +239,14 @@ impl<'a> Runner<'a> {
             left.push(std::mem::take(&mut self.state));
         }
         self.state = self.joined(left).unwrap_or_default();
-        if let Some(changes) = jumps {
-            self.forget(&changes, "changed in a routine with GOTO");
-        }
-        let out = own.iter().map(|id| self.value(*id)).collect();
+        let left = |id: &Id| Left { value: self.value(*id), is_triggered: self.triggered.contains(id) };
+        let out = own.iter().map(left).collect();
+        // Its own data end with it.
         let locals: HashSet<Id> = frame.names.values().copied().collect();
         self.state.values.retain(|id, _| !locals.contains(id));
+        self.triggered.retain(|id| !locals.contains(id));
+        self.volatile = before;
+        self.volatile.extend(&self.triggered);
         out
     }
 
@@ -303,21 +306,28 @@ impl<'a> Runner<'a> {
                 self.restore(before);
                 flow
             }
-            // Everything that the routine changes is unknown in it.
+            // What stands after it is run from a label on, or not at all.
             Statement::Jump => Flow::Next,
+            Statement::Label => {
+                let jumps = self.frames.last().and_then(|frame| frame.jumps.clone());
+                if let Some(changes) = jumps {
+                    self.forget(&changes, "changed in a routine with GOTO");
+                }
+                Flow::Next
+            }
             Statement::Return(span) => {
                 self.evaluate(*span);
                 let left = self.state.clone();
                 let Some(frame) = self.frames.last_mut() else { return Flow::Gone };
                 frame.returns.push(left);
-                // A label behind it may be gone to.
-                if frame.jumps { Flow::Next } else { Flow::Gone }
+                // A label after it may be gone to.
+                if frame.jumps.is_some() { Flow::Next } else { Flow::Gone }
             }
             Statement::Exit => {
                 let left = self.state.clone();
                 let Some(exits) = self.loops.last_mut() else { return Flow::Next };
                 exits.push(left);
-                if self.frames.last().is_some_and(|frame| frame.jumps) { Flow::Next } else { Flow::Gone }
+                if self.frames.last().is_some_and(|frame| frame.jumps.is_some()) { Flow::Next } else { Flow::Gone }
             }
             Statement::Mark(mark) => {
                 self.set_mark(*mark);
@@ -327,9 +337,18 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn keep(&mut self, source: usize, span: Span, reason: &'static str) {
-        if source < self.written && self.seen.insert((source, span, reason)) {
-            let line = self.lines[source].line(span.start) as usize;
-            self.kept.push(Kept { source, span, line, reason, fault: false, help: "" });
+        self.note(Kept { source, span, line: 0, reason, fault: false, help: "" });
+    }
+
+    /// What a controller does not load: no program is written from this one.
+    pub(super) fn refuse(&mut self, span: Span, reason: &'static str) {
+        self.note(Kept { source: self.here(), span, line: 0, reason, fault: true, help: "" });
+    }
+
+    fn note(&mut self, kept: Kept) {
+        if kept.source < self.written && self.seen.insert((kept.source, kept.span, kept.reason)) {
+            let line = self.lines[kept.source].line(kept.span.start) as usize;
+            self.kept.push(Kept { line, ..kept });
         }
     }
 
@@ -348,9 +367,11 @@ impl<'a> Runner<'a> {
             return;
         }
         let source = &self.symbols.sources[self.here()];
-        let message = format!("`{}` is not in the files: what it could change is unknown behind it", decode(name));
+        let message = format!("`{}` is not in the files: what it could change is unknown after it", decode(name));
         let warning = Diagnostic::error("krl.unknown-routine", &source.name, message).at(source, span);
-        self.diagnostics.push(warning.severity(Severity::Warning).help("give the file that has it with --context"));
+        let help = "give the file that has it with --context; or, where it changes neither frames nor positions, name it in \
+                    `[controller] harmless` of the cell";
+        self.diagnostics.push(warning.severity(Severity::Warning).help(help));
     }
 
     /// Once: no name of a program has a blank.

@@ -29,18 +29,20 @@ impl State {
         ids.into_iter().all(|id| at(self, *id).covers(&at(other, *id)))
     }
 
-    /// What holds where either may; tokens of what differs go to `lost`.
-    pub(super) fn join(mut self, other: &Self, start: &[Value], lost: &mut impl FnMut(Place)) -> Self {
+    /// What holds where either may; tokens of what differs go to `lost`, but those of the position of this number, of which
+    /// only a motion that leaves components out has any use.
+    pub(super) fn join(mut self, other: &Self, start: &[Value], position: Id, lost: &mut impl FnMut(Place)) -> Self {
         let missing = Value::unknown(super::value::NO_VALUE);
         let at_start = |id: Id| start.get(id).unwrap_or(&missing);
+        let mut join = |id: Id, a: &Value, b: &Value| if id == position { a.either(b, lost) } else { a.join(b, lost) };
         for (id, value) in &other.values {
             let own = self.values.get(id).unwrap_or_else(|| at_start(*id));
-            let joined = own.join(value, lost);
+            let joined = join(*id, own, value);
             self.values.insert(*id, joined);
         }
         for (id, value) in &mut self.values {
             if !other.values.contains_key(id) {
-                *value = value.join(at_start(*id), lost);
+                *value = join(*id, value, at_start(*id));
             }
         }
         self

@@ -1,5 +1,6 @@
 //! Names of data and routines, and what data hold at the start.
 
+use super::changes::is_frame_function;
 use super::lex::{Cursor, Kind};
 use super::names;
 use super::state::Id;
@@ -49,10 +50,14 @@ pub(super) struct Symbols<'a> {
     pub(super) tool_name: Id,
     /// The last position commanded.
     pub(super) position: Id,
+    /// Its orientation, with the base and the tool that it is counted in.
+    pub(super) turned: Id,
     /// Ordinal of the motion at whose end the robot stands.
     pub(super) stands: Id,
     /// The mark in force: nothing, 0 for air, 1 for cut.
     pub(super) mark: Id,
+    /// `BASE_DATA`, `TOOL_DATA`, `LOAD_DATA`.
+    tables: HashSet<Id>,
 }
 
 /// Types that say what a value becomes.
@@ -63,6 +68,9 @@ enum Type {
     Frame,
     Pos,
 }
+
+/// Why data of which the files say nothing are not known.
+pub(super) const UNDECLARED: &str = "declared in none of the files";
 
 /// Tables of frames and loads that the controller has under these names.
 const TABLES: [&[u8]; 3] = [b"BASE_DATA", b"TOOL_DATA", b"LOAD_DATA"];
@@ -92,8 +100,10 @@ impl<'a> Symbols<'a> {
             base_name: 0,
             tool_name: 0,
             position: 0,
+            turned: 0,
             stands: 0,
             mark: 0,
+            tables: HashSet::new(),
         };
         for (source, file) in sources.iter().zip(files) {
             symbols.module_of.push(upper(source.slice(file.module)));
@@ -118,6 +128,14 @@ impl<'a> Symbols<'a> {
         symbols.asynchronous_axes = symbols.global(b"$ASYNC_AXIS", Value::Number(0.0, None));
         symbols.circle_type = symbols.global(b"$CIRC_TYPE", Value::Constant(upper(b"BASE")));
         symbols.circle_mode = symbols.global(b"$CIRC_MODE", Value::Record(Rc::default()));
+        // A routine that is not in the files may change them before the program names one.
+        for table in TABLES {
+            let id = symbols.global(table, Value::Array(Rc::default()));
+            symbols.tables.insert(id);
+        }
+        for switch in names::CORRECTIONS.into_iter().flatten() {
+            symbols.global(switch, Value::Bool(false));
+        }
         for world in [&b"$NULLFRAME"[..], b"$WORLD"] {
             symbols.global(world, pose_record([0.0; 6]));
         }
@@ -125,6 +143,7 @@ impl<'a> Symbols<'a> {
         symbols.base_name = symbols.global(b" BASE", own("$BASE"));
         symbols.tool_name = symbols.global(b" TOOL", own("$TOOL"));
         symbols.position = symbols.global(b" POSITION", Value::unknown("the position before is not known"));
+        symbols.turned = symbols.global(b" TURNED", Value::unknown("the orientation before is not known"));
         symbols.stands = symbols.global(b" STANDS", Value::unknown("the motion before is not known"));
         symbols.mark = symbols.global(b" MARK", Value::Bool(false));
         symbols
@@ -158,6 +177,9 @@ impl<'a> Symbols<'a> {
             }
             if all || data.is_global {
                 self.globals.insert(name.clone(), id);
+                if TABLES.contains(&&name[..]) {
+                    self.tables.insert(id);
+                }
             }
             self.modules.entry(module.clone()).or_default().insert(name, id);
         }
@@ -206,16 +228,11 @@ impl<'a> Symbols<'a> {
         if let Some(id) = module.or_else(|| self.globals.get(name)) {
             return *id;
         }
-        let value = if TABLES.contains(&&name[..]) {
-            Value::Array(Rc::default())
-        } else {
-            Value::unknown("declared in none of the files")
-        };
-        self.global(name, value)
+        self.global(name, Value::unknown(UNDECLARED))
     }
 
     /// Variables that are the run's own.
-    pub(super) fn own_state(&self) -> [Id; 15] {
+    pub(super) fn own_state(&self) -> [Id; 16] {
         let [base, tool, turns] = [self.base_name, self.tool_name, self.orientation];
         [
             self.base,
@@ -227,6 +244,7 @@ impl<'a> Symbols<'a> {
             base,
             tool,
             self.position,
+            self.turned,
             self.stands,
             self.mark,
             self.ignored_axes,
@@ -237,14 +255,13 @@ impl<'a> Symbols<'a> {
     }
 
     /// Whether an element that nothing sets is the controller's own.
-    pub(super) fn is_table(&self, name: &[u8]) -> bool {
-        TABLES.contains(&name)
+    pub(super) fn is_table(&self, id: Id) -> bool {
+        self.tables.contains(&id)
     }
 
     /// What a routine of another file could change.
     pub(super) fn visible(&self) -> Vec<Id> {
-        let tables = |name: &Name| TABLES.contains(&&name[..]) || matches!(&name[..], b"$NULLFRAME" | b"$WORLD");
-        let kept = |name: &Name| tables(name) || names::HEEDED.contains(&&name[..]);
+        let kept = |name: &Name| matches!(&name[..], b"$NULLFRAME" | b"$WORLD") || names::HEEDED.contains(&&name[..]);
         let open = self.globals.iter().filter(|(name, id)| !kept(name) && !self.constant.contains(id));
         open.map(|(_, id)| *id).filter(|id| *id != self.mark).collect()
     }
@@ -257,7 +274,14 @@ impl<'a> Symbols<'a> {
     pub(super) fn find_routine(&self, file: usize, name: &[u8]) -> Option<RoutineId> {
         let own =
             self.files[file].routines.iter().position(|r| self.sources[file].slice(r.name).eq_ignore_ascii_case(name));
-        own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(&upper(name)).copied())
+        let found = own.map(|at| RoutineId { file, at }).or_else(|| self.routines.get(&upper(name)).copied());
+        // What those of the controller's own BAS.SRC say is known.
+        found.filter(|id| !self.is_bas(id.file) || !is_frame_function(&upper(name)))
+    }
+
+    /// Whether a file is the controller's own BAS.SRC.
+    pub(super) fn is_bas(&self, file: usize) -> bool {
+        &self.module_of[file][..] == b"BAS"
     }
 
     pub(super) fn all(&self) -> impl Iterator<Item = RoutineId> {
@@ -303,7 +327,7 @@ pub(super) fn spans(block: &[Statement]) -> Vec<Span> {
             out.extend(cases.iter().map(|(values, _)| *values));
         }
         Statement::Spline { with, .. } => out.push(*with),
-        Statement::Jump | Statement::Exit | Statement::Mark(_) => {}
+        Statement::Jump | Statement::Label | Statement::Exit | Statement::Mark(_) => {}
     });
     out
 }

@@ -340,7 +340,9 @@ impl<'a> Parser<'a> {
             block.push(Statement::Exit);
         } else if let Some(mut found) = self.declaration(at) {
             data.append(&mut found);
-        } else if !is_label(cursor) {
+        } else if is_label(cursor) {
+            block.push(Statement::Label);
+        } else {
             block.push(Statement::Simple(at));
         }
         Ok(())

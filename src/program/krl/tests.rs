@@ -284,7 +284,7 @@ fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
     assert_eq!(all(&format!("$ASYNC_AXIS=$ASYNC_AXIS B_AND 'B110'\n{first}")).0, ['-'], "what it was is not known");
     assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{}", line(1, ""))).0, ['P'], "no axis is named");
     assert_eq!(
-        all(&format!("OTHER()\n$IPO_MODE=#BASE\nBAS(#INITMOV,0)\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n{first}")).0,
+        all(&format!("OTHER()\n$IPO_MODE=#BASE\nBAS(#INITMOV,0)\n$BASE=$WORLD\n$TOOL=$NULLFRAME\n{first}")).0,
         ['P']
     );
 }
@@ -338,9 +338,153 @@ fn an_interrupt_that_moves_is_told() {
 #[test]
 fn jumps_leave_what_the_routine_changes_unknown() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let again = format!("{line}\n$BASE=BASE_DATA[2]\nIF $IN[1] THEN\nGOTO again\nENDIF");
+    let p = program(&format!("$BASE=BASE_DATA[1]\nagain:\n{again}"));
+    assert_eq!(reasons(&p), ["base known only at run time"]);
+    let set_again = program(&format!("again:\n$BASE=BASE_DATA[1]\n{again}"));
+    assert_eq!((editable(&set_again), &*set_again.wobjs[0].name), (vec!['P'], "BASE_DATA[1]"));
+    // What the label is reached with has run through all rounds before.
+    let counted = program(&format!(
+        "INT i\ni=1\n$BASE=BASE_DATA[1]\nnext:\nIF i>1 THEN\n$BASE=BASE_DATA[3]\nENDIF\n{line}\ni=i+1\nIF i<3 THEN\nGOTO next\nENDIF"
+    ));
+    assert_eq!(reasons(&counted), ["base known only at run time"]);
+}
+
+const POINT: &str = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+
+/// The first lines of what a KRC writes, with the packages for welding, grippers and spot guns.
+#[test]
+fn the_folds_of_the_controller_itself_leave_tool_and_base_known() {
+    let forms = "IF A10_OPTION==#ACTIVE THEN\nINTERRUPT DECL 4 WHEN $CYCFLAG[3]==FALSE DO A10 (#APPL_ERROR )\nA10 (#APPL_INI )\nENDIF\n\
+                 IF A20_OPTION==#ACTIVE THEN\nINTERRUPT DECL 5 WHEN $CYCFLAG[4]==FALSE DO A20 (#APPL_ERROR )\nENDIF\n\
+                 IF H70_OPTION==#ACTIVE THEN\nINTERRUPT DECL 15 WHEN $MEAS_PULSE[1] DO H70 (6,CD0 )\nH70 (1,CD0 )\nENDIF\n\
+                 USERSPOT(#INIT)\nUSER_GRP(0,DUMMY,DUMMY,GDEFAULT)\n";
+    let ini = format!(
+        "GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\nBAS (#INITMOV,0 )\n{forms}"
+    );
+    let act = "FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}\nBAS(#CP_PARAMS,0.1)\n";
     let p =
-        program(&format!("again:\n$BASE=BASE_DATA[1]\n{line}\n$BASE=BASE_DATA[2]\nIF $IN[1] THEN\nGOTO again\nENDIF"));
-    assert_eq!(reasons(&p), ["base may be changed at any moment"]);
+        program(&format!("{ini}{act}LOOP\nWAIT FOR ($IN[1] OR NOT ($IN[2] AND ($IN[3])))\nLIN {POINT}\nEXIT\nENDLOOP"));
+    assert_eq!((editable(&p), &p.diagnostics[..]), (vec!['P'], &[][..]));
+    assert_eq!((&*p.tools[0].name, &*p.wobjs[0].name), ("TOOL_DATA[1]", "BASE_DATA[2]"));
+    for named in ["$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]", "BAS(#TOOL,1)\nBAS(#BASE,2)"] {
+        assert_eq!(editable(&program(&format!("{ini}{named}\nLIN {POINT}"))), ['P'], "{named}");
+    }
+    // A search does correct frames, and so does what the program switches on itself.
+    assert!(editable(&program(&format!("{ini}H70 (2,CD1)\n{act}LIN {POINT}"))).is_empty());
+    assert!(editable(&program(&format!("{ini}BASE_CORR_ON=TRUE\n{act}LIN {POINT}"))).is_empty());
+    // What a file says of a routine counts more than its name.
+    let own = format!(
+        "GLOBAL INTERRUPT DECL 3 WHEN $IN[1] DO IR_STOPM ( )\n{act}LIN {POINT}\nEND\nDEF IR_STOPM ( )\n$BASE=BASE_DATA[7]"
+    );
+    assert!(editable(&program(&own)).is_empty());
+}
+
+#[test]
+fn a_routine_that_is_in_no_file_may_change_the_tables_of_frames() {
+    let behind = |set: &str| editable(&program(&format!("other()\n$TOOL=$NULLFRAME\n{set}\nLIN {POINT}")));
+    assert!(behind("$BASE=BASE_DATA[1]").is_empty());
+    assert!(behind("BAS(#BASE,1)").is_empty());
+    assert_eq!(
+        behind(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[1]")),
+        ['P'],
+        "known again"
+    );
+    assert!(
+        behind(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[2]")).is_empty(),
+        "another"
+    );
+    let p = program("other()");
+    assert!(p.diagnostics[0].help.as_ref().is_some_and(|help| help.contains("[controller] harmless")));
+}
+
+#[test]
+fn a_trigger_that_sets_frames_keeps_what_follows() {
+    for set in
+        ["$BASE=BASE_DATA[2]", "$TOOL=TOOL_DATA[2]", "$IPO_MODE=#TCP", "$BASE.X=5.0", "$ROBROOT.X=1.0", "ARCSWITCH x"]
+    {
+        let body = format!("LIN {POINT}\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO {set}\nLIN {POINT}");
+        let p = program(&body);
+        assert_eq!(editable(&p)[0], 'P', "{set}");
+        assert!(editable(&p)[1..].iter().all(|letter| *letter == '-') && p.kept.len() == 1, "{set}: {:?}", p.kept);
+    }
+    let output = program(&format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OUT[1]=TRUE PRIO=-1\nLIN {POINT}"));
+    assert_eq!(editable(&output), ['P']);
+}
+
+#[test]
+fn an_arc_in_another_frame_than_the_motion_before_stays() {
+    let arc = format!("CIRC {},{}", POINT.replace("X 1.0", "X 2.0"), POINT.replace("X 1.0", "X 3.0"));
+    let run = |set: &str| editable(&program(&format!("$BASE=BASE_DATA[1]\nLIN {POINT}\n{set}\n{arc}\n{arc}")));
+    assert_eq!(run("$BASE=BASE_DATA[2]"), ['P', '-', '-', 'p', 'P']);
+    assert_eq!(run("$TOOL=TOOL_DATA[2]"), ['P', '-', '-', 'p', 'P']);
+    assert_eq!(run("$BASE=BASE_DATA[1]"), ['P', 'p', 'P', 'p', 'P'], "the same again");
+    assert_eq!(run("PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}"), ['P', '-', '-', '-', 'p', 'P']);
+}
+
+/// Each round of the loop gives the routine other data of its own.
+#[test]
+fn data_that_a_trigger_sets_end_with_their_routine() {
+    let body = |param: &str, by: &str| {
+        format!(
+            "INT n\nn=1\nLOOP\nsub({by})\nLIN {POINT}\nENDLOOP\nEND\nDEF sub(p:{param})\nINT k\nk=1\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO k=2\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO p=2"
+        )
+    };
+    assert_eq!(editable(&program(&body("IN", "n"))), ['P']);
+    // The caller's own variable is changed at any moment from there on.
+    let lent = format!(
+        "$BASE=BASE_DATA[1]\nINT n\nn=1\nsub(n)\nn=1\nIF n==2 THEN\n$BASE=BASE_DATA[2]\nENDIF\nLIN {POINT}\nEND\nDEF sub(p:OUT)\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO p=2"
+    );
+    assert!(editable(&program(&lent)).is_empty());
+}
+
+/// More work than a program is worth: refused, not run for ever.
+#[test]
+fn loops_within_loops_within_loops_end() {
+    let depth = 60;
+    let open: String =
+        (0..depth).map(|i| format!("LOOP\nr{i}=r{}\nIF $IN[1] THEN\nEXIT\nENDIF\n", (i + 7) % depth)).collect();
+    let text = format!("DEF a()\n{open}{}LIN {POINT}\nEND\n", "ENDLOOP\n".repeat(depth));
+    let begun = std::time::Instant::now();
+    drop(read(vec![Source::new("a.src", text)], Vec::new()));
+    assert!(begun.elapsed().as_secs() < 60);
+}
+
+#[test]
+fn positions_that_no_controller_loads_are_faults() {
+    for body in [
+        "LIN {X 10.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,X 15.0}",
+        "LIN {X 10.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,Q 1.0}",
+        "XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nXP2=XP1\nLIN XP1 LIN XP2",
+        "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0},{X 2.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}",
+        "SLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0} WITH $VEL.CP=0.1 C_SPL LIN",
+    ] {
+        let p = program(body);
+        assert_eq!((p.faults().len(), p.targets.len()), (1, 0), "{body}: {:?}", p.kept);
+    }
+    for body in [
+        "LIN {E6POS: X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 2,T 3,E1 0.0} C_DIS C_DIS",
+        "SLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0} WITH $VEL.CP=0.1,$APO.CDIS=5 C_SPL",
+        "PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0,E1 0} C_PTP C_DIS",
+    ] {
+        let p = program(body);
+        assert_eq!((p.faults().len(), p.targets.len()), (0, 1), "{body}: {:?}", p.kept);
+    }
+}
+
+/// Who leaves components out has them from the motion before, whichever that was; all others leave it alone.
+#[test]
+fn the_last_motion_of_a_branch_or_a_round_is_edited() {
+    let other = POINT.replace("X 1.0", "X 9.0");
+    let full = |behind: &str| {
+        editable(&program(&format!(
+            "IF $IN[1] THEN\nLIN {POINT}\nENDIF\nLOOP\nLIN {other}\nIF $IN[1] THEN\nEXIT\nENDIF\nENDLOOP\n{behind}"
+        )))
+    };
+    assert_eq!(full(""), ['P', 'P']);
+    assert_eq!(full(&format!("LIN {POINT}")), ['P', 'P', 'P']);
+    let part = format!("IF $IN[1] THEN\nLIN {POINT}\nELSE\nLIN {other}\nENDIF\nLIN {{Z 50.0}}\nLIN {POINT}");
+    assert_eq!(editable(&program(&part)), ['-', '-', 'P']);
 }
 
 #[test]

@@ -85,6 +85,8 @@ pub(super) enum Statement {
         body: Vec<Statement>,
     },
     Jump,
+    /// Where a GOTO goes on.
+    Label,
     Return(Span),
     Exit,
     Mark(Mark),

@@ -57,6 +57,11 @@ pub(super) enum Value {
     Own(Rc<str>),
 }
 
+/// What an array holds of all elements that it does not list; no index is below 0.
+pub(super) const REST: i64 = -1;
+
+/// Why a value that two branches leave is not known.
+const DIFFERS: &str = "differs by what is known only at run time";
 /// Why data have no value.
 pub(super) const NO_VALUE: &str = "has no value in the files";
 /// Why a frame's components are not known.
@@ -101,7 +106,7 @@ impl Value {
                 self.component(name).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
             }
             (Self::Array(items), Step::Element(at)) => {
-                items.get(at).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
+                items.get(at).or_else(|| items.get(&REST)).map_or(Self::unknown(NO_VALUE), |value| value.get(rest))
             }
             (Self::Own(_), Step::Component(_)) => Self::unknown(CELL_KNOWS),
             (Self::Unknown(why, None), _) => Self::unknown(why),
@@ -201,9 +206,37 @@ impl Value {
         }
     }
 
+    /// Of two values that differ, that it may be either: their tokens are those of what it may have been. Where they are too many
+    /// to carry on, they go to `lost`.
+    pub(super) fn either(&self, other: &Self, lost: &mut impl FnMut(Place)) -> Self {
+        /// Tokens of some hundred motions, between which a program chooses.
+        const MOST: usize = 2048;
+        if self.is(other) {
+            return self.clone();
+        }
+        if let (Self::Record(a), Self::Record(b)) = (self, other)
+            && a.iter().map(|field| &field.0).eq(b.iter().map(|field| &field.0))
+        {
+            let fields = a.iter().zip(&**b).map(|(a, b)| (a.0.clone(), a.1.either(&b.1, lost)));
+            return Self::Record(Rc::new(fields.collect()));
+        }
+        let mut all = BTreeMap::new();
+        for value in [self, other] {
+            value.places(&mut |place| {
+                let at = i64::from(place.source) << 32 | i64::from(place.start);
+                all.insert(at, Self::Number(0.0, Some(place)));
+            });
+        }
+        if all.len() > MOST {
+            self.places(lost);
+            other.places(lost);
+            all.clear();
+        }
+        Self::Unknown(DIFFERS, Some(Rc::new(Self::Array(Rc::new(all)))))
+    }
+
     /// What holds where either may; tokens of what differs go to `lost`.
     pub(super) fn join(&self, other: &Self, lost: &mut impl FnMut(Place)) -> Self {
-        const DIFFERS: &str = "differs by what is known only at run time";
         if self.is(other) {
             return self.clone();
         }
@@ -232,6 +265,15 @@ impl Value {
             Self::Unknown(_, was) => Self::Unknown(why, was),
             known => Self::Unknown(why, Some(Rc::new(known))),
         }
+    }
+
+    /// The same of an array whose elements are known again once they are set.
+    pub(super) fn all_forgotten(self, why: &'static str) -> Self {
+        let Self::Array(mut items) = self else { return self.forgotten(why) };
+        let own = Rc::make_mut(&mut items);
+        own.values_mut().for_each(|value| *value = std::mem::replace(value, Self::Bool(false)).forgotten(why));
+        own.insert(REST, Self::unknown(why));
+        Self::Array(items)
     }
 
     /// Numbers of components; `None` where one is missing or unknown.

@@ -6,7 +6,7 @@ use super::known::RoutineId;
 use super::layers::Left;
 use super::memory::note;
 use super::motion::Call;
-use super::parameters::Bound;
+use super::parameters::{Bound, undeclared};
 use super::runner::{Flow, Frame, Mode, Runner};
 use super::state::{Switch, Switches};
 use super::symbols::{Content, Upper, first_word};
@@ -197,7 +197,7 @@ impl<'a> Runner<'a> {
                     .at(&self.symbols.sources[usize::from(source)], span);
                 self.diagnostics.push(
                     told.severity(Severity::Warning)
-                        .help("give the module that declares it with --context, or as an input"),
+                        .help("give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell"),
                 );
             }
         }
@@ -242,7 +242,9 @@ impl<'a> Runner<'a> {
             let value = self.evaluate(scope, argument);
             self.pin_value(&value);
         }
-        for argument in given {
+        let undeclared =
+            undeclared(self.symbols.routine(id), self.bytes(id.file), self.bytes(scope.source as usize), call);
+        for argument in given.into_iter().chain(undeclared) {
             self.forget_argument(scope, argument, RUN_TIME);
         }
     }

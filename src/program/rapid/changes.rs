@@ -3,6 +3,7 @@
 use super::known::{Changes, Known, RoutineId};
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call, Simple};
+use super::parameters::undeclared;
 use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
 use super::symbols::{Symbols, Upper, first_word};
@@ -451,6 +452,8 @@ impl<'s, 'a> Scan<'s, 'a> {
                 hand(self, at, *value);
             }
         }
+        let undeclared = undeclared(self.symbols.routine(callee), theirs, self.bytes, call);
+        undeclared.into_iter().for_each(|argument| self.change(argument));
         self.out.calls.push(Handed { callee, given });
     }
 

@@ -5,7 +5,7 @@ use super::known::RoutineId;
 use super::motion::Call;
 use super::runner::Runner;
 use super::symbols::{Content, Names, Part, Upper, declared, first_word};
-use super::tree::Param;
+use super::tree::{Param, Routine};
 use super::value::Value;
 use crate::text::Span;
 use std::collections::HashSet;
@@ -26,6 +26,16 @@ pub(super) enum Bound {
     Part(Rc<Part>),
     /// A copy, under the name that it was declared with, and whether the files declare that.
     Value(Value, Span, bool),
+}
+
+/// Arguments that a routine has no parameter for: those of one that is declared by its name alone (`[controller] harmless`), which may
+/// read and change them.
+pub(super) fn undeclared(routine: &Routine, theirs: &[u8], bytes: &[u8], call: &Call) -> Vec<Span> {
+    let required = routine.params.iter().filter(|param| !param.optional).count();
+    let is_known =
+        |name: &[u8]| routine.params.iter().any(|param| theirs[param.name.range()].eq_ignore_ascii_case(name));
+    let named = call.optional().iter().filter(|(name, value)| !value.is_empty() && !is_known(&bytes[name.range()]));
+    call.positional().iter().skip(required).chain(named.map(|(_, value)| value)).copied().collect()
 }
 
 impl<'a> Runner<'a> {
@@ -49,6 +59,11 @@ impl<'a> Runner<'a> {
                 };
                 bound.push((at, given));
             }
+        }
+        for argument in undeclared(routine, callee, self.bytes(scope.source as usize), call) {
+            let value = self.evaluate(scope, argument);
+            self.pin_value(&value);
+            self.forget_argument(scope, argument, RUN_TIME);
         }
         bound
     }

@@ -238,5 +238,5 @@ fn not_given(
     }
     let message = format!("not given, so taken to leave the values of frames and tools alone: {}", listed.join(", "));
     let warning = Diagnostic::error("ls.called", &source.name, message).at(source, *first);
-    Some(warning.severity(Severity::Warning).help("give the programs that it calls with --context"))
+    Some(warning.severity(Severity::Warning).help("give the programs that it calls with --context; or name those that change neither frames nor positions in `[controller] harmless` of the cell"))
 }

@@ -1,6 +1,6 @@
 //! How inputs are found, told apart and put together.
 
-use super::bench::{Bench, PROGRAM};
+use super::bench::{Bench, CELL, PROGRAM};
 
 const MAIN: &str = "MODULE Main\n  PROC main()\n    cut;\n  ENDPROC\nENDMODULE\n";
 
@@ -81,4 +81,19 @@ fn inspect_says_what_was_understood() {
     assert!(json["files"][0]["refused"].is_string());
     bench.run("inspect none.mod").exits(2);
     bench.run("inspect part.apt --format rapid").exits(0);
+}
+
+/// A routine that the cell vouches for changes nothing, and what is left alone without says how to vouch for it.
+#[test]
+fn a_cell_vouches_for_routines_of_its_controller() {
+    let bench = Bench::new();
+    let text = PROGRAM.replace("PROC main()\n", "PROC main()\n    MoveSettings;\n");
+    bench.write("part.mod", &text);
+    let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod");
+    assert!(ran.stderr.contains("`MoveSettings` is not in the files given"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("[controller] harmless"), "{}", ran.stderr);
+    bench.write("cell.toml", CELL.replace("compensates = []", "compensates = []\nharmless = [\"MoveSettings\"]"));
+    let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod").exits(0);
+    assert!(!ran.stderr.contains("MoveSettings"), "{}", ran.stderr);
+    assert_ne!(bench.read("out.mod"), text);
 }

@@ -128,6 +128,12 @@ fn a_frame_named_later_is_seen_from_the_first() {
 }
 
 #[test]
+fn two_units_in_one_statement_are_no_unit() {
+    let faults = |units: &str| reads(&format!("UNITS/{units}\nGOTO/1,2,3,0,0,1\nGOTO/2,2,3,0,0,1\n")).faults().len();
+    assert_eq!([faults("INCHES,MM"), faults("MM,MM")], [1, 0]);
+}
+
+#[test]
 fn edits_keep_field_widths_and_cards() {
     use deflex::program::{Change, RewriteOptions};
     let text = "UNITS/MM\nGOTO  /   20.40000,    0.00000,  -41.00000\n";

@@ -6,6 +6,7 @@ mod cl_corpus;
 mod cl_sound;
 mod cl_written;
 
+mod harmless;
 mod krl;
 mod krl_insert;
 mod krl_sound;
