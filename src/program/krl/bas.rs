@@ -7,8 +7,9 @@ use super::lex::Kind;
 use super::names;
 use super::run::Runner;
 use super::state::{Changes, Id, State};
+use super::symbols::UNDECLARED;
 use super::value::{Step, Value, upper};
-use crate::text::Span;
+use crate::text::{Diagnostic, Severity, Span};
 use std::rc::Rc;
 
 impl<'a> Runner<'a> {
@@ -18,6 +19,7 @@ impl<'a> Runner<'a> {
         self.pin(&value);
         match name {
             b"STOOL2" | b"STOOL" => {
+                self.tell_frames_elsewhere(&value);
                 let number = value.component(b"TOOL_NO").cloned().unwrap_or(value);
                 self.table(b"TOOL_DATA", &number)
             }
@@ -148,11 +150,24 @@ impl<'a> Runner<'a> {
     pub(super) fn frames_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
         let act = self.value(id);
+        self.tell_frames_elsewhere(&act);
         let part = |name: &[u8]| act.component(name).cloned().unwrap_or(Value::unknown(RUN_TIME));
         let (tool, base, mode) = (part(b"TOOL_NO"), part(b"BASE_NO"), part(b"IPO_FRAME"));
         self.set_tool(&tool);
         self.set_base(&base);
         self.state.values.insert(self.symbols.mode, mode);
+    }
+
+    /// Says once that the numbers of tool and base stand in none of the files, as those of `FHOME` do without `$config.dat`.
+    fn tell_frames_elsewhere(&mut self, act: &Value) {
+        let undeclared = matches!(act, Value::Unknown(why, None) if *why == UNDECLARED);
+        // No name of a program has a blank.
+        if undeclared && self.told.insert(upper(b" FDAT")) {
+            let source = &self.symbols.sources[self.here()];
+            let message = "the numbers of tool and base of an inline form (FDAT, mostly FHOME) are in none of the files: both are unknown until they are set again";
+            let note = Diagnostic::error("krl.frames-elsewhere", &source.name, message).severity(Severity::Note);
+            self.diagnostics.push(note.help("give $config.dat of the controller (KRC/R1/System) with --context"));
+        }
     }
 
     /// `LDAT_ACT={… ORI_TYP #VAR,CIRC_TYP #BASE}` comes into force; the controller's own, where the program sets none, says #VAR and #BASE, and a BAS

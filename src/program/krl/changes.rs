@@ -278,6 +278,13 @@ impl<'a> Runner<'a> {
                 let mut changes = Changes::default();
                 let scope = Scope { file: id.file, own: None, hidden: HashSet::new(), is_handler: true };
                 self.collect_statement(cursor.rest(), &scope, &mut HashSet::new(), &mut changes);
+                let handler = cursor.peek();
+                let name = upper(cursor.text(handler));
+                if changes.anything && self.symbols.find_routine(id.file, &name).is_none() {
+                    self.frames.push(super::run::Frame::of_file(id.file));
+                    self.tell_unknown(&name, handler.span());
+                    self.frames.pop();
+                }
                 self.volatile.extend(changes.ids);
                 if changes.anything {
                     self.volatile.extend(self.symbols.visible());

@@ -84,6 +84,8 @@ pub(super) struct Runner<'a> {
     pub(super) read_beside: HashSet<Id>,
     /// Whether an interrupt may leave what is called half done.
     pub(super) resumes: bool,
+    /// The next statement may fail, and the program goes on after it.
+    proceeds: bool,
     /// Motions that leave components to a motion before that is not known.
     pub(super) open_partials: usize,
     /// What routines could change, each found once.
@@ -127,6 +129,7 @@ impl<'a> Runner<'a> {
             beside: HashSet::new(),
             read_beside: HashSet::new(),
             resumes: false,
+            proceeds: false,
             open_partials: 0,
             changes: HashMap::new(),
             tools: Vec::new(),
@@ -385,6 +388,17 @@ impl<'a> Runner<'a> {
     }
 
     fn simple(&mut self, span: Span) -> Flow {
+        if !std::mem::take(&mut self.proceeds) {
+            return self.run_simple(span);
+        }
+        // Where it fails the program goes on all the same, and what it sets is as it was.
+        let changes = self.changes_by(span);
+        let flow = self.run_simple(span);
+        self.forget(&changes, "set by a statement that may fail (ON_ERROR_PROCEED)");
+        flow
+    }
+
+    fn run_simple(&mut self, span: Span) -> Flow {
         let mut cursor = self.cursor(span);
         let first = cursor.peek();
         let word = upper(cursor.text(first));
@@ -398,6 +412,8 @@ impl<'a> Runner<'a> {
             self.relative(cursor, span, reason);
         } else if &word[..] == b"TRIGGER" {
             self.trigger(cursor);
+        } else if &word[..] == b"ON_ERROR_PROCEED" {
+            self.proceeds = true;
         } else if names::HARMLESS_STATEMENTS.contains(&&word[..]) {
             self.look_through(cursor);
         } else if !self.assignment_or_call(cursor, span) {

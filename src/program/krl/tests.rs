@@ -394,6 +394,10 @@ fn a_routine_that_is_in_no_file_may_change_the_tables_of_frames() {
         behind(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[2]")).is_empty(),
         "another"
     );
+    for call in ["other()", "INTERRUPT DECL 4 WHEN $IN[1] DO other()"] {
+        let told = program(call).diagnostics.remove(0);
+        assert!(told.message.starts_with("`OTHER` is not in the files") && told.line == 2, "{told:?}");
+    }
     let p = program("other()");
     assert!(p.diagnostics[0].help.as_ref().is_some_and(|help| help.contains("[controller] harmless")));
 }
@@ -470,6 +474,28 @@ fn positions_that_no_controller_loads_are_faults() {
         let p = program(body);
         assert_eq!((p.faults().len(), p.targets.len()), (0, 1), "{body}: {:?}", p.kept);
     }
+}
+
+#[test]
+fn what_the_configuration_declares_is_asked_for() {
+    let src = format!(
+        "DEF a()\nFDAT_ACT=FHOME\nBAS(#PTP_PARAMS,100)\nPTP XHOME\nSPTP XHOME WITH $TOOL=STOOL2(FHOME)\nLIN {POINT}\nEND\n"
+    );
+    let p = program_of(&[("a.src", &src)], &[]);
+    let told: Vec<&str> = p.diagnostics.iter().map(|told| told.code).collect();
+    assert_eq!((told, editable(&p).len()), (vec!["krl.frames-elsewhere"], 0));
+    let config = "DEFDAT $CONFIG\nDECL FDAT FHOME={TOOL_NO 2,BASE_NO 1,IPO_FRAME #BASE}\nE6AXIS XHOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\nENDDAT\n";
+    let p = program_of(&[("a.src", &src)], &[("$config.dat", config)]);
+    assert_eq!((&p.diagnostics[..], editable(&p)), (&[][..], vec!['-', '-', 'P']));
+    assert_eq!((&*p.tools[0].name, &*p.wobjs[0].name), ("TOOL_DATA[2]", "BASE_DATA[1]"));
+}
+
+#[test]
+fn a_statement_that_may_fail_leaves_what_it_sets_unknown() {
+    let p = program(&format!(
+        "$BASE=BASE_DATA[1]\nON_ERROR_PROCEED\n$BASE=BASE_DATA[2]\nLIN {POINT}\n$BASE=BASE_DATA[2]\nLIN {POINT}"
+    ));
+    assert_eq!((reasons(&p), editable(&p)), (vec!["base known only at run time"], vec!['P']));
 }
 
 /// Who leaves components out has them from the motion before, whichever that was; all others leave it alone.
