@@ -4,7 +4,7 @@ use super::eval::RUN_TIME;
 use super::lex::Cursor;
 use super::run::{Runner, Site};
 use super::value::{AXES, EXTERNAL, Name, POSE, Place, Value};
-use crate::program::orientation::{halfway, quaternion_of_zyx_deg};
+use crate::program::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
 use crate::program::{Conf, Editable, Goal, Mark, Motion, Predecessor, Role, Status, Target};
 use crate::text::Span;
 use std::sync::Arc;
@@ -234,7 +234,8 @@ impl<'a> Runner<'a> {
         let turned = Some(self.value(self.symbols.turned)).filter(|_| !self.volatile.contains(&self.symbols.turned))?;
         let same = |name: &[u8], id| turned.component(name).is_some_and(|frame| frame.is(&self.value(id)));
         let [a, b, c] = turned.numbers([b"A", b"B", b"C"])?;
-        (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool)).then(|| quaternion_of_zyx_deg([a, b, c]))
+        (same(b"BASE", self.symbols.base) && same(b"TOOL", self.symbols.tool))
+            .then(|| quaternion(&from_zyx_deg([a, b, c])))
     }
 
     /// The auxiliary point of a circle: its angles are ignored, the orientation turns from that before to that at the end.
