@@ -67,9 +67,9 @@ fn krl_goes_on_as_before_a_routine_that_is_vouched_for() {
     assert_eq!(outcome(&program(Language::Krl, ("a.src", KRL), "")), (0, true));
     assert_eq!(outcome(&program(Language::Krl, ("a.src", KRL), VOUCHED)), (2, false));
     let interrupt =
-        KRL.replace("MoveSettings(XP1, 5)", "INTERRUPT DECL 4 WHEN $IN[1] DO MoveSettings()\nXP1.X=MOVESETTINGS(1)");
+        KRL.replace("MoveSettings(XP1, 5)", "INTERRUPT DECL 4 WHEN $IN[1] DO MoveSettings()\nn=MOVESETTINGS(1)");
     assert_eq!(outcome(&program(Language::Krl, ("a.src", &interrupt), "")).0, 0);
-    assert_eq!(outcome(&program(Language::Krl, ("a.src", &interrupt), VOUCHED)), (2, false));
+    assert_eq!(outcome(&program(Language::Krl, ("a.src", &interrupt), VOUCHED)), (3, false));
     let own = format!("{KRL}DEF MoveSettings(p:IN, n:IN)\n$IPO_MODE=#TCP\nEND\n");
     assert_eq!(outcome(&program(Language::Krl, ("a.src", &own), VOUCHED)).0, 0, "the file says what it does");
 }
