@@ -75,6 +75,11 @@ impl Context {
         Ok(Self { sources: sources(paths)? })
     }
 
+    /// As they were given.
+    pub(super) fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
     /// With the routines that a cell vouches for.
     pub(super) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
         let more = cell.controller.declarations(language);
