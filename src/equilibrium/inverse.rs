@@ -140,10 +140,14 @@ impl<R: Number> Inverse<R> {
             let steps = six!(i => command[i] - commanded[i]);
             *commanded = command;
             let now = dot(&steps, &steps);
-            // A round gains what the last one did, or what rounding lets be seen; the first has none before it.
-            let gain = now / *change;
-            let gain = gain.lt(TRUSTED * TRUSTED).select(R::of(TRUSTED * TRUSTED), gain);
-            let found = if number == 0 { R::Mask::default() } else { (now * gain).lt(FOUND * FOUND) };
+            // A round gains what the last one did, or what rounding lets be seen; the first has none before it. Without a
+            // quotient: a command that needs no correction at all changes by nothing in either round.
+            let small = (FOUND / TRUSTED) * (FOUND / TRUSTED);
+            let found = if number == 0 {
+                R::Mask::default()
+            } else {
+                now.lt(small) & (*change * (FOUND * FOUND)).ge(now * now)
+            };
             *change = still.select(*change, now);
             *done = if model.is_explicit() { inverse.open } else { done.or(found & inverse.open) };
         });

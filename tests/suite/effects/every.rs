@@ -209,6 +209,31 @@ fn neutral_values_change_no_bit() {
     }
 }
 
+/// A command that needs no correction is found, whatever effects there are: nothing acts, and the pose is exactly that of the
+/// motor angles.
+#[test]
+fn neutral_values_are_inverted_without_a_load_at_an_exact_pose() {
+    let axes = [[0.0; 6], JOINTS, [0.0, 0.0, 0.0, 0.0, 90.0, 0.0]];
+    for form in forms() {
+        for axes in axes {
+            let motor = Joints::from(axes.map(f64::to_radians));
+            let arm = arm(vec![neutral(form.as_ref())]);
+            let mut situation = situation(&arm, &motor, Vector3::zeros());
+            situation.cutting = Cutting::Air;
+            (situation.payload, situation.tool.mass) = (0.0, 0.0);
+            // Nothing is rounded: the frames are those of the base and the flange.
+            situation.tool.flange_from_tcp = Pose::identity();
+            situation.base_from_wobj = Pose::identity();
+            situation.wobj_from_tcp = arm.robot.forward(&motor);
+            for travel in [Joints::zeros(), Joints::repeat(1.0)] {
+                let command = arm.command(&situation, &situation.wobj_from_tcp, &motor, &travel);
+                let command = command.unwrap_or_else(|error| panic!("{}: {error}", form.to_table()));
+                assert!((command.commanded(&travel) - motor).amax() < 1e-12, "{}", form.to_table());
+            }
+        }
+    }
+}
+
 /// What cannot move the TCP by its nature.
 const IDLE: [(&str, &str); 13] = [
     // The first axis is vertical: weights do not turn it, nor does link 1's own weight turn anything.
