@@ -2,7 +2,10 @@
 
 use super::check::Check;
 use super::{Cell, ForceFrame, raw};
-use crate::cutting::{Coefficients, Cutter, Engagement, Milling, Mode, materials};
+use crate::cutting::{
+    Coefficients, Cutter, CuttingError, Engagement, Milling, Mode, check_coefficients, check_cutter, check_feed,
+    materials,
+};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -185,11 +188,23 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
         check.positive("cut.max_cutting_feed_mm_s", &[feed]);
     }
     let milling = if force == CutForce::Mechanistic { mechanistic(check, raw, tools) } else { MillingParts::default() };
+    let own = tools.iter().map(|(name, own)| (format!("tools.{name}"), own));
+    for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
+        // What is missing is said where it is needed, and what is wrong by itself where it stands.
+        if let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
+            parts.over(&milling)
+            && check.errors.is_empty()
+            && let Err(error) = Milling::new(cutter, engagement, coefficients)
+        {
+            let message = format!("[{key}] {}: {}", error.field, error.message);
+            let help = format!("check [{key}.cutter], [{key}.engagement] and [{key}.coefficients]");
+            check.error(&key, message, help);
+        }
+    }
     Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed), milling })
 }
 
 fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, MillingParts>) -> MillingParts {
-    let errors = check.errors.len();
     if tools.is_empty() {
         // No tool has anything of its own: all of it has to be here.
         let why = "force = \"mechanistic\" needs it";
@@ -204,24 +219,15 @@ fn mechanistic(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Milli
         }
     }
     let (cutter, engagement) = (raw.cutter.as_ref(), raw.engagement.as_ref());
-    let shared = milling_parts(check, "cut", cutter, engagement, (raw.material.as_deref(), raw.coefficients.as_ref()));
-    if check.errors.len() == errors {
-        let own = tools.iter().map(|(name, own)| (format!("tools.{name}"), own));
-        for (key, parts) in own.chain([("cut".to_owned(), &MillingParts::default())]) {
-            // What is missing is said where it is needed.
-            let Ok(MillingCut { cutter, engagement: Engaged::Declared(engagement), coefficients, .. }) =
-                parts.over(&shared)
-            else {
-                continue;
-            };
-            if let Err(error) = Milling::new(cutter, engagement, coefficients) {
-                let message = format!("[{key}] {}: {}", error.field, error.message);
-                let help = format!("check [{key}.cutter], [{key}.engagement] and [{key}.coefficients]");
-                check.error(&key, message, help);
-            }
-        }
+    milling_parts(check, "cut", cutter, engagement, (raw.material.as_deref(), raw.coefficients.as_ref()))
+}
+
+/// Says what is wrong with a part of a section by itself, whatever mode it is used in.
+fn sound(check: &mut Check, section: &str, part: &str, result: Result<(), CuttingError>) {
+    if let Err(CuttingError { field, message }) = result {
+        let key = format!("{section}.{part}");
+        check.error(&key, format!("[{section}] {field}: {message}"), format!("check [{key}]"));
     }
-    shared
 }
 
 /// The cutting parts of a section, `cut` or `tools.X`.
@@ -236,17 +242,24 @@ pub(super) fn milling_parts(
     if let Some(rpm) = spindle_rpm {
         check.positive(&format!("{section}.cutter.spindle_rpm"), &[rpm]);
     }
-    MillingParts {
-        cutter: cutter.map(|keys| Cutter {
-            diameter: 1e-3 * keys.diameter_mm,
-            corner_radius: 1e-3 * keys.corner_radius_mm,
-            teeth: keys.teeth,
-            helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
-        }),
-        spindle_rpm,
-        engagement: engagement.and_then(|keys| self::engagement(check, &format!("{section}.engagement"), keys)),
-        coefficients: self::coefficients(check, &format!("{section}.coefficients"), material, coefficients),
+    let cutter = cutter.map(|keys| Cutter {
+        diameter: 1e-3 * keys.diameter_mm,
+        corner_radius: 1e-3 * keys.corner_radius_mm,
+        teeth: keys.teeth,
+        helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
+    });
+    if let Some(cutter) = &cutter {
+        sound(check, section, "cutter", check_cutter(cutter));
     }
+    let engagement = engagement.and_then(|keys| self::engagement(check, &format!("{section}.engagement"), keys));
+    if let Some(feed) = engagement.and_then(|declared| declared.feed_per_tooth) {
+        sound(check, section, "engagement", check_feed(feed));
+    }
+    let coefficients = self::coefficients(check, &format!("{section}.coefficients"), material, coefficients);
+    if let Some(coefficients) = &coefficients {
+        sound(check, section, "coefficients", check_coefficients(coefficients));
+    }
+    MillingParts { cutter, spindle_rpm, engagement, coefficients }
 }
 
 fn engagement(check: &mut Check, key: &str, keys: &raw::EngagementKeys) -> Option<DeclaredEngagement> {

@@ -251,7 +251,7 @@ fn feed_and_speed(check: &mut Check, key: &str, engagement: &raw::EngagementKeys
     }
 }
 
-/// A cutter cuts no wider than it is.
+/// A cutter cuts no wider than it is. In a slot the declared width plays no part: what `[cut]` says for other cutters holds there.
 fn wider_than_the_cutter(
     check: &mut Check,
     engaged: &str,
@@ -260,14 +260,18 @@ fn wider_than_the_cutter(
     engagement: &raw::EngagementKeys,
 ) {
     let Some(width) = engagement.width_mm.filter(|width| *width > cutter.diameter_mm) else { return };
-    check.error(
-        &format!("{engaged}.engagement.width_mm"),
-        format!(
-            "{engaged}.engagement.width_mm is {width} mm, wider than the cutter ({key}.cutter.diameter_mm = {})",
-            cutter.diameter_mm
-        ),
-        "the width is the stepover to the pass beside: at most the diameter",
-    );
+    let is_slot = engagement.mode == "slot";
+    if is_slot && engaged != key {
+        return;
+    }
+    let place = format!("{engaged}.engagement.width_mm");
+    let message =
+        format!("{place} is {width} mm, wider than the cutter ({key}.cutter.diameter_mm = {})", cutter.diameter_mm);
+    if is_slot {
+        check.warn(&place, message, "a slot is as wide as its cutter: leave the width out");
+    } else {
+        check.error(&place, message, "the width is the stepover to the pass beside: at most the diameter");
+    }
 }
 
 /// Specific cutting forces of metals, wood and plastics.

@@ -73,7 +73,9 @@ impl Milling {
         if (cutter.corner_radius - cutter.radius()).abs() <= BALL * cutter.radius() {
             cutter.corner_radius = cutter.radius();
         }
-        check(&cutter, &engagement, &coefficients)?;
+        check_cutter(&cutter)?;
+        check_coefficients(&coefficients)?;
+        check_engagement(&cutter, &engagement)?;
         let axis = frame::axis(engagement.lead, engagement.tilt);
         let tip_z = contact::tip_height(&cutter, &axis) - engagement.depth;
         let flat = cutter.radius() - cutter.corner_radius;
@@ -217,13 +219,13 @@ fn error(field: &'static str, message: impl Into<String>) -> CuttingError {
     CuttingError { field, message: message.into() }
 }
 
-fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingError> {
-    for (field, value) in [("diameter", c.diameter), ("depth", e.depth), ("feed_per_tooth", e.feed_per_tooth)] {
-        if !value.is_finite() || value <= 0.0 {
-            return Err(error(field, format!("expected a number above zero, found {value}")));
-        }
-    }
-    if !(0.0..=c.radius()).contains(&c.corner_radius) {
+/// What holds of a cutter in every mode of engagement.
+///
+/// # Errors
+/// The first field that is not finite or out of range.
+pub(crate) fn check_cutter(c: &Cutter) -> Result<(), CuttingError> {
+    positive("diameter", c.diameter)?;
+    if !(0.0..=c.radius() * (1.0 + BALL)).contains(&c.corner_radius) {
         return Err(error("corner_radius", "expected 0 (flat) to half the diameter (ball)"));
     }
     if c.teeth == 0 {
@@ -232,14 +234,22 @@ fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingErro
     if c.helix.is_nan() || c.helix.abs() >= FRAC_PI_2 {
         return Err(error("helix", "expected an angle within ±90°"));
     }
-    if e.mode != Mode::Slot && !(e.width > 0.0 && e.width <= c.diameter) {
-        return Err(error("width", "expected a stepover above zero, at most the diameter"));
-    }
-    for (field, angle) in [("lead", e.lead), ("tilt", e.tilt)] {
-        if angle.is_nan() || angle.abs() > STEEPEST {
-            return Err(error(field, "expected an angle within ±80°"));
-        }
-    }
+    Ok(())
+}
+
+/// What holds of a feed per tooth, m.
+///
+/// # Errors
+/// It is not a number above zero.
+pub(crate) fn check_feed(feed_per_tooth: f64) -> Result<(), CuttingError> {
+    positive("feed_per_tooth", feed_per_tooth)
+}
+
+/// What holds of coefficients in every mode of engagement.
+///
+/// # Errors
+/// The first field that is not finite or out of range.
+pub(crate) fn check_coefficients(k: &Coefficients) -> Result<(), CuttingError> {
     let coefficients = [("ktc", k.ktc), ("krc", k.krc), ("kac", k.kac), ("kte", k.kte), ("kre", k.kre), ("kae", k.kae)];
     for (field, value) in coefficients {
         if !value.is_finite() {
@@ -251,5 +261,32 @@ fn check(c: &Cutter, e: &Engagement, k: &Coefficients) -> Result<(), CuttingErro
             return Err(error(field, "expected zero or more: a tooth does not pull itself along"));
         }
     }
+    if coefficients.iter().all(|(_, value)| *value == 0.0) {
+        return Err(error(
+            "coefficients",
+            "the cutting force is zero everywhere: expected a coefficient other than zero",
+        ));
+    }
     Ok(())
+}
+
+fn check_engagement(c: &Cutter, e: &Engagement) -> Result<(), CuttingError> {
+    positive("depth", e.depth)?;
+    check_feed(e.feed_per_tooth)?;
+    if e.mode != Mode::Slot && !(e.width > 0.0 && e.width <= c.diameter) {
+        return Err(error("width", "expected a stepover above zero, at most the diameter"));
+    }
+    for (field, angle) in [("lead", e.lead), ("tilt", e.tilt)] {
+        if angle.is_nan() || angle.abs() > STEEPEST {
+            return Err(error(field, "expected an angle within ±80°"));
+        }
+    }
+    Ok(())
+}
+
+fn positive(field: &'static str, value: f64) -> Result<(), CuttingError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(error(field, "expected a number above zero"))
 }

@@ -30,6 +30,7 @@ pub use feed_table::FeedTable;
 pub(crate) use frame::Lean;
 pub use frame::feed_frame;
 pub use milling::{ForceParts, Milling, mean_forces};
+pub(crate) use milling::{check_coefficients, check_cutter, check_feed};
 pub use table::{ForceTable, TABLE_BOUND};
 
 /// A bull-nose cutter; ball (`corner_radius = diameter/2`) and flat (`corner_radius = 0`) included.

@@ -103,3 +103,60 @@ fn practice_cells_read() {
         Cell::read(&source).unwrap_or_else(|errors| panic!("{errors:?}"));
     }
 }
+
+/// A cutter, its feed and its coefficients are checked where they stand, whatever the engagement follows from.
+#[test]
+fn cutter_and_feed_are_checked_in_every_mode() {
+    let cutter = "diameter_mm = 16.0\ncorner_radius_mm = 2.0\nteeth = 3\nhelix_deg = 30.0\n";
+    let modes = [
+        "mode = \"stock\"\nfeed_per_tooth_mm = 0.06\n",
+        "mode = \"slot\"\nfeed_per_tooth_mm = 0.06\ndepth_mm = 1.0\nlead_deg = 0\ntilt_deg = 0\n",
+        "mode = \"up\"\nfeed_per_tooth_mm = 0.06\ndepth_mm = 1.0\nwidth_mm = 4.0\nlead_deg = 0\ntilt_deg = 0\n",
+    ];
+    let faults = [
+        ("diameter_mm = 16.0", "diameter_mm = 0.0", "diameter"),
+        ("diameter_mm = 16.0", "diameter_mm = -16.0", "diameter"),
+        ("diameter_mm = 16.0", "diameter_mm = nan", "diameter"),
+        ("corner_radius_mm = 2.0", "corner_radius_mm = 8.1", "corner_radius"),
+        ("corner_radius_mm = 2.0", "corner_radius_mm = -inf", "corner_radius"),
+        ("corner_radius_mm = 2.0", "corner_radius_mm = nan", "corner_radius"),
+        ("teeth = 3", "teeth = 0", "teeth"),
+        ("helix_deg = 30.0", "helix_deg = 90.0", "helix"),
+        ("feed_per_tooth_mm = 0.06", "feed_per_tooth_mm = -0.06", "feed_per_tooth"),
+        ("feed_per_tooth_mm = 0.06", "feed_per_tooth_mm = nan", "feed_per_tooth"),
+        ("ktc_n_mm2 = 1800", "ktc_n_mm2 = -1800", "ktc"),
+    ];
+    let coefficients =
+        "ktc_n_mm2 = 1800\nkrc_n_mm2 = 900\nkac_n_mm2 = 300\nkte_n_mm = 20\nkre_n_mm = 25\nkae_n_mm = 5\n";
+    let stock = "[stock]\nbox_mm = [[0, 0, -20], [48, 40, 0]]\n";
+    for mode in modes {
+        for section in ["cut", "tools.tA"] {
+            let force = if section == "cut" { "" } else { "[cut]\nforce = \"mechanistic\"\n" };
+            let own = if section == "cut" { "[cut]\nforce = \"mechanistic\"\n" } else { "" };
+            let text = format!(
+                "{ROBOT}{STIFFNESS}{force}{own}[{section}.cutter]\n{cutter}[{section}.engagement]\n{mode}[{section}.coefficients]\n{coefficients}{stock}"
+            );
+            read(&text).unwrap();
+            for (from, to, field) in faults {
+                let refused = read(&text.replace(from, to)).unwrap_err();
+                assert_eq!(refused.len(), 1, "{to}: {refused:?}");
+                assert!(refused[0].message.starts_with(&format!("[{section}] {field}")), "{to}: {refused:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_shared_slot_serves_a_smaller_cutter() {
+    let engagement =
+        "mode = \"slot\"\ndepth_mm = 1.0\nwidth_mm = 25.0\nfeed_per_tooth_mm = 0.06\nlead_deg = 0\ntilt_deg = 0\n";
+    let cutter = |diameter: f64| format!("diameter_mm = {diameter:?}\ncorner_radius_mm = 1.0\nteeth = 3\n");
+    let text = format!(
+        "{ROBOT}{STIFFNESS}[cut]\nforce = \"mechanistic\"\n[cut.cutter]\n{}[cut.engagement]\n{engagement}[cut.coefficients]\nmaterial = \"al7075\"\n[tools.tSmall.cutter]\n{}",
+        cutter(25.0),
+        cutter(8.0)
+    );
+    assert!(read(&text).unwrap().notes.is_empty());
+    let refused = read(&text.replace("\"slot\"", "\"up\"")).unwrap_err();
+    assert!(refused.iter().any(|error| error.message.contains("wider than the cutter")), "{refused:?}");
+}
