@@ -101,7 +101,7 @@ impl DeviationMap {
     pub fn new(programmed: Mesh, intended: &Stock, blank: &Blank, actual: &Stock) -> Self {
         let deviation = |point: &Vector3<f64>| {
             let cut = blank.depth(point) > UNCUT && intended.depth(point).abs() < ON_SURFACE;
-            cut.then(|| 1e3 * actual.depth(point))
+            cut.then(|| 1e3 * actual.distance(point))
         };
         let deviations_mm = programmed.points.par_iter().map(deviation).collect();
         Self { programmed, deviations_mm }
@@ -135,8 +135,11 @@ pub fn map_cell(stock: &Stock) -> f64 {
 /// surface near.
 #[must_use]
 pub fn probe(actual: &Stock, point: &Vector3<f64>, normal: Option<&Vector3<f64>>) -> Option<f64> {
+    let Some(normal) = normal else {
+        let distance = actual.distance(point);
+        return (distance.abs() < PROBE_REACH).then_some(1e3 * distance);
+    };
     let depth = actual.depth(point);
-    let Some(normal) = normal else { return (depth.abs() < PROBE_REACH).then_some(1e3 * depth) };
     let sign = if depth > 0.0 { 1.0 } else { -1.0 };
     let at = |way: f64| sign * actual.depth(&(point + normal * (sign * way)));
     // The depth changes no faster than the way: steps of its size do not pass the surface.

@@ -77,9 +77,13 @@ impl Stock {
         self.bands.iter().map(Band::memory).sum::<usize>() + self.sweeps.len() * size_of::<Sweep>()
     }
 
+    pub(super) fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
     /// A line, where one of its tile has been touched.
     #[inline]
-    fn line(&self, i: usize, j: usize) -> Option<&Line> {
+    pub(super) fn line(&self, i: usize, j: usize) -> Option<&Line> {
         self.bands[j / TILE].line(i, j)
     }
 

@@ -32,6 +32,7 @@ mod history;
 mod lattice;
 mod line;
 mod mask;
+mod nearest;
 mod refine;
 mod rim;
 mod solid;

@@ -325,7 +325,7 @@ impl View<'_> {
         engaged_parts(levels, middle, |part| {
             let [column, row] = [0, 1].map(|k| at[k] + part.centroid[k] * size);
             let density = front.density(&front.ring(row), self.angle(column));
-            self.add(sum, &density, part.share * area);
+            self.add(sum, row, &density, part.share * area);
             sum.reach(at[1] + part.low * size, at[1] + part.high * size);
         });
     }
@@ -334,17 +334,18 @@ impl View<'_> {
         let front = self.front;
         if halvings == 0 {
             let (column, row) = (at[0] as usize, at[1] as usize);
-            self.add(sum, &front.cells[row.min(front.along)][column], 1.0);
+            self.add(sum, at[1], &front.cells[row.min(front.along)][column], 1.0);
         } else {
             let row = at[1] + 0.5 * size;
             let density = front.density(&front.ring(row), self.angle(at[0] + 0.5 * size));
-            self.add(sum, &density, size * size * front.length(row) * TAU / front.around as f64);
+            self.add(sum, row, &density, size * size * front.length(row) * TAU / front.around as f64);
         }
         sum.reach(at[1], at[1] + size);
     }
 
-    fn add(&self, sum: &mut Sum, cell: &Cell, share: f64) {
-        sum.edge += cell.edge * share;
+    fn add(&self, sum: &mut Sum, row: f64, cell: &Cell, share: f64) {
+        let presses = if row >= self.front.along as f64 { self.side } else { 1.0 };
+        sum.edge += cell.edge * (share * presses);
         sum.cutting += (cell.across * self.feed[0] + cell.along * self.feed[1]) * share;
         sum.section += (cell.clears[0] * self.feed[0] + cell.clears[1] * self.feed[1]) * share;
     }

@@ -92,18 +92,20 @@ impl Stock {
         mesh
     }
 
-    /// The nearest place of the surface within a cell, about, and the normal there.
-    fn on_surface(&self, start: &Vector3<f64>, cell: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let slope = |at: &Vector3<f64>| {
-            let along = |k: usize| {
-                let mut nudge = Vector3::zeros();
-                nudge[k] = NUDGE;
-                self.depth(&(at + nudge)) - self.depth(&(at - nudge))
-            };
-            Vector3::new(along(0), along(1), along(2)).try_normalize(1e-12).unwrap_or_else(|| -Vector3::z())
+    /// The direction in which the depth grows fastest.
+    pub(super) fn inwards(&self, at: &Vector3<f64>) -> Vector3<f64> {
+        let along = |k: usize| {
+            let mut nudge = Vector3::zeros();
+            nudge[k] = NUDGE;
+            self.depth(&(at + nudge)) - self.depth(&(at - nudge))
         };
+        Vector3::new(along(0), along(1), along(2)).try_normalize(1e-12).unwrap_or_else(|| -Vector3::z())
+    }
+
+    /// The nearest place of the surface within a cell, about, and the normal there.
+    pub(super) fn on_surface(&self, start: &Vector3<f64>, cell: f64) -> (Vector3<f64>, Vector3<f64>) {
         let mut at = *start;
-        let mut inwards = slope(&at);
+        let mut inwards = self.inwards(&at);
         for _ in 0..STEPS {
             let depth = self.depth(&at);
             if depth.abs() < NUDGE {
@@ -114,7 +116,7 @@ impl Stock {
                 break;
             }
             at = next;
-            inwards = slope(&at);
+            inwards = self.inwards(&at);
         }
         (at, -inwards)
     }

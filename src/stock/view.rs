@@ -9,6 +9,10 @@ use nalgebra::Vector3;
 /// Below this sine of its angle to the feed the tool plunges: φ is counted from anywhere.
 const PLUNGE: f64 = 1e-6;
 
+/// Sines of the feed's angle to the axis between which the edges along the cylinder begin to press: below, a chip there is thinner
+/// than edges are sharp (a twentieth of a usual feed per tooth is 3 µm, their radius 5 to 15 µm), beyond it is as thick.
+const PRESSES: [f64; 2] = [0.05, 0.2];
+
 /// A cutter in the stock.
 pub(super) struct View<'a> {
     pub(super) front: &'a Front,
@@ -19,6 +23,8 @@ pub(super) struct View<'a> {
     pub(super) y: Vector3<f64>,
     /// The feed across the axis, and along it.
     pub(super) feed: [f64; 2],
+    /// Share of the edge force along the cylinder.
+    pub(super) side: f64,
     /// What a chip counts beside a depth, m.
     pub(super) scale: f64,
     /// The sweep that leads here.
@@ -44,11 +50,12 @@ impl<'a> View<'a> {
             pose.axis.cross(&helper).normalize()
         };
         let feed = [if sine > PLUNGE { sine } else { 0.0 }, along];
+        let side = ((sine - PRESSES[0]) / (PRESSES[1] - PRESSES[0])).clamp(0.0, 1.0);
         let before = moment.before(&pose.tip, way);
         // About as far as a point is from the silhouette; where the way bends, the depth over what the move before has left
         // goes as chip times way.
         let scale = if before > 0 { front.solid.radius } else { size.min(front.solid.radius) };
-        Self { front, stock, moment, pose, x, y: pose.axis.cross(&x), feed, scale, before }
+        Self { front, stock, moment, pose, x, y: pose.axis.cross(&x), feed, side, scale, before }
     }
 
     pub(super) fn point(&self, across: f64, up: f64, (cos, sin): (f64, f64)) -> Vector3<f64> {

@@ -1,5 +1,6 @@
 //! Material removal and engagement against closed forms and against a brute-force witness that shares nothing with it.
 
+mod distance;
 mod mesh;
 mod paths;
 mod program;

@@ -179,3 +179,22 @@ fn a_cut_is_followed_and_called_off() {
     let told = told.lock().unwrap();
     assert!(told.len() > 2 && told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
 }
+
+/// On a plunge the arm yields sideways by hundredths: that is no cut with the side of the cutter.
+#[test]
+fn a_plunge_is_cut_along_the_axis() {
+    let down = |x: f64| {
+        program(&[([24.0, 20.0, 1.0], "v200"), ([24.0 + x, 20.0, -3.0], "v20"), ([24.0 + x, 20.0, -5.0], "v20")])
+    };
+    let stock = cell("mode = \"stock\"", STOCK);
+    for x in [0.0, 0.01, -0.01, 0.1] {
+        for predicted in
+            [predict(&down(x), &stock, &Options::default(), None), compensate(&down(x), &stock, &Options::default())]
+        {
+            for row in &predicted.unwrap().rows[1..] {
+                let force = Vector3::from(row.force_n);
+                assert!(force.z > 100.0 && force.x.hypot(force.y) < 0.02 * force.z, "{x}: {force:?}");
+            }
+        }
+    }
+}
