@@ -12,7 +12,7 @@ use super::report::{self, Noticed, Rows};
 use super::run::each;
 use super::setup::Setup;
 use super::{Answer, Outcome, message};
-use deflex::correct::{Judged, Messages, Row, Summary, compensate, predict};
+use deflex::correct::{Judged, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
 use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif};
@@ -53,7 +53,9 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     let mut said = setup.notes();
     for Checked { file, outputs: staged, rows: report, path, notes } in checked {
-        said.extend(notes.into_iter().filter(|note| !said.contains(note)).collect::<Vec<_>>());
+        // What is wrong on the way is a finding here.
+        let is_new = |note: &Diagnostic| !WayFault::is_code(note.code) && !said.contains(note);
+        said.extend(notes.into_iter().filter(is_new).collect::<Vec<_>>());
         outputs.append(staged)?;
         files.push(file);
         rows.extend(report);
@@ -195,8 +197,8 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     if corrects(args) {
         failures.extend(compensate(&program, cell, &options).map_err(|e| setup.cell.own(e))?.failures);
     }
-    let (mut found, moved_mm) = (Findings::default(), &predicted.moved_mm);
-    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, moved_mm }));
+    let (mut found, moved_mm, on_the_way) = (Findings::default(), &predicted.moved_mm, &predicted.on_the_way);
+    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, moved_mm, on_the_way }));
     let file = CheckFile::new(&name, targets, found.into_parts());
     let rows = Rows::new(&program, &predicted.rows);
     let path = batch.path.clone().map(|mut path| {
@@ -230,7 +232,7 @@ fn not_judged<'a>(name: &'a str, unknown: &'a [(&'static str, usize)]) -> impl I
 
 /// What is wrong with a program, or a chunk of it.
 fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
-    let Judged { program, rows, failures, moved_mm } = judged;
+    let Judged { program, rows, failures, moved_mm, on_the_way } = judged;
     let place = Places::new(program);
     let over = rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
     let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
@@ -242,6 +244,7 @@ fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
         findings.extend(rows.iter().filter(way).map(|row| place.path(row, args.max_error)));
     }
     findings.extend(failures);
+    findings.extend(on_the_way.iter().map(|found| found.diagnostic(program)));
     if let Some(most) = args.max_correction {
         let moved = program.targets.iter().map(|target| target.ordinal).zip(moved_mm.iter().copied());
         findings.extend(moved.filter(|(_, mm)| *mm > most).map(|(target, mm)| place.correction(target, mm, most)));

@@ -1,5 +1,6 @@
 //! What becomes of a program: corrected poses, report rows, and what is to be said.
 
+use super::along::WayFinding;
 use super::messages::Repeated;
 use super::row::Row;
 use crate::program::{Confdata, Rewritten};
@@ -22,6 +23,8 @@ pub struct Corrected {
     pub posted: Vec<Posted>,
     /// A program that is judged by its original: how far each target is from its place there, mm.
     pub moved_mm: Vec<f64>,
+    /// What is wrong on the ways into targets, as they are commanded.
+    pub on_the_way: Vec<WayFinding>,
     /// Warnings that many targets share; in `notes` when all of the program is through.
     pub(super) repeated: Repeated,
 }

@@ -1,6 +1,7 @@
 //! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
 
 use super::against::other_count;
+use super::along::WayFinding;
 use super::carried;
 use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, WalkedPath};
 use super::line::{self, Carried, WithOriginal};
@@ -40,6 +41,8 @@ pub struct Judged<'a> {
     pub failures: Vec<Diagnostic>,
     /// How far each target of the program is from its place in the original, mm, as far as there is one.
     pub moved_mm: &'a [f64],
+    /// What is wrong on the ways into targets.
+    pub on_the_way: &'a [WayFinding],
 }
 
 /// Predicts what the cell would make of a long program, `original` being what errors are counted from: the same rows as
@@ -105,8 +108,8 @@ pub fn predict_chunks<R: Read + Seek + Send>(
                 Err(refused) => return Some(Err(refused.into())),
             }
         }
-        let Corrected { rows, moved_mm, .. } = &predicted;
-        Some(Ok((findings(Judged { program, rows, failures, moved_mm }), predicted)))
+        let Corrected { rows, moved_mm, on_the_way, .. } = &predicted;
+        Some(Ok((findings(Judged { program, rows, failures, moved_mm, on_the_way }), predicted)))
     };
     let way = WalkedPath {
         chunks: Mutex::new((0, chunks)),

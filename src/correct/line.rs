@@ -15,7 +15,7 @@ use super::row::Status;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, Last, Reached, Solved, Solver};
 use super::{
-    ChosenTurns, Cuts, Options, Prepared, carried, deviation, frames, free_turn, mount, removal, segment, sigma,
+    ChosenTurns, Cuts, Options, Prepared, along, carried, deviation, frames, free_turn, mount, removal, segment, sigma,
     stance, stiffness, subdivide,
 };
 use crate::cell::Cell;
@@ -102,6 +102,7 @@ pub(super) fn warm_start(
         nodes: &[],
     };
     let before = ends.take(n, |last| deviation::pass_end(program, prepared, &commanded, last))?;
+    let on_the_way = along::look(program, prepared, &cell.arm.robot, &commanded, before.as_ref());
     out.paths(&match judged.subdivided {
         Some(subdivided) => subdivided.measure(prepared, &there, &cell.arm, parallelism),
         None => deviation::measure(program, &solver, &commanded, before.as_ref()).targets,
@@ -119,7 +120,8 @@ pub(super) fn warm_start(
     doubtful_cuts(program, cell, (prepared, options), &mut repeated);
     unweighed_loads(program, cell, &mut repeated);
     unsolved(program, prepared, &mut repeated);
-    Some(Corrected { moved_mm, repeated, ..out.finish(notes, None, Vec::new()) })
+    repeated.say_on_the_way(program, &on_the_way);
+    Some(Corrected { moved_mm, repeated, on_the_way, ..out.finish(notes, None, Vec::new()) })
 }
 
 /// Corrects a program: the command whose loaded TCP lands on each programmed target.
@@ -353,13 +355,18 @@ pub(super) fn chunk(
         }
     }
     let commanded = Commanded {
-        poses: &|i| frames::pose(written[i].0, written[i].1),
+        // Joint targets have no numbers of a pose.
+        poses: &|i| match program.targets[i].goal {
+            Goal::Joints { .. } => prepared.points[i].wobj_from_tcp,
+            Goal::Pose { .. } | Goal::Axis { .. } => frames::pose(written[i].0, written[i].1),
+        },
         motors: &|i| (reached[i].is_ok() && prepared.points[i].unsolved.is_none()).then_some(travels[i]),
         predicted_poses: &after,
         near: &|i| first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby),
         nodes: &nodes,
     };
     let before = carried.written.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
+    let on_the_way = along::look(program, &prepared, &arm.robot, &commanded, before.as_ref());
     out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()).whole(&nodes));
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;
     sigma::fill(&mut out.rows, program, cell, &prepared, parallelism);
@@ -379,13 +386,14 @@ pub(super) fn chunk(
     doubtful_cuts(program, cell, (&prepared, options), &mut repeated);
     unweighed_loads(program, cell, &mut repeated);
     unsolved(program, &prepared, &mut repeated);
+    repeated.say_on_the_way(program, &on_the_way);
     if options.subdivide.is_some() {
         let before = carried.zone_mm.take(n, |last| std::mem::replace(last, last_zone(program).unwrap_or(*last)))?;
         if let Some(rewritten) = &rewritten {
             insertions(program, rewritten, &inserts, before, &mut repeated);
         }
     }
-    Some(Ok(Corrected { repeated, ..out.finish(notes, rewritten, posted) }))
+    Some(Ok(Corrected { repeated, on_the_way, ..out.finish(notes, rewritten, posted) }))
 }
 
 /// A target whose external axes were chosen, but could not be written.

@@ -1,5 +1,7 @@
 //! Messages of a long run: a wrong cell fails at every target.
 
+use super::along::WayFinding;
+use crate::program::Program;
 use crate::text::Diagnostic;
 
 /// The first messages, and how many there were.
@@ -78,6 +80,11 @@ impl Repeated {
             Some((_, known)) => *known += count,
             None => self.0.push((said, count)),
         }
+    }
+
+    /// Says what was found on ways.
+    pub(super) fn say_on_the_way(&mut self, program: &Program, found: &[WayFinding]) {
+        found.iter().for_each(|found| self.say(found.warning(program)));
     }
 
     /// Takes in what is said of targets behind these.

@@ -10,6 +10,7 @@
 
 mod against;
 mod ahead;
+mod along;
 mod asked;
 mod carried;
 mod collected;
@@ -47,6 +48,7 @@ mod subdivide;
 mod track;
 mod travel;
 
+pub use along::{WayFault, WayFinding};
 pub use carried::ChosenTurns;
 pub use corrected::{Corrected, Posted};
 pub use cut_stock::cut_stock;

@@ -79,6 +79,15 @@ impl Track {
         }
     }
 
+    /// How far the orientation turns, rad; of an arc through a circle point as if its faster part were all of it.
+    pub(super) fn turn(&self) -> f64 {
+        match &self.turn {
+            Turn::None => 0.0,
+            Turn::Even(turn) => turn.norm(),
+            Turn::Through { share, to, on, .. } => (to.norm() / share).max(on.norm() / (1.0 - share)),
+        }
+    }
+
     /// Share of an arc's circle point.
     pub(super) fn via(&self) -> Option<f64> {
         match &self.curve {

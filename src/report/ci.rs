@@ -145,6 +145,10 @@ fn short(code: &str) -> String {
     match code {
         "check.max-path-error" => "Error above the tolerance on the way into a target".to_owned(),
         "check.max-error" => "Error above the tolerance".to_owned(),
+        "axis-limit" => "An axis beyond its limit on the way into a target".to_owned(),
+        "axis-speed" => "An axis too slow for the feed on the way into a target".to_owned(),
+        "singular" => "A singular posture on the way into a target".to_owned(),
+        "unreachable" => "A path out of reach between targets".to_owned(),
         "limits.max-correction" => "Correction above the limit".to_owned(),
         "limits.max-step" => "Correction steps too far between neighbours".to_owned(),
         "robot.unreachable" => "Target out of reach or beyond an axis limit".to_owned(),
@@ -178,13 +182,18 @@ fn uri(path: &str) -> String {
 #[must_use]
 pub fn check_json(files: &[CheckFile]) -> Value {
     let finding = |finding: &Diagnostic| {
-        json!({
+        let mut told = json!({
             "file": finding.file,
             "line": finding.line,
             "column": finding.column,
             "code": finding.code,
             "message": finding.message,
-        })
+        });
+        for (name, value) in &finding.figures {
+            // Counts are whole numbers.
+            told[*name] = if value.fract() == 0.0 { json!(*value as i64) } else { json!(value) };
+        }
+        told
     };
     let file = |file: &CheckFile| {
         json!({

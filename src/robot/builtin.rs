@@ -132,6 +132,9 @@ mod tests {
             assert!((0..6).all(|i| robot.min_deg[i] < robot.max_deg[i]), "{}", robot.model);
             assert!(robot.axis_sign.iter().all(|sign| [1.0, -1.0].contains(sign)), "{}", robot.model);
             assert!(robot.payload_kg > 0.0 && !robot.source.is_empty(), "{}", robot.model);
+            // From a heavy palletizer's to a small arm's.
+            let speed = robot.axis_speed_deg_s.unwrap_or_default();
+            assert!(speed.iter().all(|speed| (20.0..=1500.0).contains(speed)), "{}: {speed:?}", robot.model);
         }
     }
 

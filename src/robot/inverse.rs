@@ -78,7 +78,7 @@ pub(super) struct ClosedForm {
     pub(super) sin_gamma: f64,
     pub(super) cos_gamma: f64,
     pub(super) d6: f64,
-    theta: [f64; 6],
+    pub(super) theta: [f64; 6],
 }
 
 impl ClosedForm {

@@ -9,6 +9,7 @@
 pub(crate) mod batch;
 mod builtin;
 mod configuration;
+mod excursion;
 mod forward;
 mod inverse;
 pub(crate) mod kinematics;
@@ -24,8 +25,11 @@ pub(crate) use batch::{BatchArm, BatchSolutions, Place};
 pub use builtin::{BUILTIN, Builtin};
 pub(crate) use configuration::turn_numbers;
 pub use configuration::{conf_is, conf_like, confdata_of};
+pub(crate) use excursion::Excursion;
 pub(crate) use forward::NUDGE;
 pub use forward::{Frames, Links};
+#[cfg(test)]
+pub(crate) use inverse::pose_gap;
 pub(crate) use inverse::wrap;
 pub use inverse::{Branch, Solutions, Unreachable, polish};
 pub use limits::{LimitViolation, Limits};

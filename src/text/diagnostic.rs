@@ -32,6 +32,8 @@ pub struct Diagnostic {
     pub column: usize,
     /// The source line, for the caret, and the bytes marked in it (byte range into `snippet`).
     pub snippet: Option<(String, std::ops::Range<usize>)>,
+    /// Numbers that the message tells, under their names, for scripts.
+    pub figures: Vec<(&'static str, f64)>,
 }
 
 impl Diagnostic {
@@ -47,6 +49,7 @@ impl Diagnostic {
             line: 0,
             column: 0,
             snippet: None,
+            figures: Vec::new(),
         }
     }
 

@@ -196,6 +196,28 @@ fn moves(text: &str) -> Vec<Move> {
         .collect()
 }
 
+/// Joint angles (rad) at even shares of the way into the second motion of a program, from 0 to 1, and its length, mm.
+pub(crate) fn followed(text: &str, steps: usize) -> (Vec<Vector6<f64>>, f64) {
+    let moves = moves(text);
+    let base = |(place, orientation): Pose| matrix(&(place + Vector3::from(WOBJ), orientation));
+    // From where the cell starts, in small steps on one branch.
+    let mut joints = Vector6::from([0.0, 0.0, 0.0, 0.0, 60_f64.to_radians(), 0.0]);
+    let at_home = forward(&joints);
+    let place = at_home.fixed_view::<3, 1>(0, 3).into_owned() - Vector3::from(WOBJ);
+    let rotation = Rotation3::from_matrix_unchecked(at_home.fixed_view::<3, 3>(0, 0).into_owned());
+    let home = (place, UnitQuaternion::from_rotation_matrix(&rotation));
+    let first = Move { via: None, to: moves[0].to };
+    let mut go = |from: &Pose, to: &Move, share: f64| {
+        joints = inverse(&base(along(from, to, share).0), &joints);
+        joints
+    };
+    for k in 1..=400 {
+        go(&home, &first, f64::from(k) / 400.0);
+    }
+    let way = (0..=steps).map(|k| go(&moves[0].to, &moves[1], k as f64 / steps as f64)).collect();
+    (way, length(&moves[0].to, &moves[1]))
+}
+
 /// Contour errors of a dense walk over `written`, mm, each with the length that it stands for.
 struct Walk(Vec<(f64, f64)>);
 

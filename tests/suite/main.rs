@@ -44,3 +44,4 @@ mod stream_units;
 mod supply;
 mod units;
 mod units_cl;
+mod way;

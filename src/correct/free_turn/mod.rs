@@ -12,6 +12,7 @@ mod path;
 mod search;
 mod site;
 mod states;
+mod ways;
 
 use super::carried::{Carried, Chosen, ChosenTurns, Free};
 use super::flow::StreamError;
@@ -32,8 +33,8 @@ pub(crate) const SINGULAR_MARGIN: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Targets whose errors are evaluated together: some megabytes.
 const TOGETHER: usize = 8192;
 
-/// Rounds in which targets between knots that cannot be reached become knots.
-const ROUNDS: usize = 4;
+/// Rounds in which targets between knots that cannot be reached become knots, or ways that go wrong are given up.
+const ROUNDS: usize = 12;
 
 /// What the ordered pass takes to the first target of a program that is held whole, or of one whose turns are known already: its
 /// turns about the tool axis are chosen, where they are free.
@@ -130,19 +131,30 @@ impl Path<'_> {
             self.base = self.positions(&knots, &found.iter().map(|state| state.position).collect::<Vec<_>>());
             grid = grid.finer(&self.axes);
         }
-        let mut left = None;
+        let (mut left, mut wrong) = (None, Vec::new());
         for _ in 0..ROUNDS {
+            (left, wrong) = (None, Vec::new());
             let knots = self.knots(&forced);
             let found = self.search(&knots, &grid)?;
             let as_found =
                 (found.iter().map(|state| state.turn).collect(), found.iter().map(|state| state.position).collect());
             for (turns, positions) in [self.smoothed(&knots, &found, &grid), as_found] {
                 match self.follow(&knots, &found, (&turns, &positions)) {
-                    Ok(chosen) => return Ok(ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() }),
+                    Ok(chosen) => {
+                        wrong = self.way_faults(&chosen);
+                        if wrong.is_empty() {
+                            return Ok(ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() });
+                        }
+                    }
                     Err(at) => left = Some(at),
                 }
             }
-            forced.extend(left);
+            self.keep_clear_of(&wrong);
+            forced.extend(wrong.iter().flat_map(|(i, _)| [i - 1, *i]).chain(left));
+        }
+        if let Some((at, fault)) = wrong.first() {
+            let why = fault.at_target(*at).text();
+            return Err(self.refuse(*at, &format!("no turn can be taken here: {why}"), Refusal::Between));
         }
         let at = left.unwrap_or(0);
         Err(self.refuse(at, "no turn between its neighbours' can be taken here", Refusal::Between))

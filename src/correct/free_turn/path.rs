@@ -4,7 +4,8 @@ use super::SINGULAR_MARGIN;
 use super::axes::{FreeAxis, Grid, Move, Position, Stage, with};
 use super::search::Search;
 use super::site::Site;
-use super::states::{self, FreeTarget, Refused, State};
+use super::states::{self, FreeTarget, Refused, State, singular};
+use super::ways::KeptClear;
 use crate::cell::{Cell, MOST_FREE};
 use crate::correct::carried::Chosen;
 use crate::correct::load::{Follows, PointLoad};
@@ -51,6 +52,8 @@ pub(super) struct Path<'a> {
     is_free: Vec<[bool; 2]>,
     pub(super) moves: Vec<Move>,
     pub(super) margin: f64,
+    /// What the states of knots keep clear of, where ways beside them went wrong.
+    pub(super) kept_clear: HashMap<usize, KeptClear>,
     /// Targets that the turn as written does not reach, rising.
     pub(super) unreached: Vec<usize>,
     /// File that messages name.
@@ -101,6 +104,7 @@ impl<'a> Path<'a> {
             is_free: Vec::new(),
             moves: Vec::new(),
             margin: cell.cl.as_ref().map_or(SINGULAR_MARGIN, |cl| cl.singular_margin),
+            kept_clear: HashMap::new(),
             unreached: Vec::new(),
             file: first.sources.first().map_or_else(String::new, |source| source.name.clone()),
             whole: None,
@@ -166,7 +170,7 @@ impl<'a> Path<'a> {
         }
     }
 
-    fn mount(&self, i: usize) -> &Mount {
+    pub(super) fn mount(&self, i: usize) -> &Mount {
         &self.prepared.settings[self.sites[i].setting as usize]
     }
 
@@ -301,7 +305,14 @@ impl<'a> Path<'a> {
             let (from, to) = *seen.entry(position.map(f64::to_bits)).or_insert_with(|| {
                 let moved = self.moved(i, &position);
                 let setting = self.setting(i, &moved);
-                let (states, refused) = target.states(self.robot(), self.margin, (setting, position));
+                let (mut states, refused) = target.states(self.robot(), self.margin, (setting, position));
+                if let Some(KeptClear { limits, singular: wider, .. }) = self.kept_clear.get(&i) {
+                    let robot = self.robot();
+                    let is_clear = |motor: &Joints| {
+                        robot.limit_margin(motor) >= *limits && !singular(robot, motor, self.margin + wider)
+                    };
+                    states.retain(|state| target.fixed.is_some() || is_clear(&state.motor));
+                }
                 let from = out.unique.len();
                 out.unique.extend(states);
                 out.moved.resize(out.unique.len(), moved);
@@ -318,9 +329,10 @@ impl<'a> Path<'a> {
     pub(super) fn way(&self, knots: &[usize], at: usize) -> Move {
         let from = at.checked_sub(1).map_or(0, |before| knots[before] + 1);
         let between = &self.moves[from..=knots[at]];
+        let faster = self.kept_clear.get(&knots[at]).map_or(1.0, |clear| clear.speed);
         Move {
             length: between.iter().map(|way| way.length).sum(),
-            time: between.iter().map(|way| way.time).sum(),
+            time: between.iter().map(|way| way.time).sum::<Option<f64>>().map(|time| time / faster),
             free: between.iter().any(|way| way.free),
             fixed: between.iter().any(|way| way.fixed),
             room: std::array::from_fn(|k| between.iter().map(|way| way.room[k]).sum()),

@@ -1,6 +1,6 @@
 //! `predict` and `check` on long programs: streamed, they say what they say of the whole.
 
-use super::bench::{Bench, Ran, without_hashes};
+use super::bench::{Bench, CELL, Ran, without_hashes};
 use super::long::{long, long_cl};
 use deflex::program::rapid::CHUNK;
 
@@ -181,4 +181,42 @@ fn a_batch_is_judged_as_each_of_its_programs() {
         }
         assert!(batch == expected, "{command}: the report of the batch is not that of its programs");
     }
+}
+
+#[test]
+fn what_is_wrong_between_targets_is_a_finding_with_its_figures() {
+    let bench = Bench::new();
+    let robot = deflex::robot::BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot();
+    // Axis 5 runs through zero between two targets that keep off it.
+    let target = |a5: f64| {
+        let axes = [5.0, 20.0, 15.0, 0.0, a5, 10.0];
+        let pose = robot.forward(&robot.motor_from_axes_deg(&axes));
+        let (at, q) = (pose.translation.vector * 1e3, nalgebra::UnitQuaternion::from_rotation_matrix(&pose.rotation));
+        format!(
+            "[[{:.6},{:.6},{:.6}],[{:.10},{:.10},{:.10},{:.10}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]",
+            at.x, at.y, at.z, q.w, q.i, q.j, q.k
+        )
+    };
+    let text = format!(
+        "MODULE M\n  PROC main()\n    MoveAbsJ [[5,20,15,0,6,10],[9E9,9E9,9E9,9E9,9E9,9E9]],v200,fine,tool0;\n    MoveL {},v20,fine,tool0;\n    MoveL {},v20,fine,tool0;\n  ENDPROC\nENDMODULE\n",
+        target(8.0),
+        target(-5.0)
+    );
+    bench.write("s.mod", text).write(
+        "none.toml",
+        CELL.replace("force = \"constant\"", "force = \"none\"")
+            .replace("force_n", "# force_n")
+            .replace("frame =", "# frame ="),
+    );
+    let ran = bench.run("check s.mod --cell none.toml --max-error 1 --json s.json").exits(1);
+    assert!(ran.stdout.contains("target 3") && ran.stdout.contains("singular posture"), "{}", ran.stdout);
+    let json: serde_json::Value = serde_json::from_str(&bench.read("s.json")).unwrap();
+    let findings = json["files"][0]["findings"].as_array().unwrap();
+    let singular = findings.iter().find(|finding| finding["code"] == "singular").expect("a finding");
+    assert_eq!((&singular["target"], &singular["axis"], &singular["line"]), (&3.into(), &5.into(), &5.into()));
+    let (share, value) = (singular["share"].as_f64().unwrap(), singular["value"].as_f64().unwrap());
+    assert!((0.5..0.75).contains(&share) && value < 0.02, "{singular}");
+    // A correction says so, and is written.
+    let said = bench.run("compensate s.mod --cell none.toml -o out.mod").exits(0).stderr;
+    assert!(said.contains("singular posture") && said.contains("target 3"), "{said}");
 }

@@ -1,0 +1,457 @@
+//! What the arm does between the targets: axis limits, reach, singular postures and axis speeds anywhere on a linear or circular
+//! way, not only at its end.
+//!
+//! Branch and bound over the share of the way. How far each axis can get on a piece of it follows from the length and the turn of
+//! the piece and from how far the arm is from its singular postures ([`Robot::excursion`]): a piece whose ends keep their limits
+//! by more than that is settled, any other is halved. What stays unseen is below [`UNSEEN`], whatever the length of the way. Most
+//! ways of a dense program are settled by the angles at their ends.
+
+use super::deviation::{Commanded, WalkedPath};
+use super::mount::is_entered_elsewhere;
+use super::segment::{Kind, Segment, Start};
+use super::track::Track;
+use super::{Point, Prepared};
+use crate::equilibrium::Setting;
+use crate::program::{Program, Target};
+use crate::robot::{Excursion, Joints, Pose, Robot, Unreachable, turn_between};
+use crate::text::{Diagnostic, Severity};
+use std::f64::consts::PI;
+
+/// A limit that is passed by less than this between two looks is not seen, rad: a hundredth of a degree, less than arms repeat.
+const UNSEEN: f64 = 0.01 * PI / 180.0;
+
+/// An axis speed above its limit by less than this share is not seen: makers round theirs to 1 %.
+const UNSEEN_SPEED: f64 = 0.01;
+
+/// Closer to a singular posture than this, rad, controllers stop or slow down: KUKA within 0.018°, ABB within some tenths of a
+/// degree, FANUC within about one.
+const SINGULAR: f64 = PI / 180.0;
+
+/// Closer than this to axis 1, m, the wrist centre is in a singular posture: a degree's worth of half a metre.
+const SINGULAR_SHOULDER: f64 = 0.01;
+
+/// The orientation turns at most so fast, rad/s: that of ABB's predefined speeddata (500°/s), which other makers stay below.
+const ORIENTATION_SPEED: f64 = 500.0 * PI / 180.0;
+
+/// Pieces of a way that turn more than this, or lead a moved unit so far (rad, m), are halved before they are bounded.
+const STRAIGHT: f64 = 0.1;
+
+/// A piece is not halved below this share of its way: what is left of a flip of the wrist there is no speed any more.
+const SHORTEST: f64 = 1e-6;
+
+/// Pieces of one way that are looked at: many more than any regular way needs.
+const MOST: usize = 20_000;
+
+/// Speeds so many times their limit are not looked at more closely.
+const FAR_TOO_FAST: f64 = 10.0;
+
+/// What is wrong on the way into a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WayFault {
+    /// An axis is beyond its limit, degrees.
+    AxisLimit,
+    /// An axis would have to turn faster than it can, degrees a second.
+    AxisSpeed,
+    /// Two axes line up, or the arm is stretched: degrees from there; the wrist centre over axis 1: mm from there.
+    Singular,
+    /// The arm does not reach the path: mm that are missing.
+    Unreachable,
+}
+
+impl WayFault {
+    const ALL: [Self; 4] = [Self::AxisLimit, Self::AxisSpeed, Self::Singular, Self::Unreachable];
+
+    /// Whether a message is of one of these.
+    #[must_use]
+    pub fn is_code(code: &str) -> bool {
+        Self::ALL.iter().any(|fault| fault.code() == code)
+    }
+
+    /// Its name in findings.
+    #[must_use]
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::AxisLimit => "axis-limit",
+            Self::AxisSpeed => "axis-speed",
+            Self::Singular => "singular",
+            Self::Unreachable => "unreachable",
+        }
+    }
+}
+
+/// The worst of a kind on the way into a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct WayFinding {
+    /// What is wrong.
+    pub fault: WayFault,
+    /// Index of the target in the program.
+    pub index: usize,
+    /// Share of the way into it.
+    pub share: f64,
+    /// Axis from 1; 7 is the parallelogram's own axis 3 − axis 2, 0 none.
+    pub axis: usize,
+    /// In the unit of the fault.
+    pub value: f64,
+    /// What it passes.
+    pub limit: f64,
+}
+
+impl WayFinding {
+    /// The finding at its place.
+    #[must_use]
+    pub fn diagnostic(&self, program: &Program) -> Diagnostic {
+        let target = &program.targets[self.index];
+        let message = format!("target {}: {}", target.ordinal, self.text());
+        let help = match self.fault {
+            WayFault::AxisLimit => {
+                "turn the tool about its axis, move the part, or add targets that lead the arm round"
+            }
+            WayFault::AxisSpeed => "lower the feed here, or lead the tool past the singular posture",
+            WayFault::Singular => "lead the tool past it: turn or lean it, or move the part",
+            WayFault::Unreachable => "move the part, or shorten the way",
+        };
+        let figures = vec![
+            ("target", f64::from(target.ordinal)),
+            ("share", self.share),
+            ("axis", self.axis as f64),
+            ("value", self.value),
+            ("limit", self.limit),
+        ];
+        Diagnostic { figures, ..at(program, target, self.fault.code(), message).help(help) }
+    }
+
+    /// The same as a warning of which the first stands for all.
+    pub(super) fn warning(&self, program: &Program) -> Diagnostic {
+        let target = &program.targets[self.index];
+        let message = match self.fault {
+            WayFault::AxisLimit => "an axis passes its limit on the way into a target",
+            WayFault::AxisSpeed => "an axis would have to be faster than it is on the way into a target",
+            WayFault::Singular => "the arm comes to a singular posture on the way into a target",
+            WayFault::Unreachable => "the path between two targets is out of the arm's reach",
+        };
+        let help = format!("target {}: {}; `deflex check` lists every such way", target.ordinal, self.text());
+        at(program, target, self.fault.code(), message.to_owned()).help(help).severity(Severity::Warning)
+    }
+
+    pub(super) fn text(&self) -> String {
+        let Self { fault, share, axis, value, limit, .. } = self;
+        let place = match share {
+            share if *share >= 1.0 => "at it".to_owned(),
+            share => format!("{:.1} % of the way into it", 100.0 * share),
+        };
+        let axis = if *axis == 7 { "axis 3 − axis 2".to_owned() } else { format!("axis {axis}") };
+        match fault {
+            WayFault::AxisLimit => format!("{place} {axis} is at {value:.2}°, and its limit is {limit:.2}°"),
+            WayFault::AxisSpeed => {
+                format!(
+                    "{place} {axis} would turn at {value:.0}°/s at the programmed feed, and {limit:.0}°/s is its most"
+                )
+            }
+            WayFault::Singular if axis == "axis 1" => {
+                format!("{place} the wrist centre is {value:.1} mm from axis 1, where that has no one angle")
+            }
+            WayFault::Singular => format!("{place} {axis} is {value:.2}° from a singular posture"),
+            WayFault::Unreachable => format!("{place} the path is {value:.2} mm out of reach"),
+        }
+    }
+}
+
+fn at(program: &Program, target: &Target, code: &'static str, message: String) -> Diagnostic {
+    let source = &program.sources[usize::from(target.source)];
+    Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
+}
+
+/// One way of the TCP.
+pub(super) struct Way<'a> {
+    pub(super) robot: &'a Robot,
+    /// As commanded, in the work object.
+    pub(super) track: Track,
+    /// What the arm is run with at a share of the way.
+    pub(super) setting: &'a dyn Fn(f64) -> Setting,
+    /// Motor angles at its ends, rad.
+    pub(super) motors: [Joints; 2],
+    /// mm/s.
+    pub(super) feed_mm_s: Option<f64>,
+}
+
+/// The worst of each kind.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    /// By how much a limit is passed, rad, and the finding.
+    limit: Option<(f64, Fault)>,
+    /// Speed over its limit.
+    speed: Option<(f64, Fault)>,
+    /// Distance from a singular posture over that which is enough.
+    singular: Option<(f64, Fault)>,
+    unreachable: Option<Fault>,
+}
+
+/// A finding before its target is known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fault {
+    pub(super) fault: WayFault,
+    pub(super) share: f64,
+    axis: usize,
+    pub(super) value: f64,
+    pub(super) limit: f64,
+}
+
+impl Fault {
+    /// On the way into a target, by its index.
+    pub(super) fn at_target(self, index: usize) -> WayFinding {
+        let Self { fault, share, axis, value, limit } = self;
+        WayFinding { fault, index, share, axis, value, limit }
+    }
+}
+
+/// A part of a way: its length (m) and turn (rad) in the base at most, how long it takes (s), how far the TCP is from the wrist
+/// centre (m), and the motor angles at its ends, rad.
+struct Piece<'m> {
+    length: f64,
+    turn: f64,
+    time: Option<f64>,
+    lever: f64,
+    motors: [&'m Joints; 2],
+}
+
+impl Piece<'_> {
+    /// Whether nothing worse than what is known can be on it.
+    fn is_settled(&self, robot: &Robot, worst: &Worst) -> bool {
+        let [from, to] = self.motors;
+        let Some(Excursion { axes, clearance, left, bend }) =
+            robot.excursion(from, self.length + self.lever * self.turn, self.turn)
+        else {
+            return false;
+        };
+        let known = worst.limit.map_or(0.0, |(by, _)| by);
+        let over = robot.limit_excess(from, &axes);
+        if over > known + UNSEEN {
+            return false;
+        }
+        let known = worst.singular.map_or(1.0, |(share, _)| share);
+        let least = (left[0] / SINGULAR).min(left[1] / SINGULAR).min(left[2] / SINGULAR_SHOULDER);
+        let here = (clearance[0] / SINGULAR).min(clearance[1] / SINGULAR).min(clearance[2] / SINGULAR_SHOULDER);
+        if least < known && here - least > UNSEEN / SINGULAR {
+            return false;
+        }
+        let (Some(speed), Some(time)) = (&robot.axis_speed, self.time) else { return true };
+        let known = worst.speed.map_or(1.0, |(ratio, _)| ratio);
+        known >= FAR_TOO_FAST
+            || (0..6).all(|i| {
+                let most = (to[i] - from[i]).abs() + bend * axes[i];
+                // Either bound holds.
+                most.min(axes[i]) <= speed[i] * time * known * (1.0 + UNSEEN_SPEED)
+            })
+    }
+}
+
+impl Way<'_> {
+    /// What is wrong on it, the worst of each kind.
+    pub(super) fn faults(&self) -> Vec<Fault> {
+        let mut worst = Worst::default();
+        let ends = [0.0, 1.0].map(|share| self.base_from_tcp(share));
+        let bend = self.bend();
+        self.look(&mut worst, 1.0, &self.motors[1]);
+        let mut open = vec![([0.0, 1.0], self.motors, ends)];
+        for _ in 0..MOST {
+            let Some((shares, motors, ends)) = open.pop() else { break };
+            let span = shares[1] - shares[0];
+            let piece = self.piece((span, bend), &motors, &ends);
+            if let (Some(speeds), Some(time)) = (&self.robot.axis_speed, piece.time) {
+                for i in 0..6 {
+                    let speed = (motors[1][i] - motors[0][i]).abs() / time;
+                    let ratio = speed / speeds[i];
+                    if ratio > 1.0 + 1e-9 && worst.speed.is_none_or(|(known, _)| ratio > known) {
+                        let (value, limit) = (speed.to_degrees(), speeds[i].to_degrees());
+                        let share = 0.5 * (shares[0] + shares[1]);
+                        let fault = WayFault::AxisSpeed;
+                        worst.speed = Some((ratio, Fault { fault, share, axis: i + 1, value, limit }));
+                    }
+                }
+            }
+            let is_straight = piece.turn < STRAIGHT && span * bend < STRAIGHT;
+            if span < SHORTEST
+                || (is_straight && piece.is_settled(self.robot, &worst))
+                || self.is_all_singular(&motors, &worst)
+            {
+                continue;
+            }
+            let middle = 0.5 * (shares[0] + shares[1]);
+            let near = 0.5 * (motors[0] + motors[1]);
+            let (setting, pose) = ((self.setting)(middle), self.track.pose(middle));
+            match self.robot.inverse_near_unlimited(&setting.base_from_flange(&pose), &near) {
+                Ok(motor) => {
+                    self.look(&mut worst, middle, &motor);
+                    let there = self.base_from_tcp(middle);
+                    open.push(([middle, shares[1]], [motor, motors[1]], [there, ends[1]]));
+                    open.push(([shares[0], middle], [motors[0], motor], [ends[0], there]));
+                }
+                Err(unreachable) => {
+                    let value = match unreachable {
+                        Unreachable::OutOfReach { by_mm } => by_mm,
+                        Unreachable::NotConverged { left_mm } => left_mm,
+                        Unreachable::Limit(_) => 0.0,
+                    };
+                    if worst.unreachable.is_none_or(|known| value > known.value) {
+                        let fault = WayFault::Unreachable;
+                        worst.unreachable = Some(Fault { fault, share: middle, axis: 0, value, limit: 0.0 });
+                    }
+                }
+            }
+        }
+        let Worst { limit, speed, singular, unreachable } = worst;
+        let all = [limit.map(|(_, fault)| fault), speed.map(|(_, fault)| fault), singular.map(|(_, fault)| fault)];
+        all.into_iter().chain([unreachable]).flatten().collect()
+    }
+
+    /// The TCP in the base.
+    fn base_from_tcp(&self, share: f64) -> Pose {
+        let setting = (self.setting)(share);
+        let flange = setting.base_from_flange(&self.track.pose(share));
+        if setting.held { flange } else { flange * setting.tool.flange_from_tcp }
+    }
+
+    /// How far it is from a straight line in the base, as a whole: the angle of an arc, and what moves its work object (rad, m).
+    fn bend(&self) -> f64 {
+        let [from, to] = [0.0, 1.0].map(|share| (self.setting)(share));
+        let (a, b) = (&from.base_from_wobj, &to.base_from_wobj);
+        let moved = if a == b {
+            0.0
+        } else {
+            (a.translation.vector - b.translation.vector).norm() + turn_between(&a.rotation, &b.rotation).norm()
+        };
+        self.track.angle() + moved + if from.held { self.track.turn() } else { 0.0 }
+    }
+
+    /// Whether the arm stays in a singular posture that is known: no bound holds there, and nothing is added.
+    fn is_all_singular(&self, motors: &[Joints; 2], worst: &Worst) -> bool {
+        let in_it = |motor: &Joints| {
+            let [wrist, elbow, shoulder] = self.robot.clearance(motor).unwrap_or([f64::INFINITY; 3]);
+            wrist < 0.5 * SINGULAR || elbow < 0.5 * SINGULAR || shoulder < 0.5 * SINGULAR_SHOULDER
+        };
+        worst.singular.is_some_and(|(share, _)| share < 0.5) && motors.iter().all(in_it)
+    }
+
+    fn piece<'m>(&self, (span, bend): (f64, f64), motors: &'m [Joints; 2], ends: &[Pose; 2]) -> Piece<'m> {
+        /// A way that bends by [`STRAIGHT`] is longer than its chord by less.
+        const LONGER: f64 = 1.05;
+        let setting = (self.setting)(1.0);
+        let longer = if bend > 0.0 { LONGER } else { 1.0 };
+        let length = longer * (ends[1].translation.vector - ends[0].translation.vector).norm();
+        let turn = longer * turn_between(&ends[0].rotation, &ends[1].rotation).norm();
+        let lever = if setting.held { 0.0 } else { setting.tool.flange_from_tcp.translation.vector.norm() };
+        let time = time(span * self.track.length(), span * self.track.turn(), self.feed_mm_s);
+        Piece { length, turn, time, lever: lever + self.robot.wrist_lever(), motors: [&motors[0], &motors[1]] }
+    }
+
+    /// Looks at one place.
+    fn look(&self, worst: &mut Worst, share: f64, motor: &Joints) {
+        if let Some(violation) = self.robot.limit_violation(motor) {
+            let by = violation.by_deg.to_radians();
+            if worst.limit.is_none_or(|(known, _)| by > known) {
+                let (axis, value, limit) = (violation.axis + 1, violation.value_deg, violation.limit_deg);
+                worst.limit = Some((by, Fault { fault: WayFault::AxisLimit, share, axis, value, limit }));
+            }
+        }
+        let Some([wrist, elbow, shoulder]) = self.robot.clearance(motor) else { return };
+        let kinds = [
+            (5, wrist / SINGULAR, wrist.to_degrees(), SINGULAR.to_degrees()),
+            (3, elbow / SINGULAR, elbow.to_degrees(), SINGULAR.to_degrees()),
+            (1, shoulder / SINGULAR_SHOULDER, 1e3 * shoulder, 1e3 * SINGULAR_SHOULDER),
+        ];
+        for (axis, part, value, limit) in kinds {
+            if part < 1.0 && worst.singular.is_none_or(|(known, _)| part < known) {
+                worst.singular = Some((part, Fault { fault: WayFault::Singular, share, axis, value, limit }));
+            }
+        }
+    }
+}
+
+/// How long a way of a length (m) and a turn (rad) takes, s; `None` where its feed is not known, or it has neither.
+fn time(length: f64, turn: f64, feed_mm_s: Option<f64>) -> Option<f64> {
+    let feed = 1e-3 * feed_mm_s.filter(|feed| *feed > 0.0)?;
+    let time = (length / feed).max(turn / ORIENTATION_SPEED);
+    (time > 0.0).then_some(time)
+}
+
+/// What is wrong on the ways into a program's targets, as they are commanded; `last` is the end of the targets before.
+pub(super) fn look(
+    program: &Program,
+    prepared: &Prepared,
+    robot: &Robot,
+    commanded: &Commanded<'_>,
+    last: Option<&Start>,
+) -> Vec<WayFinding> {
+    let way = WalkedPath { program, prepared, commanded, last };
+    let (mut out, mut from) = (Vec::new(), None);
+    for (i, target) in program.targets.iter().enumerate() {
+        let kind = Kind::of(program, i);
+        if kind == Kind::Point {
+            continue;
+        }
+        let before = from.replace(i);
+        let Some((motor, _)) = (commanded.motors)(i) else { continue };
+        if kind == Kind::Joint || is_entered_elsewhere(target) || is_clear(&way, i, (before, &motor), robot) {
+            continue;
+        }
+        out.extend(faults(&way, i, before, &motor, robot).unwrap_or_default());
+    }
+    out
+}
+
+/// Whether the angles at both ends of a line tell that nothing can be wrong on it.
+fn is_clear(way: &WalkedPath<'_>, i: usize, (before, motor): (Option<usize>, &Joints), robot: &Robot) -> bool {
+    let (prepared, commanded) = (way.prepared, way.commanded);
+    let (start, sent, at): (&Point, Pose, Joints) = match before {
+        Some(before) => match (commanded.motors)(before) {
+            Some((motor, _)) => (&prepared.points[before], (commanded.poses)(before), motor),
+            None => return true,
+        },
+        None => match way.last {
+            Some(last) => (&last.point, last.commanded, last.motor),
+            None => return true,
+        },
+    };
+    let point = &prepared.points[i];
+    let stands = match (&start.moved, &point.moved) {
+        (None, None) => true,
+        (Some(from), Some(to)) => from.setting == to.setting,
+        _ => false,
+    };
+    let setting = prepared.setting(i);
+    if Kind::of(way.program, i) != Kind::Line || start.setting != point.setting || !stands || setting.held {
+        return false;
+    }
+    let length = ((commanded.poses)(i).translation.vector - sent.translation.vector).norm();
+    // No more than all joints together.
+    let turn: f64 = (motor - at).iter().map(|step| step.abs()).sum();
+    let lever = setting.tool.flange_from_tcp.translation.vector.norm() + robot.wrist_lever();
+    let time = time(length, 0.0, way.program.targets[i].feed_mm_s);
+    let motors = [&at, motor];
+    turn < STRAIGHT
+        && (time.is_some() || robot.axis_speed.is_none() || way.program.targets[i].feed_mm_s.is_none())
+        && Piece { length, turn, time, lever, motors }.is_settled(robot, &Worst::default())
+}
+
+/// What is wrong on the way into one target.
+fn faults(
+    way: &WalkedPath<'_>,
+    i: usize,
+    before: Option<usize>,
+    motor: &Joints,
+    robot: &Robot,
+) -> Option<Vec<WayFinding>> {
+    let start = way.start(before)?;
+    let segment = Segment::into(way.program, way.prepared, i, &start)?;
+    let (from, to) = (start.seen(&start.commanded, way.prepared, i)?, (way.commanded.poses)(i));
+    let track = match Kind::of(way.program, i) {
+        Kind::Arc => Track::arc(&from, &(way.commanded.poses)(i - 1), &to),
+        _ => Track::line(&from, &to),
+    };
+    let setting = |share: f64| segment.setting(share);
+    let feed_mm_s = way.program.targets[i].feed_mm_s;
+    let along = Way { robot, track, setting: &setting, motors: [start.motor, *motor], feed_mm_s };
+    Some(along.faults().into_iter().map(|fault| fault.at_target(i)).collect())
+}

@@ -1,0 +1,84 @@
+//! What lies between the targets of a choice: a way on which an axis leaves its limits or its speed, the wrist gets singular or the
+//! arm does not reach is given up for one farther from where it went wrong.
+
+use super::path::Path;
+use crate::correct::along::{Fault, Way, WayFault};
+use crate::correct::carried::Chosen;
+use crate::correct::track::Track;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// What is kept clear of a limit besides what passed it, rad.
+const BESIDES: f64 = PI / 180.0;
+
+/// By how much the margin from a singular wrist grows, rad.
+const WIDER: f64 = 3.0 * PI / 180.0;
+
+/// What is kept of the speed that an axis has besides.
+const SLOWER: f64 = 1.1;
+
+/// How far the states of a knot stay from what went wrong beside it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeptClear {
+    /// Of the axis limits, rad.
+    pub(super) limits: f64,
+    /// Of a singular wrist besides the usual margin, rad.
+    pub(super) singular: f64,
+    /// How many times faster than it seems the way into it is.
+    pub(super) speed: f64,
+}
+
+impl Default for KeptClear {
+    fn default() -> Self {
+        Self { limits: 0.0, singular: 0.0, speed: 1.0 }
+    }
+}
+
+impl Path<'_> {
+    /// What is wrong on the ways between chosen targets, with the targets that they lead to.
+    pub(super) fn way_faults(&self, chosen: &[Chosen]) -> Vec<(usize, Fault)> {
+        let faults = |i: usize| -> Vec<(usize, Fault)> {
+            let is_chosen = |i: usize| chosen[i].turn.is_some();
+            if self.moves[i].free || !(is_chosen(i) || is_chosen(i - 1)) {
+                return Vec::new();
+            }
+            let [from, to] = [i - 1, i].map(|i| self.chosen_point(i, &chosen[i]));
+            let mount = self.mount(i);
+            let setting = |share: f64| {
+                let moved = mount.between(from.moved.as_ref(), to.moved.as_ref(), share);
+                moved.map_or(mount.setting, |moved| moved.setting)
+            };
+            let begins = if from.setting == to.setting {
+                from.wobj_from_tcp
+            } else {
+                let Some(there) = mount.at(from.moved.as_ref()) else { return Vec::new() };
+                let before = from.moved.as_ref().map_or(self.mount(i - 1).setting, |moved| moved.setting);
+                there.wobj_from_tcp(&before.base_from_flange(&from.wobj_from_tcp))
+            };
+            let way = Way {
+                robot: self.robot(),
+                track: Track::line(&begins, &to.wobj_from_tcp),
+                setting: &setting,
+                motors: [from.motor, to.motor],
+                feed_mm_s: self.moves[i].time.map(|time| 1e3 * self.moves[i].length / time),
+            };
+            way.faults().into_iter().map(|fault| (i, fault)).collect()
+        };
+        (1..chosen.len()).into_par_iter().flat_map_iter(faults).collect()
+    }
+
+    /// Keeps the next search farther from what went wrong.
+    pub(super) fn keep_clear_of(&mut self, faults: &[(usize, Fault)]) {
+        for (i, fault) in faults {
+            for at in [i - 1, *i] {
+                let clear = self.kept_clear.entry(at).or_default();
+                match fault.fault {
+                    WayFault::AxisLimit => clear.limits += (fault.value - fault.limit).abs().to_radians() + BESIDES,
+                    WayFault::Singular | WayFault::Unreachable => clear.singular += WIDER,
+                    WayFault::AxisSpeed if at == *i => clear.speed *= SLOWER * (fault.value / fault.limit).max(1.0),
+                    WayFault::AxisSpeed => {}
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! How far each axis can get while the flange goes no farther than a given way: bounds for what lies between two places of a path.
+
+use super::inverse::ClosedForm;
+use super::{Joints, Robot};
+use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
+
+/// Bounds over a piece of path that begins at known motor angles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Excursion {
+    /// How far each motor can get from where it is, rad.
+    pub(crate) axes: [f64; 6],
+    /// See [`Robot::clearance`], where the piece begins; infinite of arms without an explicit inverse.
+    pub(crate) clearance: [f64; 3],
+    /// The least that can be left of it.
+    pub(crate) left: [f64; 3],
+    /// By what share of these bounds the speed of an axis can differ from its mean over the piece.
+    pub(crate) bend: f64,
+}
+
+/// Safety of the share that speeds can differ by: the bounds of each axis' own change are summed, not their products.
+const SAFE: f64 = 2.0;
+
+/// Second derivatives of the flange's place by two joints are this large at most, over the reach of the arm.
+const CURVED: f64 = 6.0;
+
+impl Robot {
+    /// How far an arm with an explicit inverse is from its singular postures: axis 5 from where axes 4 and 6 line up (rad), the
+    /// elbow from stretched or folded (rad), and the wrist centre from axis 1 (m); `None` of other arms.
+    pub(crate) fn clearance(&self, motor: &Joints) -> Option<[f64; 3]> {
+        self.closed_form().map(|form| form.clearance(&self.serial_from_motor(motor)))
+    }
+
+    /// From the wrist centre to the flange, m; 0 of arms without an explicit inverse, which are bounded at the flange.
+    pub(crate) fn wrist_lever(&self) -> f64 {
+        self.closed_form().map_or(0.0, |form| form.d6.abs())
+    }
+
+    /// Bounds on a piece of path along which the wrist centre (without an explicit inverse, the flange) moves by `length` (m) and
+    /// the flange turns by `turn` (rad) at most; `None` where a singular posture may be met.
+    pub(crate) fn excursion(&self, from: &Joints, length: f64, turn: f64) -> Option<Excursion> {
+        let Some(form) = self.closed_form() else { return self.excursion_by_jacobian(from, length, turn) };
+        let clearance = form.clearance(&self.serial_from_motor(from));
+        let Bounds { q1, q2, q23, omega, bend } = form.bounds(clearance, length, turn)?;
+        let [wrist, elbow, shoulder] = clearance;
+        let left = [wrist - omega, elbow - (q2 + q23), shoulder - form.across() * length];
+        let sine = left[0].clamp(0.0, FRAC_PI_2).sin();
+        if sine <= 0.0 {
+            return None;
+        }
+        let (q3, turned) = (if self.axes.parallelogram { q23 } else { q2 + q23 }, omega / sine);
+        let bend = SAFE * (bend + turned);
+        Some(Excursion { axes: [q1, q2, q3, turned, omega, turned], clearance, left, bend })
+    }
+
+    /// The same by the smallest singular value of the Jacobian.
+    fn excursion_by_jacobian(&self, from: &Joints, length: f64, turn: f64) -> Option<Excursion> {
+        let frames = self.frames(from);
+        let reach: f64 = self.links.rows().iter().map(|row| row.a.abs() + row.d.abs()).sum();
+        let mut jacobian = self.jacobian(&frames, &frames.base_from_flange().translation.vector);
+        jacobian.rows_mut(0, 3).unscale_mut(reach.max(f64::MIN_POSITIVE));
+        let least = jacobian.svd(false, false).singular_values.min();
+        // Along the way it stays at least half as large.
+        let step = 2.0 * (length / reach).hypot(turn) / least;
+        let bend = 2.0 * CURVED * step / least;
+        let free = [f64::INFINITY; 3];
+        (bend <= 1.0).then_some(Excursion { axes: [step; 6], clearance: free, left: free, bend })
+    }
+
+    /// By how much an axis may pass its limit when each gets no farther from motor angles (rad) than these bounds (rad); negative
+    /// where none can.
+    pub(crate) fn limit_excess(&self, motor: &Joints, excursion: &[f64; 6]) -> f64 {
+        let (limits, counted) = (&self.limits, self.axes_from_motor(motor));
+        let with_second = self.axes.counted_23().abs() * excursion[1];
+        let mut most = f64::NEG_INFINITY;
+        for (i, value) in counted.iter().enumerate() {
+            let reached = excursion[i] + if i == 2 { with_second } else { 0.0 };
+            most = most.max((limits.min[i] - value).max(value - limits.max[i]) + reached);
+        }
+        if let Some((min, max)) = limits.elbow.filter(|_| self.axes.parallelogram) {
+            let value = motor[2] - motor[1];
+            most = most.max((min - value).max(value - max) + excursion[1] + excursion[2]);
+        }
+        most
+    }
+}
+
+/// Changes of the arm's angles over a piece, rad: axis 1, upper arm, forearm, the flange against the forearm; and by what share
+/// the rates of the first three can differ.
+struct Bounds {
+    q1: f64,
+    q2: f64,
+    q23: f64,
+    omega: f64,
+    bend: f64,
+}
+
+impl ClosedForm {
+    fn clearance(&self, serial: &Joints) -> [f64; 3] {
+        let (upper, elbow) = (serial[1] + self.theta[1], serial[2] + self.theta[2] + self.gamma);
+        let ahead = self.a1 + self.a2 * upper.cos() + self.l3 * (upper + elbow).cos();
+        [from_straight(serial[4] + self.theta[4]), from_straight(elbow), ahead.abs()]
+    }
+
+    /// How much farther the wrist centre can go in the arm's plane than in space: its offset from that plane is a lever.
+    fn across(&self) -> f64 {
+        if self.b == 0.0 { 1.0 } else { SQRT_2 }
+    }
+
+    fn bounds(&self, [_, elbow, shoulder]: [f64; 3], length: f64, turn: f64) -> Option<Bounds> {
+        let length = self.across() * length;
+        let ahead = shoulder - length;
+        // With an offset beyond that, axis 1 turns faster than the plane's distance tells.
+        if ahead <= self.b.abs() {
+            return None;
+        }
+        let q1 = length / ahead;
+        // The elbow keeps half of its angle.
+        let sine = (0.5 * elbow).sin();
+        let (q2, q23) = (length / (self.a2 * sine), length / (self.l3 * sine));
+        if q2 + q23 > 0.5 * elbow || sine <= 0.0 {
+            return None;
+        }
+        Some(Bounds { q1, q2, q23, omega: turn + q1 + q23, bend: q1 + (q2 + q23) / sine })
+    }
+}
+
+/// Distance of an angle from the nearest multiple of half a turn, rad.
+fn from_straight(angle: f64) -> f64 {
+    (angle - (angle / PI).round() * PI).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{BUILTIN, Pose, pose_gap};
+    use nalgebra::{Rotation3, Vector3};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Along random short pieces no axis gets farther than its bound, nor nearer to a singular posture.
+        #[test]
+        fn no_axis_gets_farther_than_its_bound(
+            robot in 0..BUILTIN.len(),
+            shares in prop::array::uniform6(0.1_f64..0.9),
+            way in prop::array::uniform3(-1.0_f64..1.0),
+            turn in prop::array::uniform3(-1.0_f64..1.0),
+            size in 1e-3_f64..0.2,
+        ) {
+            let robot = BUILTIN[robot].robot();
+            prop_assume!(robot.has_closed_form());
+            let limits = &robot.limits;
+            let from = Joints::from_fn(|i, _| limits.min[i] + shares[i] * (limits.max[i] - limits.min[i]));
+            let from = robot.motor_from_axes_deg(&<[f64; 6]>::from(from.map(f64::to_degrees)));
+            let start = robot.forward(&from);
+            let lever = robot.wrist_lever();
+            // About the wrist centre, which goes straight.
+            let (way, turn) = (Vector3::from(way) * size, Vector3::from(turn) * size);
+            let Some(bounds) = robot.excursion(&from, way.norm(), turn.norm()) else { return Ok(()) };
+            let wrist = start * nalgebra::Point3::new(0.0, 0.0, -lever);
+            let (mut near, mut last, steps) = (from, from, 50);
+            for step in 1..=steps {
+                let share = f64::from(step) / f64::from(steps);
+                let rotation = Rotation3::from_scaled_axis(turn * share) * start.rotation;
+                let centre = wrist.coords + way * share;
+                let pose = Pose::from_parts((centre + rotation * Vector3::new(0.0, 0.0, lever)).into(), rotation);
+                let Ok(motor) = robot.inverse_near_unlimited(&pose, &near) else {
+                    return Err(TestCaseError::fail("out of reach within a bound"));
+                };
+                prop_assert!(pose_gap(&robot.forward(&motor), &pose).norm() < 1e-9);
+                for i in 0..6 {
+                    let off = (motor[i] - from[i]).abs();
+                    prop_assert!(off <= bounds.axes[i] + 1e-9, "axis {}: {off} beyond {}", i + 1, bounds.axes[i]);
+                }
+                let clearance = robot.clearance(&motor).unwrap();
+                for k in 0..3 {
+                    prop_assert!(clearance[k] >= bounds.left[k] - 1e-9, "{k}: {clearance:?} {:?}", bounds.left);
+                }
+                (last, near) = (near, motor);
+            }
+            // The last of fifty steps has nearly the speed of the end.
+            for i in 0..6 {
+                let (mean, end) = (near[i] - from[i], f64::from(steps) * (near[i] - last[i]));
+                let most = mean.abs() + bounds.bend * bounds.axes[i];
+                prop_assert!(end.abs() <= most + 1e-9, "axis {}: {end} beyond {most}", i + 1);
+            }
+        }
+    }
+}
