@@ -259,7 +259,10 @@ fn wider_than_the_cutter(
     cutter: &raw::CutterKeys,
     engagement: &raw::EngagementKeys,
 ) {
-    let Some(width) = engagement.width_mm.filter(|width| *width > cutter.diameter_mm) else { return };
+    let Some(width) = engagement.width_mm.filter(|width| *width > cutter.diameter_mm && cutter.diameter_mm > 0.0)
+    else {
+        return;
+    };
     let is_slot = engagement.mode == "slot";
     if is_slot && engaged != key {
         return;

@@ -252,9 +252,15 @@ impl Way<'_> {
     pub(super) fn faults(&self) -> Vec<Fault> {
         let mut worst = Worst::default();
         let ends = [0.0, 1.0].map(|share| self.base_from_tcp(share));
-        let bend = self.bend();
-        self.look(&mut worst, 1.0, &self.motors[1]);
-        let mut open = vec![([0.0, 1.0], self.motors, ends)];
+        let (bend, branch) = (self.bend(), self.robot.branch(&self.motors[0]));
+        let there = |share: f64, near: &Joints| {
+            self.robot.inverse_in(branch, &(self.setting)(share).base_from_flange(&self.track.pose(share)), near)
+        };
+        // On a way the arm keeps its branch, wherever that leads.
+        let [from, to] = self.motors;
+        let to = if self.robot.branch(&to) == branch { to } else { there(1.0, &to).unwrap_or(to) };
+        self.look(&mut worst, 1.0, &to);
+        let mut open = vec![([0.0, 1.0], [from, to], ends)];
         for _ in 0..MOST {
             let Some((shares, motors, ends)) = open.pop() else { break };
             let span = shares[1] - shares[0];
@@ -279,9 +285,7 @@ impl Way<'_> {
                 continue;
             }
             let middle = 0.5 * (shares[0] + shares[1]);
-            let near = 0.5 * (motors[0] + motors[1]);
-            let (setting, pose) = ((self.setting)(middle), self.track.pose(middle));
-            match self.robot.inverse_near_unlimited(&setting.base_from_flange(&pose), &near) {
+            match there(middle, &(0.5 * (motors[0] + motors[1]))) {
                 Ok(motor) => {
                     self.look(&mut worst, middle, &motor);
                     let there = self.base_from_tcp(middle);

@@ -145,6 +145,14 @@ impl ClosedForm {
         if solutions.iter().all(Option::is_none) { Err(out_of_reach) } else { Ok(solutions) }
     }
 
+    /// How far the wrist centre is out of reach of the arm that looks forward, or to the rear, m.
+    fn out_of_reach(&self, base_from_flange: &Pose, rear: bool) -> f64 {
+        let wrist = base_from_flange.translation.vector - base_from_flange.rotation.matrix().column(2) * self.d6;
+        let planar = (wrist.x * wrist.x + wrist.y * wrist.y - self.b * self.b).max(0.0).sqrt();
+        let rho = (if rear { -planar } else { planar } - self.a1).hypot(wrist.z - self.d1);
+        (rho - (self.a2 + self.l3)).max((self.a2 - self.l3).abs() - rho).max(0.0)
+    }
+
     fn theta1(&self, wrist: &Vector3<f64>, forward: f64) -> f64 {
         wrist.y.atan2(wrist.x) - self.b.atan2(forward)
     }
@@ -290,6 +298,34 @@ impl Robot {
             .map(|motor| self.nearest_turns(motor, near))
             .min_by(|a, b| (a - near).norm_squared().total_cmp(&(b - near).norm_squared()))
             .ok_or(Unreachable::OutOfReach { by_mm: 0.0 })
+    }
+
+    /// The branch that motor angles (rad) are in, by its [cfx](Branch::cfx); `None` without an explicit inverse.
+    pub(crate) fn branch(&self, motor: &Joints) -> Option<usize> {
+        let form = self.closed_form()?;
+        let serial = self.serial_from_motor(motor);
+        let (rear, behind) = form.posture(&serial);
+        let flipped = wrap(serial[4] + form.theta[4]) < 0.0;
+        Some(Branch { rear, behind, flipped }.cfx())
+    }
+
+    /// The motor angles of a branch that reach a flange pose, in the turns nearest to `near` (rad): a linear move keeps its branch.
+    /// Axis limits are not looked at; without a branch it is [`Robot::inverse_near_unlimited`].
+    ///
+    /// # Errors
+    /// The branch does not reach the pose.
+    pub(crate) fn inverse_in(
+        &self,
+        branch: Option<usize>,
+        base_from_flange: &Pose,
+        near: &Joints,
+    ) -> Result<Joints, Unreachable> {
+        let (Some(branch), Some(form)) = (branch, self.closed_form()) else {
+            return self.inverse_near_unlimited(base_from_flange, near);
+        };
+        let solution = self.inverse(base_from_flange, near)?[branch];
+        let by_mm = || 1e3 * form.out_of_reach(base_from_flange, Branch::ALL[branch].rear);
+        solution.map(|motor| self.nearest_turns(&motor, near)).ok_or_else(|| Unreachable::OutOfReach { by_mm: by_mm() })
     }
 
     /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.

@@ -7,6 +7,8 @@ use nalgebra::{Unit, Vector3};
 
 /// Resolutions, mm.
 const SPACINGS: [f64; 4] = [1.5, 1.0, 0.5, 0.25];
+/// Where a finer one shows nothing more.
+const COARSE: [f64; 2] = [1.0, 0.5];
 const DEPTH: f64 = 6.0;
 /// Path of the cutter's centre about a pocket, mm; all of its inside is cleared too.
 const POCKET: [[f64; 2]; 2] = [[14.0, 14.0], [34.0, 30.0]];
@@ -18,7 +20,7 @@ fn tilted(x: f64, y: f64, z: f64, turn: f64) -> ToolPose {
 }
 
 fn stock(spacing: f64, moves: &[[ToolPose; 2]]) -> Stock {
-    let mut stock = Stock::new(block(48.0, 44.0, 20.0), spacing * MM);
+    let mut stock = Stock::new(block(48.0, 44.0, 8.0), spacing * MM);
     let coefficients = super::coefficients();
     let front = Front::new(&cutter(2.0 * RADIUS, 0.0), &coefficients);
     for [from, to] in moves {
@@ -56,7 +58,7 @@ fn off(map: &[(Vector3<f64>, f64)], wanted: impl Fn(&Vector3<f64>) -> Option<f64
 #[test]
 fn upright_walls_are_measured_across() {
     for spacing in SPACINGS {
-        for shift in [0.96, -0.96, 0.2, -0.2] {
+        for shift in [0.96, -0.96] {
             let programmed = stock(spacing, &passes(&[18.0, 24.0], 0.0));
             // The wall on the right stands further to the left, or to the right.
             let actual = stock(spacing, &passes(&[18.0, 24.0 - shift], 0.0));
@@ -81,7 +83,7 @@ fn upright_walls_are_measured_across() {
 #[test]
 fn leaning_walls_are_measured_across() {
     let turn = 5.0_f64.to_radians();
-    for spacing in SPACINGS {
+    for spacing in COARSE {
         for shift in [0.96, -0.96, 0.2, -0.2] {
             let programmed = stock(spacing, &passes(&[18.0, 24.0], turn));
             let actual = stock(spacing, &passes(&[18.0, 24.0 - shift / turn.cos()], turn));
@@ -102,7 +104,7 @@ fn pocket_corners_are_measured_to_the_nearest_wall() {
     let [[left, near], [right, far]] = POCKET;
     for shift in [[0.3, 0.4], [-0.7, 0.25]] {
         let mut largest = Vec::new();
-        for spacing in SPACINGS {
+        for spacing in COARSE {
             let (programmed, actual) = (stock(spacing, &pocket([0.0; 2])), stock(spacing, &pocket(shift)));
             // At half the height walls alone are near: a rectangle grown by the radius, about which distances are known.
             let walls = |at: &Vector3<f64>| {
@@ -127,7 +129,7 @@ fn pocket_corners_are_measured_to_the_nearest_wall() {
 
 #[test]
 fn a_floor_left_over_is_measured_down_to_the_floor() {
-    for spacing in SPACINGS {
+    for spacing in COARSE {
         let programmed = stock(spacing, &passes(&[18.0, 24.0], 0.0));
         let lift = |pose: ToolPose| ToolPose { tip: pose.tip + Vector3::new(0.0, 0.0, 0.3 * MM), ..pose };
         let lifted: Vec<_> = passes(&[18.0, 24.0], 0.0).into_iter().map(|pair| pair.map(lift)).collect();
