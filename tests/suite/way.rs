@@ -219,7 +219,12 @@ fn a_correction_and_its_judgement_agree_on_every_way() {
 }
 
 /// What is found on the ways of a program, whose cell has these keys in place of wide limits; `None` of one that is refused.
-fn found(text: &str, start: &[f64; 6], (min, max): (&[f64; 6], &[f64; 6]), speed: Option<[f64; 6]>) -> Vec<WayFinding> {
+fn found(
+    text: &str,
+    start: &[f64; 6],
+    (min, max): (&[f64; 6], &[f64; 6]),
+    speed: Option<[f64; 6]>,
+) -> Option<Vec<WayFinding>> {
     let speed = speed.map_or_else(String::new, |speed| format!("axis_speed_deg_s = {speed:?}\n"));
     let limits = format!("axis_min_deg = {min:?}\naxis_max_deg = {max:?}\n{speed}");
     let cell = CELL
