@@ -126,11 +126,11 @@ class Correction(_Run):
             return
         if target.exists() and not target.is_dir():
             raise NotADirectoryError(f"{target} is a file: the program has {len(self.files)}, which need a folder")
-        self._write_into(target, self.files)
+        self.write_into(target, self.files)
 
-    def _write_into(self, folder: Path, files: Mapping[str, bytes]) -> None:
-        """Writes files into a folder as one set."""
-        paths = [(folder / name, data) for name, data in files.items()]
+    def write_into(self, folder: str | os.PathLike[str], files: Mapping[str, bytes]) -> None:
+        """Writes files by their names into a folder, which is made where missing, as one set: all or none."""
+        paths = [(Path(folder) / name, data) for name, data in files.items()]
         for path, _ in paths:
             path.parent.mkdir(parents=True, exist_ok=True)
         self._done.write(paths, [])

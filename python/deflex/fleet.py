@@ -141,7 +141,7 @@ def _compensate(
 
 def _place(done: Correction, folder: FilePath) -> None:
     report = str(FilePath(next(iter(done.files))).with_suffix(".report.csv"))
-    done._write_into(folder, {**done.files, report: done.csv.encode()})
+    done.write_into(folder, {**done.files, report: done.csv.encode()})
 
 
 def _identify(
