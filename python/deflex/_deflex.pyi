@@ -105,12 +105,19 @@ class Cell:
         tool: str | None = None,
         wobj: str | None = None,
         units: dict[str, npt.ArrayLike] | None = None,
+        travel: npt.ArrayLike | None = None,
+        velocity: npt.ArrayLike | None = None,
+        time_s: npt.ArrayLike | None = None,
+        temperature_c: npt.ArrayLike | None = None,
+        cut_m: npt.ArrayLike | None = None,
     ) -> _Array:
         """Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
 
         `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the
         axes of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one
-        for all by the unit's name, mm or degrees. Raises `DeflexError` where one that matters is not given, or beyond its limits.
+        for all by the unit's name, mm or degrees. Effects may ask for more, an array or one row or value for all: `travel` (N, 6),
+        how each axis moved into the pose (signs count); `velocity` (N, 3) of the TCP, mm/s; `time_s`, `temperature_c` and `cut_m`,
+        the length cut (N,). Raises `DeflexError` where something that matters is not given, or a unit is beyond its limits.
         """
 
 @final
@@ -256,7 +263,7 @@ def plan(
     rows: int,
     pool: Sequence[Program],
     after: str | None,
-    name: str,
+    written: tuple[str, str | None, str],
     progress: Callable[[int, int], object] | None,
 ) -> Planned: ...
 def cutting_force(

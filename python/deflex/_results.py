@@ -191,7 +191,7 @@ class Identification:
 
     @cached_property
     def residuals(self) -> Report:
-        """Residuals row by row, by column, in mm: the very figures of the command's `--report`."""
+        """Residuals row by row, by column, in mm: the very figures of the command's `--report`, and `target`, 0 between targets."""
         return self._found.residuals
 
     @property

@@ -183,13 +183,16 @@ def plan(
     pool: Iterable[AnyProgram] = (),
     after: Identification | None = None,
     name: str = "plan",
+    post: Literal["rapid", "krl", "ls"] | None = None,
+    ask: Literal["never", "load", "target"] = "never",
     progress: Progress | None = None,
 ) -> Planned:
     """Plans what to measure, so that effects can be told apart: `deflex plan`.
 
     The cell's `[plan]` says where the tool may go, which loads can be applied and what is measured with; `rows` (8 to 500) is how
     many places are measured. `pool` are programs whose targets are the places to choose from; `after` an identification whose
-    open questions the rows are to settle; `name` is the program's. `progress(done, total)` is told parts of the work.
+    open questions the rows are to settle; `name` is the program's, `post` its language where it is not that of the cell's
+    controller, and `ask` when it stops for the operator. `progress(done, total)` is told parts of the work.
 
     Raises `DeflexError` where the command ends with exit code 2.
     """
@@ -197,7 +200,7 @@ def plan(
         raise ValueError(f"rows is {rows!r}, expected 8 to 500")
     undecided = None if after is None else json.dumps(after.json)
     programs = [_program(program) for program in pool]
-    return Planned(_deflex.plan(_cell(cell), rows, programs, undecided, name, progress))
+    return Planned(_deflex.plan(_cell(cell), rows, programs, undecided, (name, post, ask), progress))
 
 
 def cutting_force(

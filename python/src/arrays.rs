@@ -35,6 +35,12 @@ pub(crate) fn rows<const N: usize>(name: &str, array: &Rows<'_>) -> PyResult<Vec
     Ok(all)
 }
 
+/// Rows of `N` numbers each, as many as `count`: one row given stands for all.
+pub(crate) fn rows_for<const N: usize>(name: &str, array: &Rows<'_>, count: usize) -> PyResult<Vec<[f64; N]>> {
+    let all = rows::<N>(name, array)?;
+    Ok(if let [one] = all[..] { vec![one; count] } else { all })
+}
+
 /// A number for each row, or one for all.
 pub(crate) fn column(values: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<f64>> {
     match values.extract::<f64>() {
@@ -80,17 +86,30 @@ pub(crate) fn shaped<'py, D: numpy::ndarray::IntoDimension>(
     numbers.into_pyarray(py).reshape(shape)
 }
 
+/// An array that cannot be written to: a report is kept, and given again.
+fn kept<'a, 'py>(array: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyAny>> {
+    array.getattr("flags")?.setattr("writeable", false)?;
+    Ok(array)
+}
+
+/// Counts as a column of a report.
+pub(crate) fn whole(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
+    let array = PyArray1::from_vec(py, values).into_any();
+    kept(&array)?;
+    Ok(array)
+}
+
 /// The columns of a report by their names.
 pub(crate) fn report<'py>(py: Python<'py>, csv: &[u8]) -> PyResult<Bound<'py, PyDict>> {
     let all = work::detached(py, || columns(csv)).or_raise(py)?;
     let report = PyDict::new(py);
     for Column { name, values, .. } in all {
         match values {
-            ColumnValues::Whole(values) => report.set_item(name, PyArray1::from_vec(py, values))?,
-            ColumnValues::Number(values) => report.set_item(name, PyArray1::from_vec(py, values))?,
+            ColumnValues::Whole(values) => report.set_item(name, whole(py, values)?)?,
+            ColumnValues::Number(values) => report.set_item(name, kept(PyArray1::from_vec(py, values).as_any())?)?,
             ColumnValues::Text(values) => {
                 let array = py.import("numpy")?.call_method1("array", (values, "str"))?;
-                report.set_item(name, array)?;
+                report.set_item(name, kept(&array)?)?;
             }
         }
     }

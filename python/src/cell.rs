@@ -1,9 +1,9 @@
-use crate::arrays::{Rows, column, rows, shaped};
+use crate::arrays::{Rows, column, rows, rows_for, shaped};
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::robot::Robot;
 use crate::work;
 use deflex::cli::held::CellFile;
-use deflex::correct::{Standing, external_of, predict_poses, tool_of};
+use deflex::correct::{ArmState, Standing, external_of, predict_poses, tool_of};
 use deflex::robot::{PoseMatrix, pose_matrix};
 use deflex::text::Source;
 use numpy::{PyArray2, PyArray3};
@@ -91,13 +91,16 @@ impl Cell {
         self.file.cell().units.all().iter().map(|unit| &*unit.name).collect()
     }
 
-    #[pyo3(signature = (q, forces = None, *, tool = None, wobj = None, units = None))]
-    #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts it
+    #[pyo3(signature = (q, forces = None, *, tool = None, wobj = None, units = None, travel = None, velocity = None,
+                        time_s = None, temperature_c = None, cut_m = None))]
+    #[allow(clippy::needless_pass_by_value, clippy::too_many_arguments)] // as PyO3 extracts them, and Python names them
     /// Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
     ///
     /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the axes
     /// of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one for
-    /// all by the unit's name, mm or degrees. Raises `DeflexError` where one that matters is not given, or beyond its limits.
+    /// all by the unit's name, mm or degrees. Effects may ask for more, an (N, …) array or one row or value for all: `travel`
+    /// (N, 6), how each axis moved into the pose (signs count); `velocity` (N, 3) of the TCP, mm/s; `time_s`, `temperature_c` and
+    /// `cut_m`, the length cut (N,). Raises `DeflexError` where something that matters is not given, or a unit is beyond its limits.
     ///
     /// >>> import deflex, numpy
     /// >>> cell = deflex.Cell.read("samples/slot/cell.toml")
@@ -113,8 +116,24 @@ impl Cell {
         tool: Option<&str>,
         wobj: Option<&str>,
         units: Option<Bound<'py, PyDict>>,
+        travel: Option<Rows<'py>>,
+        velocity: Option<Rows<'py>>,
+        time_s: Option<Bound<'py, PyAny>>,
+        temperature_c: Option<Bound<'py, PyAny>>,
+        cut_m: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let q = rows::<6>("q", &q)?;
+        let travel = travel.map(|travel| rows_for::<6>("travel", &travel, q.len())).transpose()?;
+        let velocity = velocity.map(|velocity| rows_for::<3>("velocity", &velocity, q.len())).transpose()?;
+        let values = |values: Option<Bound<'py, PyAny>>| values.map(|values| column(&values, q.len())).transpose();
+        let (time_s, temperature_c, cut_m) = (values(time_s)?, values(temperature_c)?, values(cut_m)?);
+        let state = ArmState {
+            travel: travel.as_deref(),
+            velocity_mm_s: velocity.as_deref(),
+            time_s: time_s.as_deref(),
+            temperature_c: temperature_c.as_deref(),
+            cut_m: cut_m.as_deref(),
+        };
         let forces = match forces {
             Some(forces) => rows::<3>("forces", &forces)?,
             None => vec![[0.0; 3]; q.len()],
@@ -133,7 +152,7 @@ impl Cell {
         };
         let units: Vec<(&str, &[f64])> = units.iter().map(|(name, at)| (&**name, &**at)).collect();
         let external = external_of(self.file.cell(), &units, count).or_raise(py)?;
-        let standing = Standing { wobj, external: &external };
+        let standing = Standing { wobj, external: &external, state };
         let found =
             work::detached(py, || predict_poses(self.file.cell(), &tool, &q, &forces, standing)).or_raise(py)?;
         let poses: Vec<PoseMatrix> = work::detached(py, || {

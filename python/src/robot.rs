@@ -2,7 +2,7 @@ use crate::arrays::{Matrices, Rows, matrices, rows, shaped};
 use crate::work;
 use deflex::cutting::{Coefficients, Cutter, Engagement, Mode, materials, mean_forces};
 use deflex::equilibrium::Arm;
-use deflex::robot::{self, BUILTIN, Joints, Pose, Unreachable, pose_of_matrix};
+use deflex::robot::{self, BUILTIN, Builtin, Joints, Pose, Unreachable, pose_of_matrix};
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -17,7 +17,7 @@ pub(crate) struct Robot {
 
 impl Robot {
     pub(crate) fn of(arm: &Arm) -> Self {
-        Self { robot: arm.robot.clone(), stiffness: arm.stiffness, start_deg: [0.0; 6] }
+        Self { robot: arm.robot.clone(), stiffness: arm.stiffness, start_deg: arm.robot.home_deg() }
     }
 }
 
@@ -35,14 +35,12 @@ impl Robot {
     #[new]
     #[pyo3(signature = (model))]
     fn new(model: &str) -> PyResult<Self> {
-        let found = BUILTIN.iter().find(|builtin| builtin.model == model);
-        let unknown = || {
-            let near = deflex::cell::nearest(model, BUILTIN.iter().map(|builtin| &*builtin.model));
-            let meant = near.map_or_else(String::new, |near| format!(", did you mean {near:?}?"));
+        let unknown = |near: Vec<&Builtin>| {
+            let meant = near.first().map_or_else(String::new, |near| format!(", did you mean {:?}?", near.model));
             PyValueError::new_err(format!("{model:?} is no built-in robot{meant}"))
         };
-        let builtin = found.ok_or_else(unknown)?;
-        Ok(Self { robot: builtin.robot(), stiffness: None, start_deg: [0.0; 6] })
+        let robot = Builtin::named(model).map_err(unknown)?.robot();
+        Ok(Self { start_deg: robot.home_deg(), robot, stiffness: None })
     }
 
     /// Models that need no kinematics in a cell file.

@@ -1,10 +1,11 @@
-use crate::arrays::report;
+use crate::arrays::{report, whole};
 use crate::cell::Cell;
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::program::Program;
 use crate::work;
 use deflex::cli::held::{self, CellFile, MeasuredFile, ProgramFiles, Run};
 use deflex::correct::{Correct, PostOptions};
+use deflex::identify::{Ask, PlanProgram};
 use deflex::measured::ColumnNames;
 use deflex::program::Language;
 use deflex::report::{identify_text, plan_text, residual_csv, summary_line};
@@ -240,7 +241,10 @@ impl Found {
 
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        report(py, residual_csv(&self.found.found.residuals).as_bytes())
+        let residuals = report(py, residual_csv(&self.found.found.residuals).as_bytes())?;
+        let targets = self.found.found.residuals.iter().map(|row| row.target.map_or(0, i64::from)).collect();
+        residuals.set_item("target", whole(py, targets)?)?;
+        Ok(residuals)
     }
 
     #[pyo3(signature = (name = "cell.toml"))]
@@ -387,9 +391,16 @@ pub(crate) fn plan(
     rows: usize,
     pool: Vec<PyRef<'_, Program>>,
     after: Option<String>,
-    name: String,
+    written: (String, Option<String>, String),
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Planned> {
+    let (name, post, ask) = written;
+    let post = post.and_then(|post| Language::ALL.into_iter().find(|known| known.word() == post));
+    let ask = match &ask[..] {
+        "load" => Ask::Load,
+        "target" => Ask::Target,
+        _ => Ask::Never,
+    };
     let pool: Vec<ProgramFiles> = pool.iter().map(|program| program.files.as_ref().clone()).collect();
     let cell = Arc::clone(&cell.file);
     let planned = work::run(py, (progress.as_ref(), STEPS), move |follow| {
@@ -398,7 +409,9 @@ pub(crate) fn plan(
             follow(0, steps(share));
         };
         let after = after.map(|json| Source::new("<identification>", json));
-        held::plan(&cell, rows, &pool, after.as_ref(), &name, &tell)
+        let language = post.or(cell.cell().language).unwrap_or(Language::Rapid);
+        let program = PlanProgram { name: &name, language, ask };
+        held::plan(&cell, rows, &pool, after.as_ref(), program, &tell)
     })?;
     Ok(Planned { planned })
 }

@@ -4,7 +4,7 @@
 //! that end with a backslash go on. Lengths are m and angles rad; an attribute that is not there has its default, so that a base
 //! frame without any is that of the world. ABB, *Technical reference manual: System parameters* (3HAC050948-001), topic Motion.
 
-use super::template::{Frames, backup_cell, comment, quoted};
+use super::template::{Frames, backup_cell, comment, quoted, start_line};
 use super::unit::AXES;
 use crate::program::rapid::declared_frames;
 use crate::program::{Tool, ToolData, Wobj};
@@ -48,7 +48,7 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
     let others: Vec<&str> = robots.map(name).collect();
     let kind = &robot["use_robot_type"];
     let (builtin, sure) = match model {
-        Some(model) => (BUILTIN.iter().find(|builtin| builtin.model.eq_ignore_ascii_case(model)), true),
+        Some(model) => (Builtin::named(model).ok(), true),
         None => of_type(kind),
     };
     let Some(builtin) = builtin else {
@@ -62,7 +62,7 @@ pub fn backup_template(moc: &Source, modules: &[Source], model: Option<&str>) ->
     if !others.is_empty() {
         let _ = writeln!(head, "# other robots of the backup: {}", others.join(", "));
     }
-    head += "# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say\n";
+    head += &start_line(&builtin.robot());
     let units = cfg.units(robot);
     let under = units.iter().find(|unit| unit.carries_robot);
     let base = under.map_or_else(Pose::identity, |unit| unit.frame) * frame(robot);

@@ -1,6 +1,7 @@
 //! Checks of values with messages at the key's place in the file.
 
 use super::nearest;
+use crate::program::orientation::quaternion_of_zyx_deg;
 use crate::robot::Pose;
 use crate::text::{Diagnostic, Severity, Source, Span};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
@@ -19,6 +20,16 @@ pub(super) struct Check<'a> {
     pub(super) errors: Vec<Diagnostic>,
     /// What is possible and yet seldom meant.
     pub(super) warnings: Vec<Diagnostic>,
+}
+
+/// An orientation as a cell file may give it: by one of these.
+pub(super) struct Turn {
+    /// Quaternion, scalar first.
+    pub(super) quat: Option<[f64; 4]>,
+    /// KUKA's A, B, C: about z, the turned y, the turned x.
+    pub(super) abc_deg: Option<[f64; 3]>,
+    /// FANUC's W, P, R: about fixed x, y, z.
+    pub(super) wpr_deg: Option<[f64; 3]>,
 }
 
 impl<'a> Check<'a> {
@@ -92,6 +103,23 @@ impl<'a> Check<'a> {
                 "a quaternion is [q1, q2, q3, q4], scalar first",
             );
         }
+    }
+
+    /// The quaternion of an orientation, given by one of three keys of `key` that begin with `name`; `None` where none is there.
+    pub(super) fn turn(&mut self, key: &str, name: &str, turn: Turn) -> Option<[f64; 4]> {
+        let Turn { quat, abc_deg, wpr_deg } = turn;
+        let given = [("quat", quat.is_some()), ("abc_deg", abc_deg.is_some()), ("wpr_deg", wpr_deg.is_some())];
+        let given: Vec<String> =
+            given.iter().filter(|(_, given)| *given).map(|(ending, _)| format!("{name}_{ending}")).collect();
+        if let [_, second, ..] = &given[..] {
+            let message = format!("{key}: {} say the same orientation", given.join(" and "));
+            self.error(&format!("{key}.{second}"), message, "keep one of them");
+        }
+        if let Some(deg) = abc_deg.or(wpr_deg) {
+            self.finite(&format!("{key}.{}", given[0]), &deg);
+        }
+        let angles = abc_deg.or(wpr_deg.map(|[w, p, r]| [r, p, w]));
+        quat.or(angles.map(quaternion_of_zyx_deg))
     }
 
     /// The frame (m) that two keys of `key` give.

@@ -31,6 +31,7 @@ pub use urdf::{Described, described};
 
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
+use crate::measured::ColumnNames;
 use crate::program::Language;
 use crate::program::cl::ClOptions;
 use crate::program::post::Templates;
@@ -77,6 +78,10 @@ pub struct Cell {
     pub part: Option<PartSection>,
     /// `[plan]`, where present.
     pub plan: Option<PlanSection>,
+    /// `[measured] columns`: what the shop's measured files and tables of forces call their columns.
+    pub columns: Option<ColumnNames>,
+    /// What the robot's controller runs, where the cell tells it.
+    pub language: Option<Language>,
 }
 
 /// `[limits]`: what would surprise the machine, m.

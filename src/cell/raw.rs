@@ -18,6 +18,7 @@ pub(super) struct Cell {
     pub(super) stock: Option<Stock>,
     pub(super) part: Option<Part>,
     pub(super) plan: Option<Plan>,
+    pub(super) measured: Option<Measured>,
     #[serde(default)]
     pub(super) unit: Vec<Unit>,
     #[serde(default)]
@@ -31,6 +32,8 @@ pub(super) struct Robot {
     pub(super) start_deg: Option<[f64; 6]>,
     pub(super) base_mm: Option<[f64; 3]>,
     pub(super) base_quat: Option<[f64; 4]>,
+    pub(super) base_abc_deg: Option<[f64; 3]>,
+    pub(super) base_wpr_deg: Option<[f64; 3]>,
     pub(super) kinematics: Option<Kinematics>,
     pub(super) stiffness: Option<Stiffness>,
 }
@@ -98,6 +101,8 @@ pub(super) struct Controller {
 pub(super) struct Tool {
     pub(super) tcp_mm: Option<[f64; 3]>,
     pub(super) tcp_quat: Option<[f64; 4]>,
+    pub(super) tcp_abc_deg: Option<[f64; 3]>,
+    pub(super) tcp_wpr_deg: Option<[f64; 3]>,
     #[serde(default)]
     pub(super) mass_kg: f64,
     #[serde(default)]
@@ -112,8 +117,12 @@ pub(super) struct Tool {
 pub(super) struct Wobj {
     pub(super) uframe_mm: Option<[f64; 3]>,
     pub(super) uframe_quat: Option<[f64; 4]>,
+    pub(super) uframe_abc_deg: Option<[f64; 3]>,
+    pub(super) uframe_wpr_deg: Option<[f64; 3]>,
     pub(super) oframe_mm: Option<[f64; 3]>,
     pub(super) oframe_quat: Option<[f64; 4]>,
+    pub(super) oframe_abc_deg: Option<[f64; 3]>,
+    pub(super) oframe_wpr_deg: Option<[f64; 3]>,
     pub(super) unit: Option<String>,
 }
 
@@ -196,6 +205,8 @@ pub(super) struct Unit {
     pub(super) direction: Option<[f64; 3]>,
     pub(super) base_mm: Option<[f64; 3]>,
     pub(super) base_quat: Option<[f64; 4]>,
+    pub(super) base_abc_deg: Option<[f64; 3]>,
+    pub(super) base_wpr_deg: Option<[f64; 3]>,
     pub(super) on: Option<String>,
     pub(super) min: Option<f64>,
     pub(super) max: Option<f64>,
@@ -234,4 +245,11 @@ pub(super) struct Plan {
     pub(super) effect_mm: f64,
     #[serde(default)]
     pub(super) effects: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Measured {
+    #[serde(default)]
+    pub(super) columns: BTreeMap<String, String>,
 }

@@ -1,6 +1,6 @@
 //! From the file to a checked [`Cell`].
 
-use super::check::Check;
+use super::check::{Check, Turn};
 use super::cl::cl;
 use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
@@ -8,7 +8,9 @@ use super::{Cell, Controller, CorrectionLimits, PartSection, nearest, plausible,
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::limits::{FRAMES, UNITS};
-use crate::robot::{Axes, BUILTIN, DhRow, Joints, Limits, Pose, Robot, Units};
+use crate::measured::ColumnNames;
+use crate::program::Language;
+use crate::robot::{Axes, Builtin, DhRow, Joints, Limits, Pose, Robot, Units};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
@@ -104,6 +106,8 @@ impl Cell {
         if let Some(violation) = robot.as_ref().zip(start).and_then(|(robot, start)| robot.limit_violation(&start)) {
             check.error("robot.start_deg", format!("robot.start_deg: {violation}"), "start within the axis limits");
         }
+        let language = language(&raw);
+        let columns = raw.measured.as_ref().and_then(|measured| columns(&mut check, &measured.columns));
         plausible::check(&mut check, &raw, robot.as_ref());
         match robot {
             Some(robot) if check.errors.is_empty() => Ok(Self {
@@ -120,6 +124,8 @@ impl Cell {
                 cut,
                 notes: check.warnings,
                 stock,
+                language,
+                columns,
                 units,
                 part: raw.part.map(|part| PartSection { stl: part.stl, mesh: None }),
                 plan,
@@ -132,14 +138,48 @@ impl Cell {
     }
 }
 
+/// What `[measured] columns` says.
+fn columns(check: &mut Check, names: &BTreeMap<String, String>) -> Option<ColumnNames> {
+    match ColumnNames::of_cell(names) {
+        Ok(columns) => (!names.is_empty()).then_some(columns),
+        Err((name, help)) => {
+            let message = format!("measured.columns: there is no column `{name}`");
+            check.error(&format!("measured.columns.{name}"), message, help);
+            None
+        }
+    }
+}
+
+/// The language of the controller, as far as the cell tells it: by the model's maker, else by how it counts axis 3 or names
+/// tools and work objects.
+fn language(raw: &raw::Cell) -> Option<Language> {
+    if let Ok(builtin) = Builtin::named(&raw.robot.model) {
+        return builtin.language();
+    }
+    let names = || raw.tools.keys().chain(raw.wobjs.keys()).map(|name| name.to_ascii_uppercase());
+    let begins = |with: [&str; 2]| names().any(|name| with.iter().any(|with| name.starts_with(with)));
+    let coupled = raw.robot.kinematics.as_ref().is_some_and(|own| own.coupled_23);
+    if coupled || begins(["UT ", "UF "]) {
+        return Some(Language::Ls);
+    }
+    begins(["TOOL_DATA[", "BASE_DATA["]).then_some(Language::Krl)
+}
+
 fn robot(check: &mut Check, raw: &raw::Robot) -> Option<Robot> {
     let identity = [1.0, 0.0, 0.0, 0.0];
-    let (base_mm, base_quat) = (raw.base_mm.unwrap_or_default(), raw.base_quat.unwrap_or(identity));
+    let turn = Turn { quat: raw.base_quat, abc_deg: raw.base_abc_deg, wpr_deg: raw.base_wpr_deg };
+    let base_quat = check.turn("robot", "base", turn).unwrap_or(identity);
+    let base_mm = raw.base_mm.unwrap_or_default();
     let world_from_base = check.frame("robot", ["base_mm", "base_quat"], base_mm, base_quat);
     let Some(own) = &raw.kinematics else {
-        let known: Vec<(&str, usize)> = BUILTIN.iter().enumerate().map(|(i, robot)| (&robot.model[..], i)).collect();
-        let index = check.word("robot.model", &raw.model, &known)?;
-        return Some(BUILTIN[index].robot().standing_at(world_from_base));
+        return match Builtin::named(&raw.model) {
+            Ok(builtin) => Some(builtin.robot().standing_at(world_from_base)),
+            Err(near) => {
+                let message = format!("robot.model = \"{}\" is no built-in robot", raw.model);
+                check.error("robot.model", message, Builtin::meant(&near));
+                None
+            }
+        };
     };
     let key = "robot.kinematics";
     let why = "[robot.kinematics] replaces the built-in geometry as a whole";
@@ -245,13 +285,14 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
         check.error(&format!("{key}.mass_kg"), "a mass is not negative", "kg");
     }
     check.finite(&format!("{key}.cog_mm"), &raw.cog_mm);
-    let (tcp_mm, tcp_quat) = match (raw.tcp_mm, raw.tcp_quat) {
+    let turn = Turn { quat: raw.tcp_quat, abc_deg: raw.tcp_abc_deg, wpr_deg: raw.tcp_wpr_deg };
+    let (tcp_mm, tcp_quat) = match (raw.tcp_mm, check.turn(key, "tcp", turn)) {
         (Some(tcp_mm), Some(tcp_quat)) => (tcp_mm, tcp_quat),
         (None, None) => return None,
         (given, _) => {
             let (missing, why) = match given {
-                Some(_) => ("tcp_quat", "a tool with tcp_mm needs its orientation"),
-                None => ("tcp_mm", "a tool with tcp_quat needs its place"),
+                Some(_) => ("tcp_quat", "a tool with tcp_mm needs its orientation (or tcp_abc_deg, tcp_wpr_deg)"),
+                None => ("tcp_mm", "a tool with an orientation needs its place"),
             };
             return check.need(key, missing, None, why);
         }
@@ -267,10 +308,13 @@ fn tool(check: &mut Check, key: &str, raw: &raw::Tool) -> Option<ToolFrame> {
 fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj, units: &Units) -> (Pose, Option<usize>) {
     const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let key = format!("wobjs.{name}");
-    let quat = raw.oframe_quat.unwrap_or(UPRIGHT);
+    let turn = Turn { quat: raw.oframe_quat, abc_deg: raw.oframe_abc_deg, wpr_deg: raw.oframe_wpr_deg };
+    let quat = check.turn(&key, "oframe", turn).unwrap_or(UPRIGHT);
+    let turn = Turn { quat: raw.uframe_quat, abc_deg: raw.uframe_abc_deg, wpr_deg: raw.uframe_wpr_deg };
+    let uframe_quat = check.turn(&key, "uframe", turn);
     let object = check.frame(&key, ["oframe_mm", "oframe_quat"], raw.oframe_mm.unwrap_or_default(), quat);
     let Some(unit) = &raw.unit else {
-        let missing = (raw.uframe_mm.is_none(), raw.uframe_quat.is_none());
+        let missing = (raw.uframe_mm.is_none(), uframe_quat.is_none());
         let why = "the user frame in the world, or `unit`, the mechanical unit that it is on";
         if missing.0 {
             check.need::<()>(&key, "uframe_mm", None, why);
@@ -278,12 +322,12 @@ fn wobj(check: &mut Check, name: &str, raw: &raw::Wobj, units: &Units) -> (Pose,
         if missing.1 {
             check.need::<()>(&key, "uframe_quat", None, why);
         }
-        let (mm, quat) = (raw.uframe_mm.unwrap_or_default(), raw.uframe_quat.unwrap_or(UPRIGHT));
+        let (mm, quat) = (raw.uframe_mm.unwrap_or_default(), uframe_quat.unwrap_or(UPRIGHT));
         return (check.frame(&key, ["uframe_mm", "uframe_quat"], mm, quat) * object, None);
     };
-    if raw.uframe_mm.is_some() || raw.uframe_quat.is_some() {
+    if raw.uframe_mm.is_some() || uframe_quat.is_some() {
         let message = format!("{key}: the user frame is that of unit `{unit}`");
-        check.error(&format!("{key}.unit"), message, "remove uframe_mm and uframe_quat, or `unit`");
+        check.error(&format!("{key}.unit"), message, "remove uframe_mm and its orientation, or `unit`");
     }
     let found = units.named(unit);
     if found.is_none() {

@@ -1,7 +1,8 @@
 use super::Described;
 use crate::effects::KINDS;
+use crate::program::Language;
 use crate::program::orientation::quaternion;
-use crate::robot::{Builtin, Joints, Pose};
+use crate::robot::{Builtin, Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use std::fmt::Write;
 
@@ -11,20 +12,22 @@ const MARK: &str = "# <<";
 /// A commented cell file to start from: it is the cell's once every value marked `# <<` is the cell's own.
 #[must_use]
 pub fn template(robot: &Builtin) -> String {
+    let speech = Speech::of(robot.language());
     let head = format!(
         r#"[robot]
 model = "{model}"     # geometry from: {source}
-# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say
-# base_mm = [0, 0, 0]               # where the base stands in the world
-# base_quat = [1, 0, 0, 0]
+{start}# base_mm = [0, 0, 0]               # where the base stands in the world
+# base_{turn}
 
 # The model's geometry, for a robot that is like it: uncommented, it counts, and `model` is just a name.
 {kinematics}"#,
         model = robot.model,
         source = robot.source,
+        start = start_line(&robot.robot()),
+        turn = speech.upright,
         kinematics = kinematics(robot),
     );
-    cell(&head, &stiffness(robot.stiffness_nm_per_rad), "")
+    cell(&head, &stiffness(robot.stiffness_nm_per_rad), &Frames::examples(speech, ""), speech)
 }
 
 /// The same for a robot that a description (URDF) tells of; `file` is named in it.
@@ -40,7 +43,7 @@ pub fn described_template(described: &Described, file: &str) -> String {
         comment(file),
         comment(&described.tip)
     );
-    head += "# start_deg = [0, 0, 0, 0, 30, 0]   # how the arm stands at the first target, where the program does not say\n";
+    head += &start_line(robot);
     let base = &robot.world_from_base;
     let at = if *base == Pose::identity() { "# " } else { "" };
     let (mm, quat) = ((base.translation.vector * 1e3).as_slice().to_vec(), quaternion(&base.rotation));
@@ -65,28 +68,124 @@ pub fn described_template(described: &Described, file: &str) -> String {
         let (mm, quat) = ((tip.translation.vector * 1e3).as_slice().to_vec(), quaternion(&tip.rotation));
         format!("\n# Link {} of the description, on the flange of the rows above.\n[tools.tip]\ntcp_mm = {mm:?}\ntcp_quat = {quat:?}\n", comment(&described.tip))
     });
-    cell(&head, &stiffness(None), &tool)
+    cell(&head, &stiffness(None), &Frames::examples(&RAPID, &tool), &RAPID)
+}
+
+/// `[robot] start_deg` as a comment: home, which is taken where nothing else says how the arm stands.
+pub(super) fn start_line(robot: &Robot) -> String {
+    let home: Vec<String> = robot.home_deg().iter().map(f64::to_string).collect();
+    format!(
+        "# start_deg = [{}]   # how the arm stands at the first target, where the program does not say\n",
+        home.join(", ")
+    )
+}
+
+/// How a maker's controllers call what a cell file holds of them.
+struct Speech {
+    /// Name of a tool, as its key in `[tools]`.
+    tool: &'static str,
+    /// Name of a work object.
+    wobj: &'static str,
+    /// Key and value of an orientation that turns nothing, behind `tcp_` and its like.
+    upright: &'static str,
+    /// Where the pendant has a tool's frame, its orientation, its mass, its centre of gravity, and a work object's frame.
+    places: [&'static str; 5],
+    /// Further keys of a work object.
+    object: &'static str,
+    /// Templates of `[cl.post]`.
+    post: [&'static str; 2],
+    /// A mechanical unit's name and axis, and who names it so.
+    unit: [&'static str; 3],
+}
+
+const RAPID: Speech = Speech {
+    tool: "tMill",
+    wobj: "wPart",
+    upright: "quat = [1.0, 0.0, 0.0, 0.0]",
+    places: ["tooldata, tframe", "tooldata, tframe", "tooldata, tload", "tooldata, tload", "wobjdata, uframe"],
+    object: "oframe_mm = [0.0, 0.0, 0.0]           # << wobjdata, oframe\n\
+             oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe\n",
+    post: ["rToolChange {number};", "rSpindle {rpm};"],
+    unit: ["STN1", "eax_b", "as ActUnit and ufmec name it"],
+};
+
+const KUKA: Speech = Speech {
+    tool: "\"TOOL_DATA[1]\"",
+    wobj: "\"BASE_DATA[1]\"",
+    upright: "abc_deg = [0.0, 0.0, 0.0]",
+    places: ["TOOL_DATA[1], X Y Z", "TOOL_DATA[1], A B C", "LOAD_DATA[1], M", "LOAD_DATA[1], CM X Y Z", "BASE_DATA[1]"],
+    object: "",
+    post: ["rToolChange({number})", "rSpindle({rpm})"],
+    unit: ["E1", "eax_a", "E1 … E6 are eax_a … eax_f"],
+};
+
+const FANUC: Speech = Speech {
+    tool: "\"UT 1\"",
+    wobj: "\"UF 1\"",
+    upright: "wpr_deg = [0.0, 0.0, 0.0]",
+    places: ["UTOOL 1, X Y Z", "UTOOL 1, W P R", "PAYLOAD", "PAYLOAD CENTER, which the pendant has in cm", "UFRAME 1"],
+    object: "",
+    post: ["CALL TOOLCHG({number})", "CALL SPINDLE({rpm})"],
+    unit: ["GP2", "eax_a", "the motion group"],
+};
+
+impl Speech {
+    /// That of a language; RAPID's for controllers that deflex does not write for.
+    fn of(language: Option<Language>) -> &'static Self {
+        match language {
+            Some(Language::Krl) => &KUKA,
+            Some(Language::Ls) => &FANUC,
+            _ => &RAPID,
+        }
+    }
+
+    /// `[tools.…]` with examples.
+    fn tool_example(&self) -> String {
+        let [frame, turn, mass, centre, _] = self.places;
+        format!(
+            "[tools.{}]\ntcp_mm = [0.0, 0.0, 310.0]      # << {frame}\ntcp_{} # << {turn}\n\
+             mass_kg = 18.0                  # << {mass}\ncog_mm = [0.0, 0.0, 120.0]      # << {centre}\n",
+            self.tool, self.upright
+        )
+    }
+
+    /// `[wobjs.…]` with examples.
+    fn wobj_example(&self) -> String {
+        let frame = self.places[4];
+        format!(
+            "[wobjs.{}]\nuframe_mm = [1000.0, -400.0, 700.0]   # << {frame}\nuframe_{}    # << {frame}\n{}",
+            self.wobj, self.upright, self.object
+        )
+    }
 }
 
 /// Tools and work objects of a cell file, as text, and which of them CL input is for.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Frames {
     pub(super) text: String,
     pub(super) tool: Option<String>,
     pub(super) wobj: Option<String>,
 }
 
+impl Frames {
+    /// Examples of both, and a tool that is known.
+    fn examples(speech: &Speech, tool: &str) -> Self {
+        let text = format!("{}{tool}\n{}", speech.tool_example(), speech.wobj_example());
+        Self { text, tool: None, wobj: None }
+    }
+}
+
 /// The file of a robot that a controller's backup tells of: `head` is all of it up to the stiffness.
 pub(super) fn backup_cell(head: &str, published: Option<[f64; 6]>, frames: &Frames) -> String {
-    let mut own = Frames { text: frames.text.clone(), tool: frames.tool.clone(), wobj: frames.wobj.clone() };
+    let mut own = frames.clone();
     if frames.tool.is_none() {
-        own.text += TOOL;
+        own.text += &RAPID.tool_example();
         own.text.push('\n');
     }
     if frames.wobj.is_none() {
-        own.text += WOBJ;
+        own.text += &RAPID.wobj_example();
     }
-    file(head, &stiffness(published), &own)
+    cell(head, &stiffness(published), &own, &RAPID)
 }
 
 /// Text of somebody else's as a TOML string.
@@ -99,29 +198,13 @@ pub(super) fn comment(text: &str) -> String {
     text.chars().filter(|c| !c.is_control()).collect()
 }
 
-/// What stands for a tool and a work object in every file.
-const TOOL: &str = r#"[tools.tMill]
-tcp_mm = [0.0, 0.0, 310.0]      # << tooldata, tframe
-tcp_quat = [1.0, 0.0, 0.0, 0.0] # << tooldata, tframe
-mass_kg = 18.0                  # << tooldata, tload
-cog_mm = [0.0, 0.0, 120.0]      # << tooldata, tload
-"#;
-const WOBJ: &str = r#"[wobjs.wPart]
-uframe_mm = [1000.0, -400.0, 700.0]   # << wobjdata, uframe
-uframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, uframe
-oframe_mm = [0.0, 0.0, 0.0]           # << wobjdata, oframe
-oframe_quat = [1.0, 0.0, 0.0, 0.0]    # << wobjdata, oframe
-"#;
-
-/// The whole file from what is known of the robot.
-fn cell(head: &str, stiffness: &str, tool: &str) -> String {
-    let frames = format!("{TOOL}{tool}\n{WOBJ}");
-    file(head, stiffness, &Frames { text: frames, tool: None, wobj: None })
-}
-
-fn file(head: &str, stiffness: &str, frames: &Frames) -> String {
-    let (tool, wobj) = (frames.tool.as_deref().unwrap_or("tMill"), frames.wobj.as_deref().unwrap_or("wPart"));
+fn cell(head: &str, stiffness: &str, frames: &Frames, speech: &Speech) -> String {
+    let named = |own: &Option<String>, example: &str| {
+        own.as_ref().map_or_else(|| format!("\"{}\"", example.trim_matches('"')), |own| format!("\"{own}\""))
+    };
+    let (tool, wobj) = (named(&frames.tool, speech.tool), named(&frames.wobj, speech.wobj));
     let frames = &frames.text;
+    let ([tool_change, spindle_on], [unit, axis, unit_named], upright) = (speech.post, speech.unit, speech.upright);
     let mut text = String::new();
     let names: Vec<&str> = KINDS.iter().map(|kind| kind.name).collect();
     let kinds: Vec<String> = names.chunks(7).map(|line| line.join(", ")).collect();
@@ -130,7 +213,8 @@ fn file(head: &str, stiffness: &str, frames: &Frames) -> String {
         text,
         r#"# Cell file of deflex. Every value with "<<" behind it is an example: put in your cell's own, then delete the "<<".
 # As long as one is left, each run says so. What a cell does not need (CL input, tools that programs declare) can go.
-# Units are in the names. Quaternions are [q1, q2, q3, q4], scalar first, as RAPID writes them.
+# Units are in the names. Orientations: `…_quat` = [q1, q2, q3, q4], scalar first, as RAPID writes them; `…_abc_deg` = KUKA's A, B, C;
+# `…_wpr_deg` = FANUC's W, P, R.
 
 {head}
 {stiffness}
@@ -145,9 +229,9 @@ compensates = []                # << "gravity", "geometry": what the controller 
 # Tools and work objects, by the names in the program, that it uses and does not declare; and those of CL input.
 {frames}
 [cl]                            # CL input only
-tool = "{tool}"                  # of [tools]
+tool = {tool}                  # of [tools]
 # tools = {{ "1" = "tRough", "2" = "tFinish" }}   # LOADTL numbers to [tools]; needed where the file has several
-wobj = "{wobj}"                  # of [wobjs]
+wobj = {wobj}                  # of [wobjs]
 units = "mm"                    # << where the file does not say: mm | inch
 point = "tip"                   # << what GOTO names: tip | centre
 spin = "fixed"                  # the TCP's x axis: fixed | feed | towards | stiffest (chosen along the path)
@@ -156,8 +240,8 @@ spin_deg = 0.0
 # external = {{ eax_a = 0.0 }}      # where the mechanical units ([[unit]]) stand, mm or degrees
 # harmless = ["RETRCT"]           # words that do nothing on your machine: listed instead of refused
 # [cl.post]                       # lines of the posted program; what has no line is listed, a tool change is an error
-# tool_change = "rToolChange {{number}};"
-# spindle_on = "rSpindle {{rpm}};"
+# tool_change = "{tool_change}"
+# spindle_on = "{spindle_on}"
 
 [cut]
 force = "mechanistic"           # none | constant | table | mechanistic
@@ -182,7 +266,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 
 # What the cutters meet, where `mode = "stock"` in [cut.engagement] (or in [tools.X.engagement]): the blank, less all that is cut before.
 # [stock]
-# wobj = "wPart"                # in whose axes; left out: the first work object that cuts
+# wobj = {wobj}                # in whose axes; left out: the first work object that cuts
 # box_mm = [[0.0, 0.0, -40.0], [300.0, 200.0, 0.0]]
 # stl = "blank.stl"             # instead of the box: a closed mesh, mm, beside this file
 # resolution_mm = 0.5           # left out: from the smallest cutter
@@ -191,8 +275,8 @@ material = "al7075"             # << a literature value is a start only: calibra
 
 # What besides the robot moves: tracks, positioners (docs/formats.md).
 # [[unit]]
-# name = "STN1"                 # as ActUnit and ufmec name it
-# axis = "eax_b"                # eax_a … eax_f
+# name = "{unit}"                 # {unit_named}
+# axis = "{axis}"                # eax_a … eax_f
 # kind = "rotary"               # rotary: degrees about z of its frame | linear: mm along `direction`
 # carries = "part"              # part | robot
 # min = -360.0
@@ -200,12 +284,12 @@ material = "al7075"             # << a literature value is a start only: calibra
 # max_speed = 90.0              # mm/s or degrees/s
 # free = true                   # where the turn about the tool axis is chosen, so is its position
 # base_mm = [1500.0, 0.0, 600.0]
-# base_quat = [1.0, 0.0, 0.0, 0.0]
+# base_{upright}
 
 # How this shop can measure, for `deflex plan`.
 # [plan]
-# wobj = "wPart"
-# tool = "tMill"
+# wobj = {wobj}
+# tool = {tool}
 # box_mm = [[0.0, 0.0, 0.0], [600.0, 800.0, 250.0]]   # where the TCP may go
 # tilt_deg = 30.0               # how far the tool may lean from the work object's z axis
 # loads_n = [[0.0, 0.0, 0.0], [0.0, 0.0, 300.0]]      # forces on the tool that can be applied, work object axes

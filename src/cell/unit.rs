@@ -1,6 +1,6 @@
 //! `[[unit]]`: mechanical units besides the robot.
 
-use super::check::Check;
+use super::check::{Check, Turn};
 use super::{nearest, raw};
 use crate::robot::{Carries, EXTERNAL_AXES, Unit, UnitKind, Units};
 use nalgebra::Vector3;
@@ -107,7 +107,9 @@ fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Op
             found
         }
     };
-    let (base_mm, base_quat) = (keys.base_mm.unwrap_or_default(), keys.base_quat.unwrap_or([1.0, 0.0, 0.0, 0.0]));
+    let turn = Turn { quat: keys.base_quat, abc_deg: keys.base_abc_deg, wpr_deg: keys.base_wpr_deg };
+    let base_quat = check.turn(key, "base", turn).unwrap_or([1.0, 0.0, 0.0, 0.0]);
+    let base_mm = keys.base_mm.unwrap_or_default();
     let frame = check.frame(key, ["base_mm", "base_quat"], base_mm, base_quat);
     Some(Unit {
         name: keys.name.clone(),

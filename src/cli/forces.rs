@@ -2,7 +2,7 @@
 
 use super::watch::watch;
 use deflex::correct::{Forces, Row, Status};
-use deflex::measured::{Rows, TargetRef};
+use deflex::measured::{ColumnNames, Rows, TargetRef};
 use deflex::program::Program;
 use deflex::text::{Diagnostic, Severity, cannot_read};
 use std::fs::File;
@@ -18,6 +18,8 @@ pub(super) struct ForceFile {
     names: Vec<(String, u32)>,
     /// Size of the largest force, N.
     largest: Option<f64>,
+    /// What is said of the file.
+    notes: Vec<Diagnostic>,
 }
 
 /// The first of some lines, in words; `None` of none.
@@ -98,7 +100,7 @@ impl LeftOut {
 }
 
 impl ForceFile {
-    pub(super) fn read(path: &Path) -> Result<(Self, Forces), Vec<Diagnostic>> {
+    pub(super) fn read(path: &Path, names: Option<&ColumnNames>) -> Result<(Self, Forces), Vec<Diagnostic>> {
         let file = path.display().to_string();
         let input: Box<dyn Read> = if file == "-" {
             Box::new(std::io::stdin().lock())
@@ -106,14 +108,20 @@ impl ForceFile {
             watch(path);
             Box::new(File::open(path).map_err(|error| cannot_read(&file, &error))?)
         };
-        Self::of(file, input)
+        Self::of(file, input, names)
     }
 
     /// What a table says of targets, and what is needed to tell whether it is a program's own.
-    pub(super) fn of(file: String, input: impl Read) -> Result<(Self, Forces), Vec<Diagnostic>> {
+    pub(super) fn of(
+        file: String,
+        input: impl Read,
+        names: Option<&ColumnNames>,
+    ) -> Result<(Self, Forces), Vec<Diagnostic>> {
+        let mut rows = Rows::of_forces(&file, input, names)?;
+        let notes = std::mem::take(&mut rows.notes);
         let (mut errors, mut ordinals, mut names) = (Vec::new(), Vec::new(), Vec::new());
         let (mut nameless, mut largest) = (Vec::new(), None);
-        let forces = Rows::of_forces(&file, input)?.filter_map(|row| match row {
+        let forces = rows.filter_map(|row| match row {
             Ok(row) => {
                 let line = u32::try_from(row.line).unwrap_or(u32::MAX);
                 if row.target.is_none() {
@@ -147,11 +155,15 @@ impl ForceFile {
         errors.extend(twice(&file, ordinals.clone(), |ordinal| ordinal.to_string()));
         let upper = names.iter().map(|(name, line)| (name.to_ascii_uppercase(), *line)).collect();
         errors.extend(twice(&file, upper, |name: &String| format!("`{name}`")));
-        if errors.is_empty() { Ok((Self { file, ordinals, names, largest }, forces)) } else { Err(errors) }
+        if errors.is_empty() { Ok((Self { file, ordinals, names, largest, notes }, forces)) } else { Err(errors) }
     }
 
-    /// A warning where the forces look as if they were in another unit.
-    pub(super) fn doubt(&self) -> Option<Diagnostic> {
+    /// What is said of the file: lines that are skipped, and a warning where the forces look as if they were in another unit.
+    pub(super) fn doubts(&self) -> impl Iterator<Item = Diagnostic> + '_ {
+        self.notes.iter().cloned().chain(self.other_unit())
+    }
+
+    fn other_unit(&self) -> Option<Diagnostic> {
         /// Mean milling forces of robots are tens to some thousands of newtons (Tlusty, Altintas: a chip of 0.1 mm² of
         /// aluminium takes 80 N, of steel 250 N).
         const LEAST_N: f64 = 2.0;

@@ -55,7 +55,8 @@ pub(super) fn run(args: &Identify) -> Outcome {
         message::say(&[identify_text(found)]);
     }
     outputs.commit()?;
-    let notes: Vec<Diagnostic> = examples_left(&cell.source).into_iter().chain(cell.cell.notes.clone()).collect();
+    let notes: Vec<Diagnostic> =
+        examples_left(&cell.source).into_iter().chain(cell.cell.notes.clone()).chain(done.notes.clone()).collect();
     message::print(&notes, args.common.quiet);
     Ok(Answer::Yes)
 }

@@ -3,16 +3,15 @@
 use super::args::Init;
 use super::output::{Outputs, print};
 use super::{Answer, Outcome};
-use deflex::cell::{backup_template, described, described_template, nearest, template};
-use deflex::robot::BUILTIN;
+use deflex::cell::{backup_template, described, described_template, template};
+use deflex::robot::Builtin;
 use deflex::text::{Diagnostic, Source};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Init) -> Outcome {
-    if args.list {
-        let width = BUILTIN.iter().map(|robot| robot.model.len()).max().unwrap_or(0);
-        let line = |robot: &deflex::robot::Builtin| format!("{:width$}  {}\n", robot.model, robot.source);
-        print(BUILTIN.iter().map(line).collect::<String>().as_bytes())?;
+    if let Some(filter) = &args.list {
+        print(table(&Builtin::listed(filter)).as_bytes())?;
         return Ok(Answer::Yes);
     }
     if let Some(path) = &args.urdf {
@@ -32,22 +31,31 @@ pub(super) fn run(args: &Init) -> Outcome {
         return write(args, &backup_template(&moc, &modules, args.robot.as_deref())?);
     }
     let Some(model) = args.robot.as_deref() else {
-        let models: Vec<&str> = BUILTIN.iter().map(|robot| &robot.model[..]).collect();
-        let help = format!(
-            "give --robot with one of {}; any other robot starts from one of them and gets its own [robot.kinematics]",
-            models.join(", ")
-        );
+        let help = "give --robot MODEL, such as irb120-3-0.58 or kr240-r2900-2; `deflex init --list` shows all built-in \
+                    robots, `--list kr240` those of a name; any other robot starts from one that is like it and gets its \
+                    own [robot.kinematics]";
         return Err(Diagnostic::error("init.robot", "", "which robot is it?").help(help).into());
     };
-    let Some(robot) = BUILTIN.iter().find(|robot| robot.model.eq_ignore_ascii_case(model)) else {
-        let near = nearest(model, BUILTIN.iter().map(|robot| &robot.model[..]));
-        let help = near.map_or_else(
-            || "`deflex init --list` names the built-in robots; any other goes into [robot.kinematics]".to_owned(),
-            |near| format!("did you mean `{near}`? `deflex init --list` names them all"),
-        );
-        return Err(Diagnostic::error("init.robot", "", format!("no built-in robot `{model}`")).help(help).into());
-    };
+    let robot = Builtin::named(model).map_err(|near| {
+        Diagnostic::error("init.robot", "", format!("no built-in robot `{model}`")).help(Builtin::meant(&near))
+    })?;
     write(args, &template(robot))
+}
+
+/// Robots as a table, the model first.
+fn table(robots: &[&Builtin]) -> String {
+    let width = |column: fn(&Builtin) -> &str, title: &str| {
+        robots.iter().map(|robot| column(robot).chars().count()).chain([title.len()]).max().unwrap_or(0)
+    };
+    let (model, maker) = (width(|robot| &robot.model, "model"), width(|robot| &robot.maker, "maker"));
+    let mut text = format!("{:model$}  {:maker$}  payload kg  reach mm  source\n", "model", "maker");
+    for robot in robots {
+        let Builtin { payload_kg, reach_mm, source, .. } = robot;
+        // Writing to a String cannot fail.
+        let _ =
+            writeln!(text, "{:model$}  {:maker$}  {payload_kg:>10}  {reach_mm:>8}  {source}", robot.model, robot.maker);
+    }
+    text
 }
 
 /// The modules of a backup, task by task, by their names.

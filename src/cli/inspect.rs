@@ -6,7 +6,7 @@ use super::input::{self, Context};
 use super::job::{Job, belongs_to_another};
 use super::output::{Outputs, is_stdout};
 use super::report::pretty;
-use super::{Answer, Outcome, message, progress};
+use super::{Answer, Outcome, progress};
 use deflex::program::{Language, detect, round_trip};
 use deflex::report::{InspectFile, InspectFiles, inspect_table};
 use deflex::text::{Diagnostic, printable_line};
@@ -41,10 +41,11 @@ pub(super) fn run(args: &Inspect) -> Outcome {
         outputs.add(Path::new("-"), inspect_table(&files).as_bytes())?;
     }
     outputs.commit()?;
-    // The table names every refusal; where the one file is refused, its place is worth a look.
-    if let [refusal] = &refusals[..] {
-        message::print(refusal, args.common.quiet);
+    // Nothing was understood.
+    if !files.is_empty() && refusals.iter().all(|refusal| !refusal.is_empty()) {
+        return Err(refusals.concat());
     }
+    // The table names every refusal.
     Ok(Answer::Yes)
 }
 

@@ -7,7 +7,10 @@ use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
 use super::{Answer, Outcome, message, progress};
+use deflex::identify::PlanProgram;
+use deflex::program::Language;
 use deflex::report::plan_text;
+use deflex::text::{Diagnostic, Severity};
 use std::path::Path;
 
 pub(super) fn run(args: &Arguments) -> Outcome {
@@ -24,7 +27,9 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let name = stem.map_or_else(|| "plan".into(), |stem| stem.to_string_lossy().into_owned());
     let bar = progress::shares("planning", args.common.quiet);
     let tell = |share: f64| progress::reached(&bar, share);
-    let done = held::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), &name, &tell);
+    let language = args.post.or(cell.cell.language).unwrap_or(Language::Rapid);
+    let program = PlanProgram { name: &name, language, ask: args.ask.unwrap_or_default().into() };
+    let done = held::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), program, &tell);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;
@@ -47,6 +52,19 @@ pub(super) fn run(args: &Arguments) -> Outcome {
         message::say(&[text]);
     }
     outputs.commit()?;
-    message::print(&cell.cell.notes, args.common.quiet);
+    message::print(&[other_ending(&args.output, language), cell.cell.notes.clone()].concat(), args.common.quiet);
     Ok(Answer::Yes)
+}
+
+/// A note where the name of the program has another language's ending: the controller would not load it.
+fn other_ending(path: &Path, language: Language) -> Vec<Diagnostic> {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let other = |ending: &String| Language::ALL.iter().any(|known| known.endings().contains(&&ending[..]));
+    let wrong = ending.filter(|ending| !language.endings().contains(&&ending[..]) && other(ending));
+    let note = wrong.map(|ending| {
+        let message = format!("the program is {}, and the file is named .{ending}", language.name());
+        let help = format!("name it .{}, or give the language with --post", language.endings()[0]);
+        Diagnostic::error("plan.ending", &path.display().to_string(), message).severity(Severity::Note).help(help)
+    });
+    note.into_iter().collect()
 }

@@ -6,7 +6,8 @@ use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome};
 use deflex::cell::{Cell, EXTERNAL_AXIS_NAMES, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
-use deflex::robot::{EXTERNAL_AXES, External, Joints, Pose, Unit, UnitKind, confdata_of};
+use deflex::program::{Confdata, Config, Language, Status};
+use deflex::robot::{EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -34,8 +35,11 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let world_from_base = cell.units.world_from_base(&cell.arm.robot.world_from_base, &external);
     let base_from_wobj = world_from_base.inv_mul(&world_from_wobj);
     let frames = Frames { cell: &cell, base_from_wobj, flange_from_tcp };
-    let (mut text, mut answer) =
-        if args.joints.is_empty() { frames.joints(&target(&args.target)?)? } else { frames.tcp(&args.joints)? };
+    let (mut text, mut answer) = if args.joints.is_empty() {
+        frames.joints(&target(&args.target, cell.language)?)?
+    } else {
+        frames.tcp(&args.joints)?
+    };
     for unit in cell.units.all() {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "unit {} stands at {} {}", unit.name, external[unit.axis], sign(unit));
@@ -107,15 +111,16 @@ fn named<'a, T>(
 }
 
 /// The TCP that was typed, m.
-fn target(numbers: &[f64]) -> Result<Pose, Vec<Diagnostic>> {
+fn target(numbers: &[f64], language: Option<Language>) -> Result<Pose, Vec<Diagnostic>> {
     let bad = |message: String| {
-        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees";
+        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC)";
         vec![Diagnostic::error("pose.target", "", message).help(help)]
     };
     if numbers.iter().any(|number| !number.is_finite()) {
         return Err(bad("--target: a number is not finite".to_owned()));
     }
     let turn = match *numbers {
+        [_, _, _, w, p, r] if language == Some(Language::Ls) => from_zyx_deg([r, p, w]),
         [_, _, _, a, b, c] => from_zyx_deg([a, b, c]),
         [_, _, _, w, x, y, z] => {
             let norm = (w * w + x * x + y * y + z * z).sqrt();
@@ -160,16 +165,18 @@ impl Frames<'_> {
         let _ = writeln!(text, "FANUC W P R, Yaskawa Rx Ry Rz {}   degrees, about fixed x, y, z", fixed(&[c, b, a], 5));
         let _ = writeln!(text, "Stäubli Rx Ry Rz              {}   degrees, about x, y', z''", fixed(&xyz, 5));
         let _ = writeln!(text, "UR rotation vector            {}   rad", fixed(&vector, 6));
-        let conf = confdata_of(robot, &motor);
-        let _ = writeln!(text, "ABB confdata                    [{},{},{},{}]", conf.cf1, conf.cf4, conf.cf6, conf.cfx);
+        let configuration = Configuration::of(robot, &motor);
+        let (maker, words) = configuration.in_words(self.cell.language);
+        let _ = writeln!(text, "{maker:32}{words}");
         let beyond = robot.limit_violation(&motor).map(|violation| violation.to_string());
         if let Some(beyond) = &beyond {
             let _ = writeln!(text, "beyond a limit: {beyond}");
         }
-        let answer = json!({
+        let mut answer = json!({
             "joints_deg": axes_deg, "position_mm": mm, "quat": quat, "zyx_deg": zyx, "fixed_xyz_deg": [c, b, a], "xyz_deg": xyz,
-            "rotation_vector_rad": vector, "confdata": [conf.cf1, conf.cf4, conf.cf6, conf.cfx], "beyond_limit": beyond,
+            "rotation_vector_rad": vector, "beyond_limit": beyond,
         });
+        configuration.tell(&mut answer);
         Ok((text, answer))
     }
 
@@ -182,17 +189,57 @@ impl Frames<'_> {
                 .help("check the work object, the tool and the robot of the cell")
         })?;
         // Nearest to where the arm starts first.
-        let from = self.cell.start.unwrap_or_else(Joints::zeros);
+        let from = self.cell.start.unwrap_or_else(|| robot.motor_from_axes_deg(&robot.home_deg()));
         ways.sort_by(|a, b| (a - from).norm_squared().total_cmp(&(b - from).norm_squared()));
         let mut text = String::new();
         let mut list = Vec::new();
         for motor in &ways {
-            let (deg, conf) = (robot.axes_deg_from_motor(motor), confdata_of(robot, motor));
-            let _ =
-                writeln!(text, "{}   confdata [{},{},{},{}]", fixed(&deg, 5), conf.cf1, conf.cf4, conf.cf6, conf.cfx);
-            list.push(json!({ "joints_deg": deg, "confdata": [conf.cf1, conf.cf4, conf.cf6, conf.cfx] }));
+            let (deg, configuration) = (robot.axes_deg_from_motor(motor), Configuration::of(robot, motor));
+            let (maker, words) = configuration.in_words(self.cell.language);
+            let _ = writeln!(text, "{}   {maker} {words}", fixed(&deg, 5));
+            let mut way = json!({ "joints_deg": deg });
+            configuration.tell(&mut way);
+            list.push(way);
         }
         Ok((text, json!({ "solutions": list })))
+    }
+}
+
+/// How joints stand, as each maker's controllers write it.
+struct Configuration {
+    quarters: Confdata,
+    status: Status,
+    turns: Config,
+}
+
+impl Configuration {
+    fn of(robot: &Robot, motor: &Joints) -> Self {
+        let quarters = confdata_of(robot, motor);
+        let status = status_of(robot, motor);
+        Self { quarters, status, turns: config_of(robot, motor) }
+    }
+
+    /// The one that the cell's controller writes, and its name.
+    fn in_words(&self, language: Option<Language>) -> (&'static str, String) {
+        match language {
+            Some(Language::Krl) => {
+                let Status { status, turn } = self.status;
+                ("KUKA S, T", format!("S {status}, T {turn}  (S 'B{status:03b}', T 'B{turn:06b}')"))
+            }
+            Some(Language::Ls) => ("FANUC CONFIG", format!("'{}'", self.turns)),
+            _ => {
+                let Confdata { cf1, cf4, cf6, cfx } = self.quarters;
+                ("ABB confdata", format!("[{cf1},{cf4},{cf6},{cfx}]"))
+            }
+        }
+    }
+
+    /// All of them into an answer.
+    fn tell(&self, answer: &mut Value) {
+        let (Confdata { cf1, cf4, cf6, cfx }, Status { status, turn }) = (self.quarters, self.status);
+        answer["confdata"] = json!([cf1, cf4, cf6, cfx]);
+        (answer["status"], answer["turn"]) = (status.into(), turn.into());
+        answer["config"] = self.turns.to_string().into();
     }
 }
 

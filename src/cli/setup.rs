@@ -30,8 +30,10 @@ impl Setup {
         what: What,
         reports: &Reports,
     ) -> Result<Self, Vec<Diagnostic>> {
-        let forces = model.forces.as_deref().map(ForceFile::read).transpose();
-        let (cell, forces) = both(CellFile::read(&model.cell), forces)?;
+        let cell = CellFile::read(&model.cell);
+        let names = cell.as_ref().ok().and_then(|cell| cell.cell.columns.as_ref());
+        let forces = model.forces.as_deref().map(|path| ForceFile::read(path, names)).transpose();
+        let (cell, forces) = both(cell, forces)?;
         let (rows, forces) = forces.unzip();
         let options = Options {
             correct: match what {
@@ -92,7 +94,7 @@ impl Setup {
 
     /// Why a run failed, after what is doubtful about its numbers: often that is why.
     pub(super) fn failed(&self, errors: Vec<Diagnostic>) -> Vec<Diagnostic> {
-        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        let doubt = self.forces.iter().flat_map(ForceFile::doubts);
         self.cell.cell.notes.iter().cloned().chain(doubt).chain(errors).collect()
     }
 
@@ -109,7 +111,7 @@ impl Setup {
                 .severity(deflex::text::Severity::Note)
                 .help("add `[controller] compensates = []`, or name \"gravity\" or \"geometry\"")
         });
-        let doubt = self.forces.as_ref().and_then(ForceFile::doubt);
+        let doubt = self.forces.iter().flat_map(ForceFile::doubts);
         let notes = examples_left(&self.cell.source).into_iter().chain(silent).chain(doubt);
         notes.chain(cell.notes.iter().cloned()).collect()
     }

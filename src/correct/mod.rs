@@ -63,7 +63,7 @@ pub use line::{compensate, predict};
 pub use long::{LaidOut, compensate_long, post_long, predict_long};
 pub use messages::Messages;
 pub use point::Point;
-pub use poses::{Standing, external_of, predict_poses, tool_of};
+pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, Status, Summary};

@@ -4,9 +4,9 @@ use super::parallelism::Parallelism;
 use super::solve::Solver;
 use super::{Point, Prepared};
 use crate::cell::Cell;
-use crate::effects::ToolFrame;
+use crate::effects::{Need, ToolFrame};
 use crate::equilibrium::{EquilibriumError, WarmStart};
-use crate::robot::{EXTERNAL_AXES, External, Joints, Pose};
+use crate::robot::{EXTERNAL_AXES, External, Joints, Pose, Robot};
 use crate::text::Diagnostic;
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -35,6 +35,72 @@ pub struct Standing<'a> {
     pub wobj: Option<&'a str>,
     /// Positions of the external axes pose by pose (mm or degrees), see [`external_of`]; none where the cell has no unit that matters.
     pub external: &'a [External],
+    /// What effects ask for besides posture and force.
+    pub state: ArmState<'a>,
+}
+
+/// How the arm came to poses, and when: for effects that depend on it, a value a pose.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ArmState<'a> {
+    /// How each axis moved into the pose, as the controller counts: signs count, 0 for an axis that has not moved yet.
+    pub travel: Option<&'a [[f64; 6]]>,
+    /// Velocity of the TCP, mm/s, in the axes that poses are in.
+    pub velocity_mm_s: Option<&'a [[f64; 3]]>,
+    /// Time since the start, s.
+    pub time_s: Option<&'a [f64]>,
+    /// Temperature, °C.
+    pub temperature_c: Option<&'a [f64]>,
+    /// Length that the tool has cut, m.
+    pub cut_m: Option<&'a [f64]>,
+}
+
+impl ArmState<'_> {
+    /// Refuses what is not given and an effect of the cell asks for, and what is not of as many poses.
+    fn check(&self, cell: &Cell, poses: usize) -> Result<(), Vec<Diagnostic>> {
+        let given = [
+            ("travel", self.travel.map(<[_]>::len)),
+            ("velocity_mm_s", self.velocity_mm_s.map(<[_]>::len)),
+            ("time_s", self.time_s.map(<[_]>::len)),
+            ("temperature_c", self.temperature_c.map(<[_]>::len)),
+            ("cut_m", self.cut_m.map(<[_]>::len)),
+        ];
+        let mut errors = Vec::new();
+        for effect in &cell.arm.effects {
+            let needs = [
+                effect.follows_travel(),
+                effect.needs().contains(&Need::Speed),
+                effect.needs().contains(&Need::Time),
+                effect.needs().contains(&Need::Temperature),
+                effect.needs().contains(&Need::CutLength),
+            ];
+            for ((name, _), _) in given.iter().zip(needs).filter(|((_, given), needed)| given.is_none() && *needed) {
+                let message = format!("effect `{}` of the cell needs `{name}`", effect.kind());
+                errors.push(Diagnostic::error("poses.state", "", message).help("give it pose by pose, or one for all"));
+            }
+        }
+        for (name, count) in given {
+            if let Some(count) = count.filter(|count| *count != poses) {
+                let message = format!("`{name}` is of {count} poses, and there are {poses}");
+                errors.push(Diagnostic::error("poses.state", "", message).help("give a value for each pose"));
+            }
+        }
+        if errors.is_empty() { Ok(()) } else { Err(errors) }
+    }
+
+    /// Puts a pose's into its point.
+    fn put(&self, i: usize, robot: &Robot, point: &mut Point) {
+        let one = |values: Option<&[f64]>| values.map(|values| values[i]);
+        if let Some(travel) = self.travel {
+            let sign = |moved: f64| if moved == 0.0 { 0.0 } else { moved.signum() };
+            point.travel = robot.motor_from_axes_deg(&travel[i]).map(sign);
+        }
+        if let Some(velocity) = self.velocity_mm_s {
+            point.velocity = Vector3::from(velocity[i]) * 1e-3;
+        }
+        point.time = one(self.time_s).unwrap_or(0.0);
+        point.temperature = one(self.temperature_c);
+        point.cut_length = one(self.cut_m).unwrap_or(0.0);
+    }
 }
 
 /// Positions of external axes, `count` of them, from those of units by their names (mm or degrees); NaN for all others.
@@ -69,11 +135,11 @@ pub fn external_of(cell: &Cell, positions: &[(&str, &[f64])], count: usize) -> R
 }
 
 /// Where the TCP of the loaded arm is (m): at commanded axis angles as the controller counts them (degrees), each under its own
-/// force on the tool at the TCP (N). Poses and forces are in the axes that `standing` says, and units stand as it says. The arm
-/// stands: nothing has a direction of travel.
+/// force on the tool at the TCP (N). Poses and forces are in the axes that `standing` says, and units stand as it says.
 ///
 /// # Errors
-/// A work object that the cell does not declare; a unit that matters whose position is not given. A pose that has no equilibrium
+/// A work object that the cell does not declare; a unit that matters whose position is not given; an effect that needs a
+/// direction of travel, a speed, a time, a temperature or a length cut that is not given. A pose that has no equilibrium
 /// is an error of its own.
 pub fn predict_poses(
     cell: &Cell,
@@ -83,6 +149,7 @@ pub fn predict_poses(
     standing: Standing<'_>,
 ) -> Result<Vec<Result<Pose, EquilibriumError>>, Vec<Diagnostic>> {
     let robot = &cell.arm.robot;
+    standing.state.check(cell, axes_deg.len())?;
     let mounts = standing.wobj.map(|name| mount_in(cell, name, *tool)).transpose()?;
     let nowhere = [f64::NAN; EXTERNAL_AXES];
     let mut points = Vec::with_capacity(axes_deg.len());
@@ -97,6 +164,7 @@ pub fn predict_poses(
         let wobj_from_tcp = moved.setting.base_from_wobj.inverse() * robot.forward(&motor) * tool.flange_from_tcp;
         let mut point = Point::measured(wobj_from_tcp, motor, Joints::zeros());
         point.moved = Some(moved);
+        standing.state.put(i, robot, &mut point);
         if force.iter().any(|component| component.abs() > 0.0) {
             point.set_force(Vector3::from(*force));
         }
@@ -170,6 +238,54 @@ mod tests {
     }
 
     #[test]
+    fn effects_get_what_they_ask_for_or_are_refused() {
+        let text = std::fs::read_to_string("samples/slot/cell.toml").unwrap();
+        let tool_of = |cell: &Cell| tool_of(cell, None).unwrap();
+        let axes = [[0.0, 20.0, 10.0, 15.0, 40.0, -30.0]; 2];
+        let forces = [[0.0, 0.0, 400.0]; 2];
+        let at = |effect: &str, state: ArmState| {
+            let cell = format!("{text}\n[[effect]]\n{effect}\n");
+            let cell = Cell::read(&Source::new("cell.toml", cell.into_bytes())).unwrap();
+            let standing = Standing { state, ..Standing::default() };
+            let found = predict_poses(&cell, &tool_of(&cell), &axes, &forces, standing)?;
+            let [a, b] = [0, 1].map(|i: usize| found[i].as_ref().unwrap().translation.vector);
+            Ok::<f64, Vec<Diagnostic>>((a - b).norm())
+        };
+        let none = ArmState::default();
+        let both = [[0.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.0, 0.0, 0.0]];
+        let (speeds, values) = ([[0.0; 3], [50.0, 0.0, 0.0]], [0.0, 30.0]);
+        for (effect, state, what) in [
+            (
+                "kind = \"backlash\"\nhalf_gap_rad = [0, 1e-4, 0, 0, 0, 0]",
+                ArmState { travel: Some(&both), ..none },
+                "travel",
+            ),
+            (
+                "kind = \"hysteresis\"\nfraction = [0.0, 0.1, 0, 0, 0, 0]",
+                ArmState { travel: Some(&both), ..none },
+                "travel",
+            ),
+            (
+                "kind = \"tracking_lag\"\ntime_s = 0.004",
+                ArmState { velocity_mm_s: Some(&speeds), ..none },
+                "velocity_mm_s",
+            ),
+            ("kind = \"tool_wear\"\nper_m = 0.1", ArmState { cut_m: Some(&values), ..none }, "cut_m"),
+            (
+                "kind = \"stiffness_temperature\"\nper_k = [0.002, 0.002, 0.002, 0.002, 0.002, 0.002]\nreference_c = 20.0",
+                ArmState { temperature_c: Some(&values), ..none },
+                "temperature_c",
+            ),
+        ] {
+            let refused = at(effect, none).unwrap_err();
+            assert!(refused[0].message.contains(&format!("needs `{what}`")), "{refused:?}");
+            assert!(at(effect, state).unwrap() > 1e-6, "{effect}");
+        }
+        let short = ArmState { travel: Some(&both[..1]), ..none };
+        assert!(at("kind = \"backlash\"\nhalf_gap_rad = [0, 1e-4, 0, 0, 0, 0]", short).is_err());
+    }
+
+    #[test]
     fn a_turned_table_and_a_track_that_hangs() {
         let text = std::fs::read_to_string("samples/slot/cell.toml").unwrap();
         let units = "\n[[unit]]\nname = \"TABLE\"\naxis = \"eax_b\"\nkind = \"rotary\"\ncarries = \"part\"\n\
@@ -179,7 +295,7 @@ mod tests {
         let tool = tool_of(&cell, None).unwrap();
         let (axes, force) = ([[0.0, 20.0, 10.0, 15.0, 40.0, -30.0]; 2], [0.0, 0.0, 400.0]);
         let external = external_of(&cell, &[("table", &[0.0, 90.0])], 2).unwrap();
-        let standing = Standing { wobj: Some("wTurned"), external: &external };
+        let standing = Standing { wobj: Some("wTurned"), external: &external, ..Standing::default() };
         let found = predict_poses(&cell, &tool, &axes, &[force; 2], standing).unwrap();
         let base = predict_poses(&cell, &tool, &axes, &[force; 2], Standing::default()).unwrap();
         // The table's frame at zero, turned by hand: x of the table is y of the base at 90 degrees.
@@ -187,7 +303,8 @@ mod tests {
         let [zero, quarter] = [0, 1].map(|i| found[i].as_ref().unwrap().translation.vector);
         assert!((zero - there).norm() < 1e-12 && (quarter - Vector3::new(there.y, -there.x, there.z)).norm() < 1e-12);
         assert!(
-            predict_poses(&cell, &tool, &axes, &[force; 2], Standing { wobj: Some("wTurned"), external: &[] }).is_err()
+            predict_poses(&cell, &tool, &axes, &[force; 2], Standing { wobj: Some("wTurned"), ..Standing::default() })
+                .is_err()
         );
         assert!(external_of(&cell, &[("TABLE", &[200.0, 0.0])], 2).is_err());
         assert!(external_of(&cell, &[("TRACK", &[0.0, 0.0])], 2).is_err());

@@ -169,6 +169,8 @@ pub enum Need {
     Temperature,
     /// Programmed speed.
     Speed,
+    /// Length cut so far.
+    CutLength,
 }
 
 /// What a controller may correct by itself (`[controller] compensates`).

@@ -35,7 +35,7 @@ impl Physics for ToolWear {
 
 impl Effect for ToolWear {
     fn needs(&self) -> &'static [Need] {
-        &[Need::Force]
+        &[Need::Force, Need::CutLength]
     }
 
     fn parameters(&self) -> Vec<Parameter> {

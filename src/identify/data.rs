@@ -65,6 +65,8 @@ pub(super) struct Observation {
     pub(super) point: usize,
     /// Position in the run's order.
     pub(super) order: usize,
+    /// Ordinal of its target, where it is of one.
+    pub(super) target: Option<u32>,
     pub(super) line: u64,
     pub(super) motor: Joints,
     pub(super) travel: Joints,
@@ -195,6 +197,7 @@ impl Problem {
             run,
             point,
             order,
+            target: None,
             line: row.line,
             motor,
             travel,

@@ -416,6 +416,7 @@ impl Engine {
             .iter()
             .map(|row| ResidualRow {
                 run: row.run + 1,
+                target: row.target,
                 line: row.line,
                 block: row.block,
                 held_out: row.held_out,

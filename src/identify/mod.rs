@@ -49,4 +49,4 @@ pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
     SetShare, Unexplained,
 };
-pub use plan::{Plan, PlanInput, PlannedKind, PlannedPair, PlannedRow, plan};
+pub use plan::{Ask, Plan, PlanInput, PlanProgram, PlannedKind, PlannedPair, PlannedRow, plan};

@@ -194,6 +194,8 @@ pub struct Correlate {
 pub struct ResidualRow {
     /// Index of the run, from 1.
     pub run: usize,
+    /// Ordinal of the target that it was measured at; `None` between targets, and where no program was run.
+    pub target: Option<u32>,
     /// Line of the measured file.
     pub line: u64,
     /// Block.

@@ -74,6 +74,9 @@ impl Problem {
             let (motor, travel) = (at.motor, at.travel);
             self.orientations += usize::from(row.quat.is_some());
             self.push(run, point, order, row, motor, travel, seen, &blocks);
+            if let (Some(row), Some(target)) = (self.rows.last_mut(), program.targets.get(point)) {
+                row.target = Some(target.ordinal);
+            }
         }
         self.runs.push(prepared);
         self.devices.push(Device::Known);
@@ -86,11 +89,11 @@ fn clampings(table: Table) -> Vec<Table> {
     if table.rows.windows(2).all(|rows| rows[0].run == rows[1].run) {
         return vec![table];
     }
-    let Table { file, rows, match_mm } = table;
+    let Table { file, rows, match_mm, notes: _ } = table;
     let mut parts: Vec<Table> = Vec::new();
     for row in rows {
         let at = parts.iter().position(|part| part.rows[0].run == row.run).unwrap_or_else(|| {
-            parts.push(Table { file: file.clone(), rows: Vec::new(), match_mm });
+            parts.push(Table { file: file.clone(), match_mm, ..Table::default() });
             parts.len() - 1
         });
         parts[at].rows.push(row);

@@ -3,7 +3,7 @@
 use super::columns::{COLUMNS, FORCE_COLUMNS, Places, wrong};
 use crate::cell::nearest;
 use crate::limits;
-use crate::text::Diagnostic;
+use crate::text::{Diagnostic, Severity};
 use std::cell::Cell;
 
 /// Names that a file has for columns.
@@ -11,6 +11,18 @@ use std::cell::Cell;
 pub struct ColumnNames {
     /// Index of the column, and what the file calls it.
     renamed: Vec<(usize, String)>,
+    /// Who gives them.
+    given: Given,
+}
+
+/// Who says what files call their columns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Given {
+    /// `--columns`, for the files of one call: each of the names must be there.
+    #[default]
+    Call,
+    /// The cell, for all files of a shop: one that has none of the names is read as if none were given.
+    Cell,
 }
 
 impl ColumnNames {
@@ -26,37 +38,86 @@ impl ColumnNames {
                 let help = "expected NAME=COLUMN OF THE FILE, with commas between: target=Punkt Nr,x_mm=X Ist";
                 return Err(bad(format!("--columns: `{pair}` has no `=`"), help.to_owned()));
             };
-            let Some(column) = COLUMNS.iter().position(|known| *known == ours && !ours.is_empty()) else {
-                let meant = nearest(ours, COLUMNS.iter().copied().filter(|name| !name.is_empty()));
-                let help =
-                    meant.map_or_else(|| "see docs/formats.md".to_owned(), |near| format!("did you mean `{near}`?"));
-                return Err(bad(format!("--columns: there is no column `{ours}`"), help));
-            };
+            let column = known(ours).map_err(|help| bad(format!("--columns: there is no column `{ours}`"), help))?;
             if renamed.iter().any(|(known, _)| *known == column) {
                 return Err(bad(format!("--columns: `{ours}` stands twice"), "name one column for it".to_owned()));
             }
             renamed.push((column, theirs.to_owned()));
         }
-        Ok(Self { renamed })
+        Ok(Self { renamed, given: Given::Call })
+    }
+
+    /// Names for all files of a cell: our name of a column, and theirs.
+    ///
+    /// # Errors
+    /// A name that no column has: the name, and what to do.
+    pub(crate) fn of_cell<'a>(
+        names: impl IntoIterator<Item = (&'a String, &'a String)>,
+    ) -> Result<Self, (&'a str, String)> {
+        let renamed = names.into_iter().map(|(ours, theirs)| match known(ours) {
+            Ok(column) => Ok((column, theirs.trim().to_owned())),
+            Err(help) => Err((&ours[..], help)),
+        });
+        Ok(Self { renamed: renamed.collect::<Result<_, _>>()?, given: Given::Cell })
     }
 
     /// Which column a name of the file is, where names were given: other columns are not looked at.
-    fn column(&self, name: &str) -> Option<usize> {
+    fn column(&self, name: &str, names: &[&str]) -> Option<usize> {
         let given = self.renamed.iter().find(|(_, theirs)| theirs == name).map(|(column, _)| *column);
-        let own = || COLUMNS.iter().position(|known| *known == name && !name.is_empty());
-        given.or_else(|| own().filter(|column| self.renamed.iter().all(|(renamed, _)| renamed != column)))
+        let free = |column: &usize| {
+            let theirs = self.renamed.iter().find(|(renamed, _)| renamed == column);
+            theirs.is_none_or(|(_, theirs)| self.given == Given::Cell && !names.contains(&&theirs[..]))
+        };
+        given.or_else(|| known(name).ok().filter(free))
     }
+
+    /// Whether they count for a header.
+    fn count_for(&self, names: &[&str]) -> bool {
+        self.given == Given::Call || self.renamed.iter().any(|(_, theirs)| names.contains(&&theirs[..]))
+    }
+
+    /// The names that are in no column of a header, with ours.
+    fn missing<'a>(&'a self, place: &'a Places) -> impl Iterator<Item = (&'static str, &'a str)> + 'a {
+        let missing = self.renamed.iter().filter(|(column, _)| place[*column].is_none());
+        missing.map(|(column, theirs)| (COLUMNS[*column], &theirs[..]))
+    }
+}
+
+/// The column of a name that is ours, else what to do.
+fn known(name: &str) -> Result<usize, String> {
+    COLUMNS.iter().position(|known| *known == name && !name.is_empty()).ok_or_else(|| {
+        let meant = nearest(name, COLUMNS.iter().copied().filter(|name| !name.is_empty()));
+        meant.map_or_else(|| "see docs/formats.md".to_owned(), |near| format!("did you mean `{near}`?"))
+    })
 }
 
 /// What a reader takes of a table.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Wanted<'a> {
+pub(super) struct Wanted<'a> {
+    /// Which of the columns.
+    pub(super) what: What,
+    /// What files call them: then columns that are not named are not looked at.
+    pub(super) names: Option<&'a ColumnNames>,
+}
+
+/// Which columns of a table a reader takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum What {
     /// All of it: a column that is not known is an error.
     All,
     /// Targets, forces and covariates: other columns are not looked at.
     Forces,
-    /// What these names say: other columns are not looked at.
-    Named(&'a ColumnNames),
+}
+
+impl Wanted<'_> {
+    /// How many names of a line are of columns: most in the header.
+    pub(super) fn known_in(&self, line: &[u8]) -> usize {
+        let line = String::from_utf8_lossy(line);
+        let names = line.split(char::from(separator(line.as_bytes())));
+        let plain = names.map(|name| name.trim_matches(|c: char| c.is_whitespace() || c == '"' || c == '\u{feff}'));
+        let named = |name: &str| self.names.is_some_and(|given| given.renamed.iter().any(|(_, theirs)| theirs == name));
+        plain.filter(|name| known(name).is_ok() || named(name)).count()
+    }
 }
 
 /// The separator of a header: tabs or semicolons where there are any outside quotes, else commas.
@@ -98,38 +159,44 @@ fn word(sign: char) -> &'static str {
     if sign == ',' { "comma" } else { "point" }
 }
 
-/// Where each column stands in a header.
-pub(super) fn places(file: &str, names: &[&str], wanted: Wanted) -> Result<Places, Vec<Diagnostic>> {
+/// Where each column stands in the header, which is a line of the file; and what to say of it.
+pub(super) fn places(
+    (file, line): (&str, u64),
+    names: &[&str],
+    wanted: Wanted,
+) -> Result<(Places, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let given = wanted.names.filter(|given| given.count_for(names));
+    let wrong = |message: String, help: String| wrong(file, line, message, help);
     if let Some(over) = limits::COLUMNS.exceeded(names.len() as f64) {
-        return Err(wrong(file, 1, over, limits::COLUMNS.help.to_owned()).into());
+        return Err(wrong(over, limits::COLUMNS.help.to_owned()).into());
     }
     let mut errors = Vec::new();
     let mut place: Places = [None; COLUMNS.len()];
     let mut unknown = Vec::new();
     let missing = |column: &&str| !names.contains(column);
     for (at, &name) in names.iter().enumerate() {
-        let column = match wanted {
-            Wanted::Named(given) => given.column(name),
-            _ => COLUMNS.iter().position(|known| *known == name && !name.is_empty()),
+        let column = match given {
+            Some(given) => given.column(name, names),
+            None => known(name).ok(),
         };
-        match (column, wanted) {
+        match (column, wanted.what) {
             (Some(column), _) if place[column].is_some() => {
-                errors.push(wrong(file, 1, format!("column `{name}` stands twice"), "remove one of them".into()));
+                errors.push(wrong(format!("column `{name}` stands twice"), "remove one of them".into()));
             }
-            (Some(column), Wanted::Forces) if !FORCE_COLUMNS.contains(&column) => {}
+            (Some(column), What::Forces) if !FORCE_COLUMNS.contains(&column) => {}
             (Some(column), _) => place[column] = Some(at),
-            (None, Wanted::Named(_)) => {}
-            (None, Wanted::Forces) => {
+            (None, _) if given.is_some() => {}
+            (None, What::Forces) => {
                 let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
                 if let Some(near) = nearest(name, wanted).filter(|_| !name.is_empty()) {
                     let help = format!("did you mean `{near}`?");
-                    errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
+                    errors.push(wrong(format!("unknown column `{name}`"), help));
                 }
             }
-            (None, Wanted::All) => match nearest(name, COLUMNS).filter(|near| !near.is_empty()) {
+            (None, What::All) => match nearest(name, COLUMNS).filter(|near| !near.is_empty()) {
                 Some(near) => {
                     let help = format!("did you mean `{near}`?");
-                    errors.push(wrong(file, 1, format!("unknown column `{name}`"), help));
+                    errors.push(wrong(format!("unknown column `{name}`"), help));
                 }
                 None => unknown.push(format!("`{name}`")),
             },
@@ -138,28 +205,34 @@ pub(super) fn places(file: &str, names: &[&str], wanted: Wanted) -> Result<Place
     if !unknown.is_empty() {
         let columns = if unknown.len() > 1 { "columns" } else { "column" };
         let known = COLUMNS[..COLUMNS.len() - 1].join(", ");
-        let help =
-            format!("rename with --columns \"target=…,x_mm=…\", which leaves others alone; known columns: {known}");
-        errors.push(wrong(file, 1, format!("unknown {columns} {}", unknown.join(", ")), help));
+        let help = format!(
+            "rename with --columns \"target=…,x_mm=…\" or [measured] columns in the cell, which leaves others alone; known columns: {known}"
+        );
+        errors.push(wrong(format!("unknown {columns} {}", unknown.join(", ")), help));
     }
-    if let Wanted::Named(given) = wanted {
-        for (column, theirs) in given.renamed.iter().filter(|(column, _)| place[*column].is_none()) {
-            let near = nearest(theirs, names.iter().copied());
-            let help = near.map_or_else(
-                || format!("the file has: {}", names.join(", ")),
-                |near| format!("did you mean `{near}`?"),
-            );
-            errors.push(wrong(file, 1, format!("there is no column `{theirs}` for {}", COLUMNS[*column]), help));
+    let mut notes = Vec::new();
+    for (given, (ours, theirs)) in given.iter().flat_map(|given| given.missing(&place).map(move |names| (given, names)))
+    {
+        if wanted.what == What::Forces && !FORCE_COLUMNS.iter().any(|column| COLUMNS[*column] == ours) {
+            continue;
+        }
+        let near = nearest(theirs, names.iter().copied());
+        let help = near
+            .map_or_else(|| format!("the file has: {}", names.join(", ")), |near| format!("did you mean `{near}`?"));
+        let missing = wrong(format!("there is no column `{theirs}` for {ours}"), help);
+        match given.given {
+            Given::Call => errors.push(missing),
+            Given::Cell => notes.push(missing.severity(Severity::Note)),
         }
     }
     let none = |columns: &[usize]| columns.iter().all(|column| place[*column].is_none());
-    if matches!(wanted, Wanted::Forces) && errors.is_empty() && (none(&FORCE_COLUMNS[..1]) || none(&FORCE_COLUMNS[1..]))
-    {
+    let incomplete = none(&FORCE_COLUMNS[..1]) || none(&FORCE_COLUMNS[1..]);
+    if wanted.what == What::Forces && errors.is_empty() && incomplete {
         let message =
             "expected a column `target`, and `fx_n`, `fy_n`, `fz_n` or `time_s`, `temperature_c`, `payload_kg`";
-        errors.push(wrong(file, 1, message.to_owned(), "see docs/formats.md".to_owned()));
+        errors.push(wrong(message.to_owned(), "see docs/formats.md".to_owned()));
     }
-    if errors.is_empty() { Ok(place) } else { Err(errors) }
+    if errors.is_empty() { Ok((place, notes)) } else { Err(errors) }
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! Measured rows: what a tracker, a gauge or a dynamometer said, aligned to targets.
 
+mod clock;
 mod columns;
 mod layout;
 mod table;
+mod text;
 
 pub use layout::ColumnNames;
 pub use table::{MATCH_MM, MeasuredRow, Rows, Table, TargetRef};

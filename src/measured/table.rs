@@ -1,8 +1,10 @@
+use super::clock::Clock;
 use super::columns::{COLUMNS, Places, wrong};
-use super::layout::{ColumnNames, Decimal, Wanted, places, separator};
+use super::layout::{ColumnNames, Decimal, Wanted, What, places, separator};
+use super::text::LineFeeds;
 use crate::correct::{ForceRow, Forces};
 use crate::limits::MEASURED_ROWS;
-use crate::text::{Diagnostic, Source};
+use crate::text::{Diagnostic, Severity, Source};
 use nalgebra::Vector3;
 use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
@@ -60,8 +62,10 @@ pub struct Table {
     pub file: String,
     /// Rows in the order of the file.
     pub rows: Vec<MeasuredRow>,
-    /// How far from the path a row without a target may lie, mm; [`MATCH_MM`] where nobody says.
+    /// How far from the path a row without a target may lie, mm; [`MATCH_MM`] where nothing says.
     pub match_mm: Option<f64>,
+    /// What to say of the file: lines before the header, columns that the cell names and the file does not have.
+    pub notes: Vec<Diagnostic>,
 }
 
 /// How far from the path a row without a target may lie, mm.
@@ -117,18 +121,16 @@ impl Table {
     /// # Errors
     /// Unknown columns (with the nearest known one), cells that are not finite numbers, groups given in part.
     pub fn read(source: &Source) -> Result<Self, Vec<Diagnostic>> {
-        Self::of_rows(source, Rows::new(&source.name, &source.bytes[..])?)
+        Self::read_named(source, None)
     }
 
-    /// Reads a measured file whose columns have other names; those that are not named are not looked at.
+    /// Reads a measured file whose columns may have other names; those that are not named are then not looked at.
     ///
     /// # Errors
-    /// Named columns that the file does not have, cells that are not finite numbers, groups given in part.
-    pub fn read_named(source: &Source, names: &ColumnNames) -> Result<Self, Vec<Diagnostic>> {
-        Self::of_rows(source, Rows::of_columns(&source.name, &source.bytes[..], names)?)
-    }
-
-    fn of_rows(source: &Source, all: Rows<&[u8]>) -> Result<Self, Vec<Diagnostic>> {
+    /// As for [`Table::read`], and named columns that the file does not have.
+    pub fn read_named(source: &Source, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+        let mut all = Rows::new(&source.name, &source.bytes[..], names)?;
+        let notes = std::mem::take(&mut all.notes);
         let (mut rows, mut errors) = (Vec::new(), Vec::new());
         for row in all {
             if let Some(over) = MEASURED_ROWS.exceeded(rows.len() as f64 + 1.0) {
@@ -139,7 +141,11 @@ impl Table {
                 Err(error) => errors.push(error),
             }
         }
-        if errors.is_empty() { Ok(Self { file: source.name.clone(), rows, match_mm: None }) } else { Err(errors) }
+        if errors.is_empty() {
+            Ok(Self { file: source.name.clone(), rows, match_mm: None, notes })
+        } else {
+            Err(errors)
+        }
     }
 
     /// A row that does not belong to its program.
@@ -173,19 +179,25 @@ impl MeasuredRow {
 /// The rows of a table that is not held, or what is wrong with them; it ends where too many are.
 pub struct Rows<R> {
     file: String,
-    records: csv::ByteRecordsIntoIter<Chain<Cursor<Vec<u8>>, BufReader<R>>>,
+    records: csv::ByteRecordsIntoIter<Chain<Cursor<Vec<u8>>, BufReader<LineFeeds<R>>>>,
     place: Places,
     decimal: Decimal,
+    clock: Clock,
     wrong: usize,
+    /// Lines before the header.
+    before: u64,
+    /// What to say of the file.
+    pub notes: Vec<Diagnostic>,
 }
 
 impl<R: Read> Rows<R> {
-    /// Reads the header of the table in `file`.
+    /// Reads the header of the table in `file`, whose columns may have other names; those that are not named are then not
+    /// looked at.
     ///
     /// # Errors
-    /// Unknown columns (with the nearest known one).
-    pub fn new(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
-        Self::read_header(file, input, Wanted::All)
+    /// Unknown columns (with the nearest known one); a named column that the file does not have.
+    pub fn new(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+        Self::read_header(file, input, Wanted { what: What::All, names })
     }
 
     /// Reads the header of any table with targets and forces (or times, temperatures, payloads): its other columns are not
@@ -193,44 +205,66 @@ impl<R: Read> Rows<R> {
     ///
     /// # Errors
     /// None of these columns, or one that is mistyped.
-    pub fn of_forces(file: &str, input: R) -> Result<Self, Vec<Diagnostic>> {
-        Self::read_header(file, input, Wanted::Forces)
-    }
-
-    /// Reads the header of a table whose columns have other names; those that are not named are not looked at.
-    ///
-    /// # Errors
-    /// A named column that the file does not have.
-    pub fn of_columns(file: &str, input: R, names: &ColumnNames) -> Result<Self, Vec<Diagnostic>> {
-        Self::read_header(file, input, Wanted::Named(names))
+    pub fn of_forces(file: &str, input: R, names: Option<&ColumnNames>) -> Result<Self, Vec<Diagnostic>> {
+        Self::read_header(file, input, Wanted { what: What::Forces, names })
     }
 
     fn read_header(file: &str, input: R, wanted: Wanted) -> Result<Self, Vec<Diagnostic>> {
-        /// A header is shorter than this, bytes.
-        const LONGEST: u64 = 1 << 16;
-        let mut input = BufReader::new(input);
-        let mut first = Vec::new();
-        let read = input.by_ref().take(LONGEST).read_until(b'\n', &mut first);
-        let unread =
-            |reason: String| vec![wrong(file, 1, format!("not a CSV file: {reason}"), "expected a header row".into())];
-        read.map_err(|reason| unread(reason.to_string()))?;
-        let separator = separator(&first);
+        /// The header is within as many lines, and they are shorter than this, bytes: what instruments write before it
+        /// (job, device, units) is a page at most.
+        const FIRST: (usize, u64) = (200, 1 << 16);
+        let mut input = BufReader::new(LineFeeds::new(input));
+        let mut lines: Vec<Vec<u8>> = Vec::new();
+        let mut start = input.by_ref().take(FIRST.1);
+        let unread = |line: u64, reason: String| {
+            vec![wrong(file, line, format!("not a CSV file: {reason}"), "expected a header row".into())]
+        };
+        while lines.len() < FIRST.0 {
+            let mut line = Vec::new();
+            match start.read_until(b'\n', &mut line).map_err(|reason| unread(1, reason.to_string()))? {
+                0 => break,
+                _ => lines.push(line),
+            }
+        }
+        // The line with the most names; the first where none has any, which is then what is wrong.
+        let known = lines.iter().map(|line| wanted.known_in(line)).enumerate();
+        let header = known.rev().max_by_key(|(_, known)| *known).map_or(0, |(at, _)| at);
+        let separator = separator(lines.get(header).map_or(&[], |line| &line[..]));
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(separator)
             .trim(csv::Trim::All)
             .flexible(false)
-            .from_reader(Cursor::new(first).chain(input));
-        let header = reader.byte_headers().map_err(|reason| unread(reason.to_string()))?;
-        let names: Vec<String> = header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
+            .from_reader(Cursor::new(lines[header.min(lines.len())..].concat()).chain(input));
+        let before = header as u64;
+        let names = reader.byte_headers().map_err(|reason| unread(before + 1, reason.to_string()))?;
+        let names: Vec<String> = names.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
         let names: Vec<&str> = names.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
-        let place = places(file, &names, wanted)?;
+        let (place, mut notes) = places((file, before + 1), &names, wanted)?;
+        if before > 0 {
+            let lines = if before == 1 {
+                "1 line before the header is"
+            } else {
+                &format!("{before} lines before the header are")
+            };
+            let note = wrong(file, before + 1, format!("{lines} skipped"), "the header names the columns".to_owned());
+            notes.insert(0, note.severity(Severity::Note));
+        }
         Ok(Self {
             file: file.to_owned(),
             records: reader.into_byte_records(),
             place,
             decimal: Decimal::default(),
+            clock: Clock::default(),
             wrong: 0,
+            before,
+            notes,
         })
+    }
+
+    /// The line of the file that a record begins in, which has just been read.
+    fn line_of(&self, record: &csv::ByteRecord) -> u64 {
+        let inside = record.iter().flatten().filter(|byte| **byte == b'\n').count() as u64;
+        (self.before + self.records.reader().position().line()).saturating_sub(1 + inside)
     }
 }
 
@@ -246,13 +280,18 @@ impl<R: Read> Iterator for Rows<R> {
             Err(reason) => {
                 // What stands behind it is not looked at.
                 self.wrong = MESSAGES;
-                let (line, message) =
-                    (reason.position().map_or(0, csv::Position::line), format!("row not read: {reason}"));
+                let line = (self.before + self.records.reader().position().line()).saturating_sub(1);
+                let message = match reason.kind() {
+                    csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+                        format!("row not read: it has {len} columns, and the header has {expected_len}")
+                    }
+                    _ => format!("row not read: {reason}"),
+                };
                 return Some(Err(wrong(&self.file, line, message, "every row has the header's columns".into())));
             }
         };
-        let line = record.position().map_or(0, csv::Position::line);
-        let row = Cells { record: &record, place: &self.place, decimal: &self.decimal }.row(line);
+        let line = self.line_of(&record);
+        let row = Cells { record: &record, place: &self.place, decimal: &self.decimal, clock: &self.clock }.row(line);
         self.wrong += usize::from(row.is_err());
         Some(row.map_err(|(message, help)| wrong(&self.file, line, message, help)))
     }
@@ -262,6 +301,7 @@ struct Cells<'a> {
     record: &'a csv::ByteRecord,
     place: &'a Places,
     decimal: &'a Decimal,
+    clock: &'a Clock,
 }
 
 type CellError = (String, String);
@@ -284,6 +324,22 @@ impl Cells<'_> {
             )),
             Some(value) => Ok(Some(value)),
             None => Err((format!("{} is `{text}`", COLUMNS[column]), "expected a number, or an empty cell".into())),
+        }
+    }
+
+    /// Seconds, a time of day, or a date with one.
+    fn time(&self) -> Result<Option<f64>, CellError> {
+        const COLUMN: usize = 19;
+        let Some(text) = self.text(COLUMN) else { return Ok(None) };
+        let clock = self.clock.time(&text);
+        let seconds = match clock {
+            Some(time) => time.map(Some),
+            None => self.clock.seconds().map(|()| None),
+        };
+        let help = "write all times of a file alike: seconds, 09:05:00, or 2026-11-24T09:05:00";
+        match seconds.map_err(|message| (format!("{}: `{text}` {message}", COLUMNS[COLUMN]), help.to_owned()))? {
+            Some(time) => Ok(Some(time)),
+            None => self.number(COLUMN),
         }
     }
 
@@ -373,7 +429,7 @@ impl Cells<'_> {
             motor_deg: self.group::<6>(9)?,
             distance_mm: self.size(15, true)?,
             force_n: self.group::<3>(16)?,
-            time_s: self.number(19)?,
+            time_s: self.time()?,
             temperature_c: self.number(20)?,
             payload_kg: self.size(21, true)?,
             sigma_mm: self.size(22, false)?,
@@ -409,11 +465,65 @@ mod tests {
         assert!(mixed.line == 3 && mixed.message.contains("decimal point"), "{mixed}");
         let names = ColumnNames::parse("target=Punkt Nr,x_mm=X Ist").unwrap();
         let source = Source::new("m.csv", &b"Punkt Nr;Bediener;X Ist\n7;K. M.;0,5\n"[..]);
-        let row = &Table::read_named(&source, &names).unwrap().rows[0];
+        let row = &Table::read_named(&source, Some(&names)).unwrap().rows[0];
         assert_eq!((&row.target, row.axes_mm[0]), (&Some(TargetRef::Ordinal(7)), Some(0.5)));
-        let missing = &Table::read_named(&Source::new("m.csv", &b"Punkt;X Ist\n7;1\n"[..]), &names).unwrap_err()[0];
+        let missing =
+            &Table::read_named(&Source::new("m.csv", &b"Punkt;X Ist\n7;1\n"[..]), Some(&names)).unwrap_err()[0];
         assert!(missing.message.contains("no column `Punkt Nr` for target"), "{missing}");
         assert!(ColumnNames::parse("x=X Ist").unwrap_err()[0].message.contains("no column `x`"));
+    }
+
+    #[test]
+    fn lines_are_those_of_the_file_whatever_ends_them() {
+        for end in ["\n", "\r\n", "\r"] {
+            let text = ["target,x_mm,y_mm,z_mm", "1,1,2,3", "", "2,1,2,3", "3,nan,2,3"].join(end);
+            let rows = read(&text.replace("nan", "1")).unwrap().rows;
+            assert_eq!(rows.iter().map(|row| row.line).collect::<Vec<_>>(), [2, 4, 5], "{end:?}");
+            assert_eq!(read(&text).unwrap_err()[0].line, 5, "{end:?}");
+            assert_eq!(read(&(text + "," + end)).unwrap_err()[0].line, 5, "{end:?}");
+        }
+    }
+
+    #[test]
+    fn what_stands_before_the_header_is_skipped_and_counted() {
+        let text =
+            "SpatialAnalyzer 2024\r\nJob;Teil 7\r\nUnits: mm\r\n\r\ntarget;x_mm;y_mm;z_mm\r\n1;1,5;2;3\r\n2;x;2;3\r\n";
+        let error = &read(text).unwrap_err()[0];
+        assert_eq!((error.line, error.message.as_str()), (7, "x_mm is `x`"));
+        let table = read(&text.replace(";x;", ";1;")).unwrap();
+        assert_eq!((table.rows.len(), table.rows[0].line), (2, 6));
+        assert!(table.notes[0].message.contains("4 lines before the header are skipped"), "{:?}", table.notes);
+        let names = ColumnNames::parse("target=Nr,x_mm=X").unwrap();
+        let source = Source::new("m.csv", &b"CAM2 export\nNr,X,Y\n4,1.5,9\n"[..]);
+        let table = Table::read_named(&source, Some(&names)).unwrap();
+        assert_eq!((table.rows[0].line, table.rows[0].axes_mm[0]), (3, Some(1.5)));
+        assert!(read("target,x_mm\n1,2\n").unwrap().notes.is_empty());
+    }
+
+    #[test]
+    fn names_of_the_cell_count_where_a_file_has_them() {
+        let names = [("target", "Nr"), ("x_mm", "X Ist"), ("fx_n", "Fx")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        let names = ColumnNames::of_cell(names.iter().map(|(a, b)| (a, b))).unwrap();
+        let table = |text: &str| Table::read_named(&Source::new("m.csv", text.as_bytes()), Some(&names));
+        let theirs = table("Nr;X Ist;Bediener\n7;0,5;K\n").unwrap();
+        assert_eq!(theirs.rows[0].axes_mm[0], Some(0.5));
+        assert!(theirs.notes[0].message.contains("no column `Fx` for fx_n"), "{:?}", theirs.notes);
+        // Our own names go on working, and mistyped ones are said.
+        assert_eq!(table("target,x_mm\n7,0.5\n").unwrap().rows[0].axes_mm[0], Some(0.5));
+        assert!(table("target,x_m\n7,0.5\n").unwrap_err()[0].message.contains("x_m"));
+        let wrong = [("x".to_owned(), "X Ist".to_owned())];
+        assert_eq!(ColumnNames::of_cell(wrong.iter().map(|(a, b)| (a, b))).unwrap_err().0, "x");
+    }
+
+    #[test]
+    fn times_are_seconds_or_those_of_a_clock() {
+        let times = |rows: &str| read(&format!("target,time_s\n{rows}")).map(|table| table.rows[1].time_s);
+        assert_eq!(times("1,12.5\n2,13\n").unwrap(), Some(13.0));
+        assert_eq!(times("1,23:59:00\n2,00:01:00\n").unwrap(), Some(86_460.0));
+        assert_eq!(times("1,2026-11-24T09:05:00Z\n2,2026-11-24T09:05:01.5Z\n").unwrap(), Some(1_795_511_101.5));
+        let mixed = &times("1,09:05:00\n2,13\n").unwrap_err()[0];
+        assert!(mixed.line == 3 && mixed.message.contains("times of day"), "{mixed}");
+        assert_eq!(times("1,09:05:00\n2,later\n").unwrap_err()[0].line, 3);
     }
 
     #[test]

@@ -206,6 +206,16 @@ pub struct Config {
     pub turns: [i32; 3],
 }
 
+impl std::fmt::Display for Config {
+    /// As `CONFIG` has it between its quotes.
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let letter = |bit: i32, yes: char, no: char| if self.posture & bit == 0 { no } else { yes };
+        let (flip, down, back) = (letter(1, 'F', 'N'), letter(2, 'D', 'U'), letter(4, 'B', 'T'));
+        let [t1, t4, t6] = self.turns;
+        write!(out, "{flip} {down} {back}, {t1}, {t4}, {t6}")
+    }
+}
+
 /// RAPID confdata `[cf1, cf4, cf6, cfx]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Confdata {

@@ -1,10 +1,15 @@
 //! What was understood of programs, as a table and as JSON (`docs/reference.md`, `inspect --json`).
 
-use crate::program::{Language, Program, RoundTrip};
+use crate::cell::EXTERNAL_AXIS_NAMES;
+use crate::program::{Goal, Language, Program, RoundTrip};
+use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, printable_line};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+
+/// What positions of CL data are in, which only a cell names.
+const CL_WOBJ: &str = "the part";
 
 /// One inspected file.
 #[derive(Clone, Debug, Serialize)]
@@ -34,6 +39,114 @@ pub struct InspectFile {
     pub tools: Vec<String>,
     /// Names of the work objects used.
     pub wobjs: Vec<String>,
+    /// Where it goes and how fast.
+    #[serde(flatten)]
+    pub reach: Reached,
+}
+
+/// Where a program goes, how fast, and how long that takes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Reached {
+    /// Of each work object that positions are in, in the order in which they are met.
+    pub extents: Vec<Extent>,
+    /// Slowest and fastest programmed feed, mm/s.
+    pub feed_mm_s: Option<[f64; 2]>,
+    /// External axes in use, as RAPID names them.
+    pub external_axes: Vec<&'static str>,
+    /// Time of the moves with a feed, s: straight from position to position, without corners, waits and joint moves.
+    pub run_time_s: f64,
+}
+
+/// The box that the positions in one work object lie in.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Extent {
+    /// The work object.
+    pub wobj: String,
+    /// Least x, y, z, mm.
+    pub min_mm: [f64; 3],
+    /// Largest x, y, z, mm.
+    pub max_mm: [f64; 3],
+}
+
+impl Reached {
+    fn of(program: &Program, name: impl Fn(&str) -> String) -> Self {
+        let mut reached = Self::default();
+        let mut before: Option<(u16, [f64; 3])> = None;
+        for target in &program.targets {
+            let position_mm = match target.goal {
+                Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
+                Goal::Joints { .. } => {
+                    before = None;
+                    continue;
+                }
+            };
+            let wobj = program.wobjs.get(usize::from(target.wobj)).map_or("", |wobj| &wobj.name);
+            reached.widen(&Extent { wobj: name(wobj), min_mm: position_mm, max_mm: position_mm });
+            let way = before
+                .filter(|(wobj, _)| *wobj == target.wobj)
+                .map(|(_, from)| (0..3).map(|k| (position_mm[k] - from[k]).powi(2)).sum::<f64>().sqrt());
+            before = Some((target.wobj, position_mm));
+            if let Some(feed) = target.feed_mm_s.filter(|feed| *feed > 0.0 && !target.rapid) {
+                reached.feed_mm_s = Some(wider(reached.feed_mm_s, [feed; 2]));
+                reached.run_time_s += way.unwrap_or(0.0) / feed;
+            }
+            let moved = target.external.iter().flat_map(|external| {
+                (0..EXTERNAL_AXES).filter(|axis| external.written[*axis].is_some() && !external.at_rest[*axis])
+            });
+            for axis in moved.map(|axis| EXTERNAL_AXIS_NAMES[axis]) {
+                if !reached.external_axes.contains(&axis) {
+                    reached.external_axes.push(axis);
+                }
+            }
+        }
+        reached.external_axes.sort_unstable();
+        reached
+    }
+
+    /// A line for each of its figures.
+    fn in_words(&self) -> Vec<String> {
+        let range = |k: usize, extent: &Extent| format!("{:.1} to {:.1}", extent.min_mm[k], extent.max_mm[k]);
+        let mut lines: Vec<String> = self
+            .extents
+            .iter()
+            .map(|extent| {
+                let [x, y, z] = [0, 1, 2].map(|k| range(k, extent));
+                format!("in {}: x {x}, y {y}, z {z} mm", extent.wobj)
+            })
+            .collect();
+        if let Some([slowest, fastest]) = self.feed_mm_s {
+            let feeds =
+                if slowest < fastest { format!("{slowest:.1} to {fastest:.1}") } else { format!("{fastest:.1}") };
+            lines.push(format!(
+                "feeds {feeds} mm/s; about {:.1} min without joint moves and waits",
+                self.run_time_s / 60.0
+            ));
+        }
+        if !self.external_axes.is_empty() {
+            lines.push(format!("external axes {}", self.external_axes.join(", ")));
+        }
+        lines
+    }
+
+    /// Takes in another box.
+    fn widen(&mut self, other: &Extent) {
+        match self.extents.iter_mut().find(|known| known.wobj.eq_ignore_ascii_case(&other.wobj)) {
+            Some(known) => {
+                for k in 0..3 {
+                    known.min_mm[k] = known.min_mm[k].min(other.min_mm[k]);
+                    known.max_mm[k] = known.max_mm[k].max(other.max_mm[k]);
+                }
+            }
+            None => self.extents.push(other.clone()),
+        }
+    }
+}
+
+/// The range that holds both.
+fn wider(a: Option<[f64; 2]>, b: [f64; 2]) -> [f64; 2] {
+    a.map_or(b, |a| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
 /// Statements that are kept or refused, and what is asked of the machine besides motion, by line.
@@ -77,6 +190,7 @@ impl InspectFile {
             round_trip_fault: proof.why.clone(),
             tools: names(own, program.tools.iter().map(|tool| &*tool.name)),
             wobjs: names(own, program.wobjs.iter().map(|wobj| &*wobj.name)),
+            reach: Reached::of(program, |wobj| if own { wobj.to_owned() } else { CL_WOBJ.to_owned() }),
         }
     }
 
@@ -97,6 +211,7 @@ impl InspectFile {
             round_trip_fault: None,
             tools: Vec::new(),
             wobjs: Vec::new(),
+            reach: Reached::default(),
         }
     }
 }
@@ -137,7 +252,43 @@ pub fn inspect_table(files: &[InspectFile]) -> String {
     for file in files {
         details(file, &mut out);
     }
+    let read: Vec<&InspectFile> = files.iter().filter(|file| file.refused.is_none()).collect();
+    if read.len() > 1 {
+        together(&read, &mut out);
+    }
     out
+}
+
+/// The program as a whole: of all files together.
+fn together(files: &[&InspectFile], out: &mut String) {
+    let mut all = Reached::default();
+    for Reached { extents, feed_mm_s, external_axes, run_time_s } in files.iter().map(|file| &file.reach) {
+        extents.iter().for_each(|extent| all.widen(extent));
+        all.feed_mm_s = feed_mm_s.map(|feed| wider(all.feed_mm_s, feed)).or(all.feed_mm_s);
+        all.external_axes.extend(external_axes);
+        all.run_time_s += run_time_s;
+    }
+    all.external_axes.sort_unstable();
+    all.external_axes.dedup();
+    let names = |of: fn(&InspectFile) -> &Vec<String>| {
+        let mut names: Vec<&str> = Vec::new();
+        for name in files.iter().flat_map(|file| of(file)) {
+            if !names.iter().any(|known| known.eq_ignore_ascii_case(name)) {
+                names.push(name);
+            }
+        }
+        names.join(", ")
+    };
+    let motions: usize = files.iter().map(|file| file.motion_targets).sum();
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "together: {} files, {motions} motions", files.len());
+    let tools = names(|file| &file.tools);
+    if !tools.is_empty() {
+        let _ = writeln!(out, "together: tools {tools}; work objects {}", names(|file| &file.wobjs));
+    }
+    for line in all.in_words() {
+        let _ = writeln!(out, "together: {line}");
+    }
 }
 
 /// Tools, kept statements by reason and what is wrong, of one file.
@@ -153,6 +304,7 @@ fn details(file: &InspectFile, out: &mut String) {
     if !file.tools.is_empty() {
         say(format!("tools {}; work objects {}", file.tools.join(", "), file.wobjs.join(", ")));
     }
+    file.reach.in_words().into_iter().for_each(&mut say);
     let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for kept in &file.kept {
         reasons.entry(kept.reason).or_default().push(kept.line);

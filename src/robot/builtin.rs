@@ -1,4 +1,5 @@
 use super::{Axes, DhRow, Limits, Robot};
+use crate::program::Language;
 use serde::Deserialize;
 use std::sync::LazyLock;
 
@@ -65,6 +66,17 @@ fn forward() -> [f64; 6] {
 }
 
 impl Builtin {
+    /// What its maker's controllers run, where deflex reads and writes it.
+    #[must_use]
+    pub fn language(&self) -> Option<Language> {
+        match &self.maker[..] {
+            "ABB" => Some(Language::Rapid),
+            "KUKA" => Some(Language::Krl),
+            "FANUC" => Some(Language::Ls),
+            _ => None,
+        }
+    }
+
     /// The robot.
     #[must_use]
     pub fn robot(&self) -> Robot {

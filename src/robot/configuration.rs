@@ -57,6 +57,18 @@ fn status_like(robot: &Robot, motor: &Joints, like: Status) -> Status {
     Status { status: like.status & !7 | status, turn: like.turn & !63 | turn }
 }
 
+/// `S` and `T` of motor angles (rad), the bits that are not the robot's at zero.
+#[must_use]
+pub fn status_of(robot: &Robot, motor: &Joints) -> Status {
+    status_like(robot, motor, Status { status: 0, turn: 0 })
+}
+
+/// FANUC's configuration of motor angles, rad.
+#[must_use]
+pub fn config_of(robot: &Robot, motor: &Joints) -> Config {
+    Config { posture: posture(robot, motor), turns: [motor[0], motor[3], motor[5]].map(whole_turn) }
+}
+
 /// KUKA's turn bit of an axis.
 fn below_zero(angle: f64) -> i32 {
     /// What arithmetic leaves of zero, rad.
@@ -69,10 +81,7 @@ fn below_zero(angle: f64) -> i32 {
 pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
     match like {
         Conf::Quarters(_) => Conf::Quarters(confdata_of(robot, motor)),
-        Conf::Turns(_) => Conf::Turns(Config {
-            posture: posture(robot, motor),
-            turns: [motor[0], motor[3], motor[5]].map(whole_turn),
-        }),
+        Conf::Turns(_) => Conf::Turns(config_of(robot, motor)),
         Conf::Status(like) => Conf::Status(status_like(robot, motor, like)),
     }
 }

@@ -7,13 +7,13 @@ const STARTS: u32 = 240;
 const SAME: f64 = 1e-6;
 
 impl Robot {
-    /// Motor angles (rad) of every way to reach a flange pose inside the axis limits, each axis turned as near to zero as its
+    /// Motor angles (rad) of every way to reach a flange pose inside the axis limits, each axis turned as near to home as its
     /// range allows: by the explicit inverse, else from spread starts.
     ///
     /// # Errors
     /// The pose is out of reach, or beyond an axis limit in every way.
     pub fn inverse_all(&self, base_from_flange: &Pose) -> Result<Vec<Joints>, Unreachable> {
-        let home = Joints::zeros();
+        let home = self.home();
         let reached: Vec<Joints> = if self.has_closed_form() {
             self.inverse(base_from_flange, &home)?.into_iter().flatten().collect()
         } else {

@@ -23,7 +23,7 @@ pub enum StartedFrom {
     Confdata,
     /// The turn about the tool axis is free, and was chosen with its branch.
     FreeTurn,
-    /// Nothing said: the branch nearest home (all motor angles zero).
+    /// Nothing said: the branch nearest home ([`Robot::home_deg`]).
     NearestHome,
 }
 
@@ -44,12 +44,12 @@ impl Robot {
         if let Some(start) = start {
             return Ok(Start { motor: self.inverse_near(base_from_flange, start)?, how: StartedFrom::StartDeg });
         }
-        let home = Joints::zeros();
+        let home = self.home();
         if let Some(motor) = conf.and_then(|conf| self.branch_of_conf(base_from_flange, conf, &home)) {
             return Ok(Start { motor, how: StartedFrom::Confdata });
         }
         let ways = self.inverse_all(base_from_flange)?;
-        let nearest = ways.into_iter().min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+        let nearest = ways.into_iter().min_by(|a, b| (a - home).norm_squared().total_cmp(&(b - home).norm_squared()));
         let motor = nearest.ok_or(Unreachable::OutOfReach { by_mm: 0.0 })?;
         Ok(Start { motor, how: StartedFrom::NearestHome })
     }

@@ -1,9 +1,9 @@
 //! `plan`: rows that the arm reaches, within what the shop allows, the same for any number of threads.
 
 use deflex::cell::Cell;
-use deflex::identify::{Plan, PlanInput, plan};
+use deflex::identify::{Ask, Plan, PlanInput, PlanProgram, plan};
 use deflex::measured::{Table, TargetRef};
-use deflex::program::{Goal, rapid};
+use deflex::program::{Goal, Language, rapid};
 use deflex::text::Source;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -34,6 +34,8 @@ effect_mm = 0.05
 effects = ["backlash", "joint_stiffness"]
 "#;
 
+const PROGRAM: PlanProgram = PlanProgram { name: "measure", language: Language::Rapid, ask: Ask::Never };
+
 fn cell(text: &str) -> Cell {
     Cell::read(&Source::new("cell.toml", text.as_bytes())).unwrap()
 }
@@ -41,7 +43,7 @@ fn cell(text: &str) -> Cell {
 fn planned(text: &str, threads: usize) -> Plan {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let cell = cell(text);
-    let input = PlanInput { cell: &cell, rows: 8, pool: &[], undecided: &[], name: "measure", progress: &|_| {} };
+    let input = PlanInput { cell: &cell, rows: 8, pool: &[], undecided: &[], program: PROGRAM, progress: &|_| {} };
     pool.install(|| plan(&input)).unwrap()
 }
 
@@ -78,7 +80,7 @@ fn what_cannot_be_planned_is_said() {
     let without = CELL.split("[plan]").next().unwrap();
     let refused = |text: &str| {
         let cell = cell(text);
-        let input = PlanInput { cell: &cell, rows: 8, pool: &[], undecided: &[], name: "m", progress: &|_| {} };
+        let input = PlanInput { cell: &cell, rows: 8, pool: &[], undecided: &[], program: PROGRAM, progress: &|_| {} };
         plan(&input).unwrap_err()[0].message.clone()
     };
     assert!(refused(without).contains("no [plan] section"));

@@ -17,9 +17,9 @@ pub(in crate::cli) struct Init {
     /// Its last link; without it `tool0`, `flange`, or the end of the only chain of six joints
     #[arg(long, value_name = "LINK", requires = "urdf")]
     pub(in crate::cli) tip: Option<String>,
-    /// Name the built-in robots
-    #[arg(long)]
-    pub(in crate::cli) list: bool,
+    /// Show the built-in robots: all, or those of a maker or with a name such as "kr240"
+    #[arg(long, value_name = "FILTER", num_args = 0..=1, default_missing_value = "")]
+    pub(in crate::cli) list: Option<String>,
     /// Where to; stdout without it
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: Option<PathBuf>,
@@ -34,7 +34,7 @@ pub(in crate::cli) struct Pose {
     /// Axis angles, degrees: prints the TCP
     #[arg(long, value_name = "J1,…,J6", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub(in crate::cli) joints: Vec<f64>,
-    /// TCP as x,y,z,q1,q2,q3,q4 or x,y,z,A,B,C (mm, degrees): prints all axis angles that reach it
+    /// TCP as x,y,z,q1,q2,q3,q4, as x,y,z,A,B,C, or for a FANUC as x,y,z,W,P,R (mm, degrees): prints all axis angles that reach it
     #[arg(long, value_name = "X,Y,Z,…", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub(in crate::cli) target: Vec<f64>,
     /// Where the cell's mechanical units stand: positions of eax_a, eax_b, … (mm, degrees); 0 without it

@@ -1,7 +1,9 @@
 //! Commands on measured data.
 
 use super::groups::{Common, Reading, positive};
-use clap::{Args, ValueHint};
+use clap::{Args, ValueEnum, ValueHint};
+use deflex::identify::Ask;
+use deflex::program::Language;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -50,8 +52,8 @@ pub(in crate::cli) struct Plan {
     /// Rows to measure
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(8..=500))]
     pub(in crate::cli) rows: u16,
-    /// The program: each motion ends where a row is measured; `-` for stdout
-    #[arg(long, short, value_name = "PLAN.mod", value_hint = ValueHint::FilePath)]
+    /// The program, in the language of the cell's controller: each motion ends where a row is measured; `-` for stdout
+    #[arg(long, short, value_name = "PROGRAM", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: PathBuf,
     /// The table to fill in: target, load and time of each row, measured columns empty; `-` for stdout
     #[arg(long, value_name = "PLAN.csv", value_hint = ValueHint::FilePath)]
@@ -65,6 +67,13 @@ pub(in crate::cli) struct Plan {
     /// Programs whose targets are the places to choose from, instead of the box of [plan]
     #[arg(long, value_name = "PROGRAM", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(in crate::cli) pool: Vec<PathBuf>,
+    /// Language of the program; left out, that of the cell's controller, and RAPID where the cell does not tell it
+    #[arg(long, value_name = "LANGUAGE", value_parser = posted)]
+    pub(in crate::cli) post: Option<Language>,
+    /// Stop with a message until the operator lets the program go on: at each change of the load, or at each target too;
+    /// without it the arm waits ten seconds at each target
+    #[arg(long, value_name = "WHEN")]
+    pub(in crate::cli) ask: Option<AskWhen>,
     /// JSON of an identification: the rows are to settle what it left undecided
     #[arg(long, value_name = "ID.json", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) after: Option<PathBuf>,
@@ -72,4 +81,33 @@ pub(in crate::cli) struct Plan {
     pub(in crate::cli) reading: Reading,
     #[command(flatten)]
     pub(in crate::cli) common: Common,
+}
+
+/// When the program of a plan asks the operator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum AskWhen {
+    /// Never
+    #[default]
+    Never,
+    /// At each change of the load
+    Load,
+    /// At each target, and at each change of the load
+    Target,
+}
+
+impl From<AskWhen> for Ask {
+    fn from(when: AskWhen) -> Self {
+        match when {
+            AskWhen::Never => Self::Never,
+            AskWhen::Load => Self::Load,
+            AskWhen::Target => Self::Target,
+        }
+    }
+}
+
+/// A language of controllers.
+fn posted(word: &str) -> Result<Language, String> {
+    let known = [Language::Rapid, Language::Krl, Language::Ls];
+    let found = known.into_iter().find(|language| language.word() == word);
+    found.ok_or_else(|| format!("expected one of {}", known.map(Language::word).join(", ")))
 }

@@ -40,11 +40,9 @@ impl MeasuredFile {
         Self { names, match_mm: Some(match_mm), ..self }
     }
 
-    fn table(&self) -> Result<Table, Vec<Diagnostic>> {
-        let table = match &self.names {
-            Some(names) => Table::read_named(&self.source, names)?,
-            None => Table::read(&self.source)?,
-        };
+    /// The table, with the names that were given for its columns, else with the cell's.
+    fn table(&self, cell: &CellFile) -> Result<Table, Vec<Diagnostic>> {
+        let table = Table::read_named(&self.source, self.names.as_ref().or(cell.cell.columns.as_ref()))?;
         Ok(Table { match_mm: self.match_mm, ..table })
     }
 }
@@ -55,6 +53,8 @@ impl MeasuredFile {
 pub struct Identified {
     /// What was found.
     pub found: Identification,
+    /// What is said of the measured files.
+    pub notes: Vec<Diagnostic>,
     cell: Origin,
     data: Vec<Origin>,
     cell_text: String,
@@ -107,8 +107,10 @@ pub fn identify(
     tool: Option<&str>,
     progress: &Progress<'_>,
 ) -> Result<Identified, Vec<Diagnostic>> {
-    let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table());
-    let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(MeasuredFile::table)))?;
+    let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table(cell));
+    let (programs, tables) = both(all(runs.iter().map(read)), all(poses.iter().map(|poses| poses.table(cell))))?;
+    let read = programs.iter().map(|(_, table)| table).chain(&tables);
+    let notes = read.flat_map(|table| table.notes.iter().cloned()).collect();
     let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
     let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
@@ -116,6 +118,7 @@ pub fn identify(
     let found = identify::identify(input).map_err(|errors| cell.own(errors))?;
     Ok(Identified {
         found,
+        notes,
         cell: cell.origin(),
         data: data.into_iter().map(|source| Origin::of(&source.name, &source.bytes)).collect(),
         cell_text: String::from_utf8_lossy(&cell.source.bytes).into_owned(),

@@ -80,7 +80,9 @@ impl Run {
     /// # Errors
     /// The file cannot be read, or is no table of forces.
     pub fn read_forces(&mut self, path: &Path) -> Result<(), Vec<Diagnostic>> {
-        self.set_forces(ForceFile::read(path)?);
+        let names = self.setup.cell.cell.columns.as_ref();
+        let read = ForceFile::read(path, names)?;
+        self.set_forces(read);
         Ok(())
     }
 
@@ -89,7 +91,9 @@ impl Run {
     /// # Errors
     /// It is no table of forces.
     pub fn take_forces(&mut self, table: &Source) -> Result<(), Vec<Diagnostic>> {
-        self.set_forces(ForceFile::of(table.name.clone(), &table.bytes[..])?);
+        let names = self.setup.cell.cell.columns.as_ref();
+        let read = ForceFile::of(table.name.clone(), &table.bytes[..], names)?;
+        self.set_forces(read);
         Ok(())
     }
 

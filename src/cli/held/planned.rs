@@ -1,7 +1,7 @@
 use super::{CellFile, ProgramFiles};
 use crate::cli::files::all;
 use crate::cli::report::pretty;
-use deflex::identify::{self, Plan, PlanInput};
+use deflex::identify::{self, Plan, PlanInput, PlanProgram};
 use deflex::report::html::plan_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -44,7 +44,7 @@ impl Planned {
 }
 
 /// Plans what to measure: what `deflex plan` does. `pool` are programs whose targets are the places to choose from, `after` the
-/// JSON of an identification, `name` that of the program; `progress` is told what share of the work is done.
+/// JSON of an identification, `program` how it is written; `progress` is told what share of the work is done.
 ///
 /// # Errors
 /// All for which the command ends with exit code 2.
@@ -53,18 +53,18 @@ pub fn plan(
     rows: usize,
     pool: &[ProgramFiles],
     after: Option<&Source>,
-    name: &str,
+    program: PlanProgram<'_>,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Planned, Vec<Diagnostic>> {
     let pool = all(pool.iter().map(|program| program.parse(cell, None)))?;
     let undecided = after.map(undecided).transpose()?;
     let pairs = undecided.as_deref().unwrap_or_default();
-    let input = PlanInput { cell: &cell.cell, rows, pool: &pool, undecided: pairs, name, progress };
+    let input = PlanInput { cell: &cell.cell, rows, pool: &pool, undecided: pairs, program, progress };
     let mut found = identify::plan(&input).map_err(|errors| cell.own(errors))?;
     if undecided.as_ref().is_some_and(Vec::is_empty) {
         found.notes.push("the identification left nothing undecided: the plan is for every pair of effects".to_owned());
     }
-    Ok(Planned { found, name: name.to_owned(), cell: cell.origin() })
+    Ok(Planned { found, name: program.name.to_owned(), cell: cell.origin() })
 }
 
 /// Pairs of kinds that an identification (its JSON) left undecided.

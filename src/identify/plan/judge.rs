@@ -20,7 +20,8 @@ use crate::identify::pattern::Pattern;
 use crate::identify::score::posterior;
 use crate::identify::search::Search;
 use crate::measured::{MeasuredRow, Table, TargetRef};
-use crate::program::rapid;
+use crate::program::cl::ClOptions;
+use crate::program::{self, Language, ReadOptions};
 use crate::text::{Diagnostic, Source};
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
@@ -56,14 +57,16 @@ enum Verdict {
 pub(super) fn judge(
     cell: &Cell,
     section: &PlanSection,
-    program: &str,
+    (program, language): (&str, Language),
     rows: &[PlannedRow],
     named: &[String],
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Judged, Vec<Diagnostic>> {
-    let program = rapid::read(vec![Source::new("plan.mod", program.as_bytes())], Vec::new())?;
+    let name = format!("plan.{}", language.endings()[0]);
+    let options = ReadOptions { cl: &ClOptions::default(), look: false };
+    let program = program::read(language, vec![Source::new(name, program.as_bytes())], Vec::new(), &options)?;
     let rows_of_table = rows.iter().map(|row| as_planned(section, row)).collect();
-    let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None };
+    let table = Table { file: "plan.csv".to_owned(), rows: rows_of_table, match_mm: None, notes: Vec::new() };
     let problem = Problem::of_runs(cell, vec![(program, table)])?;
     let robot = &cell.arm.robot;
     // Degrees: the digits of a program.

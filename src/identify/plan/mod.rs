@@ -1,7 +1,7 @@
 //! What to measure, so that effects can be told apart: which targets, in which order, under which loads.
 //!
 //! ```text
-//! [plan] → spots that the arm reaches → rows by exchange → a RAPID program and an empty table
+//! [plan] → spots that the arm reaches → rows by exchange → a program for the cell's controller and an empty table
 //!        → both read back as `identify` will → d′ of each pair, and how often simulated effects are named rightly
 //! ```
 
@@ -18,7 +18,7 @@ use super::candidates;
 use crate::cell::{Cell, PlanSection};
 use crate::correct::named_tool;
 use crate::effects::{Shape, ToolFrame, kind};
-use crate::program::Program;
+use crate::program::{Language, Program};
 use crate::robot::Pose;
 use crate::text::Diagnostic;
 use criterion::Criterion;
@@ -48,10 +48,33 @@ pub struct PlanInput<'a> {
     pub pool: &'a [Program],
     /// Pairs of kinds that an identification left undecided: these count, the others hardly. Empty: all pairs count.
     pub undecided: &'a [(String, String)],
-    /// Name of the program; made an identifier.
-    pub name: &'a str,
+    /// The program that is written.
+    pub program: PlanProgram<'a>,
     /// Is told what share of the work is done.
     pub progress: &'a (dyn Fn(f64) + Sync),
+}
+
+/// How the program of a plan is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlanProgram<'a> {
+    /// Its name; made an identifier.
+    pub name: &'a str,
+    /// RAPID, KRL or TP.
+    pub language: Language,
+    /// When the operator is asked.
+    pub ask: Ask,
+}
+
+/// When the program of a plan stops until the operator lets it go on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ask {
+    /// Never: it waits ten seconds at each target.
+    #[default]
+    Never,
+    /// At each change of the load.
+    Load,
+    /// At each target, and at each change of the load.
+    Target,
 }
 
 /// What to measure.
@@ -199,9 +222,11 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     let exchange = Exchange { bench: &bench, criterion: &criterion, candidates: &listed, speeds: SPEEDS.to_vec() };
     let sheet = exchange.run(sheet, &|share| (input.progress)(0.7 * share));
     let rows = write::rows(&bench, &sheet);
-    let program = write::program(&bench, &sheet, input.name);
+    let program = write::program(&bench, &sheet, &input.program)?;
     let table = write::table(section, &rows);
-    let judged = judge::judge(cell, section, &program, &rows, &named, &|share| (input.progress)(0.7 + 0.3 * share))?;
+    let judged = judge::judge(cell, section, (&program, input.program.language), &rows, &named, &|share| {
+        (input.progress)(0.7 + 0.3 * share)
+    })?;
     let load_changes = sheet.loads.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let duration_s = rows.last().map_or(0.0, |row| row.time_s);
     Ok(Plan {

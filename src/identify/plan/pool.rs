@@ -73,7 +73,7 @@ pub(super) fn spots(cell: &Cell, section: &PlanSection, frames: &Frames) -> Vec<
             None => robot.inverse_all(&flange).unwrap_or_default(),
         }
     });
-    let near = cell.start.unwrap_or_else(Joints::zeros);
+    let near = cell.start.unwrap_or_else(|| robot.home());
     let ranked = stands.map(|about| (among(&about, JUDGED, JUDGED).len(), (about - near).norm(), about));
     let best = ranked.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
     best.map(|(.., about)| among(&about, TRIED, POSES)).unwrap_or_default()

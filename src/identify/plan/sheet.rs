@@ -16,7 +16,7 @@ use crate::robot::Joints;
 use nalgebra::{DMatrix, Vector3};
 
 /// Time that the arm stands at a row, s: it settles and is read.
-const DWELL_S: f64 = 10.0;
+pub(super) const DWELL_S: f64 = 10.0;
 /// Time that a change of the load takes, s.
 const CHANGE_S: f64 = 120.0;
 

@@ -1,13 +1,14 @@
-//! A plan as a RAPID program, and as a table to be filled in.
+//! A plan as a program of the cell's controller, and as a table to be filled in.
 
-use super::PlannedRow;
-use super::sheet::{Bench, Sheet};
+use super::sheet::{Bench, DWELL_S, Sheet};
+use super::{Ask, PlanProgram, PlannedRow};
 use crate::cell::{Instrument, PlanSection};
 use crate::identify::data::Blocks;
 use crate::program::orientation::quaternion;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost};
-use crate::program::{Mark, ToolData, WobjData};
-use crate::robot::Pose;
+use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, tp};
+use crate::program::{ActionKind, Language, Mark, ToolData, WobjData};
+use crate::robot::{Pose, config_of};
+use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -31,29 +32,51 @@ pub(super) fn rows(bench: &Bench, sheet: &Sheet) -> Vec<PlannedRow> {
     points.iter().enumerate().map(row).collect()
 }
 
-/// The program: each target a stop; straight ways where the arm can go them in one sweep, joint moves else.
-pub(super) fn program(bench: &Bench, sheet: &Sheet, name: &str) -> String {
+/// The program: each target a stop, at which the arm waits; straight ways where the arm can go them in one sweep, joint moves
+/// else.
+///
+/// # Errors
+/// A tool or a work object whose name the language has no place for.
+pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result<String, Vec<Diagnostic>> {
     let section = bench.section;
-    let loaded = section.loads.iter().any(|load| *load != Vector3::zeros());
-    let posted = (0..sheet.rows.len()).map(|i| {
+    let said = Said { language: how.language, loaded: section.loads.iter().any(|load| *load != Vector3::zeros()) };
+    let count = sheet.rows.len();
+    // What stands behind the motion before a row, and then before its own.
+    let between = |i: usize| {
+        let changes = i < count && (i == 0 || sheet.loads[i - 1] != sheet.loads[i]);
+        let load = |i: usize| section.loads[sheet.loads[i]];
+        let mut lines = Vec::new();
+        if i > 0 {
+            lines.extend(match how.ask {
+                Ask::Target => said.asked("Measure, then go on."),
+                _ => vec![said.wait()],
+            });
+        }
+        if changes && said.loaded {
+            lines.push(said.remark(&format!("load from here on: {}", in_newtons(&load(i)))));
+            if how.ask != Ask::Never {
+                lines.extend(said.asked(&format!("Load {}", in_newtons(&load(i)))));
+            }
+        }
+        lines.join("\n")
+    };
+    let robot = &bench.arm.robot;
+    let posted = (0..count).map(|i| {
         let row = sheet.rows[i];
         let (spot, load) = (&bench.spots[row.spot], section.loads[sheet.loads[i]]);
-        let changes = i == 0 || sheet.loads[i - 1] != sheet.loads[i];
-        let said = (loaded && changes).then(|| format!("! load from here on: {}, {}, {} N", load.x, load.y, load.z));
         let straight = i > 0 && bench.is_straight(&bench.spots[sheet.rows[i - 1].spot], spot);
         PostedPoint {
             position_mm: spot.position_mm,
             quat: spot.quat,
             conf: spot.conf,
-            // RAPID has quarter turns instead.
-            turns: [0; 3],
+            turns: config_of(robot, &spot.motor).turns,
             speed_mm_s: row.speed * 1e3,
             rapid: false,
             stop: true,
             joint: !straight,
-            lines: said.map(Arc::from),
+            lines: Some(between(i)).filter(|lines| !lines.is_empty()).map(Arc::from),
             // Joint moves are taken for air else.
-            mark: loaded.then_some(if load == Vector3::zeros() { Mark::Air } else { Mark::Cut }),
+            mark: said.loaded.then_some(if load == Vector3::zeros() { Mark::Air } else { Mark::Cut }),
             tool: 0,
             wobj: 0,
             external: None,
@@ -66,9 +89,9 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, name: &str) -> String {
     let post = RapidPost::new(RapidPlan {
         units: Vec::new(),
         external: [None; crate::robot::EXTERNAL_AXES],
-        name: name.to_owned(),
+        name: how.name.to_owned(),
         title: vec![
-            "Measurement plan: stop at each target, measure, go on.".to_owned(),
+            "Measurement plan: wait at each target, measure.".to_owned(),
             "Row n of the table belongs to the n-th motion.".to_owned(),
         ],
         tools: vec![(section.tool.clone(), tool(bench))],
@@ -79,9 +102,66 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, name: &str) -> String {
         rapid_mm_s: 1e3 * super::SPEEDS[0],
         corner_tolerance_mm: 0.0,
     });
-    let body = post.chunk(&Place::default(), &posted, Some(""));
-    let bytes = [&post.head().bytes[..], &body.bytes[..]].concat();
-    String::from_utf8_lossy(&bytes).into_owned()
+    let end = between(count);
+    let bytes = match how.language {
+        Language::Krl => {
+            let axes = sheet.rows.iter().map(|row| robot.axes_deg_from_motor(&bench.spots[row.spot].motor));
+            one(post.krl(&posted, &axes.collect::<Vec<_>>(), &end))
+        }
+        Language::Ls => one(tp::programs(post.plan(), &posted, &end).map_err(|message| {
+            let help = "name tool and work object of [plan] as the controller numbers them: \"UT 1\", \"UF 1\"";
+            vec![Diagnostic::error("post.number", "", message).help(help)]
+        })?),
+        _ => {
+            let body = post.chunk(&Place::default(), &posted, Some(&end));
+            [&post.head().bytes[..], &body.bytes[..]].concat()
+        }
+    };
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// The only file of a program that is not split.
+fn one(files: Vec<(String, Vec<u8>)>) -> Vec<u8> {
+    files.into_iter().next().map(|(_, bytes)| bytes).unwrap_or_default()
+}
+
+fn in_newtons(load: &Vector3<f64>) -> String {
+    format!("{}, {}, {} N", load.x, load.y, load.z)
+}
+
+/// What a program says and does besides its motions.
+struct Said {
+    language: Language,
+    /// Some row is under a load.
+    loaded: bool,
+}
+
+impl Said {
+    fn remark(&self, text: &str) -> String {
+        let sign = if self.language == Language::Krl { ';' } else { '!' };
+        format!("{sign} {text}")
+    }
+
+    /// The arm stands until the row is read.
+    fn wait(&self) -> String {
+        let dwell = ActionKind::Dwell { seconds: DWELL_S };
+        Templates::default().lines(&dwell, "", self.language).unwrap_or_default()
+    }
+
+    /// A message that the operator has to acknowledge before the program goes on.
+    fn asked(&self, text: &str) -> Vec<String> {
+        /// Characters that a TP message has room for.
+        const MESSAGE: usize = 24;
+        match self.language {
+            // A message with an answer needs declarations; the line of a HALT is shown, and the program goes on at Start.
+            Language::Krl => vec![self.remark(text), "HALT".to_owned()],
+            Language::Ls => {
+                let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
+                vec![format!("MESSAGE[{short}]"), "PAUSE".to_owned()]
+            }
+            _ => vec![format!("UIMsgBox \"{text}\";")],
+        }
+    }
 }
 
 fn frame(pose: &Pose) -> ([f64; 3], [f64; 4]) {

@@ -4,9 +4,9 @@ use super::PostedPoint;
 use super::names::identifier;
 use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
-use crate::program::Mark;
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::tp::MOST_POINTS;
+use crate::program::{Config, Mark};
 use crate::text::number::{printed, write_fixed};
 use std::fmt::Write;
 
@@ -173,15 +173,13 @@ fn tenths(mm_s: f64) -> String {
 
 /// A position with its configuration.
 fn position(out: &mut String, number: usize, point: &PostedPoint, (uf, ut): (u32, u32)) {
-    let letter = |bit: i32, yes: char, no: char| if point.conf.cfx & bit == 0 { no } else { yes };
-    let (flip, down, back) = (letter(1, 'F', 'N'), letter(2, 'D', 'U'), letter(4, 'B', 'T'));
-    let [t1, t4, t6] = point.turns;
+    let config = Config { posture: point.conf.cfx, turns: point.turns };
     let [x, y, z] = point.position_mm.map(field);
     let [r, p, w] = zyx_deg(&rotation(point.quat)).map(field);
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "P[{number}]{{\n   GP1:\n\tUF : {uf}, UT : {ut},\t\tCONFIG : '{flip} {down} {back}, {t1}, {t4}, {t6}',\n\tX = {x}  mm,\t\
+        "P[{number}]{{\n   GP1:\n\tUF : {uf}, UT : {ut},\t\tCONFIG : '{config}',\n\tX = {x}  mm,\t\
          Y = {y}  mm,\tZ = {z}  mm,\n\tW = {w} deg,\tP = {p} deg,\tR = {r} deg\n}};"
     );
 }

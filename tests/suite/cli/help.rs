@@ -55,6 +55,35 @@ fn an_unknown_robot_names_the_nearest() {
 }
 
 #[test]
+fn the_list_of_robots_is_a_table_that_can_be_filtered() {
+    let bench = Bench::new();
+    let list = bench.run("init --list").exits(0).stdout;
+    let head = list.lines().next().unwrap();
+    assert_eq!(head.split_whitespace().collect::<Vec<_>>().join(" "), "model maker payload kg reach mm source");
+    assert!(
+        list.lines().any(|line| line.starts_with("irb6700-155-2.85") && line.contains("155") && line.contains("2850"))
+    );
+    let models = |filter: &str| -> Vec<String> {
+        let list = bench.run(&format!("init --list {filter}")).exits(0).stdout;
+        list.lines().skip(1).filter_map(|line| Some(line.split_whitespace().next()?.to_owned())).collect()
+    };
+    let of_series = models("IRB6700");
+    assert!(of_series.len() == 8 && of_series.is_sorted(), "{of_series:?}");
+    assert!(models("kr240").iter().all(|model| model.starts_with("kr240-")) && models("kr240").len() > 2);
+    assert!(models("fanuc").contains(&"m-20ia".to_owned()) && models("nothing").is_empty());
+    // As the maker writes it; a part of a name is none, and names the nearest few.
+    let cell = bench.run("init --robot IRB_6700-150/3.2").exits(0).stdout;
+    assert!(cell.contains("model = \"irb6700-150-3.20\""), "{cell}");
+    let ran = bench.run("init --robot kr240").exits(2);
+    assert!(ran.stderr.matches("kr240-").count() <= 8 && !ran.stderr.contains("irb"), "{}", ran.stderr);
+    bench.write("arm.toml", "[robot]\nmodel = \"KR 240 R2900-2\"\n");
+    bench.run("pose --cell arm.toml --joints 0,-90,90,0,0,0").exits(0);
+    bench.write("arm.toml", "[robot]\nmodel = \"kr240\"\n");
+    let ran = bench.run("pose --cell arm.toml --joints 0,-90,90,0,0,0").exits(2);
+    assert!(ran.stderr.contains("arm.toml:2:9") && ran.stderr.len() < 800, "{}", ran.stderr);
+}
+
+#[test]
 fn a_closed_pipe_is_no_fault() {
     let bench = Bench::new();
     let (reader, writer) = std::io::pipe().unwrap();

@@ -159,3 +159,47 @@ fn the_geometry_in_the_comments_is_that_of_the_model() {
         assert_eq!(report("own.toml"), report("built-in.toml"), "{model}");
     }
 }
+
+/// A new cell of a KUKA or a FANUC has its maker's names, angles and home, and reads.
+#[test]
+fn a_cell_speaks_the_language_of_its_controller() {
+    let bench = Bench::new();
+    for (model, words, not) in [
+        (
+            "kr240-r2900-2",
+            &[
+                "# start_deg = [0, -90, 90, 0, 0, 0]",
+                "[tools.\"TOOL_DATA[1]\"]",
+                "tcp_abc_deg",
+                "LOAD_DATA[1]",
+                "[wobjs.\"BASE_DATA[1]\"]",
+                "wobj = \"BASE_DATA[1]\"",
+            ][..],
+            &["tooldata", "uframe_quat", "tMill", "rSpindle {rpm};"][..],
+        ),
+        (
+            "m-20ia",
+            &[
+                "# start_deg = [0, 0, 0, 0, 0, 0]",
+                "[tools.\"UT 1\"]",
+                "tcp_wpr_deg",
+                "PAYLOAD",
+                "[wobjs.\"UF 1\"]",
+                "tool = \"UT 1\"",
+            ],
+            &["tooldata", "uframe_quat", "tMill", "TOOL_DATA["],
+        ),
+        ("irb6700-150-3.20", &["[tools.tMill]", "tcp_quat", "wobjdata, oframe"], &["TOOL_DATA[", "UT 1"]),
+    ] {
+        let cell = bench.run(&format!("init --robot {model}")).exits(0).stdout;
+        for word in words {
+            assert!(cell.contains(word), "{model}: {word} is missing in\n{cell}");
+        }
+        for word in not {
+            assert!(!cell.contains(word), "{model}: {word} stands in\n{cell}");
+        }
+        bench.write("new.toml", &cell);
+        let joints = if model.starts_with("kr") { "0,-90,90,0,0,0" } else { "0,0,0,0,0,0" };
+        bench.run(&format!("pose --cell new.toml --joints {joints}")).exits(0);
+    }
+}

@@ -76,7 +76,7 @@ fn inspect_says_what_was_understood() {
         assert!(folder.contains(found), "{found}: {folder}");
     }
     assert!(!folder.contains("other.txt"), "{folder}");
-    let other = bench.run("inspect other.txt --json").exits(0);
+    let other = bench.run("inspect other.txt --json").exits(2);
     let json: serde_json::Value = serde_json::from_str(&other.stdout).unwrap();
     assert!(json["files"][0]["refused"].is_string());
     bench.run("inspect none.mod").exits(2);
@@ -96,4 +96,46 @@ fn a_cell_vouches_for_routines_of_its_controller() {
     let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod").exits(0);
     assert!(!ran.stderr.contains("MoveSettings"), "{}", ran.stderr);
     assert_ne!(bench.read("out.mod"), text);
+}
+
+#[test]
+fn what_is_no_program_ends_with_2() {
+    let bench = Bench::new();
+    bench.write("cut.nc", "%\nO0001\nG21 G90\nG0 X0 Y0 Z10\nG1 X10 F200\nM30\n%\n");
+    bench.write("empty.mod", "").write("binary.src", [0_u8, 1, 2, 255, 254, 0, 3]);
+    for file in ["cut.nc", "empty.mod", "binary.src"] {
+        let ran = bench.run(&format!("inspect {file}")).exits(2);
+        assert!(ran.stderr.contains("error[") && ran.stdout.contains("refused"), "{file}: {}", ran.stderr);
+    }
+    // One that is understood is an answer.
+    bench.run("inspect part.mod cut.nc").exits(0);
+}
+
+#[test]
+fn inspect_shows_where_a_program_goes_file_by_file_and_together() {
+    let bench = Bench::new();
+    let module = |name: &str, x: f64, feed: &str| {
+        let at = |x: f64, y: f64| format!("[[{x},{y},5],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+        format!(
+            "MODULE {name}\nPROC main()\nMoveL {},{feed},fine,tMill\\WObj:=wPart;\nMoveL {},{feed},fine,tMill\\WObj:=wPart;\nENDPROC\nENDMODULE\n",
+            at(x, 0.0),
+            at(x, 60.0)
+        )
+    };
+    std::fs::create_dir(bench.path("job")).unwrap();
+    bench.write("job/a.mod", module("a", 10.0, "v20")).write("job/b.mod", module("b", -30.0, "v100"));
+    let ran = bench.run("inspect job").exits(0);
+    for line in [
+        "a.mod: in wPart: x 10.0 to 10.0, y 0.0 to 60.0, z 5.0 to 5.0 mm",
+        "together: 2 files, 4 motions",
+        "together: tools tMill; work objects wPart",
+        "together: in wPart: x -30.0 to 10.0, y 0.0 to 60.0, z 5.0 to 5.0 mm",
+        "together: feeds 20.0 to 100.0 mm/s; about 0.1 min without joint moves and waits",
+    ] {
+        assert!(ran.stdout.contains(line), "{line} is missing in\n{}", ran.stdout);
+    }
+    let json: serde_json::Value = serde_json::from_str(&bench.run("inspect job/a.mod --json").exits(0).stdout).unwrap();
+    let file = &json["files"][0];
+    assert_eq!(file["extents"][0]["max_mm"], serde_json::json!([10.0, 60.0, 5.0]));
+    assert!((file["run_time_s"].as_f64().unwrap() - 3.0).abs() < 1e-9, "{file:#}");
 }

@@ -75,3 +75,61 @@ fn what_is_no_plan_is_refused() {
     bench.run("plan --cell shop.toml --rows 3 -o measure.mod").exits(2);
     assert!(!bench.path("measure.mod").exists());
 }
+
+/// Each controller gets its own program, which waits at every target, stops for the operator where that is wanted, and is read
+/// back with a row a target.
+#[test]
+fn a_plan_is_posted_for_the_controller_of_the_cell() {
+    let bench = Bench::new();
+    let of = |model: &str, tool: &str, wobj: &str, at: &str| {
+        CELL.replace("irb6660-205-1.9", model)
+            .replace("tools.tMill", &format!("tools.\"{tool}\""))
+            .replace("wobjs.wPart", &format!("wobjs.\"{wobj}\""))
+            .replace("\"wPart\"", &format!("\"{wobj}\""))
+            .replace("\"tMill\"", &format!("\"{tool}\""))
+            .replace("1000.0, -300.0, 700.0", at)
+    };
+    for (model, tool, wobj, at, file, words) in [
+        (
+            "irb6660-205-1.9",
+            "tMill",
+            "wPart",
+            "1000.0, -300.0, 700.0",
+            "p.mod",
+            ["WaitTime 10;", "UIMsgBox \"Load 0, 0, 300 N\";"],
+        ),
+        (
+            "kr300-r2700-2",
+            "TOOL_DATA[1]",
+            "BASE_DATA[1]",
+            "1500.0, -300.0, 700.0",
+            "p.src",
+            ["WAIT SEC 10\r\n", "; Load 0, 0, 300 N\r\nHALT\r\n"],
+        ),
+        (
+            "m-710ic-50",
+            "UT 1",
+            "UF 1",
+            "900.0, -300.0, -100.0",
+            "p.ls",
+            ["WAIT 10.00(sec)", "MESSAGE[Load 0 0 300 N] ;\n"],
+        ),
+    ] {
+        bench.write("shop.toml", of(model, tool, wobj, at));
+        bench.run(&format!("plan --cell shop.toml --rows 8 -o {file} --measured p.csv --ask load")).exits(0);
+        let text = bench.read(file);
+        for word in words {
+            assert!(text.contains(word), "{model}: {word} is missing in\n{text}");
+        }
+        assert_eq!(text.matches(words[0]).count(), 8, "{text}");
+        bench.run(&format!("predict {file} --cell shop.toml --forces p.csv --report rows.csv")).exits(0);
+        assert_eq!(bench.read("rows.csv").lines().count(), 9, "{model}");
+        // The table is its program's: what is missing is what the instrument will say.
+        let ran = bench.run(&format!("identify --run {file} p.csv --cell shop.toml")).exits(2);
+        assert!(ran.stderr.contains("no row has a measured position"), "{}", ran.stderr);
+    }
+    let ran = bench.run("plan --cell shop.toml --rows 8 -o p.mod").exits(0);
+    assert!(ran.stderr.contains("the program is FANUC TP, and the file is named .mod"), "{}", ran.stderr);
+    bench.run("plan --cell shop.toml --rows 8 -o p.mod --post rapid --ask target").exits(0);
+    assert!(bench.read("p.mod").contains("UIMsgBox \"Measure, then go on.\";"));
+}

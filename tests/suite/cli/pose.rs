@@ -56,6 +56,60 @@ fn every_solution_leads_back_to_the_target() {
     }
 }
 
+/// A KUKA's cell speaks of A, B, C, S and T; a FANUC's of W, P, R and CONFIG.
+#[test]
+fn each_controller_is_spoken_to_in_its_own_words() {
+    let words = |model: &str, at: &str| cell(model).run(&format!("pose --cell arm.toml --joints {at}")).exits(0).stdout;
+    // Taught points of such postures have these S and T.
+    assert!(words("kr210-r2700-2", "-5,-90,95,0,40,-3").contains("S 2, T 35  (S 'B010', T 'B100011')"));
+    assert!(words("m-20ia", "10,-20,-30,20,40,-200").contains("FANUC CONFIG                    'F U T, 0, 0, -1'"));
+    assert!(words("irb6660-205-1.9", "10,-20,30,20,40,-40").contains("ABB confdata                    [0,0,-1,0]"));
+    let bench = cell("m-20ia");
+    let there = json(&bench, "--joints 10,-20,-30,20,40,-40");
+    let [p, wpr] = [&there["position_mm"], &there["fixed_xyz_deg"]].map(numbers);
+    let typed = format!("--target {},{},{},{},{},{}", p[0], p[1], p[2], wpr[0], wpr[1], wpr[2]);
+    let first = &json(&bench, &typed)["solutions"][0];
+    let near = numbers(&first["joints_deg"])
+        .iter()
+        .zip([10.0, -20.0, -30.0, 20.0, 40.0, -40.0])
+        .all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(near && first["config"] == there["config"], "{first:#}");
+}
+
+/// The same frames in a cell by a quaternion, by A, B, C and by W, P, R.
+#[test]
+fn orientations_of_a_cell_are_given_in_any_of_three_ways() {
+    let bench = cell("kr210-r2700-2");
+    let there = json(&bench, "--joints 10,-80,100,20,40,-40");
+    let [quat, abc, wpr] = [&there["quat"], &there["zyx_deg"], &there["fixed_xyz_deg"]];
+    let tcp: Vec<Value> = [("quat", quat), ("abc_deg", abc), ("wpr_deg", wpr)]
+        .into_iter()
+        .map(|(key, value)| {
+            let frames = format!(
+                "[robot]\nmodel = \"kr210-r2700-2\"\nbase_{key} = {value}\n[tools.\"TOOL_DATA[1]\"]\ntcp_mm = [1, 2, 300]\n\
+                 tcp_{key} = {value}\n[wobjs.\"BASE_DATA[1]\"]\nuframe_mm = [900, 0, 100]\nuframe_{key} = {value}\noframe_{key} = {value}\n"
+            );
+            bench.write("arm.toml", frames);
+            json(&bench, "--joints 10,-80,100,20,40,-40 --tool TOOL_DATA[1] --wobj BASE_DATA[1]")
+        })
+        .collect();
+    for other in &tcp[1..] {
+        for key in ["position_mm", "quat"] {
+            let off =
+                numbers(&tcp[0][key]).iter().zip(numbers(&other[key])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-9, "{other:#}");
+        }
+    }
+    let both = "[robot]\nmodel = \"kr210-r2700-2\"\nbase_abc_deg = [0, 0, 0]\nbase_wpr_deg = [0, 0, 0]\n";
+    bench.write("arm.toml", both);
+    let ran = bench.run("pose --cell arm.toml --joints 0,-90,90,0,0,0").exits(2);
+    assert!(
+        ran.stderr.contains("base_abc_deg and base_wpr_deg") && ran.stderr.contains("arm.toml:4"),
+        "{}",
+        ran.stderr
+    );
+}
+
 /// A track under the robot moves the TCP along with it; the target is then reached with the joints that it was at zero.
 #[test]
 fn units_stand_where_they_are_said_to() {
