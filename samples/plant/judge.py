@@ -185,7 +185,7 @@ def main():
     parser.add_argument("--kinds", default="kitchen,most")
     parser.add_argument("--again", action="store_true", help="judge the cells that are there")
     parser.add_argument("--halves", action="store_true", help="identify from every second row too")
-    parser.add_argument("--right-laws", type=int, default=0, help="cells of each kind to which the plant's own laws are fitted, about a minute each")
+    parser.add_argument("--right-laws", type=int, default=0, help="cells of each kind to which the plant's own laws are fitted, some minutes each")
     parser.add_argument("--limit-s", type=float, default=120, help="after which an identification is given up; 0: the rivals alone")
     parser.add_argument("--deflex", type=pathlib.Path, default=ROOT / "target" / "release" / "deflex")
     parser.add_argument("--columns", type=pathlib.Path, default=ROOT / "target" / "release" / "examples" / "effect_columns")

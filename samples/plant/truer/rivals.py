@@ -83,7 +83,7 @@ def process(part, other, off, forces):
     return tuple(mean + np.exp(-apart(v, near) / (2 * length**2)) @ weights for v in (a, b))
 
 
-def right_laws(folder, steps=2):
+def right_laws(folder, steps=4):
     """Positions of both programs (mm) by the plant's own laws, fitted to the measured rows with the spread of each number as its prior."""
     truth = json.loads((folder / "truth.json").read_text())
     robot = next(r for r in ROBOTS if r.label == truth["robot"])
