@@ -19,7 +19,7 @@ mkdir -p -- "$out/corrected" || exit 2
 rm -f -- "$out"/corrected/* "$out/check.sarif" "$out/check.xml"
 
 # Options first: after `--` everything is a name, whatever it begins with.
-judge() { "$deflex" check --cell="$cell" --quiet "${how[@]}" --format "$1" -- "${judged[@]}"; }
+judge() { "$deflex" check --cell="$cell" --quiet "${how[@]}" --output-format "$1" -- "${judged[@]}"; }
 if "$deflex" compensate --cell="$cell" --quiet --out-dir="$out/corrected" --report="$out/report.csv" \
   --json="$out/summary.json" --html="$out/report.html" -- "${files[@]}"; then
   # At the targets, which a correction alone can mend; what is left on the way to them takes `compensate --subdivide`.

@@ -60,6 +60,8 @@ pub struct Cell {
     pub wobjs: BTreeMap<String, Pose>,
     /// Index of the mechanical unit that is the user frame of a work object, by its name in upper case: the pose is then in that.
     pub wobj_units: BTreeMap<String, usize>,
+    /// Names of tools and work objects as the cell file spells them, by name, upper case.
+    pub spelled: BTreeMap<String, String>,
     /// `[limits]`.
     pub limits: CorrectionLimits,
     /// `[controller] compensates`: effects covered by it are left out of `arm.effects`; this says which.
@@ -82,6 +84,14 @@ pub struct Cell {
     pub columns: Option<ColumnNames>,
     /// What the robot's controller runs, where the cell tells it.
     pub language: Option<Language>,
+}
+
+impl Cell {
+    /// Names that the cell declares, spelled as in its file, for messages.
+    #[must_use]
+    pub fn names_of<'a, T>(&'a self, declared: &'a BTreeMap<String, T>) -> Vec<&'a str> {
+        declared.keys().map(|name| self.spelled.get(name).map_or(&**name, String::as_str)).collect()
+    }
 }
 
 /// `[limits]`: what would surprise the machine, m.

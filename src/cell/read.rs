@@ -84,6 +84,8 @@ impl Cell {
             wobjs.insert(name.to_ascii_uppercase(), frame);
             wobj_units.extend(unit.map(|unit| (name.to_ascii_uppercase(), unit)));
         }
+        let named = raw.tools.keys().chain(raw.wobjs.keys());
+        let spelled = named.map(|name| (name.to_ascii_uppercase(), name.clone())).collect();
         one_name(&mut check, "tools", raw.tools.keys());
         one_name(&mut check, "wobjs", raw.wobjs.keys());
         let limits = limits(&mut check, raw.limits.as_ref());
@@ -116,6 +118,7 @@ impl Cell {
                 start,
                 tools,
                 tool_milling,
+                spelled,
                 wobjs,
                 wobj_units,
                 limits,

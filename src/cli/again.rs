@@ -95,8 +95,8 @@ fn posted(file: &Path) -> bool {
     read.is_ok() && String::from_utf8_lossy(&head).contains(POSTED)
 }
 
-/// The places that a report says were written, where they differ from those programmed; `None` where a file is no report of
-/// one program, or nothing was corrected.
+/// The places that a report says were written, where they differ from those programmed; `None` where a file is no report, or
+/// nothing was corrected.
 fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
     const COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "correction_x_mm", "correction_y_mm", "correction_z_mm"];
     // A pipe by such a name would be waited for.
@@ -111,9 +111,6 @@ fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
     let mut reader = csv::Reader::from_reader(input);
     let header = reader.headers().ok()?.clone();
     let at = |name: &str| header.iter().position(|column| column == name);
-    if at("file").is_some() {
-        return None;
-    }
     let mut columns = [0; COLUMNS.len()];
     for (place, name) in columns.iter_mut().zip(COLUMNS) {
         *place = at(name)?;
@@ -123,7 +120,11 @@ fn written(path: &Path) -> Option<Vec<[f64; 3]>> {
         let record = record.ok()?;
         let mut values = [0.0_f64; COLUMNS.len()];
         for (value, column) in values.iter_mut().zip(columns) {
-            *value = record.get(column)?.parse().ok()?;
+            // Nothing stands there where the target is not solved.
+            *value = match record.get(column)? {
+                "" => f64::NAN,
+                figure => figure.parse().ok()?,
+            };
         }
         let [x, y, z, dx, dy, dz] = values;
         if dx.hypot(dy).hypot(dz) > TELLING_MM {

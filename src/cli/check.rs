@@ -15,17 +15,23 @@ use super::{Answer, Outcome, message};
 use deflex::correct::{Judged, Messages, Row, Summary, WayFault, compensate, predict};
 use deflex::program::{Language, Program, Role, Target};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{CheckFile, FileSummary, Findings, check_json, junit, sarif};
+use deflex::report::{
+    CheckFile, Digest, FileSummary, Findings, Judgement, KeptCount, Verdict, Verdicts, check_json, check_text, junit,
+    sarif,
+};
 use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Why the others of a program are not judged where a target is not reached.
+const REFUSED: &str = "in a program of which a target is not reached";
+
 /// Refusals that are an answer about the program, not a failure of the run.
 const ABOUT_THE_PROGRAM: [&str; 1] = ["robot.unreachable"];
 
 pub(super) fn run(args: &Check) -> Outcome {
-    let (form, kind) = formats(&args.format)?;
+    let (form, kind) = formats(args)?;
     let context = Context::of(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
@@ -66,7 +72,7 @@ pub(super) fn run(args: &Check) -> Outcome {
         Form::Json => report::pretty(&told(&setup, &files))?,
         Form::Junit => junit(&files),
         Form::Sarif => report::pretty(&sarif(&files))?,
-        _ => text(&files),
+        Form::Text => check_text(&files),
     };
     outputs.add(Path::new("-"), text.as_bytes())?;
     if let Some(path) = &args.reports.json {
@@ -86,7 +92,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     if !failed.is_empty() {
         return Err(failed);
     }
-    Ok(if files.iter().all(|file| file.findings.is_empty()) { Answer::Yes } else { Answer::No })
+    Ok(if files.iter().all(CheckFile::passed) { Answer::Yes } else { Answer::No })
 }
 
 /// The answer for scripts, with what it was made from.
@@ -96,18 +102,22 @@ fn told(setup: &Setup, files: &[CheckFile]) -> serde_json::Value {
     all
 }
 
-/// `--format` names the form of the answer, and the kind of the input as everywhere else.
-fn formats(given: &[CheckFormat]) -> Result<(Form, Option<Language>), Vec<Diagnostic>> {
-    let (mut form, mut input) = (None, None);
-    for format in given {
+/// Form of the answer and kind of the input; `--format` is an old spelling of both.
+fn formats(args: &Check) -> Result<(Form, Option<Language>), Vec<Diagnostic>> {
+    let (mut form, mut input) = (args.output_format, args.input_format);
+    for format in &args.format {
         let taken = match format {
             CheckFormat::Input(language) => input.replace(*language).is_some(),
             CheckFormat::Form(of) => form.replace(*of).is_some(),
         };
         if taken {
-            return Err(Diagnostic::error("usage.format", "", "--format is given twice")
-                .help("give one form and one kind")
-                .into());
+            return Err(Diagnostic::error(
+                "usage.format",
+                "",
+                "the form of the answer, or the kind of the input, is given twice",
+            )
+            .help("give --output-format once and --input-format once")
+            .into());
         }
     }
     Ok((form.unwrap_or_default(), input))
@@ -128,14 +138,12 @@ struct Checked {
 
 fn one(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Checked, Vec<Diagnostic>> {
     let findings = |judged: Judged<'_>| findings(args, judged);
-    let named = args.reports.json.is_some()
-        || args.reports.html.is_some()
-        || args.format.contains(&CheckFormat::Form(Form::Json));
+    let named = args.reports.json.is_some() || args.reports.html.is_some() || formats(args)?.0 == Form::Json;
     let origins = if named { job.origins()? } else { Vec::new() };
     job.marked()?;
     let question = Question { corrects: corrects(args), findings: &findings };
     let mut checked = match predicted::streamed(batch, &job, bar, Some(question))? {
-        Some(predicted) => streamed(batch, &job.name, predicted),
+        Some(predicted) => streamed(args, batch, &job.name, predicted),
         None => whole(args, batch, job, bar),
     }?;
     if let Some((summary, _)) = &mut checked.path {
@@ -151,19 +159,44 @@ fn corrects(args: &Check) -> bool {
 }
 
 /// A program that went through a chunk at a time.
-fn streamed(batch: &Batch<'_>, name: &str, predicted: Predicted) -> Result<Checked, Vec<Diagnostic>> {
-    let Predicted { streamed, findings, outputs, rows, path } = predicted;
-    let (found, sum) = if streamed.refused.is_empty() {
-        (findings.into_parts(), streamed.summary)
+fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -> Result<Checked, Vec<Diagnostic>> {
+    let Predicted { streamed, findings, unjudged, digest, outputs, rows, path } = predicted;
+    let (found, judgement, sum) = if streamed.refused.is_empty() {
+        let targets = streamed.last as usize;
+        let judgement = judgement(args, targets, &streamed.summary, (unjudged, digest));
+        (findings.into_parts(), judgement, streamed.summary)
     } else {
         let (refused, more) = streamed.refused.into_parts();
-        ((about_the_program(batch, refused)?, more), Summary::default())
+        let judgement = refused_judgement(args, streamed.last as usize);
+        ((about_the_program(batch, refused)?, more), judgement, Summary::default())
     };
-    let unknown: usize = streamed.unknown.iter().map(|(_, count)| count).sum();
-    let file = CheckFile::new(name, (streamed.last as usize).saturating_sub(unknown), found);
+    let notes = streamed.notes.into_iter().chain(not_judged(name, &judgement)).collect();
+    let file = CheckFile::new(name, judgement, found);
     let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file), path));
-    let notes = streamed.notes.into_iter().chain(not_judged(name, &streamed.unknown)).collect();
     Ok(Checked { file, outputs, rows, path, notes })
+}
+
+/// What was judged of a program with so many motions.
+fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (Findings, Digest)) -> Judgement {
+    let ways = Some(args.max_path_error.unwrap_or(args.max_error)).filter(|_| !args.at_targets);
+    Judgement {
+        targets,
+        air: sum.air,
+        unjudged: KeptCount::all(&sum.unjudged),
+        skipped: unjudged.into_parts().0,
+        allows_unjudged: args.allow_unjudged,
+        verdicts: Verdicts::new(
+            Verdict::new(digest.worst.into_iter().next(), Some(args.max_error)),
+            Verdict::new(digest.way, ways),
+            Verdict::new(digest.jump, args.max_jump),
+        ),
+    }
+}
+
+/// The same of a program that is refused, because some target of it is not reached.
+fn refused_judgement(args: &Check, targets: usize) -> Judgement {
+    let unjudged = vec![KeptCount { reason: REFUSED, count: targets }];
+    Judgement { targets, unjudged, allows_unjudged: args.allow_unjudged, ..Judgement::default() }
 }
 
 /// Refusals as findings, if they are.
@@ -177,7 +210,7 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     let (name, setup) = (job.name.clone(), batch.setup);
     let original = batch.originals.of(&job, setup)?;
     let program = setup.program(job)?;
-    let targets = program.targets.iter().filter(|target| target.role == Role::End).count();
+    let targets = program.targets.iter().filter(|target| target.role == Role::End).count() + program.unknown.len();
     let cell = &setup.cell.cell;
     let outputs = batch.outputs.sibling();
     let options = setup.options_followed(batch.bar(bar));
@@ -186,10 +219,11 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
         Err(refused) => {
             let mut held = Messages::with_room(Findings::MOST);
             held.add(about_the_program(batch, refused)?);
-            let file = CheckFile::new(&name, targets, held.into_parts());
+            let judgement = refused_judgement(args, targets);
+            let file = CheckFile::new(&name, judgement, held.into_parts());
             let nothing = FileSummary::of(&name, &Summary::default(), &[]).with_findings(&file);
             let path = batch.path.clone().map(|path| (nothing, path));
-            let rows = batch.rows(Some(Rows::new(&program, &[])))?;
+            let rows = batch.rows(Some(Rows::new(&[])))?;
             return Ok(Checked { file, outputs, rows, path, notes: Vec::new() });
         }
     };
@@ -197,53 +231,61 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
     if corrects(args) {
         failures.extend(compensate(&program, cell, &options).map_err(|e| setup.cell.own(e))?.failures);
     }
-    let (mut found, moved_mm, on_the_way) = (Findings::default(), &predicted.moved_mm, &predicted.on_the_way);
-    found.add(findings(args, Judged { program: &program, rows: &predicted.rows, failures, moved_mm, on_the_way }));
-    let file = CheckFile::new(&name, targets, found.into_parts());
-    let rows = Rows::new(&program, &predicted.rows);
+    let (mut found, mut unjudged, mut digest) = (Findings::default(), Findings::default(), Digest::default());
+    let (moved_mm, on_the_way) = (&predicted.moved_mm, &predicted.on_the_way);
+    let judged = Judged { program: &program, rows: &predicted.rows, failures, moved_mm, on_the_way };
+    let (skipped, wrong) = findings(args, judged).into_iter().partition(|found| found.severity != Severity::Error);
+    found.add(wrong);
+    unjudged.add(skipped);
+    digest.take(&predicted.rows);
+    let judgement = judgement(args, targets, &Summary::of(&predicted.rows), (unjudged, digest));
+    let not_judged: Vec<Diagnostic> = not_judged(&name, &judgement).collect();
+    let file = CheckFile::new(&name, judgement, found.into_parts());
+    let rows = Rows::new(&predicted.rows);
     let path = batch.path.clone().map(|mut path| {
         rows.draw(&mut path, &predicted.rows);
         path.quote(|target, _| program.line_of(target));
-        (FileSummary::new(&name, &program, &predicted).with_findings(&file), path)
+        (FileSummary::new(&name, &predicted).with_findings(&file), path)
     });
     let rows = batch.rows(Some(rows))?;
-    let not_judged = not_judged(&name, program.unknown_targets());
-    let unsolved = predicted.rows.iter().filter(|row| !row.is_solved()).count();
-    let unsolved = (unsolved > 0).then(|| {
-        Diagnostic::error("check.not-judged", &name, format!("not judged: {unsolved} targets that are kept, unsolved"))
-            .severity(Severity::Warning)
-            .help("`deflex predict --report` names them and why")
-    });
     let mut noticed = Noticed::new(setup.options.forces.as_ref(), None);
     noticed.take(&predicted.rows);
     let left_out = noticed.notes(&name)?;
-    let notes = predicted.notes.into_iter().chain(left_out).chain(not_judged).chain(unsolved).collect();
+    let notes = predicted.notes.into_iter().chain(left_out).chain(not_judged).collect();
     Ok(Checked { file, outputs, rows, path, notes })
 }
 
-/// Motions whose target is known only at run time.
-fn not_judged<'a>(name: &'a str, unknown: &'a [(&'static str, usize)]) -> impl Iterator<Item = Diagnostic> + 'a {
-    unknown.iter().map(move |(reason, count)| {
-        Diagnostic::error("check.not-judged", name, format!("not judged: {count} {reason}"))
-            .severity(Severity::Warning)
-            .help("`deflex inspect` names their lines")
+/// Targets that were not judged, by reason.
+fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item = Diagnostic> + 'a {
+    judgement.unjudged.iter().filter(|unjudged| unjudged.reason != REFUSED).map(move |unjudged| {
+        let said = Diagnostic::error("check.not-judged", name, format!("not judged: {unjudged}"));
+        said.severity(Severity::Warning).help(match judgement.allows_unjudged {
+            true => "`deflex predict --report` names their lines",
+            false => "declare in the cell what is missing; or let them pass unjudged with `--allow-unjudged`",
+        })
     })
 }
 
-/// What is wrong with a program, or a chunk of it.
+/// What is wrong with a program, or a chunk of it: errors; and what of it is not judged: warnings.
 fn findings(args: &Check, judged: Judged<'_>) -> Vec<Diagnostic> {
     let Judged { program, rows, failures, moved_mm, on_the_way } = judged;
     let place = Places::new(program);
-    let over = rows.iter().filter(|row| row.error_norm_mm() > args.max_error);
-    let mut findings: Vec<Diagnostic> = over.map(|row| place.error(row, args.max_error)).collect();
-    if !args.at_targets {
-        // A target that is off itself has been found already.
-        let way = |row: &&Row| {
-            row.error_norm_mm() <= args.max_error && row.remaining_path_mm().is_some_and(|left| left > args.max_error)
-        };
-        findings.extend(rows.iter().filter(way).map(|row| place.path(row, args.max_error)));
+    let mut findings = failures;
+    for row in rows {
+        let path = row.path.filter(|_| !args.at_targets).unwrap_or_default();
+        let most = args.max_path_error.unwrap_or(args.max_error);
+        if !row.is_solved() {
+            findings.push(place.unjudged(row));
+        } else if row.error_norm_mm() > args.max_error {
+            findings.push(place.error(row, args.max_error));
+        } else if path.way_mm > most {
+            // A target that is off itself has been found already.
+            findings.push(place.path(row, path.way_mm, most));
+        }
+        if let Some(most) = args.max_jump.filter(|most| path.jump_mm > *most) {
+            findings.push(place.jump(row, path.jump_mm, most));
+        }
     }
-    findings.extend(failures);
     findings.extend(on_the_way.iter().map(|found| found.diagnostic(program)));
     if let Some(most) = args.max_correction {
         let moved = program.targets.iter().map(|target| target.ordinal).zip(moved_mm.iter().copied());
@@ -270,15 +312,30 @@ impl<'a> Places<'a> {
         self.at(row.target, "check.max-error", message, "correct the program with `deflex compensate`")
     }
 
-    fn path(&self, row: &Row, most: f64) -> Diagnostic {
-        let left = row.remaining_path_mm().unwrap_or_default();
+    fn path(&self, row: &Row, left: f64, most: f64) -> Diagnostic {
         let message = format!(
             "target {}: on the way into it the tip is {left:.4} mm off the programmed path, more than the {most} mm allowed",
             row.target
         );
-        let help =
-            "correct the program with `deflex compensate --subdivide MM`; `--at-targets` judges the targets alone";
+        let help = "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit of the ways alone, \
+                    `--at-targets` judges none";
         self.at(row.target, "check.max-path-error", message, help)
+    }
+
+    fn jump(&self, row: &Row, left: f64, most: f64) -> Diagnostic {
+        let message = format!(
+            "target {}: on the way into it the force sets in, ends or turns at once, and the tip is {left:.4} mm off the \
+             programmed path there, more than the {most} mm allowed",
+            row.target
+        );
+        let help = "lead in and out of the cut gently: no inserted target is near enough to mend a jump";
+        self.at(row.target, "check.max-jump", message, help)
+    }
+
+    fn unjudged(&self, row: &Row) -> Diagnostic {
+        let message = format!("target {} is not judged: {}", row.target, row.reason());
+        let help = "declare in the cell what is missing, or let it pass with `--allow-unjudged`";
+        self.at(row.target, "check.not-judged", message, help).severity(Severity::Warning)
     }
 
     fn correction(&self, target: u32, mm: f64, most: f64) -> Diagnostic {
@@ -288,29 +345,13 @@ impl<'a> Places<'a> {
 
     fn at(&self, ordinal: u32, code: &'static str, message: String, help: &str) -> Diagnostic {
         let diagnostic = Diagnostic::error(code, "", message).help(help);
-        match self.ends.binary_search_by_key(&ordinal, |target| target.ordinal) {
-            Ok(i) => {
-                let target = self.ends[i];
-                diagnostic.on_line(&self.program.sources[usize::from(target.source)], target.span, target.line)
-            }
-            Err(_) => diagnostic,
-        }
-    }
-}
-
-/// One line a finding, one a program.
-fn text(files: &[CheckFile]) -> String {
-    let mut out = String::new();
-    for file in files {
-        for finding in &file.findings {
-            out += &format!("{finding}\n");
-        }
-        out.extend(file.rest().map(|rest| rest + "\n"));
-        let verdict = match file.count() {
-            0 => "ok".to_owned(),
-            n => format!("{n} findings"),
+        let end = self.ends.binary_search_by_key(&ordinal, |target| target.ordinal).ok().map(|i| self.ends[i]);
+        let unknown = &self.program.unknown;
+        let place = match (end, unknown.binary_search_by_key(&ordinal, |motion| motion.ordinal)) {
+            (Some(target), _) => (target.source, target.span, target.line),
+            (None, Ok(i)) => (unknown[i].source, unknown[i].span, unknown[i].line),
+            (None, Err(_)) => return diagnostic,
         };
-        out += &format!("{}: {} targets, {verdict}\n", file.path, file.targets);
+        diagnostic.on_line(&self.program.sources[usize::from(place.0)], place.1, place.2)
     }
-    out
 }

@@ -8,6 +8,7 @@ use super::input::Context;
 use super::job::Job;
 use super::output::{Outputs, cannot_write, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
+use super::report::write_joined;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
 use super::stream;
@@ -73,13 +74,23 @@ impl Batch<'_> {
                 posted.files.into_iter().map(|(name, bytes)| (PathBuf::from(name), bytes)).collect()
             }
         };
-        let stem = written.first().map_or_else(PathBuf::new, |(file, _)| file.clone());
+        // Of several modules the first that moves: others only declare.
+        let moving = corrected
+            .rows
+            .first()
+            .and_then(|row| row.names.as_deref())
+            .and_then(|names| program.sources.iter().position(|source| *source.name == *names.file));
+        let main = moving.filter(|_| program.language.is_edited()).unwrap_or_default();
+        let stem = written.get(main).or(written.first()).map_or_else(PathBuf::new, |(file, _)| file.clone());
         place(args, &mut outputs, written.into_iter().chain(companions))?;
-        let mut done = Done::new(&name, &program, corrected, outputs, self.path.clone(), noticed)?;
+        let mut done =
+            Done::new((&name, PathKind::Compensate), &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
         if let (Some(path), Some(rows)) = (report_beside(args, &stem), &done.rows) {
             let mut file = done.outputs.open_report(&path)?;
-            rows.write(&mut file).and_then(|()| file.flush()).map_err(|error| cannot_write(&path, &error))?;
+            write_joined(std::slice::from_ref(rows), &mut file)
+                .and_then(|()| file.flush())
+                .map_err(|error| cannot_write(&path, &error))?;
         }
         match (&args.reports.report, &mut done.rows) {
             (Some(path), Some(rows)) if self.programs > 1 => {

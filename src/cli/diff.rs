@@ -8,8 +8,8 @@ use super::output::{Outputs, is_stdout, one_thing};
 use super::report::pretty;
 use super::{Answer, Outcome};
 use deflex::report::html::diff_page;
-use deflex::report::{diff_csv, diff_text, difference};
-
+use deflex::report::{diff_csv, diff_summary, diff_text, difference};
+use std::io::{IsTerminal, stdout};
 use std::path::Path;
 
 pub(super) fn run(args: &Diff) -> Outcome {
@@ -22,7 +22,8 @@ pub(super) fn run(args: &Diff) -> Outcome {
 
     let mut outputs = Outputs::default();
     if printed == 0 && !args.quiet {
-        outputs.add(Path::new("-"), diff_text(&found).as_bytes())?;
+        let text = if stdout().is_terminal() { diff_summary(&found) } else { diff_text(&found) };
+        outputs.add(Path::new("-"), text.as_bytes())?;
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, diff_csv(&found).as_bytes())?;

@@ -236,6 +236,6 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
     let words = Language::ALL.map(Language::word).join(" | ");
     Diagnostic::error("program.language", "", format!("{what}: {expected}"))
         .at(head, Span::new(0, 0))
-        .help(format!("say what it is with --format {words}"))
+        .help(format!("say what it is with --input-format {words}"))
         .into()
 }

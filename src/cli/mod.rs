@@ -39,7 +39,7 @@ mod watch;
 
 use args::{Cli, Command, Common};
 use clap::Parser;
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, Severity};
 use std::ffi::OsString;
 
 /// What a run came to, when it could be done.
@@ -67,7 +67,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         message::print(&[error], false);
         return 2;
     }
-    let cli = match Cli::try_parse_from(args) {
+    let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are results on stdout, the rest is bad usage on stderr; a closed pipe is no fault.
@@ -79,6 +79,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     output::lock::wait_at_most(cli.lock_timeout);
     output::clean_up_when_interrupted();
     let _clean = output::AtTheEnd;
+    message::print(&old_spellings(&args, &cli.command), common(&cli.command).is_some_and(|common| common.quiet));
     let outcome = threads(&cli.command).and_then(|()| match &cli.command {
         Command::Compensate(args) => compensate::run(args),
         Command::Predict(args) => predict::run(args),
@@ -106,9 +107,25 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
 /// over.
 const STACK_BYTES: usize = 8 << 20;
 
-/// `--jobs`.
-fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
-    let common: Option<&Common> = match command {
+/// A note where an option has another name by now.
+fn old_spellings(args: &[OsString], command: &Command) -> Vec<Diagnostic> {
+    let is_old = |arg: &OsString| arg == "--format" || arg.to_str().is_some_and(|arg| arg.starts_with("--format="));
+    if !args.iter().take_while(|arg| *arg != "--").any(is_old) {
+        return Vec::new();
+    }
+    let help = match command {
+        Command::Check(_) => {
+            "write --output-format for the form of the answer, and --input-format for the kind of the input"
+        }
+        _ => "write --input-format",
+    };
+    let said = Diagnostic::error("usage.format", "", "--format is an old spelling, which goes on working");
+    vec![said.severity(Severity::Note).help(help)]
+}
+
+/// Options that every run has.
+fn common(command: &Command) -> Option<&Common> {
+    match command {
         Command::Compensate(args) => Some(&args.common),
         Command::Predict(args) => Some(&args.common),
         Command::Simulate(args) => Some(&args.common),
@@ -117,8 +134,12 @@ fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
         Command::Plan(args) => Some(&args.common),
         Command::Inspect(args) => Some(&args.common),
         Command::Diff(_) | Command::Init(_) | Command::Pose(_) | Command::Generate(_) => None,
-    };
-    let jobs = common.and_then(|common| common.jobs);
+    }
+}
+
+/// `--jobs`.
+fn threads(command: &Command) -> Result<(), Vec<Diagnostic>> {
+    let jobs = common(command).and_then(|common| common.jobs);
     // 0 is as many as there are cores.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs.map_or(0, usize::from)).stack_size(STACK_BYTES);
     pool.build_global().map_err(|error| {

@@ -18,13 +18,13 @@ const UNIT_NORM: f64 = 1e-2;
 pub(super) fn run(args: &Arguments) -> Outcome {
     let cell = CellFile::read(&args.cell)?.cell;
     let flange_from_tcp = match &args.tool {
-        Some(name) => named("tool", name, &cell.tools)?.flange_from_tcp,
+        Some(name) => named("tool", name, (&cell, &cell.tools))?.flange_from_tcp,
         None => Pose::identity(),
     };
     let external = external(&cell, &args.external)?;
     let world_from_wobj = match &args.wobj {
         Some(name) => {
-            let frame = named("wobj", name, &cell.wobjs)?;
+            let frame = named("wobj", name, (&cell, &cell.wobjs))?;
             match cell.wobj_units.get(&name.to_ascii_uppercase()) {
                 Some(unit) => cell.units.world_from_unit(*unit, &external) * frame,
                 None => *frame,
@@ -98,14 +98,14 @@ fn sign(unit: &Unit) -> &'static str {
 fn named<'a, T>(
     what: &str,
     name: &str,
-    all: &'a std::collections::BTreeMap<String, T>,
+    (cell, all): (&Cell, &'a std::collections::BTreeMap<String, T>),
 ) -> Result<&'a T, Vec<Diagnostic>> {
     all.get(&name.to_ascii_uppercase()).ok_or_else(|| {
-        let known = all.keys().cloned().collect::<Vec<_>>().join(", ");
-        let meant = nearest(&name.to_ascii_uppercase(), all.keys().map(String::as_str));
+        let known = cell.names_of(all);
+        let meant = nearest(name, known.iter().copied());
         let meant = meant.map_or_else(String::new, |meant| format!("did you mean `{meant}`? "));
         Diagnostic::error("pose.name", "", format!("--{what} {name}: the cell declares no such {what}"))
-            .help(format!("{meant}declared: {known}"))
+            .help(format!("{meant}declared: {}", known.join(", ")))
             .into()
     })
 }

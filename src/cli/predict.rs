@@ -13,10 +13,12 @@ use super::report::Noticed;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
 use deflex::correct;
+use deflex::report::digest_text;
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, printable};
 use indicatif::ProgressBar;
-use std::path::PathBuf;
+use std::io::{IsTerminal, stdout};
+use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Predict) -> Outcome {
     let setup = Setup::read(&args.model, Context::read(&args.reading)?, args.correct, &args.reports);
@@ -24,12 +26,15 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
-    if reports.report.is_none() && reports.to_stdout() == 0 {
+    // Rows are for files and pipes: people at a terminal get the worst of them.
+    let is_asked = reports.report.is_some() || reports.to_stdout() > 0;
+    let is_read = !is_asked && stdout().is_terminal();
+    if !is_asked && !is_read {
         reports.report = Some(PathBuf::from("-"));
     }
     one_thing(reports.to_stdout())?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
-    let outputs = Outputs::default();
+    let mut outputs = Outputs::default();
     let batch = Batch {
         setup: &setup,
         originals: &originals,
@@ -47,7 +52,13 @@ pub(super) fn run(args: &Predict) -> Outcome {
         };
         Ok(done.made_from(origins))
     });
-    let done = done.map_err(|errors| setup.failed(errors))?;
+    let mut done = done.map_err(|errors| setup.failed(errors))?;
+    if is_read {
+        for done in &mut done.0 {
+            done.line.clear();
+            outputs.add(Path::new("-"), printable(&digest_text(&done.summary, &done.digest)).as_bytes())?;
+        }
+    }
     finish(outputs, &setup, PathKind::Predict, done, &reports, args.common.quiet)
 }
 
@@ -60,7 +71,14 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
     let predicted = correct::predict(&program, &setup.cell.cell, &options, original.as_ref());
     let predicted = predicted.map_err(|e| setup.cell.own(e))?;
     let noticed = Noticed::new(setup.options.forces.as_ref(), None);
-    let mut done = Done::new(&name, &program, predicted, batch.outputs.sibling(), batch.path.clone(), noticed)?;
+    let mut done = Done::new(
+        (&name, PathKind::Predict),
+        &program,
+        predicted,
+        batch.outputs.sibling(),
+        batch.path.clone(),
+        noticed,
+    )?;
     done.rows = batch.rows(done.rows)?;
     Ok(done)
 }

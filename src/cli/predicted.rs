@@ -8,9 +8,9 @@ use super::setup::Setup;
 use super::{lines, progress};
 use deflex::correct::{Judge, Judged, Streamed, predict_long};
 use deflex::program::LongText;
-use deflex::report::Findings;
 use deflex::report::html::PathTrace;
-use deflex::text::Diagnostic;
+use deflex::report::{Digest, Findings};
+use deflex::text::{Diagnostic, Severity};
 use indicatif::ProgressBar;
 use std::path::Path;
 
@@ -57,6 +57,10 @@ pub(super) struct Predicted {
     pub(super) streamed: Streamed,
     /// Where there was a question.
     pub(super) findings: Findings,
+    /// Targets that were not judged.
+    pub(super) unjudged: Findings,
+    /// The worst of it.
+    pub(super) digest: Digest,
     /// What it wrote, staged.
     pub(super) outputs: Outputs,
     /// For the report of a batch; that of the one program is staged already.
@@ -99,8 +103,12 @@ pub(super) fn streamed(
         )?;
         let threads = rayon::current_num_threads().div_ceil(batch.programs);
         let run = (&setup.cell.cell, &setup.options, threads);
-        let mut findings = Findings::default();
-        let mut found = |more| findings.add(more);
+        let (mut findings, mut unjudged) = (Findings::default(), Findings::default());
+        let mut found = |more: Vec<Diagnostic>| {
+            let (skipped, wrong) = more.into_iter().partition(|found| found.severity != Severity::Error);
+            findings.add(wrong);
+            unjudged.add(skipped);
+        };
         let judge = question.map(|Question { corrects, findings }| Judge {
             corrects,
             refusals: Findings::MOST,
@@ -115,10 +123,11 @@ pub(super) fn streamed(
         }
         streamed.notes.extend(reports.notes(name)?);
         let rows = if streamed.refused.is_empty() { streamed.summary.targets } else { 0 };
+        let digest = reports.digest();
         let (rows, mut path) = reports.done(name, rows);
         if let Some(path) = &mut path {
             lines::quote(path, program.text().open()?);
         }
-        Ok(Some(Predicted { streamed, findings, outputs, rows, path }))
+        Ok(Some(Predicted { streamed, findings, unjudged, digest, outputs, rows, path }))
     })
 }

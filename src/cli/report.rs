@@ -6,9 +6,8 @@ use super::forces::LeftOut;
 use super::output::{Outputs, Temporary, cannot_write};
 use super::{files, progress};
 use deflex::correct::{Forces, Row, Sinks};
-use deflex::program::{Program, Role};
-use deflex::report::html::PathTrace;
-use deflex::report::{CSV_HEADER, FileSummary, Origin, VERSION, csv_field, csv_rows, write_csv};
+use deflex::report::html::{PathKind, PathTrace};
+use deflex::report::{CSV_HEADER, Digest, FileSummary, Origin, VERSION, csv_field, csv_rows, write_csv};
 use deflex::text::{Diagnostic, printable_line};
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -36,15 +35,13 @@ impl Default for Csv {
 }
 
 impl Rows {
-    pub(super) fn new(program: &Program, rows: &[Row]) -> Self {
+    pub(super) fn new(rows: &[Row]) -> Self {
         let mut csv = Vec::with_capacity(64 + 256 * rows.len());
         // Writing to a Vec cannot fail.
         let _ = write_csv(rows, &mut csv);
-        let mut ends = program.targets.iter().filter(|target| target.role == Role::End);
         let mut files: Vec<(String, usize)> = Vec::new();
         for row in rows {
-            let target = ends.find(|target| target.ordinal == row.target);
-            let file = target.map_or("", |target| &program.sources[usize::from(target.source)].name);
+            let file = row.names.as_deref().map_or("", |names| &names.file);
             match files.last_mut() {
                 Some((last, count)) if last == file => *count += 1,
                 _ => files.push((file.to_owned(), 1)),
@@ -81,8 +78,8 @@ impl Rows {
         Ok(())
     }
 
-    /// Writes the report of the one program.
-    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+    /// Writes the rows alone.
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
         io::copy(&mut self.read()?, out).map(|_| ())
     }
 
@@ -101,19 +98,27 @@ pub(super) struct Noticed<'a> {
     /// Where the program is to be corrected.
     pub(super) again: Option<Again>,
     left_out: LeftOut,
+    /// The worst of it.
+    digest: Digest,
 }
 
 impl<'a> Noticed<'a> {
     pub(super) fn new(forces: Option<&'a Forces>, again: Option<Again>) -> Self {
-        Self { forces, again, left_out: LeftOut::default() }
+        Self { forces, again, left_out: LeftOut::default(), digest: Digest::default() }
     }
 
     /// Takes in rows in running order.
     pub(super) fn take(&mut self, rows: &[Row]) {
         self.left_out.take(self.forces, rows);
+        self.digest.take(rows);
         if let Some(again) = &mut self.again {
             again.take(rows);
         }
+    }
+
+    /// The worst of it.
+    pub(super) fn into_digest(self) -> Digest {
+        self.digest
     }
 
     /// What is said of the program `name`; an error where it is not to be corrected.
@@ -188,6 +193,11 @@ impl<'a> ProgramReports<'a> {
     /// What was noticed in the program `name`.
     pub(super) fn notes(&self, name: &str) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
         self.noticed.notes(name)
+    }
+
+    /// The worst of it.
+    pub(super) fn digest(&self) -> Digest {
+        self.noticed.digest.clone()
     }
 
     /// So many rows of the program `name` for the report of a batch, and its path.
@@ -275,18 +285,16 @@ pub(super) fn pretty(value: &impl Serialize) -> Result<String, Vec<Diagnostic>> 
 }
 
 /// The sentence about one program, for stderr.
-pub(super) fn line(summary: &FileSummary, written: bool) -> String {
-    let mut line = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary));
+pub(super) fn line(summary: &FileSummary, kind: PathKind) -> String {
+    let mut line = format!("{}: {}", printable_line(&summary.path), deflex::report::summary_line(summary, kind));
     if summary.max_error_mm > 0.0 {
         line += &format!("; error rms {:.4} mm, max {:.4} mm", summary.rms_error_mm, summary.max_error_mm);
     }
-    if written {
-        line += &match summary.max_kept_mm {
-            kept if kept > 0.0 => {
-                format!("; remaining max {:.6} mm, and {kept:.4} mm on kept targets", summary.max_remaining_mm)
-            }
-            _ => format!("; remaining max {:.6} mm", summary.max_remaining_mm),
-        };
+    if kind == PathKind::Compensate && summary.corrected > 0 {
+        line += &format!("; remaining max {:.4} mm", summary.max_remaining_mm);
+        if summary.max_kept_mm > 0.0 {
+            line += &format!(", and {:.4} mm on kept targets", summary.max_kept_mm);
+        }
         if summary.remaining_path_max_mm > 0.0 {
             let (rms, max) = (summary.remaining_path_rms_mm, summary.remaining_path_max_mm);
             line += &format!(", on the path rms {rms:.4} mm, max {max:.4} mm");

@@ -12,8 +12,8 @@ use super::{Answer, Outcome, message, progress};
 use deflex::correct::Corrected;
 use deflex::program::Program;
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{FileSummary, Origin};
-use deflex::text::{Diagnostic, printable_line};
+use deflex::report::{Digest, FileSummary, Origin};
+use deflex::text::{Diagnostic, Severity, printable_line};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
@@ -28,6 +28,8 @@ pub(super) struct Done {
     pub(super) notes: Vec<Diagnostic>,
     /// For `--html`.
     pub(super) path: Option<PathTrace>,
+    /// The worst of it.
+    pub(super) digest: Digest,
 }
 
 impl Done {
@@ -38,7 +40,7 @@ impl Done {
     }
 
     pub(super) fn new(
-        name: &str,
+        (name, kind): (&str, PathKind),
         program: &Program,
         corrected: Corrected,
         outputs: Outputs,
@@ -50,27 +52,28 @@ impl Done {
         }
         noticed.take(&corrected.rows);
         let said = noticed.notes(name)?;
-        let summary = FileSummary::new(name, program, &corrected);
-        let line = report::line(&summary, corrected.rewritten.is_some() || !corrected.posted.is_empty());
-        let rows = Rows::new(program, &corrected.rows);
+        let summary = FileSummary::new(name, &corrected);
+        let line = report::line(&summary, kind);
+        let rows = Rows::new(&corrected.rows);
         if let Some(path) = &mut path {
             rows.draw(path, &corrected.rows);
             path.quote(|target, _| program.line_of(target));
         }
         let rows = Some(rows);
         let notes = corrected.notes.into_iter().chain(said).collect();
-        Ok(Self { outputs, rows, summary, line, notes, path })
+        let digest = noticed.into_digest();
+        Ok(Self { outputs, rows, summary, line, notes, path, digest })
     }
 
     /// A program that was predicted a chunk at a time.
     pub(super) fn streamed(name: &str, predicted: Predicted) -> Result<Self, Vec<Diagnostic>> {
-        let Predicted { streamed, outputs, rows, path, .. } = predicted;
+        let Predicted { streamed, outputs, rows, path, digest, .. } = predicted;
         if !streamed.failures.is_empty() {
             return Err(streamed.failures);
         }
         let summary = FileSummary::of(name, &streamed.summary, &[]);
-        let line = report::line(&summary, false);
-        Ok(Self { outputs, rows, summary, line, notes: streamed.notes, path })
+        let line = report::line(&summary, PathKind::Predict);
+        Ok(Self { outputs, rows, summary, line, notes: streamed.notes, path, digest })
     }
 }
 
@@ -121,7 +124,27 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
         }
     };
     let note = Diagnostic::error("limits.max-path-error", &worst.path, message);
-    Some(note.severity(deflex::text::Severity::Note).help(help))
+    Some(note.severity(Severity::Note).help(help))
+}
+
+/// What is said before all else of a program that comes out as it went in.
+fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
+    if summary.corrected > 0 || summary.targets == 0 {
+        return None;
+    }
+    let reasons: Vec<String> = summary.kept.iter().map(ToString::to_string).collect();
+    let (severity, why, help) = match reasons.is_empty() {
+        true => {
+            (Severity::Note, "no target needs a correction".to_owned(), "check `[cut]` of the cell, if one should cut")
+        }
+        false => (
+            Severity::Warning,
+            format!("kept: {}", reasons.join(", ")),
+            "column `reason` of the report says why; `deflex inspect` names the lines",
+        ),
+    };
+    let said = Diagnostic::error("compensate.nothing", &summary.path, format!("nothing was corrected; {why}"));
+    Some(said.severity(severity).help(help))
 }
 
 /// Gathers what the programs came to, writes it, and says so.
@@ -143,6 +166,9 @@ pub(super) fn finish(
         summaries.push(program.summary);
         lines.push(program.line);
     }
+    if kind == PathKind::Compensate {
+        notes.splice(0..0, summaries.iter().filter_map(corrected_nothing));
+    }
     notes.extend(left_on_the_way(setup, &summaries).filter(|_| kind == PathKind::Compensate));
     if let Some(path) = reports.report.as_ref().filter(|_| !rows.is_empty()) {
         report::joined(&mut outputs, path, &rows)?;
@@ -158,6 +184,7 @@ pub(super) fn finish(
     outputs.commit()?;
     message::print(&setup.cell.own(notes), quiet);
     if !quiet {
+        lines.retain(|line| !line.is_empty());
         message::say(&lines);
     }
     // What could be done is written; the others were named and make it exit code 2.

@@ -10,6 +10,7 @@ use super::{lines, progress, report};
 use deflex::correct::{LaidOut, StreamError, Streamed, compensate_long, post_long};
 use deflex::program::{InChunks, Language, LongText};
 use deflex::report::FileSummary;
+use deflex::report::html::PathKind;
 use deflex::text::Diagnostic;
 use indicatif::ProgressBar;
 use std::io;
@@ -118,13 +119,14 @@ impl<'a> Long<'a> {
             return Err(done.failures);
         }
         let noticed = reports.notes(name)?;
+        let digest = reports.digest();
         let (rows, mut path) = reports.done(name, done.summary.targets);
         if let Some(path) = &mut path {
             lines::quote(path, self.program.text().open()?);
         }
         let summary = FileSummary::of(name, &done.summary, &[]);
-        let line = report::line(&summary, true);
+        let line = report::line(&summary, PathKind::Compensate);
         let notes = done.notes.into_iter().chain(noticed).collect();
-        Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes, path }))
+        Ok(Some(Done { outputs: self.outputs, rows, summary, line, notes, path, digest }))
     }
 }

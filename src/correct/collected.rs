@@ -1,19 +1,23 @@
 //! Rows and failures of a run as they come, and the limits that make a failure of a correction.
 
 use super::corrected::{Corrected, Posted};
-use super::row::Row;
+use super::row::{Row, RowNames};
 use super::{PathDeviation, Prepared, spin};
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, PredictedPose};
-use crate::program::{Change, Program, Rewritten, Role};
+use crate::program::{Change, Program, Rewritten, Role, Target, UnknownMotion};
+use crate::robot::{Joints, Robot};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// Rows and failures as they come.
 pub(super) struct Collected<'a> {
     pub(super) program: &'a Program,
     prepared: &'a Prepared,
     pub(super) rows: Vec<Row>,
+    /// Of the file, tool and work object last met.
+    names: Option<((u16, u16, u16), Arc<RowNames>)>,
     /// With their points.
     failures: Vec<(usize, Diagnostic)>,
     /// Points with a failure already: one message a point.
@@ -23,7 +27,26 @@ pub(super) struct Collected<'a> {
 impl<'a> Collected<'a> {
     pub(super) fn new(program: &'a Program, prepared: &'a Prepared) -> Self {
         let failed = vec![false; program.targets.len()];
-        Self { program, prepared, rows: Vec::with_capacity(program.targets.len()), failures: Vec::new(), failed }
+        let rows = Vec::with_capacity(program.targets.len());
+        Self { program, prepared, rows, names: None, failures: Vec::new(), failed }
+    }
+
+    /// Names of file, tool and work object of a target.
+    fn names(&mut self, target: &Target) -> Arc<RowNames> {
+        let key = (target.source, target.tool, target.wobj);
+        if let Some((last, names)) = &self.names
+            && *last == key
+        {
+            return Arc::clone(names);
+        }
+        let program = self.program;
+        let names = Arc::new(RowNames {
+            file: program.sources[usize::from(target.source)].name.as_str().into(),
+            tool: Arc::clone(&program.tools[usize::from(target.tool)].name),
+            wobj: Arc::clone(&program.wobjs[usize::from(target.wobj)].name),
+        });
+        self.names = Some((key, Arc::clone(&names)));
+        names
     }
 
     /// Whether it is not known where the controller goes.
@@ -35,7 +58,8 @@ impl<'a> Collected<'a> {
     pub(super) fn unsolved_row(&mut self, i: usize) {
         let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
         if let Some(why) = point.unsolved.filter(|_| target.is_end()) {
-            self.rows.push(Row::unsolved(target, why));
+            let names = Some(self.names(target));
+            self.rows.push(Row { names, ..Row::unsolved(target, why) });
         }
     }
 
@@ -45,11 +69,20 @@ impl<'a> Collected<'a> {
             return;
         }
         let normal = point.normal_error(&self.prepared.laws, &there.shift, &there.axis);
+        let names = self.names(target);
         // Filled where it stays.
         self.rows.push(Row::BLANK);
         if let Some(row) = self.rows.last_mut() {
             row.fill(target, point, there, normal);
+            row.names = Some(names);
             row.spin_deg = self.prepared.turns_are_chosen.then(|| spin::turn_of(&point.wobj_from_tcp).to_degrees());
+        }
+    }
+
+    /// Motor angles (rad) that the controller is sent to at point `i`, whose row is the last one.
+    pub(super) fn joints(&mut self, i: usize, robot: &Robot, motor: &Joints) {
+        if let Some(row) = self.rows.last_mut().filter(|_| self.program.targets[i].is_end()) {
+            row.joints_deg = Some(robot.axes_deg_from_motor(motor));
         }
     }
 
@@ -99,13 +132,21 @@ impl<'a> Collected<'a> {
         self.failures.push((i, failure));
     }
 
-    /// Failures in the order of the targets.
+    /// Rows and failures in the order of the motions.
     pub(super) fn finish(
         mut self,
         notes: Vec<Diagnostic>,
         rewritten: Option<Rewritten>,
         posted: Vec<Posted>,
     ) -> Corrected {
+        if !self.program.unknown.is_empty() {
+            let unknown = |motion: &UnknownMotion| {
+                let file = self.program.sources[usize::from(motion.source)].name.as_str().into();
+                Row { names: Some(Arc::new(RowNames { file, ..RowNames::default() })), ..Row::unknown(motion) }
+            };
+            self.rows.extend(self.program.unknown.iter().map(unknown));
+            self.rows.sort_by_key(|row| row.target);
+        }
         self.failures.sort_by_key(|(i, _)| *i);
         let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
         Corrected { rows: self.rows, failures, notes, rewritten, posted, ..Corrected::default() }

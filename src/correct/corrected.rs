@@ -21,6 +21,8 @@ pub struct Corrected {
     pub rewritten: Option<Rewritten>,
     /// CL input: what to post, one a point of the program.
     pub posted: Vec<Posted>,
+    /// Motions that were inserted.
+    pub inserted: usize,
     /// A program that is judged by its original: how far each target is from its place there, mm.
     pub moved_mm: Vec<f64>,
     /// What is wrong on the ways into targets, as they are commanded.

@@ -9,6 +9,7 @@ use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solver, controller_motor};
+use super::subdivide::JUMP_WITHIN;
 use super::track::Track;
 use super::travel::{self, travel};
 use crate::equilibrium::{EquilibriumError, PredictedPose, WarmStart};
@@ -23,6 +24,11 @@ use std::sync::Arc;
 pub struct PathDeviation {
     /// Largest distance of the tip from the programmed path, mm.
     pub max_mm: f64,
+    /// The same without what a jump of the force makes within half a millimetre of path behind it, mm.
+    pub way_mm: f64,
+    /// Largest distance that such a jump makes, where the force sets in, ends or turns at once, mm; 0 without one. No target can
+    /// be inserted near enough to mend it.
+    pub jump_mm: f64,
     /// Mean of its square over the length, mm².
     pub mean_square_mm2: f64,
     /// Length of the way, mm; 0 where no path is programmed, and only its end is judged.
@@ -33,7 +39,26 @@ impl PathDeviation {
     /// Of a way of which only the end is judged: joint moves, and before the first target.
     fn at_end(shift: &Vector3<f64>) -> Self {
         let max_mm = 1e3 * shift.norm();
-        Self { max_mm, mean_square_mm2: max_mm * max_mm, length_mm: 0.0 }
+        Self { max_mm, way_mm: max_mm, jump_mm: 0.0, mean_square_mm2: max_mm * max_mm, length_mm: 0.0 }
+    }
+
+    /// The same of a deviation that changes evenly (m) behind a place where `before` is left, m.
+    fn with_jump(self, before: f64, from: &Vector3<f64>, to: &Vector3<f64>) -> Self {
+        let (a, b) = (from.norm_squared(), to.norm_squared());
+        if a <= b || a <= before * before {
+            return self;
+        }
+        let over = (1e3 * JUMP_WITHIN / self.length_mm).min(1.0);
+        self.judged(before, a.sqrt(), from.lerp(to, over).norm().max(b.sqrt()))
+    }
+
+    /// The same with the jump told from the rest: what is left before a jump, at most within its length, and at most behind it, m.
+    fn judged(self, before: f64, within: f64, behind: f64) -> Self {
+        let explained = before.max(behind);
+        if within <= explained + KNOWN {
+            return self;
+        }
+        Self { way_mm: 1e3 * explained, jump_mm: 1e3 * within, ..self }
     }
 
     /// Of two ways one after the other.
@@ -42,6 +67,8 @@ impl PathDeviation {
         let sum = self.mean_square_mm2 * self.length_mm + other.mean_square_mm2 * other.length_mm;
         Self {
             max_mm: self.max_mm.max(other.max_mm),
+            way_mm: self.way_mm.max(other.way_mm),
+            jump_mm: self.jump_mm.max(other.jump_mm),
             mean_square_mm2: if length_mm > 0.0 {
                 sum / length_mm
             } else {
@@ -224,24 +251,31 @@ impl WalkedPath<'_> {
         let track = before.and_then(|before| Segment::track(self.program, self.prepared, i, &before.reference));
         let tangent = track.and_then(|track| track.tangent(1.0)).map(|along| setting.base_from_wobj.rotation * along);
         let commanded = (self.commanded.poses)(i);
-        Some(Start { point: self.prepared.points[i].clone(), setting, commanded, motor, tangent })
+        let left = self.left_at(i);
+        Some(Start { left, point: self.prepared.points[i].clone(), setting, commanded, motor, tangent })
+    }
+
+    /// How far the tip is off at target `i`, m; 0 where that is not known.
+    fn left_at(&self, i: usize) -> f64 {
+        let predicted = self.commanded.predicted_poses.get(i).and_then(|predicted| predicted.as_ref().ok());
+        predicted.map_or(0.0, |predicted| predicted.shift.norm())
     }
 
     /// The deviation on a line so short that compliance and force hardly change along it: at its start, what is left at the
-    /// end and what both commands differ by. `before` is the direction of the path before, base axes, and becomes this one's.
+    /// end and what both commands differ by. `direction` is that of the path before, base axes, and becomes this one's.
     fn known_from_ends(
         &self,
         i: usize,
         from: Option<usize>,
         motor: &Joints,
-        before: &mut Option<Vector3<f64>>,
+        direction: &mut Option<Vector3<f64>>,
     ) -> Option<PathDeviation> {
         let (commanded, point) = (self.commanded, &self.prepared.points[i]);
         let (start, sent, at) = match from {
             Some(from) => (&self.prepared.points[from], (commanded.poses)(from), (commanded.motors)(from)?.0),
             None => self.last.map(|last| (&last.point, last.commanded, last.motor))?,
         };
-        let turned = before.take();
+        let turned = direction.take();
         let stand = match (&start.moved, &point.moved) {
             (None, None) => true,
             (Some(from), Some(to)) => from.setting == to.setting,
@@ -253,7 +287,7 @@ impl WalkedPath<'_> {
         let chord = point.reference.translation.vector - start.reference.translation.vector;
         let along = chord.try_normalize(travel::CHORD);
         let rotation = &self.prepared.setting(i).base_from_wobj.rotation;
-        *before = along.map(|along| rotation * along).or(turned);
+        *direction = along.map(|along| rotation * along).or(turned);
         let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();
         let left = commanded.predicted_poses[i].as_ref().ok()?.shift;
         let correction = |sent: &Pose, wanted: &Pose| sent.translation.vector - wanted.translation.vector;
@@ -265,10 +299,15 @@ impl WalkedPath<'_> {
             return None;
         }
         let Some(along) = along else { return Some(PathDeviation::at_end(&left)) };
-        let smooth = turned.zip(*before).is_some_and(|(turned, now)| turned.dot(&now) > SMOOTH);
+        let before = match from {
+            Some(from) => self.left_at(from),
+            None => self.last.map_or(0.0, |last| last.left),
+        };
+        let smooth = turned.zip(*direction).is_some_and(|(turned, now)| turned.dot(&now) > SMOOTH);
         let across = |shift: Vector3<f64>, behind: f64| shift - along * along.dot(&shift).max(behind);
         let behind = if smooth { f64::NEG_INFINITY } else { 0.0 };
-        Some(linear(&across(left + first - here, behind), &across(left, f64::NEG_INFINITY), chord.norm()))
+        let [from, to] = [across(left + first - here, behind), across(left, f64::NEG_INFINITY)];
+        Some(linear(&from, &to, chord.norm()).with_jump(before, &from, &to))
     }
 
     /// Cuts segments into parts at their nodes, and finds how far the tip is off on each.
@@ -439,8 +478,14 @@ impl<'p> Measure<'_, '_, 'p> {
     fn result(&self, part: &Part, known: &Known) -> Option<PathDeviation> {
         let length = (part.to - part.from) * self.segment(part).track.length();
         let off = |tick: u16| known.off.get(&tick).copied().flatten();
+        // What is left before the part: a jump is what comes on top of it.
+        let before = match part.from <= 0.0 {
+            true => self.segments[part.segment].1.left,
+            false => off(0).map_or(0.0, |off| off.norm()),
+        };
         if part.short {
-            return Some(linear(&off(0)?, &off(TICKS)?, length));
+            let [from, to] = [off(0)?, off(TICKS)?];
+            return Some(linear(&from, &to, length).with_jump(before, &from, &to));
         }
         let mut all: Option<PathDeviation> = None;
         for &(from, to) in &known.resolved {
@@ -449,11 +494,24 @@ impl<'p> Measure<'_, '_, 'p> {
             let here = resolved([a?, b?, c?, d?, e?], length * f64::from(to - from) / f64::from(TICKS));
             all = Some(all.map_or(here, |all| all.and(here)));
         }
-        all
+        let all = all?;
+        Some(if part.from <= 0.0 || length <= JUMP_WITHIN { known.with_jump(all, before, length) } else { all })
     }
 }
 
 impl Known {
+    /// What is left on the part, with the jump in the first [`JUMP_WITHIN`] of its length (m) told from the rest; `before` is what
+    /// is left before it, m.
+    fn with_jump(&self, all: PathDeviation, before: f64, length: f64) -> PathDeviation {
+        let over = (JUMP_WITHIN / length).min(1.0) * f64::from(TICKS);
+        let known = self.off.iter().filter_map(|(tick, off)| Some((f64::from(*tick), (*off)?)));
+        let (within, behind): (Vec<_>, Vec<_>) = known.partition(|(tick, _)| *tick < over);
+        let (Some((from, first)), Some((to, second))) = (within.last(), behind.first()) else { return all };
+        let at_end = first.lerp(second, (over - from) / (to - from)).norm();
+        let most = |off: &[(f64, Vector3<f64>)]| off.iter().map(|(_, off)| off.norm()).fold(0.0, f64::max);
+        all.judged(before, most(&within), at_end.max(most(&behind)))
+    }
+
     /// Ticks that are not known yet.
     fn wanted(&self) -> impl Iterator<Item = u16> {
         let open = self.open.iter().flat_map(|(from, to)| (0..=4).map(move |k| from + k * ((to - from) / 4)));
@@ -502,15 +560,46 @@ fn resolved(off: [Vector3<f64>; 5], length: f64) -> PathDeviation {
     // Boole's rule.
     let mean =
         [7.0, 32.0, 12.0, 32.0, 7.0].iter().zip(squares).map(|(weight, square)| weight * square).sum::<f64>() / 90.0;
-    PathDeviation { max_mm: 1e3 * most.sqrt(), mean_square_mm2: 1e6 * mean, length_mm: 1e3 * length }
+    let max_mm = 1e3 * most.sqrt();
+    PathDeviation { max_mm, way_mm: max_mm, jump_mm: 0.0, mean_square_mm2: 1e6 * mean, length_mm: 1e3 * length }
 }
 
 /// Of a deviation that changes evenly from one end to the other (m), along a length (m).
 fn linear(from: &Vector3<f64>, to: &Vector3<f64>, length: f64) -> PathDeviation {
     let (a, b) = (from.norm_squared(), to.norm_squared());
+    let max_mm = 1e3 * a.max(b).sqrt();
     PathDeviation {
-        max_mm: 1e3 * a.max(b).sqrt(),
+        max_mm,
+        way_mm: max_mm,
+        jump_mm: 0.0,
         mean_square_mm2: 1e6 * (a + from.dot(to) + b) / 3.0,
         length_mm: 1e3 * length,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// Of a deviation from `from` to `to` along a length (m), where `before` is left before it.
+    fn way(before: f64, from: f64, to: f64, length: f64) -> [f64; 3] {
+        let [from, to] = [from, to].map(|off| Vector3::new(0.0, off, 0.0));
+        let way = linear(&from, &to, length).with_jump(before, &from, &to);
+        [way.max_mm, way.way_mm, way.jump_mm]
+    }
+
+    #[test]
+    fn a_jump_is_what_comes_on_top_of_what_is_left_before_and_behind() {
+        // The force goes on: nothing jumps, however short the way.
+        assert_eq!(way(3e-4, 3e-4, 2e-4, 2e-4), [0.3, 0.3, 0.0]);
+        assert_eq!(way(0.0, 1e-4, 2e-4, 2e-4), [0.2, 0.2, 0.0]);
+        // It sets in: within half a millimetre that is a jump, farther on it is the way.
+        assert_eq!(way(0.0, 3e-4, 1e-5, 2e-4), [0.3, 0.01, 0.3]);
+        let [most, left, jump] = way(0.0, 3e-4, 0.0, 1e-2);
+        assert_eq!((most, jump), (0.3, 0.3));
+        assert_relative_eq!(left, 0.3 * 0.95, max_relative = 1e-12);
+        // What is left before the jump is none of it.
+        assert_eq!(way(2e-4, 3e-4, 0.0, 2e-4), [0.3, 0.2, 0.3]);
     }
 }

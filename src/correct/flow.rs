@@ -33,8 +33,6 @@ pub struct Streamed {
     pub summary: Summary,
     /// Ordinal of the last target.
     pub last: u32,
-    /// Executed motions whose target is known only at run time, counted by reason.
-    pub unknown: Vec<(&'static str, usize)>,
     /// Why there is no answer for the program as a whole, as from [`Prepared::new`](super::Prepared::new): none but where it
     /// is only judged.
     pub refused: Messages,
@@ -51,13 +49,6 @@ impl Streamed {
     #[must_use]
     pub fn has_target(&self, name: &str) -> bool {
         self.names.iter().any(|names| names.uses(name))
-    }
-
-    /// The same with targets that are known only at run time.
-    pub(super) fn with_unknown(mut self, unknown: &[(&'static str, usize)]) -> Self {
-        self.summary = self.summary.with_unknown(unknown);
-        self.unknown = unknown.to_vec();
-        self
     }
 
     pub(super) fn answered(self) -> Result<Self, StreamError> {
@@ -258,6 +249,7 @@ impl<'a, T> Writer<'a, T> {
         }
         self.repeated.add(corrected.repeated);
         self.tally.add(&corrected.rows);
+        self.tally.insert(corrected.inserted);
         (self.each)(&corrected.rows);
         self.targets += corrected.rows.len();
         progress(self.targets, self.bytes);
@@ -273,7 +265,6 @@ impl<'a, T> Writer<'a, T> {
         Ok(Streamed {
             summary: self.tally.summary(),
             last: self.last,
-            unknown: Vec::new(),
             refused: self.refused,
             failures: self.failures.all(),
             notes: self.notes.into_iter().chain(self.repeated.once()).collect(),

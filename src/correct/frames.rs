@@ -3,7 +3,7 @@
 use super::Options;
 use crate::cell::{Cell, nearest};
 use crate::effects::ToolFrame;
-use crate::program::{Program, ToolData, Wobj, WobjData};
+use crate::program::{Language, Program, ToolData, Wobj, WobjData};
 use crate::robot::Pose;
 use crate::text::Diagnostic;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -37,8 +37,17 @@ pub(super) fn object_frame(data: &WobjData) -> Pose {
 }
 
 /// The beginning of a help where a declared name is near. Names are kept in upper case: RAPID does not tell case apart.
-fn meant<'a>(name: &str, declared: impl Iterator<Item = &'a String>) -> String {
-    nearest(name, declared.map(String::as_str)).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
+fn meant(name: &str, declared: &[&str]) -> String {
+    nearest(name, declared.iter().copied()).map_or_else(String::new, |near| format!("did you mean `{near}`? "))
+}
+
+/// Where else than in the cell a frame may be declared.
+fn or_context(language: Language) -> &'static str {
+    match language {
+        Language::Rapid => ", or give the module that declares it with --context",
+        Language::Krl => ", or give the file that sets it with --context",
+        Language::Cl | Language::Ls => "",
+    }
 }
 
 /// A name as a key of TOML: quoted where it is more than a word.
@@ -50,9 +59,9 @@ fn key(name: &str) -> String {
 /// The tool that `--tool` names.
 pub(crate) fn named_tool(cell: &Cell, name: &str) -> Result<ToolFrame, Vec<Diagnostic>> {
     cell.tools.get(&name.to_ascii_uppercase()).copied().ok_or_else(|| {
-        let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
+        let known = cell.names_of(&cell.tools);
         Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
-            .help(format!("{}declared: {known}", meant(name, cell.tools.keys())))
+            .help(format!("{}declared: {}", meant(name, &known), known.join(", ")))
             .into()
     })
 }
@@ -77,9 +86,10 @@ pub(super) fn tools(
                     "cell.unknown-tool",
                     format!("tool `{}` is declared neither in the program nor in the cell", tool.name),
                     format!(
-                        "{}add [tools.{}] to the cell, or give the module that declares it with --context",
-                        meant(&tool.name, cell.tools.keys()),
-                        key(&tool.name)
+                        "{}add [tools.{}] to the cell{}",
+                        meant(&tool.name, &cell.names_of(&cell.tools)),
+                        key(&tool.name),
+                        or_context(program.language)
                     ),
                 )
             }));
@@ -140,9 +150,10 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
                     "cell.unknown-wobj",
                     format!("work object `{}` is declared neither in the program nor in the cell", wobj.name),
                     format!(
-                        "{}add [wobjs.{}] to the cell, or give the module that declares it with --context",
-                        meant(&wobj.name, cell.wobjs.keys()),
-                        key(&wobj.name)
+                        "{}add [wobjs.{}] to the cell{}",
+                        meant(&wobj.name, &cell.names_of(&cell.wobjs)),
+                        key(&wobj.name),
+                        or_context(program.language)
                     ),
                 )
             }));

@@ -64,7 +64,6 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     if super::is_held_whole(cell, options) || (original.is_some() && options.turns.is_some()) {
         return Err(StreamError::NotStreamable);
     }
-    let unknown = chunks.unknown_targets();
     let path = OrderedStage::new(carried::Carried::with_turns(cell, options.turns.as_ref()));
     let ends = OrderedStage::new(None);
     let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, carried::Carried::new(cell))));
@@ -129,7 +128,7 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         }
         Ok(())
     };
-    let mut streamed = flow::run(&way, threads, &mut told, sinks)?.with_unknown(&unknown);
+    let mut streamed = flow::run(&way, threads, &mut told, sinks)?;
     let warnings = way.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()

@@ -21,7 +21,9 @@ use super::{
 use crate::cell::Cell;
 use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
-use crate::program::{Change, Conf, Editable, Goal, Insert, Language, Program, RewriteOptions, Rewritten, Target};
+use crate::program::{
+    Change, Conf, Editable, Goal, Insert, Language, Mark, Program, RewriteOptions, Rewritten, Target,
+};
 use crate::robot::{EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -87,7 +89,10 @@ pub(super) fn warm_start(
     for (i, there) in there.iter().enumerate() {
         match there {
             _ if out.is_unsolved(i) => out.unsolved_row(i),
-            Ok(there) => out.row(i, there),
+            Ok(there) => {
+                out.row(i, there);
+                out.joints(i, &cell.arm.robot, &prepared.points[i].motor);
+            }
             Err(error) => out.fail(i, error),
         }
     }
@@ -332,6 +337,7 @@ pub(super) fn chunk(
             }
         };
         out.row(i, uncorrected);
+        out.joints(i, &arm.robot, &travels[i].0);
         let point = &prepared.points[i];
         if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| program.targets[i].is_end()), &after[i]) {
             if let (true, Ok(reached)) = (changed(i), &reached[i]) {
@@ -393,7 +399,11 @@ pub(super) fn chunk(
             insertions(program, rewritten, &inserts, before, &mut repeated);
         }
     }
-    Some(Ok(Corrected { repeated, on_the_way, ..out.finish(notes, rewritten, posted) }))
+    let inserted = match &rewritten {
+        Some(rewritten) => rewritten.inserted.iter().flatten().count(),
+        None => posted.len() - prepared.points.len(),
+    };
+    Some(Ok(Corrected { repeated, on_the_way, inserted, ..out.finish(notes, rewritten, posted) }))
 }
 
 /// A target whose external axes were chosen, but could not be written.
@@ -425,15 +435,24 @@ fn doubtful_cuts(program: &Program, cell: &Cell, (prepared, options): (&Prepared
             repeated.say(said.severity(severity).help(help));
         };
         if Laws::is_cut_unknown(cell, target) {
-            let message = "the speed is known only at run time: `max_cutting_feed_mm_s` cannot tell whether this cuts, and \
-                           it counts as air";
-            say("cut.unknown-speed", Severity::Warning, message, "mark the motion `! deflex cut` or `! deflex air`");
+            let why = match program.language {
+                Language::Cl => "no FEDRAT gives a feed here",
+                _ => "the speed is known only at run time",
+            };
+            let message = format!("{why}: `max_cutting_feed_mm_s` cannot tell whether this cuts, and it counts as air");
+            let help = format!(
+                "mark the motion `{}` or `{}`",
+                program.language.mark(Mark::Cut),
+                program.language.mark(Mark::Air)
+            );
+            say("cut.unknown-speed", Severity::Warning, &message, &help);
         }
         if point.plunges {
             let message = "a feed move along the tool axis: [cut] tells no force of it; that of the cut before it is \
                            taken, or none";
-            let help = "[stock] with `mode = \"stock\"` finds what it cuts; `! deflex air` says that it cuts nothing";
-            say("cut.plunge", Severity::Note, message, help);
+            let air = program.language.mark(Mark::Air);
+            let help = format!("[stock] with `mode = \"stock\"` finds what it cuts; `{air}` says that it cuts nothing");
+            say("cut.plunge", Severity::Note, message, &help);
         }
     }
 }
@@ -604,8 +623,13 @@ fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diag
         && let Some(first) = program.targets.first()
     {
         let source = &program.sources[usize::from(first.source)];
-        let how = "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say how the arm stands at the first target: \
-                   the branch nearest home is taken";
+        let said_by = match program.language {
+            Language::Rapid => "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
+            Language::Krl => "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
+            Language::Ls => "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
+            Language::Cl => "CL data cannot say, and no `[robot] start_deg` says",
+        };
+        let how = format!("{said_by} how the arm stands at the first target: the branch nearest home is taken");
         notes.push(
             Diagnostic::error("robot.start", "", how)
                 .on_line(source, first.span, first.line)
@@ -623,7 +647,9 @@ fn notes_of_all(program: &Program, cell: &Cell, prepared: &Prepared) -> Vec<Diag
 /// Why targets are not solved, where that can be mended.
 fn unsolved(program: &Program, prepared: &Prepared, repeated: &mut Repeated) {
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
-        let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why)?))) else { continue };
+        let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why, program.language)?))) else {
+            continue;
+        };
         let source = &program.sources[usize::from(target.source)];
         let said = Diagnostic::error("target.kept", "", format!("{why}: kept, unsolved"));
         repeated.say(said.on_line(source, target.span, target.line).severity(Severity::Warning).help(help));

@@ -66,7 +66,7 @@ pub use point::Point;
 pub use poses::{ArmState, Standing, external_of, predict_poses, tool_of};
 pub use post::{Outline, PostOptions, PostedProgram, Poster, post};
 pub use removal::{CutProgress, Cuts, Removal};
-pub use row::{Row, Status, Summary};
+pub use row::{Row, RowNames, Status, Summary};
 pub use stance::Stance;
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};

@@ -4,7 +4,7 @@ use super::frames::{NO_WOBJ_UNIT, WobjFrame};
 use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
-use crate::program::{ExternalAxes, Predecessor, Target};
+use crate::program::{ExternalAxes, Language, Mark, Predecessor, Target};
 use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
 
@@ -200,15 +200,21 @@ pub(super) const STANDS_SOMEWHERE: &str = "where a deactivated mechanical unit s
 pub(super) const MISFIT: &str = "tool and work object are both held by the robot, or neither is";
 
 /// What to do about a reason of the cell's.
-pub(super) fn help(reason: &str) -> Option<&'static str> {
-    match reason {
-        NO_UNIT => Some("declare what the axis moves: [[unit]] with its name, axis, kind and what it carries"),
-        NO_WOBJ_UNIT => Some("declare the unit that ufmec names: [[unit]] with its axis, kind and base"),
-        NO_POSITION => Some("give every target the position of each unit that carries the robot or its work object"),
-        PREDECESSOR_UNKNOWN => Some("enter it from a motion that does not cut, or mark it `! deflex air`"),
-        STANDS_SOMEWHERE => Some("a unit stands where the last target before DeactUnit has sent it"),
-        _ => None,
-    }
+pub(super) fn help(reason: &str, language: Language) -> Option<String> {
+    let help = match reason {
+        NO_UNIT => "declare what the axis moves: [[unit]] with its name, axis, kind and what it carries",
+        NO_WOBJ_UNIT => "declare the unit that ufmec names: [[unit]] with its axis, kind and base",
+        NO_POSITION => "give every target the position of each unit that carries the robot or its work object",
+        PREDECESSOR_UNKNOWN => {
+            return Some(format!(
+                "enter it from a motion that does not cut, or mark it `{}`",
+                language.mark(Mark::Air)
+            ));
+        }
+        STANDS_SOMEWHERE => "a unit stands where the last target before DeactUnit has sent it",
+        _ => return None,
+    };
+    Some(help.to_owned())
 }
 
 impl Stand {

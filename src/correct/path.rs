@@ -13,7 +13,7 @@ use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
-use crate::program::{Editable, Goal, Language, Motion, Predecessor, Program, Role, Target};
+use crate::program::{Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Place, Pose, StartedFrom};
 use crate::text::Diagnostic;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -263,7 +263,8 @@ impl Walk<'_, '_> {
     fn pass_over(&mut self, target: &Target, why: &'static str, RunWith { setting, tool }: RunWith) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
             let message = format!("what this move cuts of the stock is not known: {why}");
-            return self.refuse(target, "cell.stock", &message, "mark it `! deflex air`, or leave [stock] out");
+            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
+            return self.refuse(target, "cell.stock", &message, &help);
         }
         let at = match target.goal {
             Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
@@ -435,7 +436,8 @@ impl Walk<'_, '_> {
     ) {
         if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
             let message = format!("what this move cuts of the stock is not known: {why}");
-            return self.refuse(target, "cell.stock", &message, "mark it `! deflex air`, or leave [stock] out");
+            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
+            return self.refuse(target, "cell.stock", &message, &help);
         }
         let previous = self.points.last().or(self.carried.before.as_ref());
         let point = Point::unsolved(why, wobj_from_tcp, motor, setting, previous);

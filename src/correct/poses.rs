@@ -20,7 +20,7 @@ pub fn tool_of(cell: &Cell, name: Option<&str>) -> Result<ToolFrame, Vec<Diagnos
         (Some(name), _) => named_tool(cell, name),
         (None, 0 | 1) => Ok(cell.tools.values().next().copied().unwrap_or(bare)),
         (None, _) => {
-            let known = cell.tools.keys().cloned().collect::<Vec<_>>().join(", ");
+            let known = cell.names_of(&cell.tools).join(", ");
             Err(Diagnostic::error("cell.unknown-tool", "", "the cell declares several tools, and none is named")
                 .help(format!("name one of {known}"))
                 .into())
@@ -185,7 +185,7 @@ pub fn predict_poses(
 /// A tool in a declared work object.
 fn mount_in(cell: &Cell, name: &str, tool: ToolFrame) -> Result<Mount, Vec<Diagnostic>> {
     let frame = of_cell(cell, name).ok_or_else(|| {
-        let known = cell.wobjs.keys().cloned().collect::<Vec<_>>().join(", ");
+        let known = cell.names_of(&cell.wobjs).join(", ");
         let message = format!("the cell has no work object `{name}`");
         vec![Diagnostic::error("cell.unknown-wobj", "", message).help(format!("name one of {known}"))]
     })?;

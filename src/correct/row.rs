@@ -1,7 +1,7 @@
 use super::point::Point;
 use super::{PathDeviation, Stance, Stiffness};
 use crate::equilibrium::PredictedPose;
-use crate::program::{Editable, Goal, Target};
+use crate::program::{Editable, Goal, Target, UnknownMotion};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -15,6 +15,17 @@ pub enum Status {
     Air,
     /// Not changed, for this reason.
     Kept(&'static str),
+}
+
+/// Names that many rows share, as the program has them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RowNames {
+    /// File that the motion stands in.
+    pub file: Arc<str>,
+    /// Tool.
+    pub tool: Arc<str>,
+    /// Work object.
+    pub wobj: Arc<str>,
 }
 
 /// One row of the report: a target, its predicted error, its correction and what remains.
@@ -57,6 +68,13 @@ pub struct Row {
     pub removed_mm3: Option<f64>,
     /// Turn about the tool axis, from the work object's x axis as it is seen along the tool, degrees; where it was chosen.
     pub spin_deg: Option<f64>,
+    /// Motor angles that the controller is sent to, as the pendant shows them, degrees: those of the corrected numbers where the
+    /// target is corrected. `None` where the target is not solved.
+    pub joints_deg: Option<[f64; 6]>,
+    /// Programmed speed of the TCP, mm/s; `None` where the text does not say.
+    pub feed_mm_s: Option<f64>,
+    /// Names of file, tool and work object.
+    pub names: Option<Arc<RowNames>>,
     /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
     pub stiffness: Option<Stiffness>,
     /// How the arm stands; where [`Options::stance`](super::Options::stance) asks for it.
@@ -113,22 +131,40 @@ impl Row {
         engaged_deg: None,
         removed_mm3: None,
         spin_deg: None,
+        joints_deg: None,
+        feed_mm_s: None,
+        names: None,
         stiffness: None,
         stance: None,
     };
 
-    /// Of a target that is kept because it is not known where the controller goes: its errors are not known either (NaN).
+    /// Of a target that is kept because it is not known where the controller goes.
     pub(super) fn unsolved(target: &Target, why: &'static str) -> Self {
+        let position_mm = match target.goal {
+            Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
+            Goal::Joints { .. } => [f64::NAN; 3],
+        };
+        Self {
+            name: target.name.clone(),
+            position_mm,
+            feed_mm_s: target.feed_mm_s,
+            ..Self::without_errors(target.ordinal, target.line, why)
+        }
+    }
+
+    /// Of a motion of which it is known only at run time where it goes.
+    pub(super) fn unknown(motion: &UnknownMotion) -> Self {
+        Self::without_errors(motion.ordinal, motion.line, motion.reason)
+    }
+
+    /// Of a target that is kept for this reason: neither its place nor its errors are known (NaN).
+    fn without_errors(target: u32, line: u32, why: &'static str) -> Self {
         let none = [f64::NAN; 3];
         Self {
-            target: target.ordinal,
-            line: target.line,
-            name: target.name.clone(),
+            target,
+            line,
             status: Status::Kept(why),
-            position_mm: match target.goal {
-                Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => position_mm,
-                Goal::Joints { .. } => none,
-            },
+            position_mm: none,
             error_mm: none,
             error_deg: none,
             error_normal_mm: f64::NAN,
@@ -136,6 +172,19 @@ impl Row {
             force_n: none,
             ..Self::BLANK
         }
+    }
+
+    /// Why the target is kept or not judged; empty of others.
+    #[must_use]
+    pub fn reason(&self) -> &'static str {
+        if let Status::Kept(reason) = self.status { reason } else { "" }
+    }
+
+    /// Whether its numbers changed by more than printing them does.
+    #[must_use]
+    pub fn is_corrected(&self) -> bool {
+        let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
+        turned || Vector3::from(self.correction_mm).norm_squared() > ROUNDED_MM * ROUNDED_MM
     }
 
     /// Whether its errors are known: the target was solved.
@@ -161,6 +210,7 @@ impl Row {
         self.error_normal_mm = 1e3 * error_normal;
         self.remaining_mm = error_mm;
         self.force_n = there.cut.into();
+        self.feed_mm_s = target.feed_mm_s;
         if let Some(milled) = &point.milled {
             self.depth_mm = milled.engaged.map(|[depth, _]| 1e3 * depth);
             self.engaged_deg = milled.engaged.map(|[_, arc]| arc.to_degrees());
@@ -169,18 +219,25 @@ impl Row {
     }
 }
 
-/// Counts and sizes over a program, for the summary line.
+/// Counts and sizes over a program, for the summary line. `targets` is the sum of the corrected, the unchanged, those in the air,
+/// the inserted and the kept ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {
-    /// Report rows.
+    /// Executed motions, inserted ones among them.
     pub targets: usize,
     /// Targets whose numbers changed.
     pub corrected: usize,
-    /// Without cutting force.
+    /// Targets that cut and whose numbers did not change, though they might: all that cut in a prediction.
+    pub unchanged: usize,
+    /// Targets without cutting force whose numbers did not change.
     pub air: usize,
-    /// Not changed, by reason, in the order first met.
+    /// Targets that `--subdivide` inserted.
+    pub inserted: usize,
+    /// Not to be changed, by reason, in the order first met.
     pub kept: Vec<(&'static str, usize)>,
+    /// Of the kept ones those that were not judged, because it is not known where the controller goes, by reason.
+    pub unjudged: Vec<(&'static str, usize)>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
     /// Root mean square of it over cutting targets, kept ones among them, mm; over all where none cuts.
@@ -208,21 +265,18 @@ impl Summary {
         tally.summary()
     }
 
-    /// The same with targets that are known only at run time, counted by reason.
+    /// The same with targets that were inserted.
     #[must_use]
-    pub fn with_unknown(mut self, unknown: &[(&'static str, usize)]) -> Self {
-        for &(reason, count) in unknown {
-            self.targets += count;
-            self.keep(reason, count);
-        }
-        self
+    pub fn with_inserted(self, inserted: usize) -> Self {
+        Self { targets: self.targets + inserted, inserted: self.inserted + inserted, ..self }
     }
+}
 
-    fn keep(&mut self, reason: &'static str, more: usize) {
-        match self.kept.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, count)) => *count += more,
-            None => self.kept.push((reason, more)),
-        }
+/// Counts more of a reason, in the order first met.
+fn count_in(counts: &mut Vec<(&'static str, usize)>, reason: &'static str, more: usize) {
+    match counts.iter_mut().find(|(known, _)| *known == reason) {
+        Some((_, count)) => *count += more,
+        None => counts.push((reason, more)),
     }
 }
 
@@ -280,7 +334,8 @@ impl Tally {
             let (error, correction) = (square(row.error_mm), square(row.correction_mm));
             if !row.is_solved() {
                 if let Status::Kept(reason) = row.status {
-                    sum.keep(reason, 1);
+                    count_in(&mut sum.kept, reason, 1);
+                    count_in(&mut sum.unjudged, reason, 1);
                 }
                 continue;
             }
@@ -298,21 +353,26 @@ impl Tally {
                 Status::Ok => {
                     most.remaining = most.remaining.max(square(row.remaining_mm));
                     self.cutting.add(error);
+                    *(if row.is_corrected() { &mut sum.corrected } else { &mut sum.unchanged }) += 1;
                 }
-                Status::Air => sum.air += 1,
+                Status::Air => *(if row.is_corrected() { &mut sum.corrected } else { &mut sum.air }) += 1,
                 Status::Kept(reason) => {
                     most.kept = most.kept.max(error);
                     if row.cuts() {
                         self.cutting.add(error);
                     }
-                    sum.keep(reason, 1);
+                    count_in(&mut sum.kept, reason, 1);
                 }
             }
             most.error = most.error.max(error);
             most.correction = most.correction.max(correction);
-            let turned = row.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
-            sum.corrected += usize::from(correction > ROUNDED_MM * ROUNDED_MM || turned);
         }
+    }
+
+    /// Counts inserted targets.
+    pub(super) fn insert(&mut self, inserted: usize) {
+        self.sum.targets += inserted;
+        self.sum.inserted += inserted;
     }
 
     pub(super) fn summary(self) -> Summary {

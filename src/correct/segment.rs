@@ -29,6 +29,8 @@ pub(super) struct Start {
     pub(super) motor: Joints,
     /// Unit vector along the path that ends there, base axes, where it is one.
     pub(super) tangent: Option<Vector3<f64>>,
+    /// How far the tip is off there, m; 0 where that is not known.
+    pub(super) left: f64,
 }
 
 /// A way into a target that is a line or an arc.

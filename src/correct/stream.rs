@@ -96,7 +96,7 @@ pub fn compensate_executed(
     let (chunks, answer) = asking.answered(&RewriteOptions::default()).map_err(StreamError::Read)?;
     let streamed = pass(chunks, sinks)?;
     match answer.edits() {
-        Some(edits) => Ok((streamed.with_unknown(program.distinct().unknown_targets()), edits.to_vec())),
+        Some(edits) => Ok((streamed, edits.to_vec())),
         None => Err(StreamError::NotStreamable),
     }
 }

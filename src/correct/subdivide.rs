@@ -26,7 +26,7 @@ const SHARE: f64 = 0.8;
 const LEAST: f64 = 2e-7;
 
 /// A jump is over within this length of path, m; shorter segments have none inserted for it.
-const JUMP_WITHIN: f64 = 0.5e-3;
+pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 
 /// The least length that a jump is given, m: what a controller still tells from a standstill.
 const JUMP_LEAST: f64 = 0.02e-3;

@@ -75,15 +75,6 @@ impl<R: Read + Seek> AnyChunks<R> {
         Ok(krl::Chunks::of_file(name, input, context, krl::CHUNK)?.map(|chunks| Self::Krl(Box::new(chunks))))
     }
 
-    /// Executed motions whose target is known only at run time, counted by reason.
-    #[must_use]
-    pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
-        match self {
-            Self::Executed(chunks) => chunks.program().distinct().unknown_targets().to_vec(),
-            Self::Inline(_) | Self::Indexed(_) | Self::Cl(_) | Self::Krl(_) => Vec::new(),
-        }
-    }
-
     /// Names of the targets that it moves to, where they have any.
     #[must_use]
     pub fn names(&self) -> Option<Names> {

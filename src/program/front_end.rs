@@ -44,9 +44,4 @@ pub(super) trait FrontEnd {
     fn zone_mm(&self, _program: &Program, _target: usize) -> Option<f64> {
         None
     }
-
-    /// See [`Program::unknown_targets`].
-    fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        &[]
-    }
 }

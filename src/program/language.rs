@@ -2,7 +2,7 @@
 
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
-use super::{Program, krl, rapid, tp};
+use super::{Mark, Program, krl, rapid, tp};
 use crate::text::{Diagnostic, Source};
 
 /// Which language a program is written in.
@@ -23,7 +23,7 @@ impl Language {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls];
 
-    /// Its word, as in `--format`.
+    /// Its word, as in `--input-format`.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -83,6 +83,19 @@ impl Language {
             Self::Cl => ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
             Self::Krl => ("krl.motion", "write the numbers of the position; a controller does not load this"),
             Self::Ls => ("ls.motion", "write the numbers of the position; a controller does not load this"),
+        }
+    }
+
+    /// The comment that marks a stretch, as this language writes it: `! deflex air`.
+    #[must_use]
+    pub fn mark(self, mark: Mark) -> String {
+        let word = match mark {
+            Mark::Air => "air",
+            Mark::Cut => "cut",
+        };
+        match self.comment() {
+            Some(comment) => format!("{} deflex {word}", char::from(comment)),
+            None => format!("PPRINT/DEFLEX {}", word.to_ascii_uppercase()),
         }
     }
 

@@ -64,6 +64,8 @@ pub struct Program {
     /// Points in running order: executed motions, with the via and interpolated points of arcs
     /// before the motion that they belong to (see [`Role`]).
     pub targets: Vec<Target>,
+    /// Executed motions of which it is known only at run time where they go, in running order; `targets` has none of them.
+    pub unknown: Vec<UnknownMotion>,
     /// What is done between motions, in running order (CL).
     pub actions: Vec<Action>,
     /// Statements that are not understood or not edited, with the reason.
@@ -173,6 +175,22 @@ pub struct Kept {
     pub help: &'static str,
 }
 
+/// An executed motion of which it is known only at run time where it goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct UnknownMotion {
+    /// Ordinal of the executed motion, counted as those of [`Target`].
+    pub ordinal: u32,
+    /// Why it is not known.
+    pub reason: &'static str,
+    /// Index into [`Program::sources`].
+    pub source: u16,
+    /// The instruction.
+    pub span: Span,
+    /// Line of the instruction, from 1.
+    pub line: u32,
+}
+
 /// What is wanted at one target instead of what is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
@@ -266,6 +284,7 @@ impl Program {
             tools: Vec::new(),
             wobjs: Vec::new(),
             targets: Vec::new(),
+            unknown: Vec::new(),
             actions: Vec::new(),
             kept: Vec::new(),
             literal_targets: 0,
@@ -283,10 +302,17 @@ impl Program {
         self.layout.front_end().motion_targets(self)
     }
 
-    /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason.
+    /// Those of [`Program::motion_targets`] whose target is known only at run time, counted by reason in the order first met.
     #[must_use]
-    pub fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        self.layout.front_end().unknown_targets()
+    pub fn unknown_targets(&self) -> Vec<(&'static str, usize)> {
+        let mut counts: Vec<(&'static str, usize)> = Vec::new();
+        for motion in &self.unknown {
+            match counts.iter_mut().find(|(known, _)| *known == motion.reason) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((motion.reason, 1)),
+            }
+        }
+        counts
     }
 
     /// How far from a target the controller leaves the path as written, mm (`pzone_tcp` of RAPID's zonedata); `None` of a stop,

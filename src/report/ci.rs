@@ -1,7 +1,9 @@
 //! Formats that CI systems read: JUnit XML and SARIF 2.1.0.
 
-use super::{Origin, VERSION};
+use super::summary::{counted, grouped};
+use super::{KeptCount, Origin, Spot, VERSION};
 use crate::text::{Diagnostic, printable};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -11,8 +13,8 @@ use std::fmt::Write;
 pub struct CheckFile {
     /// Program, as the user typed it.
     pub path: String,
-    /// Executed motions.
-    pub targets: usize,
+    /// What was judged of it.
+    pub judgement: Judgement,
     /// What is wrong, at its place.
     pub findings: Vec<Diagnostic>,
     /// How many findings there are besides.
@@ -21,11 +23,114 @@ pub struct CheckFile {
     pub sources: Vec<Origin>,
 }
 
-impl CheckFile {
-    /// The check of the program at `path` with so many executed motions.
+/// What a check judged of a program: each target is judged, in the air or not judged.
+#[derive(Clone, Debug, Default)]
+pub struct Judgement {
+    /// Executed motions.
+    pub targets: usize,
+    /// Without cutting force.
+    pub air: usize,
+    /// Not judged, by reason.
+    pub unjudged: Vec<KeptCount>,
+    /// The first of them, at their places.
+    pub skipped: Vec<Diagnostic>,
+    /// Whether the check may pass though there are some.
+    pub allows_unjudged: bool,
+    /// What was found, and what is allowed.
+    pub verdicts: Verdicts,
+}
+
+/// Three questions, each with its own limit.
+#[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct Verdicts {
+    /// Errors of the targets: `--max-error`.
+    pub targets: Verdict,
+    /// Distances from the path on the ways between them: `--max-path-error`.
+    pub ways: Verdict,
+    /// Jumps of the tip where the force sets in, ends or turns at once: `--max-jump`.
+    pub jumps: Verdict,
+}
+
+/// The largest of a kind, and how large it may be.
+#[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
+pub struct Verdict {
+    /// Largest that is allowed, mm; `None` where it is reported and not judged.
+    pub limit_mm: Option<f64>,
+    /// Largest found; `None` where none was found.
+    pub largest: Option<Spot>,
+}
+
+impl Verdict {
+    /// Of the largest that was found, and the largest that is allowed, mm.
     #[must_use]
-    pub fn new(path: impl Into<String>, targets: usize, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
-        Self { path: path.into(), targets, findings, more, sources: Vec::new() }
+    pub fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
+        Self { limit_mm, largest }
+    }
+
+    /// Whether the largest is more than what is allowed.
+    #[must_use]
+    pub fn fails(&self) -> bool {
+        self.largest.as_ref().zip(self.limit_mm).is_some_and(|(largest, limit)| largest.mm > limit)
+    }
+}
+
+impl Verdicts {
+    /// Of targets, of the ways between them, and of jumps.
+    #[must_use]
+    pub fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
+        Self { targets, ways, jumps }
+    }
+
+    /// The verdicts with their names, what is measured, and what mends a failure.
+    fn all(&self) -> [(&Verdict, &'static str, &'static str); 3] {
+        [
+            (&self.targets, "targets: largest error", "correct the program with `deflex compensate`"),
+            (
+                &self.ways,
+                "ways: largest distance from the path",
+                "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit",
+            ),
+            (
+                &self.jumps,
+                "jumps: largest within 0.5 mm of where the force sets in, ends or turns at once",
+                "lead in and out gently: no inserted target mends a jump; `--max-jump` is the limit",
+            ),
+        ]
+    }
+}
+
+impl Judgement {
+    /// Targets that were not judged.
+    #[must_use]
+    pub fn unjudged_count(&self) -> usize {
+        self.unjudged.iter().map(|unjudged| unjudged.count).sum()
+    }
+
+    /// Targets that were judged and cut.
+    #[must_use]
+    pub fn judged(&self) -> usize {
+        self.targets.saturating_sub(self.air + self.unjudged_count())
+    }
+
+    /// Targets that were not judged and must have been.
+    fn missing(&self) -> usize {
+        if self.allows_unjudged { 0 } else { self.unjudged_count() }
+    }
+}
+
+impl CheckFile {
+    /// The check of the program at `path`.
+    #[must_use]
+    pub fn new(path: impl Into<String>, judgement: Judgement, (findings, more): (Vec<Diagnostic>, usize)) -> Self {
+        Self { path: path.into(), judgement, findings, more, sources: Vec::new() }
+    }
+
+    /// Whether nothing is wrong, and all was judged that must be.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        self.findings.is_empty() && self.judgement.missing() == 0
     }
 
     /// How many findings there are, listed or not.
@@ -37,39 +142,94 @@ impl CheckFile {
     /// The words for those that are not listed.
     #[must_use]
     pub fn rest(&self) -> Option<String> {
-        (self.more > 0).then(|| format!("{} more findings: --report CSV has every target", self.more))
+        (self.more > 0).then(|| format!("{}: --report CSV has every target", counted(self.more, "more finding")))
+    }
+
+    /// What the check came to: `ok`, `2 findings, 3 not judged`.
+    fn verdict(&self) -> String {
+        let findings = (self.count() > 0).then(|| counted(self.count(), "finding"));
+        let missing = self.judgement.missing();
+        let missing = (missing > 0).then(|| format!("{} not judged", grouped(missing)));
+        let all: Vec<String> = findings.into_iter().chain(missing).collect();
+        if all.is_empty() { "ok".to_owned() } else { all.join(", ") }
     }
 }
 
-/// JUnit XML: one test case a program, one failure for what is wrong with it. Elements and attributes are those that
-/// the strictest reader in use (Jenkins' junit-10.xsd) knows.
+/// One line a finding, and what each program came to.
+#[must_use]
+pub fn check_text(files: &[CheckFile]) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    for file in files {
+        for finding in &file.findings {
+            let _ = writeln!(out, "{finding}");
+        }
+        out.extend(file.rest().map(|rest| rest + "\n"));
+        let sum = &file.judgement;
+        let _ = write!(out, "{}: {}, {}", file.path, counted(sum.targets, "target"), file.verdict());
+        let _ = write!(out, " ({} judged, {} air", grouped(sum.judged()), grouped(sum.air));
+        let unjudged = sum.unjudged_count();
+        if unjudged > 0 {
+            let reasons: Vec<String> = sum.unjudged.iter().map(ToString::to_string).collect();
+            let _ = write!(out, ", {} not judged: {}", grouped(unjudged), reasons.join(", "));
+        }
+        out.push_str(")\n");
+        for (verdict, what, help) in sum.verdicts.all() {
+            let Some(largest) = &verdict.largest else { continue };
+            let _ = write!(out, "  {what}: {:.4} mm at target {}, line {}", largest.mm, largest.target, largest.line);
+            let _ = match verdict.limit_mm {
+                Some(limit) if verdict.fails() => writeln!(out, "; more than {limit} mm: {help}"),
+                Some(limit) => writeln!(out, "; at most {limit} mm allowed"),
+                None => writeln!(out, "; not judged"),
+            };
+        }
+    }
+    out
+}
+
+/// JUnit XML: one test case a program, one failure for what is wrong with it, and one test case that is skipped for each target that
+/// was not judged. Elements and attributes are those that the strictest reader in use (Jenkins' junit-10.xsd) knows.
 #[must_use]
 pub fn junit(files: &[CheckFile]) -> String {
-    let failed = files.iter().filter(|file| !file.findings.is_empty()).count();
+    let failed = files.iter().filter(|file| !file.passed()).count();
+    let skipped: usize = files.iter().map(|file| file.judgement.skipped.len()).sum();
+    let tests = files.len() + skipped;
     let mut out = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     // Writing to a String cannot fail.
-    let _ = writeln!(out, "<testsuites name=\"deflex\" tests=\"{}\" failures=\"{failed}\" errors=\"0\">", files.len());
+    let _ = writeln!(out, "<testsuites name=\"deflex\" tests=\"{tests}\" failures=\"{failed}\" errors=\"0\">");
     let _ = writeln!(
         out,
-        "  <testsuite name=\"deflex check\" tests=\"{}\" failures=\"{failed}\" errors=\"0\" skipped=\"0\">",
-        files.len()
+        "  <testsuite name=\"deflex check\" tests=\"{tests}\" failures=\"{failed}\" errors=\"0\" skipped=\"{skipped}\">"
     );
     for file in files {
-        let _ = write!(out, "    <testcase name=\"{0}\" classname=\"deflex.check\"", escape(&file.path));
-        if file.findings.is_empty() {
+        let _ = write!(out, "    <testcase name=\"{}\" classname=\"deflex.check\"", escape(&file.path));
+        if file.passed() {
             out.push_str("/>\n");
-            continue;
+        } else {
+            let missing = file.judgement.missing();
+            let missing = (missing > 0).then(|| {
+                let reasons: Vec<String> = file.judgement.unjudged.iter().map(ToString::to_string).collect();
+                format!("not judged: {}; `--allow-unjudged` lets them pass", reasons.join(", "))
+            });
+            let all = file.findings.iter().map(ToString::to_string).chain(file.rest()).chain(missing);
+            let text: Vec<String> = all.map(|text| escape(&text)).collect();
+            let message = format!("{} of {}", file.verdict(), counted(file.judgement.targets, "target"));
+            let _ = write!(
+                out,
+                ">\n      <failure message=\"{}\" type=\"tolerance\">{}</failure>\n    </testcase>\n",
+                escape(&message),
+                text.join("\n")
+            );
         }
-        let rest = file.rest().into_iter();
-        let text: Vec<String> =
-            file.findings.iter().map(ToString::to_string).chain(rest).map(|text| escape(&text)).collect();
-        let message = format!("{} of {} targets", file.count(), file.targets);
-        let _ = write!(
-            out,
-            ">\n      <failure message=\"{}\" type=\"tolerance\">{}</failure>\n    </testcase>\n",
-            escape(&message),
-            text.join("\n")
-        );
+        for skipped in &file.judgement.skipped {
+            let place = format!("{}:{}:{}", skipped.file, skipped.line, skipped.column);
+            let _ = writeln!(
+                out,
+                "    <testcase name=\"{}\" classname=\"deflex.check\">\n      <skipped>{}</skipped>\n    </testcase>",
+                escape(&place),
+                escape(&skipped.message)
+            );
+        }
     }
     out.push_str("  </testsuite>\n</testsuites>\n");
     out
@@ -92,16 +252,21 @@ fn escape(text: &str) -> String {
 /// Results of one SARIF run: code scanning on GitHub refuses files with more than 25,000.
 const MOST_RESULTS: usize = 24_999;
 
-/// SARIF 2.1.0: one result a finding, on its line. What is over the number that services take is counted in a last note.
+/// SARIF 2.1.0: one result a finding, on its line, and one of kind `notApplicable` a target that was not judged. What is over the number that services take is counted in a last note.
 #[must_use]
 pub fn sarif(files: &[CheckFile]) -> Value {
-    let findings = || files.iter().flat_map(|file| file.findings.iter().map(move |finding| (file, finding)));
-    let mut rules: Vec<&Diagnostic> = findings().map(|(_, finding)| finding).collect();
+    let findings = || {
+        files.iter().flat_map(|file| {
+            let all = file.findings.iter().map(|finding| (finding, true));
+            all.chain(file.judgement.skipped.iter().map(|skipped| (skipped, false))).map(move |found| (file, found))
+        })
+    };
+    let mut rules: Vec<&Diagnostic> = findings().map(|(_, (finding, _))| finding).collect();
     rules.sort_by_key(|finding| finding.code);
     rules.dedup_by_key(|finding| finding.code);
-    let result = |(file, finding): (&CheckFile, &Diagnostic)| {
+    let result = |(file, (finding, judged)): (&CheckFile, (&Diagnostic, bool))| {
         let path = if finding.file.is_empty() { &file.path } else { &finding.file };
-        json!({
+        let mut result = json!({
             "ruleId": finding.code,
             "ruleIndex": rules.partition_point(|rule| rule.code < finding.code),
             "level": "error",
@@ -110,12 +275,20 @@ pub fn sarif(files: &[CheckFile]) -> Value {
                 "artifactLocation": { "uri": uri(path) },
                 "region": { "startLine": finding.line.max(1), "startColumn": finding.column.max(1) },
             } }],
-        })
+        });
+        if !judged {
+            (result["kind"], result["level"]) = (json!("notApplicable"), json!("none"));
+        }
+        result
     };
     let mut results: Vec<Value> = findings().take(MOST_RESULTS).map(result).collect();
-    let more = files.iter().map(CheckFile::count).sum::<usize>() - results.len();
+    let all = |file: &CheckFile| file.count() + file.judgement.unjudged_count().max(file.judgement.skipped.len());
+    let more = files.iter().map(all).sum::<usize>() - results.len();
     if more > 0 {
-        let text = format!("{more} more findings are not listed here: `deflex check --report CSV` has every target");
+        let text = format!(
+            "{} are not listed here: `deflex check --report CSV` has every target",
+            counted(more, "more finding")
+        );
         results.push(json!({ "kind": "informational", "level": "none", "message": { "text": text } }));
     }
     let rule = |rule: &&Diagnostic| {
@@ -198,8 +371,12 @@ pub fn check_json(files: &[CheckFile]) -> Value {
     let file = |file: &CheckFile| {
         json!({
             "path": file.path,
-            "targets": file.targets,
-            "passed": file.findings.is_empty(),
+            "targets": file.judgement.targets,
+            "judged": file.judgement.judged(),
+            "air": file.judgement.air,
+            "unjudged": file.judgement.unjudged,
+            "passed": file.passed(),
+            "verdicts": file.judgement.verdicts,
             "findings": file.findings.iter().map(finding).collect::<Vec<_>>(),
             "more_findings": file.more,
             "sources": file.sources,
@@ -207,7 +384,7 @@ pub fn check_json(files: &[CheckFile]) -> Value {
     };
     json!({
         "deflex": VERSION,
-        "passed": files.iter().all(|file| file.findings.is_empty()),
+        "passed": files.iter().all(CheckFile::passed),
         "files": files.iter().map(file).collect::<Vec<_>>(),
     })
 }
@@ -233,7 +410,7 @@ mod tests {
     #[test]
     fn a_run_holds_no_more_results_than_services_take() {
         let findings = vec![Diagnostic::error("check.max-error", "a.mod", "off"); MOST_RESULTS + 7];
-        let log = sarif(&[CheckFile::new("a.mod", findings.len(), (findings, 0))]);
+        let log = sarif(&[CheckFile::new("a.mod", Judgement::default(), (findings, 0))]);
         let results = log["runs"][0]["results"].as_array().unwrap();
         assert_eq!(results.len(), MOST_RESULTS + 1);
         assert!(results[MOST_RESULTS]["message"]["text"].as_str().unwrap().starts_with("7 more findings"));

@@ -1,9 +1,20 @@
+use super::csv::{ColumnKind, REPORT_COLUMNS};
 use crate::text::Diagnostic;
 
-/// Columns of counts, lines and marks.
-const WHOLES: [&str; 6] = ["target", "line", "run", "block", "held_out", "outlier"];
-/// Columns of words.
-const TEXTS: [&str; 3] = ["name", "status", "file"];
+/// Columns of counts, lines and marks that only the residuals of an identification have.
+const WHOLES: [&str; 4] = ["run", "block", "held_out", "outlier"];
+/// The column of words that only the report of several files has.
+const FILE: &str = "file";
+
+/// What stands in a column of that name.
+fn kind(name: &str) -> ColumnKind {
+    match REPORT_COLUMNS.iter().find(|column| column.name == name) {
+        Some(column) => column.kind,
+        None if WHOLES.contains(&name) => ColumnKind::Whole,
+        None if name == FILE => ColumnKind::Text,
+        None => ColumnKind::Number { decimals: 0 },
+    }
+}
 
 /// A column of a report: its name, and what stands in it row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,10 +46,10 @@ pub fn columns(csv: &[u8]) -> Result<Vec<Column>, Vec<Diagnostic>> {
     let mut reader = csv::Reader::from_reader(csv);
     let header = reader.headers().map_err(|error| wrong(format!("not a report: {error}")))?.clone();
     let empty = |name: &str| {
-        let values = match name {
-            _ if WHOLES.contains(&name) => ColumnValues::Whole(Vec::new()),
-            _ if TEXTS.contains(&name) => ColumnValues::Text(Vec::new()),
-            _ => ColumnValues::Number(Vec::new()),
+        let values = match kind(name) {
+            ColumnKind::Whole => ColumnValues::Whole(Vec::new()),
+            ColumnKind::Text => ColumnValues::Text(Vec::new()),
+            ColumnKind::Number { .. } => ColumnValues::Number(Vec::new()),
         };
         Column { name: name.to_owned(), values }
     };

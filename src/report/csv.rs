@@ -1,14 +1,37 @@
+//! The report as CSV: its columns stand in one table, which the rows, the header and the documents are made from.
+
 use crate::correct::{Row, Status};
 use crate::text::number::{self, Digits, Fixed, SIDE};
 use crate::text::printable_line;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// The report's header (`docs/reference.md`, Report).
-pub const CSV_HEADER: &str = "target,line,name,status,x_mm,y_mm,z_mm,error_x_mm,error_y_mm,error_z_mm,error_mm,\
-error_rx_deg,error_ry_deg,error_rz_deg,error_normal_mm,correction_x_mm,correction_y_mm,correction_z_mm,\
-correction_rx_deg,correction_ry_deg,correction_rz_deg,remaining_mm,fx_n,fy_n,fz_n,sigma_mm,\
-depth_mm,engaged_deg,removed_mm3,remaining_path_mm,spin_deg\n";
+/// A column of the report, one row a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ReportColumn {
+    /// As in the header, with the unit.
+    pub name: &'static str,
+    /// What stands in it.
+    pub kind: ColumnKind,
+    /// What it means.
+    pub doc: &'static str,
+}
+
+/// What stands in a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ColumnKind {
+    /// Counts and lines.
+    Whole,
+    /// Words.
+    Text,
+    /// Numbers with so many decimals; empty where not known.
+    Number {
+        /// At most eight.
+        decimals: usize,
+    },
+}
 
 /// Decimals: a tenth of a micrometre, more where only the order of magnitude is of interest.
 const POSITION: usize = 4;
@@ -16,34 +39,179 @@ const ERROR: usize = 6;
 const ANGLE: usize = 7;
 const FORCE: usize = 3;
 
-/// Of the numbers that every row has, their decimals.
-const DECIMALS: [usize; NUMBERS] = [
-    POSITION, POSITION, POSITION, ERROR, ERROR, ERROR, ERROR, ANGLE, ANGLE, ANGLE, ERROR, ERROR, ERROR, ERROR, ANGLE,
-    ANGLE, ANGLE, ERROR, FORCE, FORCE, FORCE,
-];
-const NUMBERS: usize = 21;
-/// Behind them come sigma, and the two numbers before them, which have no decimals; then what only some rows have.
-const SIGMA: usize = NUMBERS;
-const TARGET: usize = SIGMA + 1;
-const LINE: usize = TARGET + 1;
-const DEPTH: usize = LINE + 1;
-const ENGAGED: usize = DEPTH + 1;
-const REMOVED: usize = ENGAGED + 1;
-const PATH: usize = REMOVED + 1;
-const SPIN: usize = PATH + 1;
+/// Makes the table and what goes through it column by column: a row's numbers, its text from their digits, and the plain text that is
+/// the reference. Each is straight-line code: a row takes no call and no allocation a column.
+///
+/// `whole` and `number` stand in every row (NaN where the target is not solved), `optional` in some; `word` is one of ours, `text`
+/// may hold anything.
+macro_rules! columns {
+    (|$row:ident| $($kind:ident $(<$decimals:ident>)? $name:literal $get:expr; $doc:literal)*) => {
+        /// The columns of the report; later ones are only added behind them.
+        pub const REPORT_COLUMNS: &[ReportColumn] =
+            &[$(ReportColumn { name: $name, kind: columns!(@kind $kind $($decimals)?), doc: $doc }),*];
+
+        /// The report's header (`docs/formats.md`, Report).
+        pub const CSV_HEADER: &str = columns!(@header $($name)*);
+
+        #[inline(always)]
+        fn numbers($row: &Row) -> Numbers {
+            let mut numbers = [[0.0; SIDE]; BLOCKS];
+            let mut at = 0;
+            $(columns!(@number $kind numbers, at, $get);)*
+            debug_assert_eq!(at, NUMBERS);
+            numbers
+        }
+
+        impl Text {
+            /// Takes a row's columns, each with a comma behind it.
+            #[inline(always)]
+            fn columns(&mut self, $row: &Row, digits: &[Digits; BLOCKS]) {
+                let mut at = 0;
+                $(columns!(@put $kind $($decimals)? self, digits, at, $get);)*
+                debug_assert_eq!(at, NUMBERS);
+            }
+        }
+
+        /// The reference for [`Text::columns`], and for numbers that need a closer look.
+        fn plain_columns($row: &Row, line: &mut Vec<u8>) {
+            $(columns!(@plain $kind $($decimals)? line, $get);)*
+        }
+    };
+    (@kind whole) => { ColumnKind::Whole };
+    (@kind word) => { ColumnKind::Text };
+    (@kind text) => { ColumnKind::Text };
+    (@kind number $decimals:ident) => { ColumnKind::Number { decimals: $decimals } };
+    (@kind optional $decimals:ident) => { ColumnKind::Number { decimals: $decimals } };
+    (@header $first:literal $($name:literal)*) => { concat!($first, $(",", $name,)* "\n") };
+    (@number word $numbers:ident, $at:ident, $get:expr) => {};
+    (@number text $numbers:ident, $at:ident, $get:expr) => {};
+    (@number whole $numbers:ident, $at:ident, $get:expr) => {
+        $numbers.as_flattened_mut()[$at] = f64::from($get);
+        $at += 1;
+    };
+    (@number number $numbers:ident, $at:ident, $get:expr) => {
+        $numbers.as_flattened_mut()[$at] = $get;
+        $at += 1;
+    };
+    (@number optional $numbers:ident, $at:ident, $get:expr) => {
+        $numbers.as_flattened_mut()[$at] = $get.unwrap_or(0.0);
+        $at += 1;
+    };
+    (@put word $text:ident, $digits:ident, $at:ident, $get:expr) => {
+        $text.text($get.as_bytes());
+        $text.text(b",");
+    };
+    (@put text $text:ident, $digits:ident, $at:ident, $get:expr) => { $text.field($get) };
+    (@put whole $text:ident, $digits:ident, $at:ident, $get:expr) => {
+        $text.number(|place| $digits[$at / SIDE].put_whole($at % SIDE, place));
+        $at += 1;
+    };
+    (@put number $decimals:ident $text:ident, $digits:ident, $at:ident, $get:expr) => {
+        $text.number(|place| $digits[$at / SIDE].put::<$decimals>($at % SIDE, place));
+        $at += 1;
+    };
+    (@put optional $decimals:ident $text:ident, $digits:ident, $at:ident, $get:expr) => {
+        match $get {
+            Some(_) => $text.number(|place| $digits[$at / SIDE].put::<$decimals>($at % SIDE, place)),
+            None => $text.text(b","),
+        }
+        $at += 1;
+    };
+    (@plain word $line:ident, $get:expr) => { plain_field($line, $get) };
+    (@plain text $line:ident, $get:expr) => { plain_field($line, $get) };
+    (@plain whole $line:ident, $get:expr) => {
+        number::write_whole($line, $get);
+        $line.push(b',');
+    };
+    (@plain number $decimals:ident $line:ident, $get:expr) => { plain_number($line, Some($get), $decimals) };
+    (@plain optional $decimals:ident $line:ident, $get:expr) => { plain_number($line, $get, $decimals) };
+}
+
+columns! { |row|
+    whole "target" row.target; "ordinal of the executed motion, from 1"
+    whole "line" row.line; "line of the instruction"
+    text "name" row.name.as_deref().unwrap_or(""); "name of the declared target, where it has one"
+    word "status" status(row); "`ok`: a cutting force acts; `air`: none acts; `kept`: not to be changed, see `reason`"
+    number<POSITION> "x_mm" row.position_mm[0]; "programmed position, axes of the work object"
+    number<POSITION> "y_mm" row.position_mm[1]; ""
+    number<POSITION> "z_mm" row.position_mm[2]; ""
+    number<ERROR> "error_x_mm" row.error_mm[0]; "predicted error without a correction: actual minus programmed, axes of the work object"
+    number<ERROR> "error_y_mm" row.error_mm[1]; ""
+    number<ERROR> "error_z_mm" row.error_mm[2]; ""
+    number<ERROR> "error_mm" row.error_norm_mm(); "its size"
+    number<ANGLE> "error_rx_deg" row.error_deg[0]; "the same as a rotation vector"
+    number<ANGLE> "error_ry_deg" row.error_deg[1]; ""
+    number<ANGLE> "error_rz_deg" row.error_deg[2]; ""
+    number<ERROR> "error_normal_mm" row.error_normal_mm; "along the surface normal at the point of contact, out of the material"
+    number<ERROR> "correction_x_mm" row.correction_mm[0]; "commanded minus programmed"
+    number<ERROR> "correction_y_mm" row.correction_mm[1]; ""
+    number<ERROR> "correction_z_mm" row.correction_mm[2]; ""
+    number<ANGLE> "correction_rx_deg" row.correction_deg[0]; "the same as a rotation vector"
+    number<ANGLE> "correction_ry_deg" row.correction_deg[1]; ""
+    number<ANGLE> "correction_rz_deg" row.correction_deg[2]; ""
+    number<ERROR> "remaining_mm" row.remaining_norm_mm(); "error that remains, predicted by the forward model from the numbers as written"
+    number<FORCE> "fx_n" row.force_n[0]; "force on the tool, axes of the work object"
+    number<FORCE> "fy_n" row.force_n[1]; ""
+    number<FORCE> "fz_n" row.force_n[2]; ""
+    optional<ERROR> "sigma_mm" row.sigma_mm; "standard uncertainty of the predicted error, per axis"
+    optional<POSITION> "depth_mm" row.depth_mm; "axial depth of the cutter in the stock, where the force follows from one"
+    optional<FORCE> "engaged_deg" row.engaged_deg; "arc of engagement at half that depth"
+    optional<POSITION> "removed_mm3" row.removed_mm3; "removed on the way into the target"
+    optional<ERROR> "remaining_path_mm" row.remaining_path_mm(); "largest distance of the tip from the programmed path on the way into the target"
+    optional<POSITION> "spin_deg" row.spin_deg; "turn about the tool axis, where it was chosen"
+    text "reason" row.reason(); "why the target is kept, or not judged"
+    optional<POSITION> "q1_deg" joint(row, 0); "motor angles that the controller is sent to, as the pendant shows them: those of the corrected numbers where the target is corrected"
+    optional<POSITION> "q2_deg" joint(row, 1); ""
+    optional<POSITION> "q3_deg" joint(row, 2); ""
+    optional<POSITION> "q4_deg" joint(row, 3); ""
+    optional<POSITION> "q5_deg" joint(row, 4); ""
+    optional<POSITION> "q6_deg" joint(row, 5); ""
+    text "tool" row.names.as_deref().map_or("", |names| &names.tool); "tool, as the program names it"
+    text "wobj" row.names.as_deref().map_or("", |names| &names.wobj); "work object, as the program names it"
+    optional<FORCE> "feed_mm_s" row.feed_mm_s; "programmed speed of the TCP; empty where the text does not say one"
+}
+
+fn joint(row: &Row, axis: usize) -> Option<f64> {
+    row.joints_deg.map(|joints| joints[axis])
+}
+
+fn status(row: &Row) -> &'static str {
+    match row.status {
+        Status::Ok => "ok",
+        Status::Air => "air",
+        Status::Kept(_) => "kept",
+    }
+}
+
+/// Counts, lines and numbers of a row.
+const NUMBERS: usize = {
+    let (mut count, mut i) = (0, 0);
+    while i < REPORT_COLUMNS.len() {
+        if !matches!(REPORT_COLUMNS[i].kind, ColumnKind::Text) {
+            count += 1;
+        }
+        i += 1;
+    }
+    count
+};
 
 /// In rows of eight.
-const BLOCKS: usize = (SPIN + 1).div_ceil(SIDE);
+const BLOCKS: usize = NUMBERS.div_ceil(SIDE);
 const ROW: number::Row<BLOCKS> = number::Row::new(&{
     let mut decimals = [1; BLOCKS * SIDE];
-    let (numbers, _) = decimals.split_at_mut(NUMBERS);
-    numbers.copy_from_slice(&DECIMALS);
-    decimals[SIGMA] = ERROR;
-    decimals[DEPTH] = POSITION;
-    decimals[ENGAGED] = FORCE;
-    decimals[REMOVED] = POSITION;
-    decimals[PATH] = ERROR;
-    decimals[SPIN] = POSITION;
+    let (mut at, mut i) = (0, 0);
+    while i < REPORT_COLUMNS.len() {
+        match REPORT_COLUMNS[i].kind {
+            ColumnKind::Text => {}
+            // A whole number has no decimals; those that are found are not printed.
+            ColumnKind::Whole => at += 1,
+            ColumnKind::Number { decimals: own } => {
+                decimals[at] = own;
+                at += 1;
+            }
+        }
+        i += 1;
+    }
     decimals
 });
 
@@ -75,7 +243,7 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
             if valid[i] {
                 text.row(row, &digits[i]);
             } else {
-                text.row_plain(row, values[i].as_flattened());
+                text.row_plain(row);
             }
         }
     }
@@ -100,9 +268,11 @@ pub fn csv_field(text: &str) -> Cow<'_, str> {
     format!("\"{mark}{}\"", text.replace('"', "\"\"")).into()
 }
 
-/// Bytes of a usual row, and most of any but for its name.
-const USUAL: usize = 240;
-const MOST: usize = 16 + (LINE + 1) * Fixed::SIZE;
+/// Bytes of a usual row, and most of any but for long texts.
+const USUAL: usize = 330;
+const MOST: usize = NUMBERS * Fixed::SIZE + REPORT_COLUMNS.len() * SHORT;
+/// Texts up to this go along with the numbers.
+const SHORT: usize = 32;
 
 /// Rows that are printed together.
 const ROWS: usize = 8;
@@ -112,34 +282,6 @@ const AT_ONCE: usize = 8192;
 
 /// Numbers of a row.
 type Numbers = [[f64; SIDE]; BLOCKS];
-
-fn numbers(row: &Row) -> Numbers {
-    let [x, y, z] = row.position_mm;
-    let [ex, ey, ez] = row.error_mm;
-    let [erx, ery, erz] = row.error_deg;
-    let [cx, cy, cz] = row.correction_mm;
-    let [crx, cry, crz] = row.correction_deg;
-    let [fx, fy, fz] = row.force_n;
-    let (error, normal, remaining) = (row.error_norm_mm(), row.error_normal_mm, row.remaining_norm_mm());
-    let sigma = row.sigma_mm.unwrap_or(0.0);
-    let [depth, engaged, removed, path, spin] =
-        [row.depth_mm, row.engaged_deg, row.removed_mm3, row.remaining_path_mm(), row.spin_deg]
-            .map(|value| value.unwrap_or(0.0));
-    [
-        [x, y, z, ex, ey, ez, error, erx],
-        [ery, erz, normal, cx, cy, cz, crx, cry],
-        [crz, remaining, fx, fy, fz, sigma, row.target.into(), row.line.into()],
-        [depth, engaged, removed, path, spin, 0.0, 0.0, 0.0],
-    ]
-}
-
-fn status(row: &Row) -> &'static str {
-    match row.status {
-        Status::Ok => "ok",
-        Status::Air => "air",
-        Status::Kept(_) => "kept",
-    }
-}
 
 /// Rows on their way.
 struct Text {
@@ -155,49 +297,10 @@ impl Text {
         if self.len + MOST > AT_ONCE {
             self.pass_on();
         }
-        self.number(|place| digits[TARGET / SIDE].put_whole(TARGET % SIDE, place));
-        self.number(|place| digits[LINE / SIDE].put_whole(LINE % SIDE, place));
-        match (row.name.as_deref(), row.status) {
-            (None, Status::Ok) => self.text(b",ok,"),
-            (None, Status::Air) => self.text(b",air,"),
-            (name, _) => {
-                self.pass_on();
-                for text in [csv_field(name.unwrap_or("")), status(row).into()] {
-                    self.done.extend_from_slice(text.as_bytes());
-                    self.done.push(b',');
-                }
-            }
-        }
-        (0..3).for_each(|i| self.decimals::<POSITION>(digits, i));
-        (3..7).for_each(|i| self.decimals::<ERROR>(digits, i));
-        (7..10).for_each(|i| self.decimals::<ANGLE>(digits, i));
-        (10..14).for_each(|i| self.decimals::<ERROR>(digits, i));
-        (14..17).for_each(|i| self.decimals::<ANGLE>(digits, i));
-        self.decimals::<ERROR>(digits, 17);
-        (18..21).for_each(|i| self.decimals::<FORCE>(digits, i));
-        self.optional::<ERROR>(digits, SIGMA, row.sigma_mm);
-        self.optional::<POSITION>(digits, DEPTH, row.depth_mm);
-        self.optional::<FORCE>(digits, ENGAGED, row.engaged_deg);
-        self.optional::<POSITION>(digits, REMOVED, row.removed_mm3);
-        self.optional::<ERROR>(digits, PATH, row.path.map(|path| path.max_mm));
-        self.optional::<POSITION>(digits, SPIN, row.spin_deg);
-        // Nothing follows.
+        self.columns(row, digits);
+        // Nothing follows the last column, whose comma is still here.
         self.len -= 1;
         self.text(b"\n");
-    }
-
-    /// Decimals, or nothing between two commas.
-    #[inline]
-    fn optional<const DECIMALS: usize>(&mut self, digits: &[Digits; BLOCKS], i: usize, value: Option<f64>) {
-        match value {
-            Some(_) => self.decimals::<DECIMALS>(digits, i),
-            None => self.text(b","),
-        }
-    }
-
-    #[inline]
-    fn decimals<const DECIMALS: usize>(&mut self, digits: &[Digits; BLOCKS], i: usize) {
-        self.number(|place| digits[i / SIDE].put::<DECIMALS>(i % SIDE, place));
     }
 
     /// Takes what is put in the next place.
@@ -213,6 +316,21 @@ impl Text {
         self.len += text.len();
     }
 
+    /// Takes a text of the user's.
+    #[inline]
+    fn field(&mut self, text: &str) {
+        if !text.is_empty() {
+            let field = csv_field(text);
+            if field.len() < SHORT {
+                self.text(field.as_bytes());
+            } else {
+                self.pass_on();
+                self.done.extend_from_slice(field.as_bytes());
+            }
+        }
+        self.text(b",");
+    }
+
     fn pass_on(&mut self) {
         self.done.extend_from_slice(&self.next[..std::mem::take(&mut self.len)]);
     }
@@ -223,49 +341,34 @@ impl Text {
     }
 
     /// The reference for [`Text::row`], and for numbers that need a closer look.
-    fn row_plain(&mut self, row: &Row, numbers: &[f64]) {
+    fn row_plain(&mut self, row: &Row) {
         self.pass_on();
-        let line = &mut self.done;
-        for whole in [row.target, row.line] {
-            number::write_whole(line, whole);
-            line.push(b',');
+        plain_columns(row, &mut self.done);
+        if let Some(last) = self.done.last_mut() {
+            *last = b'\n';
         }
-        for text in [csv_field(row.name.as_deref().unwrap_or("")), status(row).into()] {
-            line.extend_from_slice(text.as_bytes());
-            line.push(b',');
-        }
-        for (&value, decimals) in numbers.iter().zip(DECIMALS) {
-            // Of targets that are not solved nothing is known.
-            if !value.is_nan() {
-                number::write_fixed(line, value, decimals);
-            }
-            line.push(b',');
-        }
-        let optional = [
-            (row.sigma_mm, ERROR),
-            (row.depth_mm, POSITION),
-            (row.engaged_deg, FORCE),
-            (row.removed_mm3, POSITION),
-            (row.remaining_path_mm(), ERROR),
-            (row.spin_deg, POSITION),
-        ];
-        for (i, (value, decimals)) in optional.into_iter().enumerate() {
-            if i > 0 {
-                line.push(b',');
-            }
-            if let Some(value) = value {
-                number::write_fixed(line, value, decimals);
-            }
-        }
-        line.push(b'\n');
     }
+}
+
+fn plain_field(line: &mut Vec<u8>, text: &str) {
+    line.extend_from_slice(csv_field(text).as_bytes());
+    line.push(b',');
+}
+
+/// Of targets that are not solved nothing is known.
+fn plain_number(line: &mut Vec<u8>, value: Option<f64>, decimals: usize) {
+    if let Some(value) = value.filter(|value| !value.is_nan()) {
+        number::write_fixed(line, value, decimals);
+    }
+    line.push(b',');
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::correct::PathDeviation;
+    use crate::correct::{PathDeviation, RowNames};
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     fn text(rows: &[Row]) -> String {
         String::from_utf8(csv_rows(rows)).unwrap()
@@ -273,7 +376,7 @@ mod tests {
 
     fn plain(row: &Row) -> String {
         let mut text = Text { done: Vec::new(), next: [0; AT_ONCE], len: 0 };
-        text.row_plain(row, numbers(row).as_flattened());
+        text.row_plain(row);
         String::from_utf8(text.into_bytes()).unwrap()
     }
 
@@ -298,6 +401,9 @@ mod tests {
             removed_mm3: target.is_multiple_of(2).then_some(values[8]),
             path: (!line.is_multiple_of(4)).then_some(PathDeviation { max_mm: values[7], ..PathDeviation::default() }),
             spin_deg: line.is_multiple_of(5).then_some(values[11]),
+            joints_deg: (!target.is_multiple_of(5)).then(|| std::array::from_fn(|axis| values[axis])),
+            feed_mm_s: (!line.is_multiple_of(3)).then_some(values[14]),
+            names: None,
             stiffness: None,
             stance: None,
         }
@@ -311,6 +417,7 @@ mod tests {
             (target, line) in any::<(u32, u32)>(),
             by in 0..32,
             name in prop::option::of("[a-z]{0,9}|[a-z]{700}|p\\{[0-9],[0-9]\\}|[=+@-].{0,9}|.{0,20}|\\PC{0,9}|[,\"\n\r\t ]{1,5}"),
+            frames in (".{0,40}", "[a-zA-Z0-9_]{0,40}"),
             kind in 0..4_usize,
         ) {
             // Digits below 10^9, next to none of them close to a tie; half of them small.
@@ -320,6 +427,10 @@ mod tests {
             }
             let mut row = row(sized, target >> by, line >> by);
             row.name = name.map(Into::into);
+            row.names = (kind != 2).then(|| {
+                let [tool, wobj] = [&frames.0, &frames.1].map(|name| name.as_str().into());
+                Arc::new(RowNames { file: "".into(), tool, wobj })
+            });
             row.status = [Status::Ok, Status::Air, Status::Kept("so"), Status::Ok][kind];
             if kind == 3 {
                 row.sigma_mm = None;
@@ -337,6 +448,7 @@ mod tests {
                 prop_assert!(!field.starts_with(['=', '+', '-', '@']), "{}", field);
                 prop_assert_eq!(field.strip_prefix('\'').filter(|_| !name.starts_with('\'')).unwrap_or(field), printable_line(name));
                 prop_assert_eq!(&record[3], status(&row));
+                prop_assert_eq!(&record[31], row.reason());
             }
         }
 

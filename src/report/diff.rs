@@ -1,6 +1,7 @@
 //! What changed between two programs, target by target.
 
 use super::pairs::{InsertedTarget, Pairs, compare};
+use super::summary::{counted, grouped};
 use crate::program::{Change, Conf, Config, Goal, Program, RewriteOptions, Status, Target};
 use crate::text::{apply, number};
 use nalgebra::Vector3;
@@ -129,7 +130,7 @@ pub fn difference(first: &Program, second: &Program) -> Difference {
 }
 
 /// What of a target's settings is different.
-fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
+pub(super) fn settings(first: &Program, a: &Target, second: &Program, b: &Target) -> Vec<&'static str> {
     [
         (a.feed_mm_s != b.feed_mm_s, "the speed"),
         (first.tools[usize::from(a.tool)] != second.tools[usize::from(b.tool)], "the tool"),
@@ -262,51 +263,69 @@ fn skeleton(bytes: &[u8]) -> impl Iterator<Item = (usize, String, Vec<f64>)> + '
     })
 }
 
-/// The differences for people: what else changed, a line a target, and the sizes.
+/// The differences for people: a line a target, what else changed, and the sizes.
 #[must_use]
 pub fn diff_text(found: &Difference) -> String {
+    text_of(found, &found.moved.iter().collect::<Vec<_>>(), found.other.len())
+}
+
+/// The same with the targets that moved farthest alone.
+#[must_use]
+pub fn diff_summary(found: &Difference) -> String {
+    /// Targets and other differences that are named.
+    const MOST: usize = 10;
+    let mut moved: Vec<&MovedTarget> = found.moved.iter().collect();
+    moved.sort_by(|a, b| b.mm.total_cmp(&a.mm));
+    moved.truncate(MOST);
+    let mut text = text_of(found, &moved, found.other.len().min(MOST));
+    if found.moved.len() > MOST || found.other.len() > MOST {
+        text += "the largest are listed: --report CSV has every target\n";
+    }
+    text
+}
+
+fn text_of(found: &Difference, moved: &[&MovedTarget], others: usize) -> String {
     if found.is_empty() {
-        return format!("{} targets: the programs are the same\n", found.targets);
+        return format!("{}: the programs are the same\n", counted(found.targets, "target"));
     }
     let mut out = String::new();
     // Writing to a String cannot fail.
-    if !found.moved.is_empty() {
+    if !moved.is_empty() {
         let _ = writeln!(
             out,
-            "{:>7} {:>6} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
+            "{:>7} {:>6} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
             "target", "line", "dx_mm", "dy_mm", "dz_mm", "mm", "deg", "step_mm"
         );
     }
-    for m in &found.moved {
-        let [x, y, z] = m.shift_mm.map(plain);
-        let (mm, deg, step) = (plain(m.mm), plain(m.deg), plain(m.step_mm));
-        let _ = write!(out, "{:>7} {:>6} {x:>10} {y:>10} {z:>10} {mm:>10} {deg:>10} {step:>10}", m.target, m.line);
+    for m in moved {
+        let [x, y, z] = m.shift_mm.map(short);
+        let (mm, deg, step) = (short(m.mm), short(m.deg), short(m.step_mm));
+        let _ = write!(out, "{:>7} {:>6} {x:>9} {y:>9} {z:>9} {mm:>9} {deg:>9} {step:>9}", m.target, m.line);
         if let Some((before, after)) = m.conf {
             let _ = write!(out, "  confdata {before:?} became {after:?}");
         }
         out.push('\n');
     }
-    for other in &found.other {
+    for other in &found.other[..others] {
         let place = if other.line > 0 { format!("line {}: ", other.line) } else { String::new() };
         let _ = writeln!(out, "{place}{}", other.what);
     }
     let turned = found.moved.iter().filter(|m| m.conf.is_some()).count();
     let inserted = match found.inserted.len() {
         0 => String::new(),
-        1 => "; 1 target inserted".to_owned(),
-        many => format!("; {many} targets inserted"),
+        count => format!("; {} inserted", counted(count, "target")),
     };
     let _ = writeln!(
         out,
-        "{} of {} targets changed: largest {} mm and {}°, mean {} mm, largest step between neighbours {} mm, {turned} \
-         with another configuration{inserted}; {} other differences",
-        found.moved.len(),
-        found.targets,
-        plain(found.max_mm),
-        plain(found.max_deg),
-        plain(found.mean_mm),
-        plain(found.max_step_mm),
-        found.other.len(),
+        "{} of {} changed: largest {} mm and {}°, mean {} mm, largest step between neighbours {} mm, {turned} with another \
+         configuration{inserted}; {}",
+        grouped(found.moved.len()),
+        counted(found.targets, "target"),
+        short(found.max_mm),
+        short(found.max_deg),
+        short(found.mean_mm),
+        short(found.max_step_mm),
+        counted(found.other.len(), "other difference"),
     );
     out
 }
@@ -328,7 +347,16 @@ pub fn diff_csv(found: &Difference) -> String {
 
 /// Six decimals, and no negative zero.
 fn plain(value: f64) -> String {
+    decimals(value, 6)
+}
+
+/// As many as a program is written with: four decimals, and no negative zero.
+fn short(value: f64) -> String {
+    decimals(value, 4)
+}
+
+fn decimals(value: f64, decimals: usize) -> String {
     let mut text = Vec::new();
-    number::write_fixed(&mut text, value, 6);
+    number::write_fixed(&mut text, value, decimals);
     String::from_utf8_lossy(&text).into_owned()
 }

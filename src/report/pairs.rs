@@ -1,5 +1,6 @@
 //! Which targets of two programs belong together, where the second has some inserted.
 
+use super::diff::settings;
 use crate::correct::Track;
 use crate::program::alignment::{Fit, align};
 use crate::program::{Conf, Goal, Program, Role, Target};
@@ -104,8 +105,12 @@ impl Fit for Near<'_> {
 
     fn costs(&self, pairs: &[(usize, usize)]) -> Vec<f64> {
         let apart = |&(second, first): &(usize, usize)| {
-            let shift = compare(&self.first.targets[first].goal, &self.second.targets[second].goal).0;
-            shift.norm_squared()
+            let (a, b) = (&self.first.targets[first], &self.second.targets[second]);
+            let shift = compare(&a.goal, &b.goal).0.norm_squared();
+            // An inserted target has the settings of the motion that it is inserted into: one behind the last cut that is left
+            // with another speed is nearer to where the cut ended than its corrected end, and yet not that.
+            let is_set_otherwise = !settings(self.first, a, self.second, b).is_empty();
+            if is_set_otherwise { shift + NEAR * NEAR } else { shift }
         };
         pairs.iter().map(apart).collect()
     }

@@ -1,9 +1,9 @@
+use super::html::PathKind;
 use super::{CheckFile, Origin};
 use crate::correct::{Corrected, Summary};
-use crate::program::Program;
 use crate::text::Diagnostic;
 use serde::Serialize;
-use std::fmt::Write;
+use std::fmt;
 
 /// What one program came to, for `--json`.
 #[derive(Clone, Debug, Serialize)]
@@ -11,14 +11,20 @@ use std::fmt::Write;
 pub struct FileSummary {
     /// Program, as the user typed it.
     pub path: String,
-    /// Executed motions.
+    /// Executed motions, inserted ones among them: the sum of those that are corrected, unchanged, in the air, inserted and kept.
     pub targets: usize,
     /// Targets whose numbers changed.
     pub corrected: usize,
-    /// Without cutting force.
+    /// Targets that cut and whose numbers did not change, though they might: all that cut in a prediction.
+    pub unchanged: usize,
+    /// Targets without cutting force whose numbers did not change.
     pub air: usize,
-    /// Not changed, by reason.
+    /// Targets that `--subdivide` inserted.
+    pub inserted: usize,
+    /// Not to be changed, by reason.
     pub kept: Vec<KeptCount>,
+    /// Of the kept ones those that were not judged, because it is not known where the controller goes, by reason.
+    pub unjudged: Vec<KeptCount>,
     /// Largest predicted error without correction, mm.
     pub max_error_mm: f64,
     /// Root mean square of it over cutting targets, mm; over all where none cuts.
@@ -43,9 +49,8 @@ pub struct FileSummary {
     pub sources: Vec<Origin>,
 }
 
-/// How many targets were kept for a reason.
-#[derive(Clone, Debug, Serialize)]
-#[non_exhaustive]
+/// How many targets were kept, or not judged, for a reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct KeptCount {
     /// Reason.
     pub reason: &'static str,
@@ -53,10 +58,26 @@ pub struct KeptCount {
     pub count: usize,
 }
 
+impl KeptCount {
+    /// One a reason.
+    #[must_use]
+    pub fn all(counts: &[(&'static str, usize)]) -> Vec<Self> {
+        counts.iter().map(|&(reason, count)| Self { reason, count }).collect()
+    }
+}
+
+impl fmt::Display for KeptCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", grouped(self.count), self.reason)
+    }
+}
+
 /// A failed target.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct FailureLine {
+    /// File; empty where the program as a whole is meant.
+    pub file: String,
     /// Line in the program.
     pub line: usize,
     /// What is wrong.
@@ -66,8 +87,20 @@ pub struct FailureLine {
 impl FileSummary {
     /// Sums up a run.
     #[must_use]
-    pub fn new(path: &str, program: &Program, corrected: &Corrected) -> Self {
-        Self::of(path, &Summary::of(&corrected.rows).with_unknown(program.unknown_targets()), &corrected.failures)
+    pub fn new(path: &str, corrected: &Corrected) -> Self {
+        Self::of(path, &Summary::of(&corrected.rows).with_inserted(corrected.inserted), &corrected.failures)
+    }
+
+    /// Parts of the targets, whose sum they are.
+    pub(super) fn parts(&self, kind: PathKind) -> Vec<(&'static str, usize)> {
+        let kept = self.kept.iter().map(|kept| kept.count).sum();
+        let rest = [("air", self.air), ("inserted", self.inserted), ("kept", kept)];
+        match kind {
+            PathKind::Compensate => {
+                [("corrected", self.corrected), ("unchanged", self.unchanged)].into_iter().chain(rest).collect()
+            }
+            PathKind::Predict | PathKind::Check => [("cut", self.unchanged)].into_iter().chain(rest).collect(),
+        }
     }
 
     /// The same with what a check found for failures.
@@ -84,7 +117,10 @@ impl FileSummary {
             targets: sum.targets,
             corrected: sum.corrected,
             air: sum.air,
-            kept: sum.kept.iter().map(|&(reason, count)| KeptCount { reason, count }).collect(),
+            unchanged: sum.unchanged,
+            inserted: sum.inserted,
+            kept: KeptCount::all(&sum.kept),
+            unjudged: KeptCount::all(&sum.unjudged),
             max_error_mm: sum.max_error_mm,
             rms_error_mm: sum.rms_error_mm,
             max_correction_mm: sum.max_correction_mm,
@@ -100,30 +136,45 @@ impl FileSummary {
 }
 
 fn lines(failures: &[Diagnostic]) -> Vec<FailureLine> {
-    failures.iter().map(|failure| FailureLine { line: failure.line, message: failure.message.clone() }).collect()
+    let line = |failure: &Diagnostic| FailureLine {
+        file: failure.file.clone(),
+        line: failure.line,
+        message: failure.message.clone(),
+    };
+    failures.iter().map(line).collect()
 }
 
-/// `1,236 targets: 1,211 corrected, 20 air, 5 kept: 3 computed at run time, 2 …`
+/// `1,236 targets: 1,211 corrected, 20 air, 5 kept: 3 computed at run time, 2 …`: the parts are the whole. Nothing is corrected in
+/// a prediction: targets cut, are in the air or kept.
 #[must_use]
-pub fn summary_line(summary: &FileSummary) -> String {
-    let mut line = format!(
-        "{} targets: {} corrected, {} air",
-        grouped(summary.targets),
-        grouped(summary.corrected),
-        grouped(summary.air)
-    );
-    let kept: usize = summary.kept.iter().map(|kept| kept.count).sum();
-    if kept > 0 {
-        // Writing to a String cannot fail.
-        let _ = write!(line, ", {} kept: ", grouped(kept));
-        let reasons: Vec<String> = summary.kept.iter().map(|k| format!("{} {}", grouped(k.count), k.reason)).collect();
-        line += &reasons.join(", ");
+pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
+    let first = match kind {
+        PathKind::Compensate if summary.corrected == 0 => "nothing was corrected: ",
+        _ => "",
+    };
+    let mut line = format!("{first}{}: {}", counted(summary.targets, "target"), parts_text(&summary.parts(kind)));
+    if !summary.kept.is_empty() {
+        let reasons: Vec<String> = summary.kept.iter().map(ToString::to_string).collect();
+        line += &format!(": {}", reasons.join(", "));
     }
     line
 }
 
+/// Parts of the targets; those of which there are none are left out, but for what was corrected or cut, and what is air.
+pub(super) fn parts_text(parts: &[(&'static str, usize)]) -> String {
+    let named = |(what, count): &(&str, usize)| *count > 0 || ["corrected", "cut", "air"].contains(what);
+    let parts: Vec<String> =
+        parts.iter().filter(|part| named(part)).map(|(what, count)| format!("{} {what}", grouped(*count))).collect();
+    parts.join(", ")
+}
+
+/// `1 target`, `1,236 targets`.
+pub(crate) fn counted(count: usize, what: &str) -> String {
+    format!("{} {what}{}", grouped(count), if count == 1 { "" } else { "s" })
+}
+
 /// A count with thousands set apart.
-fn grouped(count: usize) -> String {
+pub(crate) fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let mut out = String::new();
     for (i, digit) in digits.chars().enumerate() {

@@ -193,3 +193,18 @@ fn postures_from_the_pendant_tell_right_rows_from_wrong_ones() {
     let (right, wrong) = (rms("cell.toml"), rms("wrong.toml"));
     assert!(right < 0.3 && wrong > 0.5, "{right} mm, {wrong} mm");
 }
+
+#[test]
+fn every_column_of_the_report_is_documented() {
+    let mut rows: Vec<(Vec<String>, &str)> = Vec::new();
+    for column in deflex::report::REPORT_COLUMNS {
+        let name = format!("`{}`", column.name);
+        match (column.doc, rows.last_mut()) {
+            ("", Some((names, _))) => names.push(name),
+            (doc, _) => rows.push((vec![name], doc)),
+        }
+    }
+    let table: String = rows.iter().map(|(names, doc)| format!("| {} | {doc} |\n", names.join(", "))).collect();
+    let formats = std::fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).unwrap();
+    assert!(formats.contains(&table), "docs/formats.md is to have this table:\n{table}");
+}

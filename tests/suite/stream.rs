@@ -3,6 +3,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks};
 use deflex::program::rapid::{self, CHUNK, Chunks};
+use deflex::report::html::PathKind;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
@@ -91,7 +92,7 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let (mut bytes, mut report) = (Vec::new(), Vec::new());
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
     write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report, summary_line(&FileSummary::new("", &program, &corrected)), corrected.notes))
+    Ok((bytes, report, summary_line(&FileSummary::new("", &corrected), PathKind::Compensate), corrected.notes))
 }
 
 /// `None` where the program is not straight.
@@ -109,7 +110,7 @@ fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Optio
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
-            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
+            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
         Err(StreamError::NotStreamable) => return None,

@@ -6,6 +6,7 @@ use deflex::correct::{
 };
 use deflex::program::cl::{self, Chunks, ClOptions};
 use deflex::program::{Language, Next, Program};
+use deflex::report::html::PathKind;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, Span};
 use proptest::prelude::*;
@@ -204,7 +205,12 @@ fn whole(text: &str, cell: &Cell, most: Option<usize>, corrects: &Options) -> Ca
     let mut report = Vec::new();
     write_csv(&corrected.rows, &mut report).unwrap();
     let notes = [corrected.notes.clone(), posted.notes].concat();
-    Ok((posted.files.into_iter().collect(), report, summary_line(&FileSummary::new("", &program, &corrected)), notes))
+    Ok((
+        posted.files.into_iter().collect(),
+        report,
+        summary_line(&FileSummary::new("", &corrected), PathKind::Compensate),
+        notes,
+    ))
 }
 
 /// A file of a posted program.
@@ -255,7 +261,7 @@ fn streamed(
         Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
             let files = files.into_inner().unwrap();
             assert_eq!(files.len(), poster.files());
-            Ok((files, report, summary_line(&FileSummary::of("", &summary, &[])), notes))
+            Ok((files, report, summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate), notes))
         }
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
         Err(StreamError::NotStreamable) => return None,

@@ -3,6 +3,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_chunks};
 use deflex::program::krl::{self, Chunks};
+use deflex::report::html::PathKind;
 use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
 use deflex::text::{Diagnostic, Source, apply};
 use proptest::prelude::*;
@@ -72,7 +73,7 @@ fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let (mut bytes, mut report) = (Vec::new(), Vec::new());
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
     write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report, summary_line(&FileSummary::new("", &program, &corrected)), words(&corrected.notes)))
+    Ok((bytes, report, summary_line(&FileSummary::new("", &corrected), PathKind::Compensate), words(&corrected.notes)))
 }
 
 /// `None` where the program is read whole.
@@ -82,9 +83,12 @@ fn streamed(text: &str, cell: &Cell, options: &Options, chunk: usize, threads: u
     let mut sinks =
         Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => {
-            Ok((program, report, summary_line(&FileSummary::of("", &summary, &[])), words(&notes)))
-        }
+        Ok(Streamed { summary, failures, notes, .. }) if failures.is_empty() => Ok((
+            program,
+            report,
+            summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate),
+            words(&notes),
+        )),
         Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(words(&failures)),
         Err(StreamError::NotStreamable) => return None,
         Err(error) => panic!("{error:?}"),

@@ -31,7 +31,7 @@ pub(in crate::cli) struct Reading {
     #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(in crate::cli) context: Vec<PathBuf>,
     /// Kind of the input, where content and ending do not tell
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long = "input-format", alias = "format", value_enum, value_name = "KIND")]
     pub(in crate::cli) format: Option<Language>,
 }
 

@@ -120,9 +120,9 @@ The cell needs [stock], and a cutter for each tool that cuts it. Points are in t
 const CHECK: &str = "\
 Examples:
   deflex check part.mod --cell cell.toml --max-error 0.1
-  deflex check corrected/*.mod --cell cell.toml --against original --max-error 0.02 --format sarif > check.sarif
+  deflex check corrected/*.mod --cell cell.toml --against original --max-error 0.02 --output-format sarif > check.sarif
 
-Exit code 1 where a target is out of tolerance, not reached, over a limit or without equilibrium.";
+Exit code 1 where a target is out of tolerance, not reached, over a limit, without equilibrium or not judged.";
 
 const IDENTIFY: &str = "\
 Examples:

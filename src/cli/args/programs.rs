@@ -154,20 +154,35 @@ pub(in crate::cli) struct Check {
     pub(in crate::cli) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) model: Model,
-    /// Largest error of a target, and of the way into it
+    /// Largest error of a target; and of the way into it, unless --max-path-error gives another
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_error: f64,
+    /// Largest distance from the programmed path on the way between targets (`compensate --subdivide` makes it smaller)
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) max_path_error: Option<f64>,
+    /// Largest jump of the tip where the force sets in, ends or turns at once; reported and not judged without it
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) max_jump: Option<f64>,
     /// Judge the targets alone, not the ways between them
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["max_path_error", "max_jump"])]
     pub(in crate::cli) at_targets: bool,
+    /// Pass though there are targets that cannot be judged
+    #[arg(long)]
+    pub(in crate::cli) allow_unjudged: bool,
     /// Largest correction of a target
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_correction: Option<f64>,
     /// The original of a corrected program (or the folder of originals): errors are counted from its targets
     #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]
     pub(in crate::cli) against: Option<PathBuf>,
-    /// Form of the answer on stdout: text, json, junit, sarif (rapid, cl, krl, ls: kind of the input)
-    #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append)]
+    /// Form of the answer on stdout
+    #[arg(long, value_enum, value_name = "FORM")]
+    pub(in crate::cli) output_format: Option<Form>,
+    /// Kind of the input, where content and ending do not tell
+    #[arg(long, value_enum, value_name = "KIND")]
+    pub(in crate::cli) input_format: Option<Language>,
+    /// An old spelling of both
+    #[arg(long, value_enum, value_name = "FORM", action = clap::ArgAction::Append, hide = true)]
     pub(in crate::cli) format: Vec<CheckFormat>,
     /// Modules that declare tools, work objects and targets
     #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]

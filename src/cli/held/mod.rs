@@ -285,13 +285,13 @@ fn whole(
     }
     noticed.take(&corrected.rows);
     let said = noticed.notes(name)?;
-    let summary = FileSummary::new(name, program, &corrected);
+    let summary = FileSummary::new(name, &corrected);
     let mut csv = Vec::new();
     // Writing to a Vec cannot fail.
-    let _ = write_joined(&[Rows::new(program, &corrected.rows)], &mut csv);
+    let _ = write_joined(&[Rows::new(&corrected.rows)], &mut csv);
     let mut path = run.path(kind);
     if let Some(path) = &mut path {
-        Rows::new(program, &corrected.rows).draw(path, &corrected.rows);
+        Rows::new(&corrected.rows).draw(path, &corrected.rows);
         path.quote(|target, _| program.line_of(target));
     }
     if let Some(follow) = &run.follow {

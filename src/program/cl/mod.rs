@@ -214,7 +214,7 @@ fn foreign(reader: &reader::Reader, source: &Source) -> Option<Diagnostic> {
     Some(
         Diagnostic::error("cl.not-cl", &source.name, message)
             .at(source, first)
-            .help("give a CL file, or `--format rapid`"),
+            .help("give a CL file, or `--input-format rapid`"),
     )
 }
 

@@ -113,6 +113,7 @@ impl Reader {
             tools: self.machine.tools().iter().map(tool).collect(),
             wobjs: vec![Wobj { name: self.options.wobj.as_str().into(), data: None, unit: None }],
             targets: std::mem::take(&mut self.targets),
+            unknown: Vec::new(),
             actions: std::mem::take(&mut self.actions),
             kept: std::mem::take(&mut self.kept),
             literal_targets: self.literal_targets,

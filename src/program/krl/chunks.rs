@@ -368,8 +368,7 @@ impl Chunk {
             program.literal_targets += tail.literal_targets;
             program.arcs += tail.arcs;
         }
-        program.layout =
-            crate::program::Layout::Krl(Layout { sites, motions: (motions - before) as usize, unknown: Vec::new() });
+        program.layout = crate::program::Layout::Krl(Layout { sites, motions: (motions - before) as usize });
         let own = 0..self.source.bytes.len();
         program.sources = [self.source].into();
         program.dialect = self.dialect;

@@ -201,17 +201,15 @@ impl<'a> Runner<'a> {
     }
 
     /// How much was found so far.
-    pub(super) fn marker(&self) -> (usize, u32, usize, Vec<(&'static str, usize)>) {
-        (self.targets.len(), self.motions, self.arcs, self.unknown.clone())
+    pub(super) fn marker(&self) -> (usize, u32, usize, usize) {
+        (self.targets.len(), self.motions, self.arcs, self.unknown.len())
     }
 
-    pub(super) fn back_to(
-        &mut self,
-        (targets, motions, arcs, unknown): (usize, u32, usize, Vec<(&'static str, usize)>),
-    ) {
+    pub(super) fn back_to(&mut self, (targets, motions, arcs, unknown): (usize, u32, usize, usize)) {
         self.targets.truncate(targets);
         self.sites.truncate(targets);
         self.external.truncate(targets);
-        (self.motions, self.arcs, self.unknown) = (motions, arcs, unknown);
+        self.unknown.truncate(unknown);
+        (self.motions, self.arcs) = (motions, arcs);
     }
 }

@@ -167,7 +167,7 @@ impl Reader {
                 *axes = Arc::new(ExternalAxes { at_rest, ..(**axes).clone() });
             }
         }
-        let known = program.kept.is_empty() && program.unknown_targets().is_empty();
+        let known = program.kept.is_empty() && program.unknown.is_empty();
         Some(program).filter(|_| known)
     }
 

@@ -53,8 +53,6 @@ pub(crate) struct Layout {
     sites: Vec<Site>,
     /// Executed motions, those whose target is not known when reading among them.
     motions: usize,
-    /// How many of them have no target, by reason, in the order first met.
-    unknown: Vec<(&'static str, usize)>,
 }
 
 /// Reads files as one program with shared names; `context` files only declare.
@@ -129,13 +127,14 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         tools,
         wobjs,
         targets,
+        unknown,
         actions: Vec::new(),
         kept,
         literal_targets,
         arcs,
         cutter: None,
         diagnostics,
-        layout: super::Layout::Krl(Layout { sites, motions: motions as usize, unknown }),
+        layout: super::Layout::Krl(Layout { sites, motions: motions as usize }),
         sources: sources.into(),
     })
 }

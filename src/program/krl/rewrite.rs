@@ -83,10 +83,6 @@ impl FrontEnd for Layout {
     fn motion_targets(&self, _: &Program) -> usize {
         self.motions
     }
-
-    fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        &self.unknown
-    }
 }
 
 impl Layout {

@@ -6,7 +6,7 @@ use super::state::{Changes, Id, State};
 use super::symbols::{RoutineId, Symbols};
 use super::tree::{File, Routine, Statement};
 use super::value::{Name, Place, Value, upper};
-use crate::program::{Kept, Mark, Target, Tool, Wobj};
+use crate::program::{Kept, Mark, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
@@ -101,7 +101,7 @@ pub(super) struct Runner<'a> {
     pub(super) motions: u32,
     pub(super) arcs: usize,
     /// Motions without a target, by reason.
-    pub(super) unknown: Vec<(&'static str, usize)>,
+    pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
     seen: HashSet<(usize, Span, &'static str)>,
     pub(super) told: BTreeSet<Name>,
@@ -357,10 +357,10 @@ impl<'a> Runner<'a> {
 
     /// A motion whose target is not known.
     pub(super) fn keep_motion(&mut self, span: Span, reason: &'static str) {
-        match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, count)) => *count += 1,
-            None => self.unknown.push((reason, 1)),
-        }
+        let line = self.lines[self.here()].line(span.start);
+        #[allow(clippy::cast_possible_truncation)] // as a target has it
+        let source = self.here() as u16;
+        self.unknown.push(UnknownMotion { ordinal: self.motions, reason, source, span, line });
         self.keep(self.here(), span, reason);
     }
 

@@ -10,7 +10,7 @@ use super::agreed::Again;
 use super::gathering::{Gathering, Motion, OffsetBy, Point};
 use super::runner::Runner;
 use crate::program::chunk::StreamableChunk;
-use crate::program::{Editable, Program, Role, Target};
+use crate::program::{Editable, Program, Role, Target, UnknownMotion};
 use std::sync::Arc;
 
 impl Runner<'_> {
@@ -70,6 +70,20 @@ impl Runner<'_> {
         }
     }
 
+    /// A motion is complete, and it is not known where it goes.
+    pub(super) fn miss(&mut self, motion: UnknownMotion) {
+        // One of those that are alike need not be held: they are met again.
+        if !matches!(self.gathering, Gathering::Distinct(_)) {
+            self.unknown.push(motion);
+        }
+        if let Gathering::Chunks(emitter) = &self.gathering
+            && emitter.muted.is_none()
+            && self.unknown.len() >= emitter.chunk
+        {
+            self.emit(false);
+        }
+    }
+
     /// What a target has in common with those that are alike.
     fn alike(&self, i: usize) -> Point {
         let (target, site): (&Target, &Site) = (&self.targets[i], &self.sites[i]);
@@ -111,6 +125,7 @@ impl Runner<'_> {
             tools: like.tools.clone(),
             wobjs: like.wobjs.clone(),
             targets: std::mem::take(&mut self.targets),
+            unknown: std::mem::take(&mut self.unknown),
             // Said once.
             diagnostics: if emitter.first { like.diagnostics.clone() } else { Vec::new() },
             ..Program::empty(like.language, like.dialect, (Arc::clone(&like.sources), like.written), layout)

@@ -28,7 +28,7 @@ struct Marker {
     offsets: usize,
     motions: u32,
     arcs: usize,
-    unknown: Vec<(&'static str, usize)>,
+    unknown: usize,
 }
 
 impl<'a> Runner<'a> {
@@ -289,13 +289,12 @@ impl<'a> Runner<'a> {
 
     /// How much was found so far.
     fn marker(&self) -> Marker {
-        let unknown = self.unknown.clone();
         Marker {
             targets: self.targets.len(),
             offsets: self.offsets.len(),
             motions: self.motions,
             arcs: self.arcs,
-            unknown,
+            unknown: self.unknown.len(),
         }
     }
 
@@ -304,7 +303,8 @@ impl<'a> Runner<'a> {
         self.targets.truncate(marker.targets);
         self.sites.truncate(marker.targets);
         self.offsets.truncate(marker.offsets);
-        (self.motions, self.arcs, self.unknown) = (marker.motions, marker.arcs, marker.unknown);
+        self.unknown.truncate(marker.unknown);
+        (self.motions, self.arcs) = (marker.motions, marker.arcs);
     }
 
     pub(super) fn choice(

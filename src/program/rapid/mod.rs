@@ -93,8 +93,6 @@ pub(crate) struct Layout {
     offsets: Vec<Offset>,
     /// Executed motions, those whose target is not known when reading among them.
     motions: usize,
-    /// How many of them have no target, by reason, in the order first met.
-    unknown: Vec<(&'static str, usize)>,
     /// Nothing but motions to inline targets, in one procedure: it means the same wherever it is cut (see `chunks`).
     streamable: bool,
     /// The same, but for targets that are declared and have a name.
@@ -155,10 +153,6 @@ impl FrontEnd for Layout {
 
     fn zone_mm(&self, program: &Program, target: usize) -> Option<f64> {
         insert::zone_mm(program, &program.targets[target])
-    }
-
-    fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        &self.unknown
     }
 }
 
@@ -287,6 +281,7 @@ fn program_of(
         tools: outcome.tools,
         wobjs: outcome.wobjs,
         targets: outcome.targets,
+        unknown: outcome.unknown,
         kept: outcome.kept.into_iter().chain(cuts).collect(),
         literal_targets,
         arcs: outcome.arcs,
@@ -374,7 +369,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     }
     Some(
         whole("rapid.no-module", "the file is not RAPID: there is no MODULE, no routine and no declaration in it")
-            .help("give a .mod, .sys or .prg file, or force the language with --format"),
+            .help("give a .mod, .sys or .prg file, or force the language with --input-format"),
     )
 }
 

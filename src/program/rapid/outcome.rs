@@ -4,7 +4,7 @@ use super::runner::Runner;
 use super::tree::{File, RoutineKind, Statement};
 use super::value::Place;
 use super::{Layout, Site};
-use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, Wobj};
+use crate::program::{Editable, Goal, Kept, Motion, Role, Target, Tool, UnknownMotion, Wobj};
 use crate::text::Diagnostic;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -14,6 +14,7 @@ pub(super) struct Outcome {
     pub(super) tools: Vec<Tool>,
     pub(super) wobjs: Vec<Wobj>,
     pub(super) targets: Vec<Target>,
+    pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: Vec<Kept>,
     pub(super) arcs: usize,
     pub(super) diagnostics: Vec<Diagnostic>,
@@ -46,7 +47,6 @@ impl Runner<'_> {
             sites: self.sites,
             offsets: self.offsets,
             motions: self.motions as usize,
-            unknown: self.unknown,
             streamable,
             plain,
             mark_behind: self.state.mark,
@@ -56,6 +56,7 @@ impl Runner<'_> {
             tools: self.tools,
             wobjs: self.wobjs,
             targets: self.targets,
+            unknown: self.unknown,
             kept: self.kept,
             arcs: self.arcs,
             diagnostics: self.diagnostics,

@@ -9,7 +9,7 @@ use super::predefined;
 use super::runner::{Flow, Mode, Runner};
 use super::tree::{File, RoutineKind, Statement};
 use super::value::NOT_UNIT;
-use crate::program::Kept;
+use crate::program::{Kept, UnknownMotion};
 use crate::text::{Diagnostic, Severity, Span};
 
 /// So many bytes of a statement count as one more: long ones take longer.
@@ -202,11 +202,10 @@ impl<'a> Runner<'a> {
         }
         // What no controller loads, whatever runs before.
         let fault = matches!(reason, NOT_A_NUMBER | BROKEN_AGGREGATE | NOT_UNIT);
-        self.keep_as(self.scope().source as usize, span, reason, fault);
-        match self.unknown.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, count)) => *count += 1,
-            None => self.unknown.push((reason, 1)),
-        }
+        let source = self.scope().source;
+        self.keep_as(source as usize, span, reason, fault);
+        let line = self.lines[source as usize].line(span.start);
+        self.miss(UnknownMotion { ordinal: self.motions, reason, source, span, line });
     }
 
     /// Keeps a statement of the running routine.

@@ -10,7 +10,7 @@ use super::symbols::{Names, Symbols};
 use super::tree::File;
 use super::value::Place;
 use super::{Offset, Site};
-use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, Wobj};
+use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Source, Span};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -151,7 +151,7 @@ pub(super) struct Runner<'a> {
     pub(super) lines: Vec<LineIndex>,
     pub(super) motions: u32,
     /// Motions without a target, by reason.
-    pub(super) unknown: Vec<(&'static str, usize)>,
+    pub(super) unknown: Vec<UnknownMotion>,
     pub(super) arcs: usize,
     pub(super) begun: Begun,
 }

@@ -3,7 +3,7 @@
 use super::flow::Flow;
 use super::lines::Line;
 use super::position::Position;
-use crate::program::{Editable, Kept, Target, Tool, Wobj};
+use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
 use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -40,8 +40,8 @@ pub(super) struct Built {
     pub(super) points: Vec<Points>,
     /// Circle points that no text states.
     pub(super) between: Vec<Between>,
-    /// Motions without a target, by reason, in the order first met.
-    pub(super) unknown: Vec<(&'static str, usize)>,
+    /// Motions without a target.
+    pub(super) unknown: Vec<UnknownMotion>,
 }
 
 /// Builds targets from what runs.

@@ -47,7 +47,6 @@ pub(crate) struct Layout {
     /// Circle points that no text states.
     between: Vec<builder::Between>,
     motions: usize,
-    unknown: Vec<(&'static str, usize)>,
 }
 
 impl FrontEnd for Layout {
@@ -71,10 +70,6 @@ impl FrontEnd for Layout {
 
     fn motion_targets(&self, _: &Program) -> usize {
         self.motions
-    }
-
-    fn unknown_targets(&self) -> &[(&'static str, usize)] {
-        &self.unknown
     }
 }
 
@@ -126,6 +121,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         tools: built.tools,
         wobjs: built.wobjs,
         targets: built.targets,
+        unknown: built.unknown,
         actions: Vec::new(),
         kept,
         literal_targets,
@@ -138,7 +134,6 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
             points: built.points,
             between: built.between,
             motions: built.motions,
-            unknown: built.unknown,
         }),
         sources: sources.into(),
     })

@@ -10,7 +10,8 @@ use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData, Wobj, WobjData,
+    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData, UnknownMotion,
+    Wobj, WobjData,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -229,10 +230,14 @@ impl Builder<'_> {
 
     /// A motion that nobody knows the end of.
     fn unknown(&mut self, at: usize, why: &'static str) {
-        match self.built.unknown.iter_mut().find(|(known, _)| *known == why) {
-            Some((_, count)) => *count += 1,
-            None => self.built.unknown.push((why, 1)),
-        }
+        let (line, most) = (&self.lines[at], u32::MAX);
+        self.built.unknown.push(UnknownMotion {
+            ordinal: u32::try_from(self.built.motions).unwrap_or(most),
+            reason: why,
+            source: 0,
+            span: line.span,
+            line: u32::try_from(line.line).unwrap_or(most),
+        });
         self.keep(at, why);
     }
 

@@ -196,9 +196,9 @@ pub(super) fn bar(text: &str, share: f64) -> String {
     format!("{text}<span class=\"bar\"><span style=\"width:{percent:.1}%\"></span></span>")
 }
 
-/// Millimetres with six decimals, as the CSV has them; no negative zero.
+/// Millimetres with four decimals, as a program is written with; no negative zero.
 pub(super) fn mm(value: f64) -> String {
-    decimals(value, 6)
+    decimals(value, 4)
 }
 
 pub(super) fn decimals(value: f64, decimals: usize) -> String {

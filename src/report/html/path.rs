@@ -5,7 +5,8 @@ use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
 use crate::correct::{Row, Status};
-use crate::report::{FileSummary, Origin};
+use crate::report::summary::parts_text;
+use crate::report::{FileSummary, KeptCount, Origin};
 use serde_json::json;
 
 /// What a page is about.
@@ -240,6 +241,19 @@ impl PathPage<'_> {
         Document { kicker, title: &title, subtitle: &subtitle, body: &body, data: &data, origins: &origins }.html()
     }
 
+    /// Parts of the targets of all programs.
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        let mut all: Vec<(&'static str, usize)> = Vec::new();
+        for (sum, _) in self.programs {
+            let parts = sum.parts(self.kind);
+            all.resize(parts.len(), ("", 0));
+            for (all, (what, count)) in all.iter_mut().zip(parts) {
+                *all = (what, all.1 + count);
+            }
+        }
+        all
+    }
+
     /// Sums over all programs.
     fn tiles(&self) -> String {
         let sums = || self.programs.iter().map(|(sum, _)| sum);
@@ -256,7 +270,7 @@ impl PathPage<'_> {
                 value: count(|sum| sum.targets).to_string(),
                 unit: "",
                 label: "Targets",
-                aside: format!("{} without cutting force", count(|sum| sum.air)),
+                aside: parts_text(&self.parts()),
             },
             Tile {
                 key: "max_error_mm",
@@ -266,6 +280,17 @@ impl PathPage<'_> {
                 aside: rms,
             },
         ];
+        let unjudged: Vec<&KeptCount> = sums().flat_map(|sum| &sum.unjudged).collect();
+        if !unjudged.is_empty() {
+            let reasons: Vec<String> = unjudged.iter().map(ToString::to_string).collect();
+            all.push(Tile {
+                key: "unjudged",
+                value: unjudged.iter().map(|unjudged| unjudged.count).sum::<usize>().to_string(),
+                unit: "",
+                label: "Not judged",
+                aside: reasons.join(", "),
+            });
+        }
         if self.kind == PathKind::Check {
             let failed = count(|sum| usize::from(!sum.failures.is_empty()));
             all.push(Tile {
@@ -283,12 +308,8 @@ impl PathPage<'_> {
                 unit: "mm",
                 label: "Largest correction",
                 aside: match kept {
-                    0 => format!("{} targets corrected", count(|sum| sum.corrected)),
-                    kept => format!(
-                        "{} targets corrected, {kept} kept with up to {} mm",
-                        count(|sum| sum.corrected),
-                        decimals(most(|sum| sum.max_kept_mm), 4)
-                    ),
+                    0 => String::new(),
+                    _ => format!("kept targets stay off by up to {} mm", decimals(most(|sum| sum.max_kept_mm), 4)),
                 },
             });
             all.push(Tile {
@@ -308,11 +329,12 @@ impl PathPage<'_> {
         let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
         let count = all().count() + self.programs.iter().map(|(sum, _)| sum.more_failures).sum::<usize>();
         if count == 0 {
-            return "<p>None: every target is reached and within tolerance.</p>\n".to_owned();
+            return "<p>None: every target that was judged is reached and within tolerance.</p>\n".to_owned();
         }
-        let mut table = Table::new("found", &[("program", false), ("line", true), ("what", false)]);
+        let mut table = Table::new("found", &[("file", false), ("line", true), ("what", false)]);
         for (sum, failure) in all().take(SHOWN) {
-            table.row([escape(&sum.path), failure.line.to_string(), escape(&failure.message)]);
+            let file = if failure.file.is_empty() { &sum.path } else { &failure.file };
+            table.row([escape(file), failure.line.to_string(), escape(&failure.message)]);
         }
         let more = match count.saturating_sub(SHOWN) {
             0 => String::new(),
@@ -327,8 +349,7 @@ impl PathPage<'_> {
         let head = [
             ("program", false),
             ("targets", true),
-            ("air", true),
-            ("corrected", true),
+            ("parts", false),
             ("kept, and why", false),
             ("largest error, mm", true),
             ("rms error, mm", true),
@@ -346,8 +367,7 @@ impl PathPage<'_> {
             table.row([
                 escape(&sum.path),
                 sum.targets.to_string(),
-                sum.air.to_string(),
-                sum.corrected.to_string(),
+                parts_text(&sum.parts(self.kind)),
                 escape(&kept.join(", ")),
                 mm(sum.max_error_mm),
                 mm(sum.rms_error_mm),

@@ -66,7 +66,7 @@ fn the_cells_templates_are_checked() {
 fn what_is_refused_writes_nothing() {
     let bench = Bench::new();
     bench.write("part.src", "DEF part( )\nPTP HOME\nLIN {X 10.0,Y 20.0,Z 30.0,A 0.0,B 90.0,C 0.0} C_DIS\nEND\n");
-    let ran = bench.run("compensate part.src --format cl --cell cell.toml -o a.mod").exits(2);
+    let ran = bench.run("compensate part.src --input-format cl --cell cell.toml -o a.mod").exits(2);
     assert!(ran.stderr.contains("no CL statement") && !bench.path("a.mod").exists(), "{}", ran.stderr);
     let ran = bench.run("compensate part.apt --cell cell.toml -o a.cls").exits(2);
     assert!(ran.stderr.contains(".mod") && !bench.path("a.cls").exists(), "{}", ran.stderr);

@@ -98,7 +98,7 @@ fn a_long_program_is_checked_alike() {
     let bench = Bench::new();
     for ((streamed, whole, _), form) in programs(&bench).into_iter().zip(["text", "json", "junit", "sarif"]) {
         alike(&bench, "check", streamed, whole, "--max-error 1 --max-correction 1", 0);
-        let options = format!("--max-error 0.84 --max-correction 0.85 --format {form}");
+        let options = format!("--max-error 0.84 --max-correction 0.85 --output-format {form}");
         let said = alike(&bench, "check", streamed, whole, &options, 1).stdout;
         assert!(said.contains("max-error") && said.contains("max-correction"), "{said:.1000}");
     }
@@ -117,10 +117,11 @@ fn a_corrected_long_program_is_judged_alike_against_its_original() {
             alike(&bench, "predict", &corrected, "corrected-whole.mod", &options, 0);
         }
         // Where the cut begins the tip leaves the path on the way, whatever stands at the targets.
-        let on_the_way = format!("--against {streamed} --max-error 0.001");
+        let against = format!("--against {streamed} --max-error 0.001");
+        let on_the_way = format!("{against} --max-jump 0.001");
         let said = alike(&bench, "check", &corrected, "corrected-whole.mod", &on_the_way, 1);
         assert!(said.stdout.contains("on the way into it"), "{:.1000}", said.stdout);
-        let options = format!("{on_the_way} --at-targets --max-correction");
+        let options = format!("{against} --at-targets --max-correction");
         alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 1"), 0);
         let said = alike(&bench, "check", &corrected, "corrected-whole.mod", &format!("{options} 0.84"), 1);
         assert!(said.stdout.contains("correction of 0.8"), "{:.1000}", said.stdout);
@@ -150,7 +151,8 @@ fn more_findings_than_anybody_reads_are_counted() {
     let program = long(4000);
     bench.write("long.mod", &program).write("whole.mod", rapid_whole(&program));
     for form in ["text", "json", "junit", "sarif"] {
-        let said = alike(&bench, "check", "long.mod", "whole.mod", &format!("--max-error 1e-6 --format {form}"), 1);
+        let said =
+            alike(&bench, "check", "long.mod", "whole.mod", &format!("--max-error 1e-6 --output-format {form}"), 1);
         let targets = program.matches("MoveL").count();
         let rest = match form {
             "json" => format!("\"more_findings\": {}", targets - 10_000),

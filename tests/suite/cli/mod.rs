@@ -25,3 +25,4 @@ mod plan;
 mod pose;
 mod shell;
 mod urdf;
+mod verdicts;

@@ -40,7 +40,7 @@ fn bash_and_fish_complete_commands_options_and_values() {
     let lines = [
         (vec!["deflex", "comp"], "compensate"),
         (vec!["deflex", "check", "--max-c"], "--max-correction"),
-        (vec!["deflex", "check", "--format", "sa"], "sarif"),
+        (vec!["deflex", "check", "--output-format", "sa"], "sarif"),
         (vec!["deflex", "identify", "--pos"], "--poses"),
     ];
     for (words, wanted) in lines {
