@@ -8,6 +8,7 @@ use deflex::correct::{Correct, PostOptions};
 use deflex::identify::{Ask, PlanProgram};
 use deflex::measured::ColumnNames;
 use deflex::program::Language;
+use deflex::report::html::PathKind;
 use deflex::report::{identify_text, plan_text, residual_csv, summary_line};
 use deflex::text::Source;
 use pyo3::prelude::*;
@@ -85,7 +86,8 @@ impl Done {
 
     #[getter]
     fn line(&self) -> String {
-        summary_line(&self.done.summary)
+        let kind = if self.against.is_some() { PathKind::Predict } else { PathKind::Compensate };
+        summary_line(&self.done.summary, kind)
     }
 
     #[getter]

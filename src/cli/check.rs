@@ -178,12 +178,14 @@ fn streamed(args: &Check, batch: &Batch<'_>, name: &str, predicted: Predicted) -
 
 /// What was judged of a program with so many motions.
 fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (Findings, Digest)) -> Judgement {
+    let (skipped, more_skipped) = unjudged.into_parts();
     let ways = Some(args.max_path_error.unwrap_or(args.max_error)).filter(|_| !args.at_targets);
     Judgement {
         targets,
         air: sum.air,
         unjudged: KeptCount::all(&sum.unjudged),
-        skipped: unjudged.into_parts().0,
+        skipped,
+        more_skipped,
         allows_unjudged: args.allow_unjudged,
         verdicts: Verdicts::new(
             Verdict::new(digest.worst.into_iter().next(), Some(args.max_error)),

@@ -34,6 +34,8 @@ pub struct Judgement {
     pub unjudged: Vec<KeptCount>,
     /// The first of them, at their places.
     pub skipped: Vec<Diagnostic>,
+    /// How many more have a place.
+    pub more_skipped: usize,
     /// Whether the check may pass though there are some.
     pub allows_unjudged: bool,
     /// What was found, and what is allowed.
@@ -282,7 +284,7 @@ pub fn sarif(files: &[CheckFile]) -> Value {
         result
     };
     let mut results: Vec<Value> = findings().take(MOST_RESULTS).map(result).collect();
-    let all = |file: &CheckFile| file.count() + file.judgement.unjudged_count().max(file.judgement.skipped.len());
+    let all = |file: &CheckFile| file.count() + file.judgement.skipped.len() + file.judgement.more_skipped;
     let more = files.iter().map(all).sum::<usize>() - results.len();
     if more > 0 {
         let text = format!(
