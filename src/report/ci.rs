@@ -91,12 +91,12 @@ impl Verdicts {
             (&self.targets, "targets: largest error", "correct the program with `deflex compensate`"),
             (
                 &self.ways,
-                "ways: largest distance from the path",
+                "ways between them: largest distance from the path",
                 "insert targets with `deflex compensate --subdivide MM`; `--max-path-error` is the limit",
             ),
             (
                 &self.jumps,
-                "jumps: largest within 0.5 mm of where the force sets in, ends or turns at once",
+                "jumps where the force sets in, ends or turns at once: largest",
                 "lead in and out gently: no inserted target mends a jump; `--max-jump` is the limit",
             ),
         ]
@@ -144,7 +144,7 @@ impl CheckFile {
     /// The words for those that are not listed.
     #[must_use]
     pub fn rest(&self) -> Option<String> {
-        (self.more > 0).then(|| format!("{}: --report CSV has every target", counted(self.more, "more finding")))
+        (self.more > 0).then(|| format!("{}: --report CSV has every target", more_of(self.more, "finding")))
     }
 
     /// What the check came to: `ok`, `2 findings, 3 not judged`.
@@ -155,6 +155,11 @@ impl CheckFile {
         let all: Vec<String> = findings.into_iter().chain(missing).collect();
         if all.is_empty() { "ok".to_owned() } else { all.join(", ") }
     }
+}
+
+/// `1 more finding`, `2000 more findings`.
+fn more_of(count: usize, what: &str) -> String {
+    format!("{count} more {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// One line a finding, and what each program came to.
@@ -178,7 +183,7 @@ pub fn check_text(files: &[CheckFile]) -> String {
         out.push_str(")\n");
         for (verdict, what, help) in sum.verdicts.all() {
             let Some(largest) = &verdict.largest else { continue };
-            let _ = write!(out, "  {what}: {:.4} mm at target {}, line {}", largest.mm, largest.target, largest.line);
+            let _ = write!(out, "  {what} {:.4} mm at target {}, line {}", largest.mm, largest.target, largest.line);
             let _ = match verdict.limit_mm {
                 Some(limit) if verdict.fails() => writeln!(out, "; more than {limit} mm: {help}"),
                 Some(limit) => writeln!(out, "; at most {limit} mm allowed"),
@@ -287,10 +292,8 @@ pub fn sarif(files: &[CheckFile]) -> Value {
     let all = |file: &CheckFile| file.count() + file.judgement.skipped.len() + file.judgement.more_skipped;
     let more = files.iter().map(all).sum::<usize>() - results.len();
     if more > 0 {
-        let text = format!(
-            "{} are not listed here: `deflex check --report CSV` has every target",
-            counted(more, "more finding")
-        );
+        let text =
+            format!("{} are not listed here: `deflex check --report CSV` has every target", more_of(more, "finding"));
         results.push(json!({ "kind": "informational", "level": "none", "message": { "text": text } }));
     }
     let rule = |rule: &&Diagnostic| {

@@ -329,7 +329,11 @@ impl PathPage<'_> {
         let all = || self.programs.iter().flat_map(|(sum, _)| sum.failures.iter().map(move |failure| (sum, failure)));
         let count = all().count() + self.programs.iter().map(|(sum, _)| sum.more_failures).sum::<usize>();
         if count == 0 {
-            return "<p>None: every target that was judged is reached and within tolerance.</p>\n".to_owned();
+            let judged = match self.programs.iter().all(|(sum, _)| sum.unjudged.is_empty()) {
+                true => "every target",
+                false => "every target that was judged",
+            };
+            return format!("<p>None: {judged} is reached and within tolerance.</p>\n");
         }
         let mut table = Table::new("found", &[("file", false), ("line", true), ("what", false)]);
         for (sum, failure) in all().take(SHOWN) {

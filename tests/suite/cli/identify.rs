@@ -92,5 +92,5 @@ fn an_unknown_tool_of_poses_gets_the_nearest_name() {
     let bench = Bench::new();
     bench.write("poses.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n0,0,0,0,30,0,1,2,3\n");
     let ran = bench.run("identify --poses poses.csv --cell cell.toml --tool tMil").exits(2);
-    assert!(ran.stderr.contains("--tool tMil") && ran.stderr.contains("did you mean `TMILL`"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("--tool tMil") && ran.stderr.contains("did you mean `tMill`"), "{}", ran.stderr);
 }

@@ -140,6 +140,6 @@ fn what_cannot_be_answered_is_said_with_help() {
     let ran = bench.run("pose --cell arm.toml --target 900,0,0,1,1,0,0").exits(2);
     assert!(ran.stderr.contains("norm is 1.4142"), "{}", ran.stderr);
     let ran = bench.run("pose --cell arm.toml --joints 0,0,0,0,0,0 --tool tMil").exits(2);
-    assert!(ran.stderr.contains("did you mean `TMILL`"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("did you mean `tMill`"), "{}", ran.stderr);
     bench.run("pose --cell arm.toml").exits(2);
 }

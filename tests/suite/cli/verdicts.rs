@@ -102,7 +102,7 @@ fn a_raster_passes_and_its_jumps_are_told() {
     bench.run("compensate raster.mod --cell cell.toml --subdivide 0.02 -o out.mod").exits(0);
     let check = "check out.mod --cell cell.toml --against raster.mod --max-error 0.02";
     let ran = bench.run(check).exits(0);
-    assert!(ran.stdout.contains("jumps: ") && ran.stdout.contains("not judged"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("jumps where") && ran.stdout.contains("not judged"), "{}", ran.stdout);
     let verdicts =
         json(&bench.run(&format!("{check} --output-format json")).exits(0).stdout)["files"][0]["verdicts"].clone();
     let [ways, jumps] = ["ways", "jumps"].map(|what| verdicts[what]["largest"]["mm"].as_f64().unwrap());
