@@ -12,8 +12,26 @@ pub(crate) fn signed(token: &[u8]) -> Option<f64> {
         [b'+', rest @ ..] => (false, rest),
         rest => (false, rest),
     };
-    let value = number::read(rest.trim_ascii_start())?;
+    let value = unsigned(rest.trim_ascii_start())?;
     Some(if negative { -value } else { value })
+}
+
+/// `12`, `1.5E3`, and what RAPID has besides: `0x1F`, `0o17`, `0b101`.
+pub(crate) fn unsigned(token: &[u8]) -> Option<f64> {
+    let Some((radix, digits)) = based(token) else { return number::read(token) };
+    u32::from_str_radix(std::str::from_utf8(digits).ok()?, radix).ok().map(f64::from)
+}
+
+/// Base and digits of a number that is not decimal.
+fn based(token: &[u8]) -> Option<(u32, &[u8])> {
+    let [b'0', base, digits @ ..] = token else { return None };
+    let radix = match base.to_ascii_lowercase() {
+        b'x' => 16,
+        b'o' => 8,
+        b'b' => 2,
+        _ => return None,
+    };
+    Some((radix, digits))
 }
 
 /// What becomes of a token.
@@ -70,6 +88,9 @@ impl New {
 
 /// Decimal places that a token's value has: digits behind the point, less its exponent.
 fn places(token: &[u8]) -> usize {
+    if based(token.trim_start_with_sign()).is_some() {
+        return 0;
+    }
     let digits = number::decimals(token);
     if token.iter().all(|b| !b.is_ascii_alphabetic()) {
         return digits;

@@ -167,9 +167,9 @@ impl Runner<'_> {
         let axes = ExternalAxes {
             written: written(external),
             offset: offset.filter(|_| !without_offset).unwrap_or_default(),
-            at_rest: Default::default(),
             inactive: Arc::clone(inactive),
             moved_alone,
+            ..ExternalAxes::default()
         };
         // Most often as before.
         if self.external.as_deref() != Some(&axes) {

@@ -6,6 +6,7 @@ use super::motion::{self};
 use super::runner::{Flow, Runner};
 use super::symbols::first_word;
 use super::tree::{Statement, any, simple_statements};
+use super::uses::texts;
 use crate::text::Span;
 
 pub(super) const HANDLED: &str = "may be changed by an error handler";
@@ -103,6 +104,28 @@ impl<'a> Runner<'a> {
         if self.stands.is_some() && simple_statements(block).into_iter().any(moves) {
             self.stands = None;
         }
+    }
+
+    /// Whether the program waits for motions to be stopped: a handler names the error of a collision or of a process, or a trap
+    /// raises the latter. Source: ABB, *RAPID Instructions, Functions and Data types*, `ProcerrRecovery`; the option *Collision
+    /// Detection* raises `ERR_COLL_STOP` where its error handling is installed, of which a program that does not name it says
+    /// nothing (`docs/soundness.md`).
+    pub(super) fn handles_stops(&self) -> bool {
+        let mut routines = self.symbols.all().map(|id| (id, self.symbols.routine(id)));
+        if routines.all(|(_, routine)| routine.handlers.is_empty()) {
+            return false;
+        }
+        self.symbols.all().any(|id| {
+            let (bytes, routine) = (self.bytes(id.file), self.symbols.routine(id));
+            let names = |span: &Span| {
+                let text = bytes[span.range()].to_ascii_uppercase();
+                [&b"ERR_COLL_STOP"[..], b"ERR_PATH_STOP"].iter().any(|name| memchr::memmem::find(&text, name).is_some())
+            };
+            let raises = |span: Span| bytes[first_word(bytes, span).range()].eq_ignore_ascii_case(b"ProcerrRecovery");
+            let mut handled = Vec::new();
+            texts(&routine.handlers, &mut handled);
+            handled.iter().any(names) || simple_statements(&routine.body).into_iter().any(raises)
+        })
     }
 
     /// The statement that comes may fail, and a handler takes it from there: not noted twice where nothing changed.

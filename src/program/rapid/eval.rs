@@ -9,6 +9,7 @@ use super::motion::{self, Call};
 use super::runner::Runner;
 use super::symbols::Upper;
 use super::value::{self, Place, Pose, Value};
+use crate::program::token;
 use crate::text::{self, Span};
 pub(super) use operators::{TOO_LONG, equal};
 use operators::{apply, operator};
@@ -114,7 +115,7 @@ impl Runner<'_> {
         match lexeme.kind {
             Kind::Number => {
                 cursor.pass(lexeme);
-                number(cursor.text(lexeme)).map_or(Value::Unknown(NOT_A_NUMBER), |v| {
+                token::unsigned(cursor.text(lexeme)).map_or(Value::Unknown(NOT_A_NUMBER), |v| {
                     Value::Num(v, Some(Place { source: scope.source, span: lexeme.span() }))
                 })
             }
@@ -314,19 +315,6 @@ fn is_within(value: &Value, index: &Value) -> bool {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 fn at(index: f64) -> Option<usize> {
     (index >= 1.0).then(|| index.round() as usize - 1)
-}
-
-/// `12`, `1.5E3`, `0x1F`, `0b101`, `0o17`.
-fn number(token: &[u8]) -> Option<f64> {
-    if let [b'0', base @ (b'x' | b'X' | b'o' | b'O' | b'b' | b'B'), digits @ ..] = token {
-        let radix = match base.to_ascii_lowercase() {
-            b'x' => 16,
-            b'o' => 8,
-            _ => 2,
-        };
-        return u32::from_str_radix(std::str::from_utf8(digits).ok()?, radix).ok().map(f64::from);
-    }
-    text::number::read(token)
 }
 
 /// Passes the bracketed text that begins at `open`, to behind its end.

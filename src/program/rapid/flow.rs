@@ -4,6 +4,7 @@ use super::eval::Scope;
 use super::layers::Left;
 use super::lex::{Cursor, Kind};
 use super::motion::{self, Call};
+use super::run::MOTIONS;
 use super::runner::{Flow, Mode, Runner};
 use super::state::Switches;
 use super::symbols::{Content, Upper};
@@ -14,6 +15,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// A WHILE that goes round more often is taken for one whose end is known only at run time.
 const MAX_ROUNDS: usize = 100_000;
+/// Motions behind which a loop tells by its rounds so far how many there will be.
+const LOOK_AHEAD: u32 = 100_000;
+/// By how much more than are followed it has to be: rounds may become shorter.
+const MARGIN: f64 = 4.0;
 /// Rounds that find out what holds when any of them begins: a switch goes from known to unknown once.
 const DRY_ROUNDS: usize = 3;
 /// Loops within one another that are run like this; deeper ones leave it unknown.
@@ -149,7 +154,7 @@ impl<'a> Runner<'a> {
         if step == 0.0 {
             return Flow::Next;
         }
-        let mut value = from;
+        let (mut value, mut done, began) = (from, 0.0, self.motions);
         while if step > 0.0 { value <= to } else { value >= to } {
             self.symbols.variables[counter].content = Content::Is(Value::Num(value, None));
             self.steps = self.steps.saturating_add(1);
@@ -161,6 +166,11 @@ impl<'a> Runner<'a> {
                 return flow;
             }
             value += step;
+            done += 1.0;
+            let moved = self.motions - began;
+            if moved > LOOK_AHEAD && f64::from(moved) / done * ((to - from) / step) > MARGIN * f64::from(MOTIONS) {
+                return self.give_up();
+            }
         }
         Flow::Next
     }

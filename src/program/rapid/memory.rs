@@ -5,6 +5,7 @@ use super::known::Changes;
 use super::layers::{Layer, Left};
 use super::lex::{Cursor, Kind};
 use super::runner::Runner;
+use super::state::State;
 use super::symbols::{Content, Upper, Variable};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,9 +27,20 @@ impl Runner<'_> {
         let same = matches!(&variable.content, Content::Is(old) if old.is(&value));
         self.changes += u64::from(!same);
         let old = std::mem::replace(&mut variable.content, Content::Is(value));
-        if let Some(layer) = self.layers.last_mut().filter(|layer| at < layer.variables) {
-            layer.old.entry(at).or_insert(old);
+        match self.layers.last_mut() {
+            Some(layer) if at < layer.variables => drop(layer.old.entry(at).or_insert(old)),
+            None if at < self.symbols.data => drop(self.before_all.entry(at).or_insert(old)),
+            _ => {}
         }
+    }
+
+    /// Takes back what all routines have changed so far: data are as the text has them.
+    pub(super) fn begin_again(&mut self) {
+        for (at, old) in std::mem::take(&mut self.before_all) {
+            self.symbols.variables[at].content = old;
+        }
+        self.state = State::default();
+        (self.epoch, self.events) = (self.epoch + 1, self.events + 1);
     }
 
     /// A branch begins.
@@ -56,11 +68,13 @@ impl Runner<'_> {
     /// Ends a branch that is the only one.
     pub(super) fn commit(&mut self) {
         let Some(layer) = self.layers.pop() else { return };
-        if let Some(below) = self.layers.last_mut() {
-            for (at, old) in layer.old {
-                if at < below.variables {
-                    below.old.entry(at).or_insert(old);
-                }
+        let (below, most) = match self.layers.last_mut() {
+            Some(below) => (&mut below.old, below.variables),
+            None => (&mut self.before_all, self.symbols.data),
+        };
+        for (at, old) in layer.old {
+            if at < most {
+                below.entry(at).or_insert(old);
             }
         }
     }

@@ -16,6 +16,8 @@ pub(super) struct Shape {
     pub(super) tool: ToolAt,
     /// Where the zone stands.
     pub(super) zone: Zone,
+    /// It does nothing but move: no signal, no trigger, no search, no procedure on the way that could fail.
+    pub(super) plain: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,7 +41,14 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
     let upper: &[u8] = upper;
     if upper == b"MOVEABSJ" {
         let zone = Zone::BeforeTool;
-        return Some(Shape { motion: Motion::AbsoluteJoint, via: None, to: 0, tool: ToolAt::Index(3), zone });
+        return Some(Shape {
+            motion: Motion::AbsoluteJoint,
+            via: None,
+            to: 0,
+            tool: ToolAt::Index(3),
+            zone,
+            plain: true,
+        });
     }
     // Family, then kind of motion, then what the instruction does besides.
     const FAMILIES: [(&[u8], usize); 11] = [
@@ -80,7 +89,8 @@ pub(super) fn shape(name: &[u8]) -> Option<Shape> {
         _ => ToolAt::Last,
     };
     let zone = if *family == b"SEARCH" { Zone::Absent } else { Zone::BeforeTool };
-    Some(Shape { motion, via: circular.then_some(*first), to, tool, zone })
+    let plain = *family == b"MOVE" && rest.is_empty();
+    Some(Shape { motion, via: circular.then_some(*first), to, tool, zone, plain })
 }
 
 /// Most arguments of one instruction that are looked at.

@@ -15,7 +15,7 @@ use crate::text::{Diagnostic, Severity, Span};
 /// So many bytes of a statement count as one more: long ones take longer.
 const BYTES_PER_STEP: usize = 256;
 /// Motions in all, where those that are alike are held once: a loop that never ends is to be told in minutes.
-const MOTIONS: u32 = 20_000_000;
+pub(super) const MOTIONS: u32 = 20_000_000;
 impl<'a> Runner<'a> {
     /// Runs `main`; where there is none, or it moves nothing, every procedure that no other calls.
     pub(super) fn run(self, files: &[File]) -> Outcome {
@@ -35,26 +35,26 @@ impl<'a> Runner<'a> {
 
     /// What [`Runner::run`] runs; the procedures of the program.
     pub(super) fn follow(&mut self) -> Vec<RoutineId> {
+        self.stops_are_handled = self.handles_stops();
         let procs = self.procedures();
         let main = procs.iter().copied().find(|id| self.routine_name(*id).eq_ignore_ascii_case(b"main"));
         self.begin_cycle();
-        self.enter_all(main.as_slice());
         if let Some(main) = main {
+            self.start(main);
             self.tell_next_cycle(main);
         }
         if self.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
-            self.enter_all(&others);
-        }
-        procs
-    }
-
-    fn enter_all(&mut self, entries: &[RoutineId]) {
-        for &id in entries {
-            if self.start(id) == Flow::Gone && self.steps >= self.most_steps {
-                break;
+            // Whoever starts one finds data as the text has them, and not as another has left them.
+            for id in others {
+                self.begin_again();
+                self.start(id);
+                if self.steps >= self.most_steps {
+                    break;
+                }
             }
         }
+        procs
     }
 
     /// Procedures of the program itself, in the order of the text.
@@ -259,8 +259,8 @@ impl<'a> Runner<'a> {
             return self.enter(scope, id, &call, span);
         }
         let shape = motion::shape(name);
-        // A motion that is stopped stops the program; a search may find nothing.
-        let plain = shape.is_some_and(|shape| shape.zone != motion::Zone::Absent);
+        // A motion that is stopped stops the program, unless its handlers wait for that.
+        let plain = shape.is_some_and(|shape| shape.plain) && !self.stops_are_handled;
         let known = if shape.is_none() { predefined::instruction(name) } else { None };
         let fails = match known {
             _ if plain => call.option(bytes, b"Conc").is_some(),

@@ -6,13 +6,13 @@ use super::layers::{Layer, Left};
 use super::literal::Literal;
 use super::ran::{Ran, Use};
 use super::state::{Begun, State, Switches};
-use super::symbols::{Names, Symbols};
+use super::symbols::{Content, Names, Symbols};
 use super::tree::File;
 use super::value::Place;
 use super::{Offset, Site};
 use crate::program::{ExternalAxes, InactiveUnit, Kept, Target, Tool, UnknownMotion, Wobj};
 use crate::text::{Diagnostic, LineIndex, Source, Span};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 /// Statements run in all, and for each byte of the program besides: ends loops whose condition never changes.
@@ -72,8 +72,12 @@ pub(super) struct Runner<'a> {
     pub(super) written: usize,
     pub(super) frames: Vec<Frame>,
     pub(super) layers: Vec<Layer>,
+    /// What data held before any routine ran, of those that one has changed.
+    pub(super) before_all: BTreeMap<usize, Content>,
     pub(super) state: State,
     pub(super) mode: Mode,
+    /// Whether a motion that is stopped may go to a handler: see [`Self::handles_stops`].
+    pub(super) stops_are_handled: bool,
     /// Routines on the way that catch errors.
     pub(super) guards: usize,
     /// How often an expression could have failed under one.
@@ -171,9 +175,11 @@ impl<'a> Runner<'a> {
             written,
             frames: Vec::new(),
             layers: Vec::new(),
+            before_all: BTreeMap::new(),
             state: State::default(),
             mode: Mode::Real,
             guards: 0,
+            stops_are_handled: false,
             failures: 0,
             jumping: Switches::NONE,
             dry: 0,

@@ -26,7 +26,9 @@ impl<'a> Runner<'a> {
         let offset = pose.steps.last().and_then(|step| step.tokens).map(|tokens| tokens[0]);
         // Other units may be active, or other offsets, when it is run.
         let on_axes = axes_in_use(&pose.written.external);
-        if on_axes || matches!(self.editable(target, pose), Editable::No(_)) {
+        // What is made from a base would move with it, though it is left.
+        let moves_along = !pose.steps.is_empty() && !self.ran.has(usize::from(target.source), target.span.start);
+        if on_axes || moves_along || matches!(self.editable(target, pose), Editable::No(_)) {
             self.pinned.insert(root);
             self.held.extend(offset);
             return;
@@ -272,7 +274,7 @@ fn own_data(routine: &Routine, bytes: &[u8], key: &[u8]) -> Option<Option<Span>>
 }
 
 /// All that statements consist of, branches and loops included.
-fn texts(block: &[Statement], out: &mut Vec<Span>) {
+pub(super) fn texts(block: &[Statement], out: &mut Vec<Span>) {
     for statement in block {
         match statement {
             Statement::Simple(span) | Statement::Connect(span) | Statement::Return(span) => out.push(*span),

@@ -147,7 +147,8 @@ impl<'a> Writer<'a> {
                 return single(value);
             }
             let new = print.and_then(|p| p.tokens[i].as_deref());
-            single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(0.0))
+            // What is no number is none here either: it comes out as an error, and never as another number.
+            single(signed(new.unwrap_or_else(|| self.token(literal, i))).unwrap_or(f64::NAN))
         };
         (std::array::from_fn(value), std::array::from_fn(|i| value(i + 3)))
     }

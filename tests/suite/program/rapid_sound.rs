@@ -573,3 +573,89 @@ fn what_is_used_by_another_name_stays() {
         assert!(!all.is_empty() && all.values().all(Result::is_err), "{all:?}");
     }
 }
+
+/// Numbers of every base are what they are: none counts as 0 because it is not decimal.
+#[test]
+fn numbers_that_are_not_decimal_are_written_as_they_are() {
+    let text = format!(
+        "MODULE M\n{DATA}CONST robtarget pH:=[[0x0A,-0b11,0o5],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+         PROC main()\nMoveL Offs(pH,0x01,0,5),v50,fine,t1;\nENDPROC\nENDMODULE\n"
+    );
+    let program = read(&text);
+    assert_eq!(position(&program.targets[0].goal), [11.0, -3.0, 10.0]);
+    let change = Change { position_mm: [11.25, -3.0, 10.5], quat: None, conf: None, external: None };
+    let rewritten = program.rewrite(&[Some(change)], &[], &RewriteOptions::default());
+    assert_eq!(rewritten.written[0].0, [11.25, -3.0, 10.5]);
+    let mut out = Vec::new();
+    apply(text.as_bytes(), &rewritten.edits[0], &mut out).unwrap();
+    let back = read(&String::from_utf8(out).unwrap());
+    assert_eq!(position(&back.targets[0].goal), [11.25, -3.0, 10.5]);
+}
+
+/// Whoever starts a procedure finds data as the text has them, and not as another procedure left them.
+#[test]
+fn procedures_that_nothing_calls_begin_with_the_text() {
+    for main in ["", "PROC main()\nnI:=7;\nENDPROC\n"] {
+        let text = format!(
+            "MODULE M\n{DATA}VAR num nI:=0;\n{main}PROC a()\nnI:=nI+5;\nPDispSet [[100,0,0],[1,0,0,0]];\nMoveL [[nI,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1;\n\
+             ENDPROC\nPROC b()\nMoveL Offs([[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],nI,0,0),v50,fine,t1;\nENDPROC\nENDMODULE\n"
+        );
+        let program = read(&text);
+        assert_eq!(position(&program.targets.last().unwrap().goal), [1.0, 2.0, 3.0], "{:?}", program.kept);
+        assert!(program.targets.last().unwrap().located);
+    }
+}
+
+/// Errors of what a motion does besides go to the handler, and so does a stop that one waits for.
+#[test]
+fn motions_that_do_more_than_move_may_fail() {
+    let reads = |motion: &str, handler: &str| {
+        let text = format!(
+            "MODULE M\n{DATA}VAR triggdata tr1;\nPROC main()\n{motion}\nMoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1;\n\
+             ERROR\n{handler}\nENDPROC\nPROC pX()\nENDPROC\nENDMODULE\n"
+        );
+        let program = read(&text);
+        program.targets.last().unwrap().editable
+    };
+    let moved = "PDispSet [[100,0,0],[1,0,0,0]];\nTRYNEXT;";
+    let to = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    for motion in [
+        format!("TriggL {to},v50,tr1,fine,t1;"),
+        format!("MoveLDO {to},v50,fine,t1,do1,1;"),
+        format!("MoveLSync {to},v50,fine,t1,\"pX\";"),
+    ] {
+        assert!(matches!(reads(&motion, moved), Editable::No(_)), "{motion}");
+    }
+    let plain = format!("MoveL {to},v50,fine,t1;");
+    assert!(!matches!(reads(&plain, moved), Editable::No(_)));
+    let waits = format!("IF ERRNO=ERR_COLL_STOP THEN\n{moved}\nENDIF");
+    assert!(matches!(reads(&plain, &waits), Editable::No(_)));
+}
+
+/// A routine that nothing runs is left as it is, what it makes from a target of the program too.
+#[test]
+fn offsets_in_procedures_that_nothing_runs_hold_their_base() {
+    let reads = |to: &str| {
+        let text = format!(
+            "MODULE M\n{DATA}PROC main()\nMoveL p1,v50,fine,t1;\nENDPROC\nPROC b()\nMoveL {to},v50,fine,t1;\nENDPROC\nENDMODULE\n"
+        );
+        read(&text).targets[0].editable
+    };
+    assert_eq!(reads("p1"), Editable::Pose);
+    assert!(matches!(reads("Offs(p1,0,0,50)"), Editable::No(_)));
+    assert!(matches!(reads("RelTool(p1,0,0,-50)"), Editable::No(_)));
+}
+
+/// A program without an end is refused without running through all that is allowed.
+#[test]
+fn a_program_without_an_end_is_refused_soon() {
+    let text = format!(
+        "MODULE M\n{DATA}PROC main()\n\
+         FOR i FROM 1 TO 100000 DO\nFOR j FROM 1 TO 100000 DO\nMoveL p1,v50,fine,t1;\nENDFOR\nENDFOR\nENDPROC\nENDMODULE\n"
+    );
+    let began = std::time::Instant::now();
+    let source = Source::new("m.mod", text.into_bytes());
+    assert!(rapid::Executed::read(vec![source], Vec::new()).is_err());
+    // Twenty million motions take half a minute.
+    assert!(began.elapsed().as_secs() < 10);
+}
