@@ -5,10 +5,9 @@
 //! frame without any is that of the world. ABB, *Technical reference manual: System parameters* (3HAC050948-001), topic Motion.
 
 use super::template::{Frames, backup_cell, comment, quoted, start_line};
-use super::unit::AXES;
 use crate::program::rapid::declared_frames;
 use crate::program::{Tool, ToolData, Wobj};
-use crate::robot::{BUILTIN, Builtin, Pose};
+use crate::robot::{AxisName, BUILTIN, Builtin, EXTERNAL_AXES, Pose};
 use crate::text::{Diagnostic, Source, Span};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
@@ -203,7 +202,7 @@ impl Moc {
         let joint = single.get("use_joint")?;
         let logical = self.named("JOINT", joint).and_then(|joint| number(joint, "logical_axis"))?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small whole number
-        let axis = (logical as usize).checked_sub(ROBOT_AXES + 1).filter(|axis| *axis < AXES.len())?;
+        let axis = (logical as usize).checked_sub(ROBOT_AXES + 1).filter(|axis| *axis < EXTERNAL_AXES)?;
         let kind = single.get("use_single_type").and_then(|kind| self.named("SINGLE_TYPE", kind));
         let mechanics = kind.and_then(|kind| kind.get("mechanics")).cloned().unwrap_or_default();
         let bounds = self.bounds(joint);
@@ -343,7 +342,11 @@ impl FoundUnit {
         let (kind, carries) =
             (if linear { "linear" } else { "rotary" }, if self.carries_robot { "robot" } else { "part" });
         // Writing to a String cannot fail.
-        let _ = writeln!(out, "\n[[unit]]\nname = {}\naxis = {:?}", quoted(&self.name), AXES[self.axis]);
+        let axis = AxisName::External(self.axis);
+        let _ = writeln!(out, "
+[[unit]]
+name = {}
+axis = \"{axis}\"", quoted(&self.name));
         let told = if known { String::new() } else { format!("   # << the backup says {}", comment(&self.mechanics)) };
         let _ = writeln!(out, "kind = {kind:?}{told}\ncarries = {carries:?}");
         if linear {

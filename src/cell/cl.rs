@@ -1,12 +1,12 @@
 //! `[cl]`: what only the cell knows about CL data.
 
 use super::check::Check;
-use super::unit::AXES;
 use super::{Cl, Spin, SpinRule, nearest, raw};
 use crate::correct::SINGULAR_MARGIN;
 use crate::program::ExternalAxes;
 use crate::program::cl::{ClOptions, Point, Units, may_be_declared_harmless};
 use crate::program::post::{TEMPLATES, Templates};
+use crate::robot::AxisName;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
@@ -88,11 +88,10 @@ fn external(check: &mut Check, raw: &BTreeMap<String, f64>, units: &crate::robot
     let mut axes = ExternalAxes::default();
     for (name, position) in raw {
         let key = format!("cl.external.{name}");
-        let unit = AXES.iter().position(|axis| axis == name);
-        let unit = unit.and_then(|axis| units.all().iter().find(|unit| unit.axis == axis));
+        let unit = AxisName::read(name).and_then(|axis| units.all().iter().find(|unit| unit.named == axis));
         let Some(unit) = unit else {
             let message = format!("`{name}` moves no unit of the cell");
-            check.error(&key, message, "name an axis of a [[unit]]: eax_a … eax_f");
+            check.error(&key, message, "name the axis of a [[unit]] as it does, for example eax_a");
             continue;
         };
         check.finite(&key, &[*position]);
@@ -101,7 +100,7 @@ fn external(check: &mut Check, raw: &BTreeMap<String, f64>, units: &crate::robot
                 format!("unit `{}` cannot stand at {position}: its limits are {} to {}", unit.name, unit.min, unit.max);
             check.error(&key, message, "mm of linear units, degrees of rotary ones");
         }
-        axes.written[unit.axis] = Some(*position);
+        axes.put(unit.named, *position);
     }
     (!raw.is_empty()).then(|| axes.into())
 }

@@ -26,7 +26,7 @@ pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
 pub use stock::{PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
-pub(crate) use unit::{AXES as EXTERNAL_AXIS_NAMES, MOST_FREE};
+pub(crate) use unit::MOST_FREE;
 pub use urdf::{Described, described};
 
 use crate::effects::ToolFrame;

@@ -200,7 +200,7 @@ pub(super) struct CoefficientKeys {
 pub(super) struct Unit {
     pub(super) name: String,
     pub(super) axis: String,
-    pub(super) kind: String,
+    pub(super) kind: Option<String>,
     pub(super) carries: String,
     pub(super) direction: Option<[f64; 3]>,
     pub(super) base_mm: Option<[f64; 3]>,

@@ -2,31 +2,45 @@
 
 use super::check::{Check, Turn};
 use super::{nearest, raw};
-use crate::robot::{Carries, EXTERNAL_AXES, Unit, UnitKind, Units};
+use crate::robot::{AxisName, Carries, EXTERNAL_AXES, Unit, UnitKind, Units};
 use nalgebra::Vector3;
-
-/// External axes as RAPID names them.
-pub(crate) const AXES: [&str; EXTERNAL_AXES] = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"];
 
 /// Units whose positions can be chosen together: the grid of their positions is as large as the product of both.
 pub(crate) const MOST_FREE: usize = 2;
 
+/// What `carries` says of a unit that carries neither robot nor part.
+const NOTHING: &str = "nothing";
+
 pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
-    let mut all: Vec<Unit> = Vec::with_capacity(raw.len());
+    let mut seen: Vec<(&str, Option<AxisName>)> = Vec::with_capacity(raw.len());
     for (i, keys) in raw.iter().enumerate() {
         let key = format!("unit.{i}");
-        let read = unit(check, &key, keys, raw);
-        if let Some(same) = all.iter().find(|other| other.name.eq_ignore_ascii_case(&keys.name)) {
-            let message = format!("unit `{}` is declared twice: RAPID does not tell case apart", same.name);
+        let named = axis(check, &key, keys);
+        let common = |other: Option<AxisName>| {
+            other.zip(named).is_some_and(|(other, own)| other.covers(own) || own.covers(other))
+        };
+        if let Some((same, _)) = seen.iter().find(|(other, _)| other.eq_ignore_ascii_case(&keys.name)) {
+            let message = format!("unit `{same}` is declared twice: case does not tell names apart");
             check.error(&key, message, "remove one of them, or name the axes of one unit apart");
-        } else if let Some(same) = read.as_ref().and_then(|read| all.iter().find(|other| other.axis == read.axis)) {
-            let message = format!("units `{}` and `{}` are both moved by {}", same.name, keys.name, keys.axis);
+        } else if let Some((same, _)) = seen.iter().find(|(_, other)| common(*other)) {
+            let message = format!("units `{same}` and `{}` are both moved by {}", keys.name, keys.axis);
             check.error(&key, message, "each unit has an external axis of its own");
         }
+        seen.push((&keys.name, named));
+    }
+    let carries_nothing = |i: &usize| raw[*i].carries == NOTHING;
+    let idle = (0..raw.len()).filter(carries_nothing).filter_map(|i| seen[i].1).collect();
+    let carrying: Vec<usize> = (0..raw.len()).filter(|i| !carries_nothing(i)).collect();
+    let named = |i: &usize| seen[*i].1.unwrap_or(AxisName::External(0));
+    let places = places(check, raw, &carrying.iter().map(|i| (*i, named(i))).collect::<Vec<_>>());
+    let among: Vec<&raw::Unit> = carrying.iter().map(|i| &raw[*i]).collect();
+    let read = |(i, axis): (&usize, usize)| {
+        let place = Place { named: named(i), axis };
         // What was refused stands in for itself: others may stand on it.
-        all.push(read.unwrap_or_else(|| Unit {
-            name: keys.name.clone(),
-            axis: 0,
+        unit(check, &format!("unit.{i}"), (&raw[*i], place), &among).unwrap_or_else(|| Unit {
+            name: raw[*i].name.clone(),
+            named: place.named,
+            axis,
             kind: UnitKind::Rotary,
             carries: Carries::Part,
             frame: crate::robot::Pose::identity(),
@@ -35,26 +49,79 @@ pub(super) fn units(check: &mut Check, raw: &[raw::Unit]) -> Units {
             max: f64::INFINITY,
             max_speed: None,
             free: false,
-        }));
-    }
+        })
+    };
+    let all: Vec<Unit> = carrying.iter().zip(places).map(read).collect();
     let mut free = all.iter().enumerate().filter(|(_, unit)| unit.free);
-    if let Some((i, unit)) = free.nth(MOST_FREE) {
+    if let Some((at, unit)) = free.nth(MOST_FREE) {
         let message = format!("unit `{}` is free besides {MOST_FREE} others: so many are chosen together", unit.name);
-        check.error(&format!("unit.{i}.free"), message, "leave `free` to those that the tool path leaves most open");
+        let help = "leave `free` to those that the tool path leaves most open";
+        check.error(&format!("unit.{}.free", carrying[at]), message, help);
     }
-    Units::new(all).unwrap_or_else(|(i, message)| {
+    let units = Units::new(all).unwrap_or_else(|(at, message)| {
         let help = "`on` names the unit below; one chain of units carries the robot";
-        check.error(&format!("unit.{i}"), message, help);
+        check.error(&format!("unit.{}", carrying[at]), message, help);
         Units::default()
-    })
+    });
+    units.and_idle(idle)
 }
 
-fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Option<Unit> {
-    let known: Vec<(&str, usize)> = AXES.iter().enumerate().map(|(i, name)| (*name, i)).collect();
-    let axis = check.word(&format!("{key}.axis"), &keys.axis, &known);
-    let carries = [("robot", Carries::Robot), ("part", Carries::Part)];
-    let carries = check.word(&format!("{key}.carries"), &keys.carries, &carries);
-    let linear = check.word(&format!("{key}.kind"), &keys.kind, &[("linear", true), ("rotary", false)]);
+/// An axis, and where its position stands in an [`External`](crate::robot::External).
+#[derive(Clone, Copy)]
+struct Place {
+    named: AxisName,
+    axis: usize,
+}
+
+/// Where the positions of units stand: those of external axes at their own index, those of motion groups where these leave room.
+fn places(check: &mut Check, raw: &[raw::Unit], named: &[(usize, AxisName)]) -> Vec<usize> {
+    let own = |axis: AxisName| match axis {
+        AxisName::External(index) => Some(index),
+        _ => None,
+    };
+    let mut left = (0..EXTERNAL_AXES).filter(|index| named.iter().all(|(_, axis)| own(*axis) != Some(*index)));
+    let place = |(i, axis): &(usize, AxisName)| {
+        own(*axis).or_else(|| left.next()).unwrap_or_else(|| {
+            let message =
+                format!("unit `{}` is one too many: at most {EXTERNAL_AXES} can carry something", raw[*i].name);
+            check.error(&format!("unit.{i}"), message, "leave out those that carry neither the robot nor the part");
+            0
+        })
+    };
+    named.iter().map(place).collect()
+}
+
+/// The axis of a unit, as programs name it.
+fn axis(check: &mut Check, key: &str, keys: &raw::Unit) -> Option<AxisName> {
+    let named = AxisName::read(&keys.axis);
+    if named.is_none() {
+        let message = format!("{key}.axis = \"{}\" is not known", keys.axis);
+        let help = "expected eax_a … eax_f (E1 … E6), or an axis of a FANUC motion group: gp2_j1, gp2_e1";
+        check.error(&format!("{key}.axis"), message, help);
+    }
+    if matches!(named, Some(AxisName::Group(_))) && keys.carries != NOTHING {
+        let message = format!("unit `{}` is a whole motion group, and carries something", keys.name);
+        let help = "declare each axis of the group: axis = \"gp2_j1\", and axis = \"gp2_j2\" with `on`";
+        check.error(&format!("{key}.axis"), message, help);
+    }
+    if named.is_some_and(|named| named.group().is_some()) && keys.free {
+        let message = format!("unit `{}` is of a FANUC motion group, whose positions are not chosen", keys.name);
+        check.error(&format!("{key}.free"), message, "remove `free`");
+    }
+    named
+}
+
+fn unit(check: &mut Check, key: &str, (keys, place): (&raw::Unit, Place), all: &[&raw::Unit]) -> Option<Unit> {
+    let carries = [("robot", Some(Carries::Robot)), ("part", Some(Carries::Part)), (NOTHING, None)];
+    let carries = check.word(&format!("{key}.carries"), &keys.carries, &carries).flatten();
+    if place.named.group().is_some() && carries == Some(Carries::Robot) {
+        // Its user frames would move along, which no other frame of a cell does.
+        let message = format!("unit `{}` is a motion group of its own, and carries the robot", keys.name);
+        let help = "a track that the controller counts to the robot is an extended axis of it: axis = \"eax_a\" (E1)";
+        check.error(&format!("{key}.carries"), message, help);
+    }
+    let kind = check.need(key, "kind", keys.kind.as_deref(), "how it moves, linear or rotary")?;
+    let linear = check.word(&format!("{key}.kind"), kind, &[("linear", true), ("rotary", false)]);
     let kind = match (linear?, keys.direction) {
         (true, Some(direction)) => {
             check.finite(&format!("{key}.direction"), &direction);
@@ -113,7 +180,8 @@ fn unit(check: &mut Check, key: &str, keys: &raw::Unit, all: &[raw::Unit]) -> Op
     let frame = check.frame(key, ["base_mm", "base_quat"], base_mm, base_quat);
     Some(Unit {
         name: keys.name.clone(),
-        axis: axis?,
+        named: place.named,
+        axis: place.axis,
         kind,
         carries: carries?,
         frame,

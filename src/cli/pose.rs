@@ -4,10 +4,10 @@ use super::args::Pose as Arguments;
 use super::input::CellFile;
 use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome};
-use deflex::cell::{Cell, EXTERNAL_AXIS_NAMES, nearest};
+use deflex::cell::{Cell, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, Status};
-use deflex::robot::{EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of};
+use deflex::robot::{AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -69,11 +69,12 @@ fn external(cell: &Cell, typed: &[f64]) -> Result<External, Vec<Diagnostic>> {
         let help = "positions of eax_a, eax_b, … in mm and degrees, with commas between";
         bad(format!("has {} numbers, expected at most {EXTERNAL_AXES}", typed.len()), help);
     }
-    for (axis, (position, name)) in typed.iter().zip(EXTERNAL_AXIS_NAMES).enumerate() {
+    for (axis, position) in typed.iter().enumerate().take(EXTERNAL_AXES) {
         external[axis] = *position;
         match cell.units.all().iter().find(|unit| unit.axis == axis) {
             None if *position == 0.0 => {}
             None => {
+                let name = AxisName::External(axis);
                 bad(format!("moves {name}, which no [[unit]] of the cell has"), "declare the unit, or leave it out")
             }
             Some(unit) if !(unit.min..=unit.max).contains(position) => {

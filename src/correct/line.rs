@@ -24,7 +24,7 @@ use crate::program::post::Place;
 use crate::program::{
     Change, Conf, Editable, Goal, Insert, Language, Mark, Program, RewriteOptions, Rewritten, Target,
 };
-use crate::robot::{EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
+use crate::robot::{AxisName, EXTERNAL_AXES, External, Joints, conf_is, conf_like, confdata_of, turn_between};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 
@@ -589,7 +589,7 @@ fn chosen_axes(target: &Target, prepared: &Prepared, i: usize) -> Option<Box<[Op
     let (axes, chosen) = (target.external.as_ref()?, prepared.external(i).filter(|_| prepared.turns_are_chosen)?);
     #[allow(clippy::float_cmp)] // the very number stays
     let differs = |axis: usize| {
-        let written = axes.position(axis)?;
+        let written = axes.position(AxisName::External(axis))?;
         (!chosen[axis].is_nan() && chosen[axis] != written).then(|| chosen[axis] - axes.offset[axis])
     };
     let wanted: [Option<f64>; EXTERNAL_AXES] = std::array::from_fn(differs);

@@ -1,11 +1,11 @@
 //! What a target is run with, as the mechanical units that carry robot and part stand there.
 
 use super::frames::{NO_WOBJ_UNIT, WobjFrame};
-use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
+use crate::cell::Cell;
 use crate::effects::{ToolFrame, UnitAt};
 use crate::equilibrium::Setting;
-use crate::program::{ExternalAxes, Language, Mark, Predecessor, Target};
-use crate::robot::{EXTERNAL_AXES, External, Pose, Units, gravity_at};
+use crate::program::{ExternalAxes, Language, Mark, Motion, Predecessor, Target};
+use crate::robot::{AxisName, EXTERNAL_AXES, External, Pose, Units, gravity_at};
 use std::sync::Arc;
 
 /// The cutting force follows the way into a target, and lost motion the joints' travel on it.
@@ -103,6 +103,25 @@ impl Mount {
         self.moving.as_ref().is_some_and(|moving| moving.needed().any(|needed| needed == axis))
     }
 
+    /// Why the way into a target is no line or arc in its work object: motion groups move on it that the robot does not follow,
+    /// or follows where the work object does not.
+    fn misled(&self, cell: &Cell, motion: Motion, axes: &ExternalAxes, before: &ExternalAxes) -> Option<&'static str> {
+        if !matches!(motion, Motion::Linear | Motion::Circular) {
+            return None;
+        }
+        let units = cell.units.all();
+        let of = |axis: AxisName| units.iter().find(|unit| unit.named == axis);
+        let moves = |axis: &AxisName| axes.position(*axis).is_none() || axes.position(*axis) != before.position(*axis);
+        let groups = || axes.used().filter(|axis| axis.group().is_some());
+        let carries = |axis: AxisName| of(axis).is_some_and(|unit| self.is_moved_by(unit.axis));
+        if !axes.coordinated {
+            return groups().filter(moves).any(carries).then_some(NOT_LED);
+        }
+        // One that carries nothing does not lead, unless there is no other.
+        let leads = |axis: AxisName| of(axis).is_some() || groups().all(|axis| of(axis).is_none());
+        groups().filter(moves).any(|axis| leads(axis) && !carries(axis)).then_some(LED_ELSEWHERE)
+    }
+
     /// With the units at these positions (mm or degrees); `None` where nothing moves it.
     pub(super) fn moved(&self, external: External) -> Option<Arc<Moved>> {
         Some(Arc::new(self.moving.as_ref()?.moved(external, &self.setting)))
@@ -193,6 +212,19 @@ pub(super) fn is_entered_elsewhere(target: &Target) -> bool {
 
 /// Why targets are kept, unsolved.
 pub(super) const NO_UNIT: &str = "external axis in use without a [[unit]] in the cell";
+/// The same of an axis of motion groups 2 to 9.
+const NO_GROUP: [&str; 8] = [
+    "motion group 2 in use without a [[unit]] in the cell (axis = \"gp2_j1\", …)",
+    "motion group 3 in use without a [[unit]] in the cell (axis = \"gp3_j1\", …)",
+    "motion group 4 in use without a [[unit]] in the cell (axis = \"gp4_j1\", …)",
+    "motion group 5 in use without a [[unit]] in the cell (axis = \"gp5_j1\", …)",
+    "motion group 6 in use without a [[unit]] in the cell (axis = \"gp6_j1\", …)",
+    "motion group 7 in use without a [[unit]] in the cell (axis = \"gp7_j1\", …)",
+    "motion group 8 in use without a [[unit]] in the cell (axis = \"gp8_j1\", …)",
+    "motion group 9 in use without a [[unit]] in the cell (axis = \"gp9_j1\", …)",
+];
+const LED_ELSEWHERE: &str = "coordinated (COORD) with a motion group that moves, and does not carry its user frame";
+const NOT_LED: &str = "the motion group that carries its user frame moves, and the motion is not coordinated (COORD)";
 pub(super) const NO_POSITION: &str = "position of a mechanical unit is not programmed here";
 pub(super) const STANDS_SOMEWHERE: &str = "where a deactivated mechanical unit stands is not known";
 
@@ -211,6 +243,11 @@ pub(super) fn help(reason: &str, language: Language) -> Option<String> {
                 language.mark(Mark::Air)
             ));
         }
+        LED_ELSEWHERE => "put the user frame on the unit where it moves along with it: [wobjs.\"UF 1\"] unit = …",
+        NOT_LED => "let the group stand still on the way, or move it with a J motion",
+        _ if NO_GROUP.contains(&reason) => {
+            "declare each axis: [[unit]] with carries = \"part\", or \"nothing\" for a gun, a gripper or another arm"
+        }
         STANDS_SOMEWHERE => "a unit stands where the last target before DeactUnit has sent it",
         _ => return None,
     };
@@ -218,8 +255,8 @@ pub(super) fn help(reason: &str, language: Language) -> Option<String> {
 }
 
 impl Stand {
-    /// Where the units of a cell are at a target with this mount, `last` being its like; `chosen` are positions that stand for
-    /// those of the program where they are not NaN.
+    /// Where the units of a cell are at a target with this mount, `last` being its like; `before` are the axes at the target that
+    /// the way into this one begins at, `chosen` positions that stand for those of the program where they are not NaN.
     ///
     /// # Errors
     /// A unit is sent beyond its limits: what is wrong.
@@ -228,6 +265,7 @@ impl Stand {
         target: &Target,
         mount: &Mount,
         last: Option<&Arc<Moved>>,
+        before: Option<&ExternalAxes>,
         chosen: &External,
     ) -> Result<Self, String> {
         let apart = is_entered_elsewhere(target);
@@ -238,17 +276,21 @@ impl Stand {
             (external, _) => external.as_deref().unwrap_or(&none),
         };
         let units = cell.units.all();
-        let used = |axis: usize| axes.written[axis].is_some() && !axes.at_rest[axis];
-        if (0..EXTERNAL_AXES).any(|axis| used(axis) && units.iter().all(|unit| unit.axis != axis)) {
-            return unsolved(NO_UNIT);
+        if let Some(axis) = axes.used().find(|axis| !cell.units.knows(*axis)) {
+            let group = axis.group().and_then(|group| NO_GROUP.get(usize::from(group).checked_sub(2)?));
+            return unsolved(group.copied().unwrap_or(NO_UNIT));
+        }
+        if let Some(why) = before.filter(|_| !apart).and_then(|before| mount.misled(cell, target.motion, axes, before))
+        {
+            return unsolved(why);
         }
         let mut external = [f64::NAN; EXTERNAL_AXES];
         let mut stands = false;
         for (i, unit) in units.iter().enumerate() {
             let chosen = chosen[unit.axis];
-            let sent = if chosen.is_nan() { axes.position(unit.axis) } else { Some(chosen) };
+            let sent = if chosen.is_nan() { axes.position(unit.named) } else { Some(chosen) };
             if let Some(position) = sent.filter(|position| !(unit.min..=unit.max).contains(position)) {
-                let (name, axis) = (&unit.name, EXTERNAL_AXIS_NAMES[unit.axis]);
+                let (name, axis) = (&unit.name, unit.named);
                 return Err(format!(
                     "unit `{name}` ({axis}) is sent to {position}, outside its limits {} to {}",
                     unit.min, unit.max

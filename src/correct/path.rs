@@ -9,7 +9,7 @@ use super::point::{Point, tool_axis};
 use super::spin;
 use super::travel::{CHORD, travel};
 use super::{Options, Prepared};
-use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
+use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
 use crate::equilibrium::Setting;
 use crate::lanes::WIDTH;
@@ -151,14 +151,14 @@ fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), 
     let under_wobj = wobj.and_then(|wobj| cell.wobj_units.get(&wobj.name.to_ascii_uppercase()).copied());
     let mut carrying = [cell.units.under_robot(), under_wobj].into_iter().flat_map(|top| cell.units.chain(top));
     let unsaid = |unit: &usize| {
-        let said = target.external.as_ref().and_then(|external| external.position(cell.units.all()[*unit].axis));
+        let said = target.external.as_ref().and_then(|external| external.position(cell.units.all()[*unit].named));
         said.is_none() && !(are_chosen && cell.units.all()[*unit].free)
     };
     match carrying.find(unsaid) {
         Some(unit) => {
             let unit = &cell.units.all()[unit];
             let message = format!("CL data do not say where unit `{}` of the cell stands", unit.name);
-            let help = format!("say it in the cell: [cl] external = {{ {} = 0.0 }}", EXTERNAL_AXIS_NAMES[unit.axis]);
+            let help = format!("say it in the cell: [cl] external = {{ {} = 0.0 }}", unit.named);
             Err(vec![Diagnostic::error("cell.unit", &source.name, message).help(help)])
         }
         None => Ok(()),
@@ -169,7 +169,7 @@ fn unsaid_units(program: &Program, cell: &Cell, are_chosen: bool) -> Result<(), 
 fn middle(language: Language, cell: &Cell, target: &Target) -> External {
     let mut external = [f64::NAN; EXTERNAL_AXES];
     for unit in cell.units.all().iter().filter(|unit| unit.free && language == Language::Cl) {
-        let said = target.external.as_ref().and_then(|external| external.position(unit.axis));
+        let said = target.external.as_ref().and_then(|external| external.position(unit.named));
         external[unit.axis] = said.map_or(0.5 * (unit.min + unit.max), |_| f64::NAN);
     }
     external
@@ -245,7 +245,8 @@ impl Walk<'_, '_> {
                 .copied()
                 .unwrap_or_else(|| middle(self.program.language, self.cell, target)),
         };
-        match Stand::of(self.cell, target, self.mount(setting), last, &chosen) {
+        let before = i.checked_sub(1).and_then(|before| self.program.targets[before].external.as_deref());
+        match Stand::of(self.cell, target, self.mount(setting), last, before, &chosen) {
             Ok(stand) => {
                 self.last_moved = stand.moved.clone().map(|moved| (setting, moved));
                 stand

@@ -11,7 +11,7 @@ use crate::program::post::{krl, tp};
 use crate::program::{
     Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
 };
-use crate::robot::{EXTERNAL_AXES, Pose, turn_numbers};
+use crate::robot::{AxisName, EXTERNAL_AXES, Pose, turn_numbers};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 use smallvec::SmallVec;
@@ -118,7 +118,7 @@ impl Outline {
             self.wobjs.clone_from(&program.wobjs);
         }
         if let Some(external) = program.targets.first().and_then(|target| target.external.as_ref()) {
-            self.external = std::array::from_fn(|axis| external.position(axis));
+            self.external = std::array::from_fn(|axis| external.position(AxisName::External(axis)));
         }
     }
 

@@ -293,7 +293,10 @@ pub(super) fn inserts(program: &Program, cell: &Cell, prepared: &Prepared, nodes
         // As they are written, that is without what the controller adds.
         let external = node.moved.as_ref().map(|moved| match (&target.external, program.language) {
             (Some(axes), language) if language.is_edited() => {
-                std::array::from_fn(|i| axes.written[i].map(|_| moved.external[i] - axes.offset[i]))
+                let moving = |i: usize| moved.external[i] - axes.offset[i];
+                std::array::from_fn(|i| {
+                    axes.written[i].map(|written| if axes.at_rest[i] { written } else { moving(i) })
+                })
             }
             _ => moved.external.map(|position| (!position.is_nan()).then_some(position)),
         });

@@ -38,7 +38,8 @@ pub use any_chunks::AnyChunks;
 pub use chunk::{ChunkReader, Next, StreamableChunk};
 pub use round_trip::{RoundTrip, round_trip};
 pub use target::{
-    Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role, Status, Target,
+    Conf, Confdata, Config, Editable, ExternalAxes, Goal, GroupAxis, InactiveUnit, Mark, Motion, Predecessor, Role,
+    Status, Target,
 };
 
 use crate::robot::EXTERNAL_AXES;

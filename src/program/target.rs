@@ -1,4 +1,4 @@
-use crate::robot::{EXTERNAL_AXES, External};
+use crate::robot::{AxisName, EXTERNAL_AXES, External};
 use crate::text::Span;
 use std::sync::Arc;
 
@@ -86,6 +86,10 @@ pub struct ExternalAxes {
     pub offset: External,
     /// Axes at zero in all of the program: robots without any are told zeros too (KRL).
     pub at_rest: [bool; EXTERNAL_AXES],
+    /// Axes of other motion groups (FANUC TP).
+    pub groups: Arc<[GroupAxis]>,
+    /// The way into the target is one in what another motion group carries (FANUC TP `COORD`).
+    pub coordinated: bool,
     /// Mechanical units that are deactivated here (RAPID `DeactUnit`).
     pub inactive: Arc<[InactiveUnit]>,
     /// Whether the axes have moved by themselves since the target before: the way into this one begins elsewhere.
@@ -96,14 +100,46 @@ impl ExternalAxes {
     /// Whether no axis is anywhere else than at zero in all of the program.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.written.iter().zip(self.at_rest).all(|(written, at_rest)| written.is_none() || at_rest)
+        let rests = |(written, at_rest): (&Option<f64>, bool)| written.is_none() || at_rest;
+        self.groups.iter().all(|axis| axis.at_rest) && self.written.iter().zip(self.at_rest).all(rests)
     }
 
     /// Where the controller sends an axis; `None` where it is not in use.
     #[must_use]
-    pub fn position(&self, axis: usize) -> Option<f64> {
-        self.written[axis].map(|written| written + self.offset[axis])
+    pub fn position(&self, axis: AxisName) -> Option<f64> {
+        match axis {
+            AxisName::External(axis) => self.written[axis].map(|written| written + self.offset[axis]),
+            _ => self.groups.iter().find(|own| own.axis == axis)?.position,
+        }
     }
+
+    /// Sends an axis somewhere, mm or degrees.
+    pub(crate) fn put(&mut self, axis: AxisName, position: f64) {
+        match axis {
+            AxisName::External(axis) => self.written[axis] = Some(position),
+            _ => {
+                let others = self.groups.iter().copied().filter(|own| own.axis != axis);
+                self.groups = others.chain([GroupAxis { axis, position: Some(position), at_rest: false }]).collect();
+            }
+        }
+    }
+
+    /// Axes that the target sends somewhere, those at rest aside.
+    pub(crate) fn used(&self) -> impl Iterator<Item = AxisName> + '_ {
+        let own = (0..EXTERNAL_AXES).filter(|axis| self.written[*axis].is_some() && !self.at_rest[*axis]);
+        own.map(AxisName::External).chain(self.groups.iter().filter(|axis| !axis.at_rest).map(|axis| axis.axis))
+    }
+}
+
+/// Where an axis of another motion group is sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroupAxis {
+    /// The axis; the whole group where a pose of another arm is written.
+    pub axis: AxisName,
+    /// mm or degrees; `None` where the program does not say.
+    pub position: Option<f64>,
+    /// At zero in all of the program.
+    pub at_rest: bool,
 }
 
 /// A mechanical unit that does not move, whatever targets say.

@@ -40,7 +40,7 @@ pub use model::{Axes, DhRow, Robot};
 pub use start::{Start, StartedFrom};
 pub use tables::{PoseMatrix, pose_matrix, pose_of_matrix};
 pub(crate) use turn::{turn_between, turns_between};
-pub use unit::{Carries, EXTERNAL_AXES, External, Unit, UnitKind, Units};
+pub use unit::{AxisName, Carries, EXTERNAL_AXES, External, Unit, UnitKind, Units};
 
 /// Six motor angles, rad (or six joint torques, N·m, in the same coordinates).
 pub type Joints = nalgebra::Vector6<f64>;

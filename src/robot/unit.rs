@@ -16,6 +16,91 @@ pub const EXTERNAL_AXES: usize = 6;
 /// Positions of the external axes, mm or degrees as programs count; NaN where one is not known.
 pub type External = [f64; EXTERNAL_AXES];
 
+/// An axis besides the robot's six, as programs name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum AxisName {
+    /// `eax_a` … `eax_f` (RAPID), `E1` … `E6` (KRL, motion group 1 of FANUC TP), by its index.
+    External(usize),
+    /// `J1` … `J9` of another motion group (FANUC TP).
+    Joint {
+        /// Number of the motion group.
+        group: u8,
+        /// Number of the axis, from 1.
+        number: u8,
+    },
+    /// `E1` … `E9` of another motion group (FANUC TP).
+    Extended {
+        /// Number of the motion group.
+        group: u8,
+        /// Number of the axis, from 1.
+        number: u8,
+    },
+    /// All axes of another motion group (FANUC TP).
+    Group(u8),
+}
+
+impl AxisName {
+    /// RAPID's names of the external axes.
+    const RAPID: [&str; EXTERNAL_AXES] = ["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"];
+
+    /// Reads `eax_a`, `E1`, `gp2_j1`, `gp2_e1`, `gp2`, whatever the case.
+    #[must_use]
+    pub fn read(text: &str) -> Option<Self> {
+        let lower = text.to_ascii_lowercase();
+        if let Some(index) = Self::RAPID.iter().position(|name| *name == lower) {
+            return Some(Self::External(index));
+        }
+        let digit = |text: &str| match text.as_bytes() {
+            [digit @ b'1'..=b'9'] => Some(digit - b'0'),
+            _ => None,
+        };
+        if let Some(number) = lower.strip_prefix('e').and_then(digit) {
+            return Some(usize::from(number) - 1).filter(|index| *index < EXTERNAL_AXES).map(Self::External);
+        }
+        let (group, axis) = match lower.strip_prefix("gp")?.split_once('_') {
+            Some((group, axis)) => (digit(group)?, Some(axis)),
+            None => (digit(&lower[2..])?, None),
+        };
+        match (group, axis) {
+            // Group 1 is the robot's: its extended axes are E1 … E6.
+            (1, _) => None,
+            (group, None) => Some(Self::Group(group)),
+            (group, Some(axis)) => match (axis.strip_prefix('j'), axis.strip_prefix('e')) {
+                (Some(number), _) => Some(Self::Joint { group, number: digit(number)? }),
+                (_, Some(number)) => Some(Self::Extended { group, number: digit(number)? }),
+                _ => None,
+            },
+        }
+    }
+
+    /// The motion group that it is of, where that is another than the robot's.
+    #[must_use]
+    pub fn group(self) -> Option<u8> {
+        match self {
+            Self::External(_) => None,
+            Self::Joint { group, .. } | Self::Extended { group, .. } | Self::Group(group) => Some(group),
+        }
+    }
+
+    /// Whether it names another axis, or all axes of that one's group.
+    #[must_use]
+    pub fn covers(self, other: Self) -> bool {
+        self == other || matches!(self, Self::Group(group) if other.group() == Some(group))
+    }
+}
+
+impl std::fmt::Display for AxisName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::External(index) => f.write_str(Self::RAPID.get(*index).copied().unwrap_or_default()),
+            Self::Joint { group, number } => write!(f, "gp{group}_j{number}"),
+            Self::Extended { group, number } => write!(f, "gp{group}_e{number}"),
+            Self::Group(group) => write!(f, "gp{group}"),
+        }
+    }
+}
+
 /// How a unit moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitKind {
@@ -39,7 +124,9 @@ pub enum Carries {
 pub struct Unit {
     /// As the program names it (`ActUnit`, `ufmec`).
     pub name: String,
-    /// Index of its external axis.
+    /// The axis that moves it.
+    pub named: AxisName,
+    /// Where its position stands in an [`External`]: that of an external axis at its own index, others where there is room.
     pub axis: usize,
     /// How it moves.
     pub kind: UnitKind,
@@ -75,6 +162,8 @@ pub struct Units {
     all: Vec<Unit>,
     /// The one that the robot stands on.
     robot: Option<usize>,
+    /// Axes that carry neither robot nor part: servo guns, grippers, other arms.
+    idle: Vec<AxisName>,
 }
 
 impl Units {
@@ -111,7 +200,19 @@ impl Units {
                 format!("units `{a}` and `{b}` both carry the robot, and neither stands on the other"),
             ));
         }
-        Ok(Self { all, robot: first })
+        Ok(Self { all, robot: first, idle: Vec::new() })
+    }
+
+    /// With axes that carry neither robot nor part.
+    #[must_use]
+    pub fn and_idle(self, idle: Vec<AxisName>) -> Self {
+        Self { idle, ..self }
+    }
+
+    /// Whether it is known what an axis moves.
+    #[must_use]
+    pub fn knows(&self, axis: AxisName) -> bool {
+        self.all.iter().any(|unit| unit.named == axis) || self.idle.iter().any(|idle| idle.covers(axis))
     }
 
     /// In the order of the cell file.
@@ -174,6 +275,7 @@ mod tests {
     fn unit(name: &str, axis: usize, kind: UnitKind, carries: Carries, on: Option<usize>) -> Unit {
         Unit {
             name: name.into(),
+            named: AxisName::External(axis),
             axis,
             kind,
             carries,
@@ -198,6 +300,20 @@ mod tests {
         // x of the turned table points along y of the world.
         let seen = units.world_from_unit(1, &external) * nalgebra::Point3::new(0.1, 0.0, 0.0);
         assert_relative_eq!(seen.coords, Vector3::new(1.5, 0.6, 0.6), epsilon = 1e-15);
+    }
+
+    #[test]
+    fn axes_are_named_as_programs_name_them() {
+        for name in ["eax_a", "eax_f", "gp2_j1", "gp3_e2", "gp4"] {
+            assert_eq!(AxisName::read(name).unwrap().to_string(), name);
+        }
+        assert_eq!(AxisName::read("E1"), Some(AxisName::External(0)));
+        assert_eq!(AxisName::read("GP2_J1"), Some(AxisName::Joint { group: 2, number: 1 }));
+        for other in ["", "e7", "gp1_j1", "gp2_", "gp2_j0", "gp22_j1", "gp", "eax_g", "j1"] {
+            assert_eq!(AxisName::read(other), None, "{other}");
+        }
+        let gun = AxisName::Joint { group: 2, number: 1 };
+        assert!(AxisName::Group(2).covers(gun) && !AxisName::Group(3).covers(gun) && gun.covers(gun));
     }
 
     #[test]

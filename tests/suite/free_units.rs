@@ -4,7 +4,7 @@ use crate::units::{TABLE, TRACK, cell as cell_with};
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, PostOptions, Prepared, compensate, post, predict};
 use deflex::program::{Language, Program, cl, krl, rapid};
-use deflex::robot::Pose;
+use deflex::robot::{AxisName, Pose};
 use deflex::text::{Severity, Source, apply};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -102,7 +102,11 @@ fn posting(language: Language) -> PostOptions {
 
 /// External axis of each target as written.
 fn written(program: &Program, axis: usize) -> Vec<f64> {
-    program.targets.iter().map(|target| target.external.as_ref().unwrap().position(axis).unwrap()).collect()
+    program
+        .targets
+        .iter()
+        .map(|target| target.external.as_ref().unwrap().position(AxisName::External(axis)).unwrap())
+        .collect()
 }
 
 #[test]

@@ -44,4 +44,5 @@ mod stream_units;
 mod supply;
 mod units;
 mod units_cl;
+mod units_tp;
 mod way;

@@ -4,7 +4,7 @@ use approx::assert_abs_diff_eq;
 use deflex::cell::Cell;
 use deflex::correct::{Correct, Corrected, Options, Prepared, Status, compensate, predict};
 use deflex::program::{Program, rapid};
-use deflex::robot::{Carries, Pose, Unit, UnitKind, Units};
+use deflex::robot::{AxisName, Carries, Pose, Unit, UnitKind, Units};
 use deflex::text::{Source, apply};
 use nalgebra::{Isometry3, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -273,7 +273,7 @@ fn what_is_inserted_has_the_axes_of_its_place() {
     assert!(last.path.unwrap().mean_square_mm2.sqrt() < 2e-3, "{:?}", last.path);
     for target in &written.targets {
         let external = target.external.as_ref().unwrap();
-        let [along, turn] = [0, 1].map(|axis| external.position(axis).unwrap());
+        let [along, turn] = [0, 1].map(|axis| external.position(AxisName::External(axis)).unwrap());
         assert_abs_diff_eq!(turn, along * 40.0 / 300.0, epsilon = 2e-3);
         assert_eq!(external.written[2], None);
     }
@@ -343,7 +343,7 @@ fn what_rapid_says_of_axes_is_followed() {
         .targets
         .iter()
         .map(|target| target.external.as_ref().unwrap())
-        .map(|external| [0, 1].map(|axis| external.position(axis)))
+        .map(|external| [0, 1].map(|axis| external.position(AxisName::External(axis))))
         .collect();
     let both = |a, b| [Some(a), Some(b)];
     let wanted = [
@@ -504,6 +504,7 @@ proptest! {
     fn chains_of_units_are_products_of_matrices(all in prop::collection::vec(random_unit(), 1..6), base in prop::array::uniform3(-1.0..1.0_f64)) {
         let units = all.iter().enumerate().map(|(i, (linear, direction, at, turn, _))| Unit {
             name: format!("U{i}"),
+            named: AxisName::External(i),
             axis: i,
             kind: if *linear {
                 UnitKind::Linear(Vector3::from(*direction).normalize())

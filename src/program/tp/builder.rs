@@ -4,7 +4,7 @@ use super::flow::Flow;
 use super::lines::Line;
 use super::position::Position;
 use crate::program::{Editable, Kept, Target, Tool, UnknownMotion, Wobj};
-use crate::robot::EXTERNAL_AXES;
+use crate::robot::{AxisName, EXTERNAL_AXES};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -59,6 +59,8 @@ pub(super) struct Builder<'a> {
     pub(super) ends: BTreeMap<usize, Vec<usize>>,
     /// External axes that any position has elsewhere than at zero.
     pub(super) axes: [bool; EXTERNAL_AXES],
+    /// Axes of other motion groups that any position has elsewhere than at zero.
+    pub(super) groups: BTreeSet<AxisName>,
     /// Motions that others count on from.
     pub(super) counted_from: BTreeSet<usize>,
     /// Statement of the last motion that gave a target.
@@ -83,6 +85,12 @@ impl<'a> Builder<'a> {
             axes: std::array::from_fn(|i| {
                 positions.iter().any(|position| position.external[i].is_some_and(|value| value != 0.0))
             }),
+            groups: positions
+                .iter()
+                .flat_map(|position| &position.groups)
+                .filter(|axis| axis.position != Some(0.0))
+                .map(|axis| axis.axis)
+                .collect(),
             counted_from: BTreeSet::new(),
             last: None,
             built: Built::default(),

@@ -1,7 +1,10 @@
 //! What programs that are called may change.
 
 use super::expression::{self, Registers};
-use super::lines::{sections, statements};
+use super::flow::Flow;
+use super::lines::{Line, sections, statements};
+use super::motion::INCREMENT;
+use super::run;
 use super::statement::{self, Frame, Kind};
 use crate::text::Source;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,6 +26,10 @@ pub(super) struct Called {
     pub(super) displaces: Option<&'static str>,
     /// Whether something runs beside behind it.
     pub(super) concurrent: bool,
+    /// Whether it may move the robot.
+    pub(super) moves: bool,
+    /// Whether a motion of it may count from where the robot stands when it is called.
+    pub(super) increments: bool,
     /// Programs that it calls.
     calls: BTreeSet<String>,
 }
@@ -31,7 +38,7 @@ impl Called {
     /// A program that is not given: registers and selections may be others behind it. The values of frames and tools are those
     /// of the cell all the same: that is what the cell says of the controller (`docs/soundness.md`).
     pub(super) fn unknown() -> Self {
-        Self { all_registers: true, selects: [true; 2], ..Self::default() }
+        Self { all_registers: true, selects: [true; 2], moves: true, ..Self::default() }
     }
 
     fn add(&mut self, other: &Self) {
@@ -42,13 +49,17 @@ impl Called {
         self.all_redefined.extend(&other.all_redefined);
         self.displaces = self.displaces.or(other.displaces);
         self.concurrent |= other.concurrent;
+        self.moves |= other.moves;
+        self.increments |= other.increments;
     }
 }
 
 /// The programs that are given, by name.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Calls {
     known: BTreeMap<String, Called>,
+    /// Any of them, or another.
+    any: Called,
     unknown: Called,
 }
 
@@ -56,8 +67,10 @@ impl Calls {
     /// Looks through programs.
     pub(super) fn new<'a>(sources: impl Iterator<Item = &'a Source>) -> Self {
         let own: BTreeMap<String, Called> = sources.filter_map(one).collect();
-        let known = own.keys().map(|name| (name.clone(), closure(name, &own))).collect();
-        Self { known, unknown: Called::unknown() }
+        let known: BTreeMap<String, Called> = own.keys().map(|name| (name.clone(), closure(name, &own))).collect();
+        let mut any = Called::unknown();
+        known.values().for_each(|called| any.add(called));
+        Self { known, any, unknown: Called::unknown() }
     }
 
     /// Whether a program is given.
@@ -65,9 +78,16 @@ impl Calls {
         self.known.contains_key(&upper(name))
     }
 
-    /// What a call of a program may change.
+    /// What a call of a program may change; of any where it has no name.
     pub(super) fn of(&self, name: &[u8]) -> &Called {
-        self.known.get(&upper(name)).unwrap_or(&self.unknown)
+        let other = if name.is_empty() { &self.any } else { &self.unknown };
+        self.known.get(&upper(name)).unwrap_or(other)
+    }
+
+    /// Adds what a statement may change, and what the programs may that it runs.
+    pub(super) fn take(&self, kind: &Kind<'_>, called: &mut Called) {
+        take(kind, called);
+        statement::runs(kind).into_iter().for_each(|name| called.add(self.of(name)));
     }
 }
 
@@ -80,12 +100,17 @@ fn closure(name: &str, own: &BTreeMap<String, Called>) -> Called {
     let (mut all, mut seen, mut open) = (Called::default(), BTreeSet::new(), vec![name.to_owned()]);
     while let Some(name) = open.pop() {
         match own.get(&name) {
-            Some(called) if seen.insert(name) => {
+            Some(called) if seen.insert(name.clone()) => {
                 all.add(called);
                 open.extend(called.calls.iter().cloned());
             }
             Some(_) => {}
-            None => all.add(&Called::unknown()),
+            None => {
+                all.add(&Called::unknown());
+                if name.is_empty() && seen.insert(name) {
+                    open.extend(own.keys().cloned());
+                }
+            }
         }
     }
     all
@@ -100,11 +125,25 @@ fn one(source: &Source) -> Option<(String, Called)> {
     for line in &lines {
         take(&statement::kind(line), &mut called);
     }
+    called.increments = increments(&lines);
     Some((name, called))
+}
+
+/// Whether a program counts from where the robot stands when it begins: no other motion comes before on some way.
+fn increments(lines: &[Line<'_>]) -> bool {
+    // Those that it calls are looked at apart; whether they move the robot makes no difference to those that do not.
+    let (none, at_start) = (Calls::default(), usize::MAX);
+    let mut flow = Flow::new(lines, &none, None);
+    flow.start.standing.insert(at_start);
+    let counts = |at: usize| matches!(&flow.kinds[at], Kind::Motion(motion) if motion.moved == Some(INCREMENT));
+    run::run(&flow).iter().any(|(at, state)| counts(*at) && state.standing.contains(&at_start))
 }
 
 fn take(kind: &Kind<'_>, called: &mut Called) {
     let none = Registers::new();
+    for name in statement::runs(kind) {
+        called.calls.insert(upper(name));
+    }
     match kind {
         Kind::Register(register, _) | Kind::For(register, ..) => match expression::count(register, &none) {
             Some(register) => drop(called.registers.insert(register)),
@@ -115,24 +154,21 @@ fn take(kind: &Kind<'_>, called: &mut Called) {
             Some(number) => drop(called.redefined.insert((*frame, number))),
             None => drop(called.all_redefined.insert(*frame)),
         },
-        Kind::Call(name) => drop(called.calls.insert(upper(name))),
         Kind::Macro | Kind::Unknown => called.add(&Called::unknown()),
-        Kind::Concurrent => called.concurrent = true,
-        Kind::Motion(motion) => called.concurrent |= motion.runs_others,
+        Kind::Concurrent(_) => called.concurrent = true,
+        Kind::Motion(motion) => {
+            called.concurrent |= motion.runs_others;
+            called.moves = true;
+        }
         Kind::Displace(why) => called.displaces = Some(why),
         Kind::RedefineAny => {
             called.selects = [true; 2];
             called.all_redefined.extend([Frame::User, Frame::Tool]);
         }
-        // What a condition guards is not looked at closer.
-        Kind::When(text) | Kind::Case(text) | Kind::ElseCase(text) | Kind::SelectCase(_, text) => {
-            let comma = text.iter().rposition(|b| *b == b',').unwrap_or(0);
-            match statement::guarded(&text[comma..]) {
-                Kind::Plain | Kind::Jump(_) | Kind::End => {}
-                Kind::Call(name) if !name.is_empty() => drop(called.calls.insert(upper(name))),
-                _ => called.add(&Called::unknown()),
+        _ => {
+            if let Some(guarded) = statement::guarded_by(kind) {
+                take(&guarded, called);
             }
         }
-        _ => {}
     }
 }

@@ -29,6 +29,8 @@ pub(super) struct Flow<'a> {
     /// Of the cases of a `SELECT`, its first.
     first_case: BTreeMap<usize, usize>,
     calls: &'a Calls,
+    /// What statements of point logic may change, by the motion that they belong to.
+    logic: BTreeMap<usize, Called>,
     /// What is known before the first statement.
     pub(super) start: State,
 }
@@ -44,9 +46,17 @@ impl<'a> Flow<'a> {
             partner: BTreeMap::new(),
             first_case: BTreeMap::new(),
             calls,
+            logic: BTreeMap::new(),
             start: State { displaced, ..State::default() },
         };
         flow.link();
+        let mut block = None;
+        for at in 0..flow.kinds.len() {
+            match block.filter(|_| flow.inner[at]) {
+                Some(motion) => calls.take(&flow.kinds[at], flow.logic.entry(motion).or_default()),
+                None => block = Some(at),
+            }
+        }
         flow
     }
 
@@ -109,17 +119,9 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Programs that a statement calls, guarded by a condition or not.
-    pub(super) fn called<'k>(&self, kind: &Kind<'k>) -> Vec<&'k [u8]> {
-        let text = match kind {
-            Kind::Call(name) => return vec![name],
-            Kind::When(text) | Kind::SelectCase(_, text) | Kind::Case(text) | Kind::ElseCase(text) => text,
-            _ => return Vec::new(),
-        };
-        match statement::guarded(behind_condition(text)) {
-            Kind::Call(name) => vec![name],
-            _ => Vec::new(),
-        }
+    /// Whether a statement runs a program that counts from where the robot stands.
+    pub(super) fn counts_on(&self, at: usize) -> bool {
+        statement::runs(&self.kinds[at]).into_iter().any(|name| self.calls.of(name).increments)
     }
 
     fn partner(&self, at: usize) -> Next {
@@ -151,7 +153,7 @@ impl<'a> Flow<'a> {
                 let (rest, holds) = expression::condition(text, &state.registers);
                 let (rest, holds) = match rest.trim_ascii_start().first() {
                     Some(b',') => (rest, holds),
-                    _ => (behind_condition(text), None),
+                    _ => (statement::behind_condition(text), None),
                 };
                 let mut out = Vec::new();
                 if holds != Some(true) {
@@ -186,7 +188,13 @@ impl<'a> Flow<'a> {
         match kind {
             Kind::Mark(mark) => state.mark = Marked::Known(Some(*mark)),
             Kind::Motion(motion) => {
-                state.standing = BTreeSet::from([at]);
+                for name in &motion.calls {
+                    state.call(self.calls.of(name));
+                }
+                if let Some(logic) = self.logic.get(&at) {
+                    state.call(logic);
+                }
+                (state.standing, state.elsewhere) = (BTreeSet::from([at]), false);
                 if motion.runs_others {
                     state.runs_beside();
                 }
@@ -207,7 +215,13 @@ impl<'a> Flow<'a> {
             }
             Kind::Call(name) => state.call(self.calls.of(name)),
             Kind::Macro => state.call(&Called::unknown()),
-            Kind::Concurrent => state.runs_beside(),
+            Kind::Concurrent(name) => {
+                // What moves the robot does not run beside.
+                let elsewhere = state.elsewhere;
+                state.call(self.calls.of(name));
+                state.elsewhere = elsewhere;
+                state.runs_beside();
+            }
             Kind::Displace(why) => state.displaced = Some(why),
             Kind::RedefineAny => {
                 state.selected = [None; 2];
@@ -278,20 +292,6 @@ fn either(holds: Option<bool>, so: (Next, State), not: (Next, State)) -> Vec<(Ne
         Some(false) => vec![not],
         None => vec![so, not],
     }
-}
-
-/// What follows a condition that cannot be read: the first comma outside all brackets.
-fn behind_condition(text: &[u8]) -> &[u8] {
-    let mut depth = 0_i32;
-    for (at, byte) in text.iter().enumerate() {
-        match byte {
-            b'[' | b'(' => depth += 1,
-            b']' | b')' => depth -= 1,
-            b',' if depth <= 0 => return &text[at..],
-            _ => {}
-        }
-    }
-    b",?[]"
 }
 
 /// Which statements stand in blocks of point logic: behind a motion that announces one, up to a line of dashes.

@@ -26,6 +26,7 @@ const AGAIN: &str = "motion runs more than once: a point before it would too";
 const NOT_A_PATH: &str = "only lines and arcs can be subdivided";
 const NOT_A_POSE: &str = "its position has no pose that can be edited";
 const HALF_ARC: &str = "arc with a point that is not edited";
+const GROUPS: &str = "another motion group moves on the way";
 const NO_NUMBERS: &str = "the program would have positions beyond P[999]: split it";
 const NO_LINES: &str = "the program would have more than 9999 lines: split it";
 
@@ -62,6 +63,11 @@ fn statement<'a>(program: &'a Program, layout: &'a Layout, before: usize) -> Res
     }
     if target.editable != Editable::Pose {
         return Err(NOT_A_POSE);
+    }
+    let groups =
+        |i: usize| program.targets[i].external.as_ref().map(|external| &external.groups[..]).unwrap_or_default();
+    if before.checked_sub(1).is_some_and(|last| groups(last) != groups(before)) {
+        return Err(GROUPS);
     }
     let site = layout.sites.get(before).copied().flatten().ok_or(NOT_A_POSE)?;
     match layout.positions.get(site as usize) {

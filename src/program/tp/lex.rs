@@ -24,7 +24,7 @@ pub(super) fn spaced<'a, T>(
 }
 
 /// Letters of a word: those of exports in other languages than English are not ASCII.
-fn is_letter(b: u8) -> bool {
+pub(super) fn is_letter(b: u8) -> bool {
     b.is_ascii_alphanumeric() || b == b'_' || !b.is_ascii()
 }
 

@@ -106,7 +106,7 @@ pub(super) fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
         let body = if ends { body[..body.len() - 1].trim_ascii_end() } else { body };
         let end = line.start + text.trim_ascii_end().len();
         match out.last_mut() {
-            Some(last) if open && !numbered => {
+            Some(last) if open && !numbered && !is_case(&last.text, body) => {
                 let text = last.text.to_mut();
                 text.push(b' ');
                 text.extend_from_slice(body);
@@ -122,6 +122,14 @@ pub(super) fn statements(bytes: &[u8], section: Range<usize>) -> Vec<Line<'_>> {
         open = !ends;
     }
     out
+}
+
+/// Whether a line is the next row of a `SELECT`, whose rows may go on without a semicolon.
+fn is_case(before: &[u8], body: &[u8]) -> bool {
+    let starts = |text: &[u8], word: &[u8]| text.get(..word.len()).is_some_and(|own| own.eq_ignore_ascii_case(word));
+    let row =
+        |text: &[u8]| text.starts_with(b"=") || starts(text, b"ELSE") && text[4..].trim_ascii_start().starts_with(b",");
+    row(body) && (row(before) || starts(before, b"SELECT"))
 }
 
 /// Line ends in a stretch, as [`Source::line_column`](crate::text::Source::line_column) counts them.
@@ -160,6 +168,14 @@ mod tests {
         assert_eq!(&TEXT[found.positions.unwrap()], b"\r\nP[1]{};\r\n");
         assert!(found.ends);
         assert!(TEXT[found.head].ends_with(b"a/POS\";\r\n"));
+    }
+
+    #[test]
+    fn rows_of_a_select_are_statements_with_and_without_a_semicolon() {
+        let text = b"1: SELECT R[1]=1,CALL A\n : =2,CALL B ;\n : ELSE,CALL C\n2: R[1]=2 ;\n";
+        let found = statements(text, 0..text.len());
+        let texts: Vec<_> = found.iter().map(|line| str::from_utf8(&line.text).unwrap()).collect();
+        assert_eq!(texts, ["SELECT R[1]=1,CALL A", "=2,CALL B", "ELSE,CALL C", "R[1]=2"]);
     }
 
     #[test]

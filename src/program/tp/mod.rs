@@ -98,7 +98,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         let error = Diagnostic::error("ls.truncated", &source.name, message).at(source, *cut);
         return Err(error.help("the file is cut off; get it again from its source").into());
     }
-    let calls = calls::Calls::new(sources[1..].iter());
+    let calls = calls::Calls::new(sources.iter());
     let flow = flow::Flow::new(&lines, &calls, follows(&source.bytes[sections.head.clone()]));
     let built = builder::Builder::new(&lines, &flow, &positions).build(&run::run(&flow));
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
@@ -217,7 +217,7 @@ fn not_given(
     let mut names: Vec<(String, Span)> = Vec::new();
     for (line, kind) in lines.iter().zip(&flow.kinds) {
         let plain = matches!(kind, statement::Kind::Macro | statement::Kind::Unknown).then_some(&line.text[..]);
-        for name in flow.called(kind).into_iter().chain(plain) {
+        for name in statement::runs(kind).into_iter().filter(|name| !name.is_empty()).chain(plain) {
             let text = String::from_utf8_lossy(name).into_owned();
             if !calls.knows(name) && names.iter().all(|(known, _)| *known != text) {
                 names.push((text, line.span));

@@ -22,8 +22,12 @@ pub(super) struct Motion<'a> {
     pub(super) feed_mm_s: Option<f64>,
     /// Why the motion does not end at its point, or not with this robot alone.
     pub(super) moved: Option<&'static str>,
+    /// On the way, it stays on a line or an arc in what another motion group carries (`COORD`).
+    pub(super) coordinated: bool,
     /// Other statements run beside it, or while it runs.
     pub(super) runs_others: bool,
+    /// Programs that it calls (`TB .10sec,CALL OPEN`), as written.
+    pub(super) calls: Vec<&'a [u8]>,
     /// Where it goes on when a condition was not met (`Skip,LBL[n]`).
     pub(super) skip: Option<&'a [u8]>,
     /// `A`: on a circle with its neighbours.
@@ -61,8 +65,19 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         _ => None,
     };
     let is_arc = letter.eq_ignore_ascii_case(&'A');
-    let mut motion =
-        Motion { path, via, end, feed_mm_s, moved, runs_others: false, skip: None, is_arc, point_logic: false };
+    let mut motion = Motion {
+        path,
+        via,
+        end,
+        feed_mm_s,
+        moved,
+        coordinated: false,
+        runs_others: false,
+        calls: Vec::new(),
+        skip: None,
+        is_arc,
+        point_logic: false,
+    };
     modifiers(rest, &mut motion);
     Some(motion)
 }
@@ -116,6 +131,8 @@ enum Meaning {
     Skip,
     /// Something runs shortly before or behind the point: the rest says what.
     Timed,
+    /// The way is one in what another motion group carries.
+    Coordinated,
 }
 
 /// Words of motion options, upper case. Source: FANUC, R-30iB Operator's Manual (Basic Operation), motion instructions.
@@ -162,7 +179,7 @@ const WORDS: [(&[u8], Meaning); 51] = [
     (b"VOFFSET", Meaning::Moved("moved by a vision register (VOFFSET)")),
     (b"VR", Meaning::Moved("moved by a vision register (VOFFSET)")),
     (b"INC", Meaning::Moved(INCREMENT)),
-    (b"COORD", Meaning::Moved("coordinated with another motion group (COORD)")),
+    (b"COORD", Meaning::Coordinated),
     (b"RTCP", Meaning::Moved("stationary tool (RTCP)")),
     (b"SEARCH", Meaning::Moved("ends where a search finds something")),
     (b"WEAVE", Meaning::Moved("weaving motion")),
@@ -181,7 +198,12 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
     // Wherever it stands: behind a word that is not known, too.
     let others: [&[u8]; 4] = [b"CALL", b"AUFRUF", b"SPOT", b"PRESS_MOTN"];
     motion.runs_others = motion.point_logic || others.iter().any(|wanted| has(wanted));
-    let mut rest = text;
+    for word in &others[..2] {
+        let behind = memchr::memmem::find_iter(&upper, word).map(|at| &text[at + word.len()..]);
+        motion.calls.extend(behind.map(|rest| program(rest.trim_ascii_start()).0));
+    }
+    // What runs beside is no option of the motion; what stands behind it is, as in `TB .10sec,P-SPS Offset,PR[1]`.
+    let (mut rest, mut beside) = (text, false);
     loop {
         rest = rest.trim_ascii_start();
         if rest.is_empty() {
@@ -201,9 +223,16 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                     motion.skip = label(behind);
                     return;
                 }
-                Some(Meaning::Timed) => return,
+                Some(Meaning::Timed) => {
+                    beside = true;
+                    let called = matches!(&upper[..], b"CALL" | b"AUFRUF");
+                    rest = if called { program(behind.trim_ascii_start()).1 } else { behind };
+                    continue;
+                }
+                Some(Meaning::Coordinated) => motion.coordinated = true,
                 // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
+                None if beside => {}
                 None => {
                     motion.moved.get_or_insert("motion option that is not known");
                 }
@@ -212,7 +241,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             continue;
         }
         let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
-        if !mark(&rest[0]) {
+        if !beside && !mark(&rest[0]) {
             motion.moved.get_or_insert("motion option that is not known");
         }
         rest = &rest[1..];
@@ -240,7 +269,7 @@ const UNREAD: &str = "motion is not understood";
 
 /// Words that say how a motion ends, and those that hold all of its way.
 const ENDS: [&[u8]; 5] = [b"FINE", b"FEIN", b"CNT", b"CR", b"CD"];
-const LASTS: [&[u8]; 5] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED"];
+const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED", b"COORD"];
 
 /// Looks at a whole statement, number and all, for what a point between would have of it.
 ///
@@ -289,6 +318,13 @@ pub(super) fn lasting(text: &[u8]) -> Result<Lasting<'_>, &'static str> {
     }
 }
 
+/// The name of a program that is called, and what follows it; empty where a register names it (`CALL SR[1]`).
+pub(super) fn program(text: &[u8]) -> (&[u8], &[u8]) {
+    let ends = |b: &u8| matches!(b, b'(' | b'[' | b',' | b';') || b.is_ascii_whitespace();
+    let end = text.iter().position(ends).unwrap_or(text.len());
+    if text[end..].starts_with(b"[") { (b"", &text[end..]) } else { text.split_at(end) }
+}
+
 /// `,LBL[3]`: the index.
 fn label(text: &[u8]) -> Option<&[u8]> {
     let (rest, _) = (spaced(tag(",")), tag_no_case("LBL")).parse(text).ok().map(|(rest, _): (&[u8], _)| (rest, ()))?;
@@ -329,7 +365,6 @@ mod tests {
             ("L P[1] 500mm/sec FINE Offset", "moved by a position register (Offset)"),
             ("L P[1] 500mm/sec CNT R[2] Tool_Offset,PR[1]", "moved by a position register (Tool_Offset)"),
             ("L P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
-            ("L P[1] 500mm/sec FINE COORD", "coordinated with another motion group (COORD)"),
             ("L P[1] 500mm/sec FINE Frobnicate", "motion option that is not known"),
             ("S P[1] 500mm/sec FINE", "spline motion (S)"),
             ("A P[1] 500mm/sec FINE INC", "incremental motion (INC)"),
@@ -339,8 +374,15 @@ mod tests {
         let skip = read("L P[2] 50mm/sec FINE Skip,LBL[2],PR[99]=LPOS");
         assert_eq!((skip.skip, skip.moved.is_some()), (Some(&b"2"[..]), true));
         assert!(read("L P[1] 5mm/sec FINE TIME AFTER 0.1sec CALL OTHER").runs_others);
+        assert_eq!(read("L P[1] 5mm/sec FINE TB .10sec,CALL OPEN(1,2)").calls, [b"OPEN"]);
+        assert_eq!(read("L P[1] 5mm/sec FINE DB 5.0mm,CALL SR[1]").calls, [b""]);
+        let coordinated = read("L P[1] 5mm/sec CNT100 COORD[2] PTH");
+        assert!(coordinated.coordinated && coordinated.moved.is_none());
         let timed = read("J P[1] 10% CNT0 ACC100 ZEIT VOR   0.00sek,P-SPS");
         assert!(timed.point_logic && timed.runs_others && timed.moved.is_none());
+        let moved = read("J P[1] 10% CNT0 ACC100 TB    .10sec,P-SPS Tool_Offset,PR[2] Offset,PR[1]");
+        assert_eq!(moved.moved, Some("moved by a position register (Tool_Offset)"));
+        assert!(read("L P[1] 5mm/sec FINE TB .10sec,CALL OFFSET").moved.is_none());
         assert!(!read("L P[1] 5mm/sec CNT100 ACC80 TB .10sec,DO[1]=ON").runs_others);
     }
 

@@ -1,8 +1,8 @@
 //! `/POS`: positions as written, and where their numbers stand.
 
 use super::lex::{Parsed, blanks, number_token, spaced, value_of, word};
-use crate::program::Config as Said;
-use crate::robot::EXTERNAL_AXES;
+use crate::program::{Config as Said, GroupAxis};
+use crate::robot::{AxisName, EXTERNAL_AXES};
 use crate::text::Span;
 use nom::Parser;
 use nom::branch::alt;
@@ -22,8 +22,8 @@ pub(super) struct Position {
     pub(super) body: Body,
     /// E1 … E6 of motion group 1, mm or degrees.
     pub(super) external: [Option<f64>; EXTERNAL_AXES],
-    /// An axis of another motion group stands elsewhere than at zero, or another arm has a pose.
-    pub(super) beside: Option<&'static str>,
+    /// Axes of other motion groups.
+    pub(super) groups: Vec<GroupAxis>,
 }
 
 /// Where a position is.
@@ -78,6 +78,7 @@ const EXTERNAL: [&str; EXTERNAL_AXES] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 const UNITS: &str = "position whose units are not millimetres and degrees";
 const UNSET: &str = "position that is not taught (********)";
 const INCOMPLETE: &str = "position without all numbers of motion group 1";
+const OTHERS: &str = "position of other motion groups alone";
 
 /// The first position of `input`, behind whatever stands before it; `None` where there is none any more. Offsets count
 /// from `base`, the whole text.
@@ -208,7 +209,7 @@ fn position(number: u32, span: Span, items: &[Item<'_>]) -> Position {
         Some([Value::Number { value, .. }]) => Some(value),
         _ => None,
     };
-    Position { number, span, body: body(items), external: std::array::from_fn(external), beside: beside(items) }
+    Position { number, span, body: body(items), external: std::array::from_fn(external), groups: others(items) }
 }
 
 /// The numbers of motion group 1 under these keys.
@@ -240,6 +241,9 @@ fn has_other_units(items: &[Item<'_>]) -> bool {
 fn body(items: &[Item<'_>]) -> Body {
     if has_other_units(items) {
         return Body::None(UNITS);
+    }
+    if !items.is_empty() && items.iter().all(|item| item.group != 1) {
+        return Body::None(OTHERS);
     }
     let frame = |key: &str| match numbers(items, [key]) {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -316,15 +320,29 @@ fn config(items: &[Item<'_>]) -> Option<Config> {
     rest.is_empty().then_some(Config { config, tokens })
 }
 
-/// Whether anything of another motion group stands elsewhere than at zero.
-fn beside(items: &[Item<'_>]) -> Option<&'static str> {
-    let elsewhere = |item: &Item<'_>| match item.key {
-        [b'X' | b'x'] => true,
-        [b'J' | b'j' | b'E' | b'e', b'1'..=b'9'] => !matches!(item.value, Value::Number { value: 0.0, .. }),
-        _ => false,
-    };
-    let used = items.iter().any(|item| item.group != 1 && elsewhere(item));
-    used.then_some("another motion group in use")
+/// Axes of other motion groups, each once; a pose of another arm counts for its group as a whole.
+fn others(items: &[Item<'_>]) -> Vec<GroupAxis> {
+    let mut found: Vec<GroupAxis> = Vec::new();
+    for item in items.iter().filter(|item| item.group != 1) {
+        let group = u8::try_from(item.group).unwrap_or(u8::MAX);
+        let inches = item.unit.is_some_and(|unit| unit[0].eq_ignore_ascii_case(&b'i'));
+        let position = match item.value {
+            Value::Number { value, .. } if !inches => Some(value),
+            _ => None,
+        };
+        let (axis, position) = match item.key {
+            [b'J' | b'j', number @ b'1'..=b'9'] => (AxisName::Joint { group, number: number - b'0' }, position),
+            [b'E' | b'e', number @ b'1'..=b'9'] => (AxisName::Extended { group, number: number - b'0' }, position),
+            [b'X' | b'x'] => (AxisName::Group(group), None),
+            _ => continue,
+        };
+        match found.iter_mut().find(|known| known.axis == axis) {
+            // An axis that is there twice says nothing.
+            Some(known) => known.position = None,
+            None => found.push(GroupAxis { axis, position, at_rest: false }),
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -338,7 +356,8 @@ mod tests {
     #[allow(clippy::float_cmp)] // the very numbers that were written
     fn a_position_is_read_with_its_tokens() {
         let (rest, first) = next(TEXT, TEXT).unwrap();
-        let Ok(Position { number: 2, body: Body::Pose(pose), beside: None, .. }) = first else { panic!("{first:?}") };
+        let Ok(Position { number: 2, body: Body::Pose(pose), groups, .. }) = first else { panic!("{first:?}") };
+        assert!(groups.is_empty());
         assert_eq!(pose.values, [1111.865, 0.0, -0.5, -70.737, 11.951, -35.487]);
         let text = |span: Span| &TEXT[span.range()];
         assert_eq!(pose.tokens.map(text), [&b"1111.865"[..], b".000", b"-.500", b"-70.737", b"11.951", b"-35.487"]);
@@ -348,7 +367,8 @@ mod tests {
         assert_eq!(config.tokens.map(text), [&b"1"[..], b"-1", b"0"]);
         let (rest, second) = next(TEXT, rest).unwrap();
         let second = second.unwrap();
-        assert_eq!(second.beside, Some("another motion group in use"));
+        let axis = AxisName::Joint { group: 2, number: 1 };
+        assert_eq!(second.groups, [GroupAxis { axis, position: Some(7.0), at_rest: false }]);
         assert!(matches!(second.body, Body::Joints { deg: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], .. }));
         assert!(next(TEXT, rest).is_none());
     }
@@ -364,6 +384,7 @@ mod tests {
             UNSET
         );
         assert_eq!(none(b"P[1:]{GP1: UF:F,UT:F, X = 1 mm, Y = 0 mm};"), INCOMPLETE);
+        assert_eq!(none(b"P[1]{GP2: UF:F,UT:F, J1 = 1 mm};"), OTHERS);
         assert!(next(b"P[1]{ GP1: UF 1 };", b"P[1]{ GP1: UF 1 };").unwrap().1.is_err());
     }
 }

@@ -9,7 +9,8 @@ use super::state::State;
 use super::statement::Kind;
 use std::collections::VecDeque;
 
-/// A motion that runs, by its statement, with what is known before it.
+/// A motion that runs, or a call of a program that counts from where the robot stands, by its statement, with what is known
+/// before it.
 pub(super) type Visit = (usize, State);
 
 /// Statements that are run before a program counts as one without an end: twenty times the 9,999 lines that a controller holds.
@@ -24,8 +25,10 @@ pub(super) fn run(flow: &Flow<'_>) -> Vec<Visit> {
 fn decided(flow: &Flow<'_>) -> Option<Vec<Visit>> {
     let (mut visits, mut at, mut state) = (Vec::new(), 0, flow.start.clone());
     for _ in 0..STEPS {
-        let Some(kind) = flow.kinds.get(at) else { return Some(visits) };
-        if matches!(kind, Kind::Motion(_)) {
+        if at >= flow.kinds.len() {
+            return Some(visits);
+        }
+        if is_visit(flow, at) {
             visits.push((at, state.clone()));
         }
         let mut ways = flow.step(at, state).into_iter();
@@ -72,8 +75,12 @@ fn reachable(flow: &Flow<'_>) -> Vec<Visit> {
             }
         }
     }
-    let motions = before.into_iter().enumerate().filter(|(at, _)| matches!(flow.kinds[*at], Kind::Motion(_)));
-    motions.filter_map(|(at, state)| Some((at, state?))).collect()
+    let visits = before.into_iter().enumerate().filter(|(at, _)| is_visit(flow, *at));
+    visits.filter_map(|(at, state)| Some((at, state?))).collect()
+}
+
+fn is_visit(flow: &Flow<'_>, at: usize) -> bool {
+    matches!(flow.kinds[at], Kind::Motion(_)) || flow.counts_on(at)
 }
 
 /// Takes in a way to a statement, if there is such a statement; whether less is known before it now.

@@ -25,6 +25,8 @@ pub(super) struct State {
     pub(super) concurrent: bool,
     /// Motions that the robot may stand at the end of.
     pub(super) standing: BTreeSet<usize>,
+    /// Another program may have moved the robot since.
+    pub(super) elsewhere: bool,
 }
 
 /// The mark in force.
@@ -58,6 +60,7 @@ impl State {
         self.displaced = self.displaced.or(other.displaced);
         self.concurrent |= other.concurrent;
         self.standing.extend(&other.standing);
+        self.elsewhere |= other.elsewhere;
         *self != before
     }
 
@@ -107,6 +110,7 @@ impl State {
         self.redefined.extend(&called.redefined);
         self.all_redefined.extend(&called.all_redefined);
         self.displaced = self.displaced.or(called.displaces);
+        self.elsewhere |= called.moves;
         if called.concurrent {
             self.runs_beside();
         }

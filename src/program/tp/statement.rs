@@ -1,7 +1,7 @@
 //! What a statement of `/MN` does to where the robot goes.
 
 use super::expression::{self, Registers};
-use super::lex::{Parsed, brackets, index, keyword, spaced, word};
+use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
 use crate::program::Mark;
@@ -47,10 +47,10 @@ pub(super) enum Kind<'a> {
     For(&'a [u8], &'a [u8], &'a [u8], bool),
     /// `ENDFOR`
     EndFor,
-    /// Runs another program, and comes back: its name.
+    /// Runs another program, and comes back: its name; empty where only a run knows it.
     Call(&'a [u8]),
-    /// Something runs beside from here on, or may run at any moment.
-    Concurrent,
+    /// A program runs beside from here on, or may run at any moment: its name; empty where only a run knows it.
+    Concurrent(&'a [u8]),
     /// `WAIT …,TIMEOUT,LBL[…]`
     Timeout(&'a [u8]),
     /// Paths are moved at run time from here on, in this way.
@@ -140,7 +140,7 @@ fn of(text: &[u8], nested: bool) -> Kind<'_> {
         b"FOR" => counted(trimmed),
         b"ENDFOR" => Kind::EndFor,
         b"CALL" | b"AUFRUF" => called(trimmed),
-        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => Kind::Concurrent,
+        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => beside(trimmed),
         b"END" | b"ABORT" if trimmed.is_empty() => Kind::End,
         b"R" => assigned(rest, Kind::Register),
         b"UFRAME_NUM" | b"BENUTZER_NUM" => selected(Frame::User, rest),
@@ -256,7 +256,11 @@ fn redefined(frame: Frame, rest: &[u8]) -> Kind<'_> {
 /// `(…) THEN`, `…,statement`
 fn conditional(rest: &[u8]) -> Kind<'_> {
     let upper = rest.to_ascii_uppercase();
-    if upper.ends_with(b"THEN") { Kind::If(&rest[..rest.len() - 4]) } else { Kind::When(rest) }
+    // Not `IF …,CALL LATHEN`.
+    match upper.strip_suffix(b"THEN").filter(|before| !before.last().is_some_and(|b| is_letter(*b))) {
+        Some(condition) => Kind::If(&rest[..condition.len()]),
+        None => Kind::When(rest),
+    }
 }
 
 /// `R[1]=2,statement`
@@ -282,9 +286,61 @@ fn counted(rest: &[u8]) -> Kind<'_> {
     Kind::Unknown
 }
 
+/// `SUB(1,2)`
 fn called(rest: &[u8]) -> Kind<'_> {
-    let end = rest.iter().position(|b| matches!(b, b'(' | b'[') || b.is_ascii_whitespace()).unwrap_or(rest.len());
-    Kind::Call(&rest[..end])
+    let (name, behind) = motion::program(rest);
+    let ends = |text: &[u8]| text.trim_ascii().is_empty() || text.trim_ascii_end().ends_with(b")");
+    match brackets(behind) {
+        // What follows the arguments is another statement, and not read.
+        Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => Kind::Unknown,
+        Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => Kind::Unknown,
+        _ => Kind::Call(name),
+    }
+}
+
+/// ` SUB`, `=SUB`, `[1]=SUB`, ` DI[1]=ON,CALL SUB`: the program.
+fn beside(rest: &[u8]) -> Kind<'_> {
+    let upper = rest.to_ascii_uppercase();
+    let behind = match memchr::memmem::rfind(&upper, b"CALL ") {
+        Some(call) => &rest[call + 5..],
+        None => rest.rsplit(|b| *b == b'=').next().unwrap_or(rest),
+    };
+    Kind::Concurrent(motion::program(behind.trim_ascii_start()).0)
+}
+
+/// The statement that a condition or a case guards.
+pub(super) fn guarded_by<'a>(kind: &Kind<'a>) -> Option<Kind<'a>> {
+    match kind {
+        Kind::When(text) | Kind::SelectCase(_, text) | Kind::Case(text) => Some(guarded(behind_condition(text))),
+        Kind::ElseCase(text) => Some(guarded(text)),
+        _ => None,
+    }
+}
+
+/// Programs that a statement runs, guarded by a condition or not; an empty name where only a run knows it.
+pub(super) fn runs<'a>(kind: &Kind<'a>) -> Vec<&'a [u8]> {
+    match kind {
+        Kind::Call(name) | Kind::Concurrent(name) => vec![name],
+        Kind::Motion(motion) => motion.calls.clone(),
+        _ => guarded_by(kind).map_or_else(Vec::new, |guarded| runs(&guarded)),
+    }
+}
+
+/// What follows a condition: from the first comma on outside all brackets and texts.
+pub(super) fn behind_condition(text: &[u8]) -> &[u8] {
+    let (mut depth, mut quoted) = (0_i32, false);
+    for (at, byte) in text.iter().enumerate() {
+        match byte {
+            b'\'' => quoted = !quoted,
+            _ if quoted => {}
+            b'[' | b'(' => depth += 1,
+            b']' | b')' => depth -= 1,
+            b',' if depth <= 0 => return &text[at..],
+            _ => {}
+        }
+    }
+    // No statement that is known.
+    b",?[]"
 }
 
 /// `WAIT DI[1]=ON TIMEOUT,LBL[3]`
@@ -362,6 +418,21 @@ mod tests {
         assert_eq!(is("=2,CALL B"), Kind::Case(b"2,CALL B"));
         assert_eq!(is("ELSE,JMP LBL[1]"), Kind::ElseCase(b"JMP LBL[1]"));
         assert_eq!(is("WAIT DI[1]=ON TIMEOUT,LBL[4]"), Kind::Timeout(b"4"));
+        assert_eq!(is("IF DI[1]=ON,CALL LATHEN"), Kind::When(b"DI[1]=ON,CALL LATHEN"));
+        assert_eq!(is("RUN SUB1"), Kind::Concurrent(b"SUB1"));
+        assert_eq!(is("ERROR_PROG=SUB1"), Kind::Concurrent(b"SUB1"));
+        assert_eq!(is("RESUME_PROG[1]=SUB1"), Kind::Concurrent(b"SUB1"));
+        assert_eq!(is("WHEN DI[1]=ON,CALL SUB1"), Kind::Concurrent(b"SUB1"));
+        assert_eq!(is("CALL SR[1]"), Kind::Call(b""));
+        assert_eq!(is("CALL A =2,CALL B"), Kind::Unknown);
+        for (text, name) in [
+            ("IF DI[1]=ON,CALL SUB2(1,2)", &b"SUB2"[..]),
+            ("IF SR[1]='a,b',CALL SUB2", b"SUB2"),
+            ("SELECT R[1]=1,CALL SUB2(1,'b c')", b"SUB2"),
+            ("ELSE,CALL SUB2(1,2)", b"SUB2"),
+        ] {
+            assert_eq!(runs(&is(text)), [name], "{text}");
+        }
         assert_eq!(is("GO TO HOME POS"), Kind::Macro);
         assert_eq!(is("GO[1]=R[1]"), Kind::Plain);
         assert_eq!(is("OPEN GRIPPER"), Kind::Macro);

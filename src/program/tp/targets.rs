@@ -10,9 +10,11 @@ use super::state::{Marked, State};
 use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
-    Conf, Editable, ExternalAxes, Goal, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData, UnknownMotion,
+    Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData,
+    UnknownMotion,
     Wobj, WobjData,
 };
+use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -28,6 +30,7 @@ const NAMED: &str = "position that another instruction reads or changes";
 const MOVED_TOO: &str = "position of a motion that is moved at run time, too";
 const COUNTED_FROM: &str = "an incremental motion is counted from it";
 const FRAMES: &str = "arc whose points are recorded in different frames";
+const COORDINATED: &str = "coordinated (COORD) with a motion group that its position does not have";
 const MARKS: &str = "air or cut is known only at run time";
 
 impl Builder<'_> {
@@ -48,7 +51,11 @@ impl Builder<'_> {
                     self.motion(*at, motion, state);
                     1
                 }
-                _ => 1,
+                // Something is called that counts from where the robot stands.
+                _ => {
+                    self.counted_from.extend(&state.standing);
+                    1
+                }
             };
             open = &open[count..];
         }
@@ -108,14 +115,12 @@ impl Builder<'_> {
         }
     }
 
-    /// Where the way into a point of the motion of statement `at` begins.
-    fn predecessor(&self, at: usize, motion: &Motion<'_>, role: Role, state: &State) -> Predecessor {
+    /// Where the way into a point of a motion begins.
+    fn predecessor(&self, motion: &Motion<'_>, role: Role, state: &State) -> Predecessor {
         let Some(last) = self.last else { return Predecessor::Start };
         let behind_via = role == Role::End && motion.via.is_some();
-        let between = self.flow.kinds.get(last + 1..at).unwrap_or_default();
-        let called = between.iter().any(|kind| matches!(kind, Kind::Call(_)));
-        let stands = state.standing.len() == 1 && state.standing.contains(&last);
-        if behind_via || stands && !called { Predecessor::Previous } else { Predecessor::Unknown }
+        let stands = state.standing.len() == 1 && state.standing.contains(&last) && !state.elsewhere;
+        if behind_via || stands { Predecessor::Previous } else { Predecessor::Unknown }
     }
 
     /// Takes a point of the motion of statement `at`.
@@ -158,8 +163,8 @@ impl Builder<'_> {
         if let Some(why) = state.displaced {
             return Err(why);
         }
-        if let Some(why) = position.beside {
-            return Err(why);
+        if motion.coordinated && position.groups.is_empty() {
+            return Err(COORDINATED);
         }
         let (goal, frames, site, why) = match &position.body {
             Body::None(why) => return Err(why),
@@ -192,20 +197,26 @@ impl Builder<'_> {
             editable: why.map_or(Editable::Pose, Editable::No),
             located: true,
             extra_load: false,
-            external: self.external(position),
+            external: self.external(position, motion),
             name: Some(format!("P[{}]", position.number).into()),
             source: 0,
             span: line.span,
             line: u32::try_from(line.line).unwrap_or(u32::MAX),
-            predecessor: self.predecessor(at, motion, role, state),
+            predecessor: self.predecessor(motion, role, state),
         };
         Ok((target, site))
     }
 
-    /// External axes, where any position of the program has them elsewhere than at zero.
-    fn external(&self, position: &Position) -> Option<Arc<ExternalAxes>> {
-        let written = std::array::from_fn(|i| position.external[i].filter(|_| self.axes[i]));
-        self.axes.contains(&true).then(|| Arc::new(ExternalAxes { written, ..ExternalAxes::default() }))
+    /// External axes and those of other motion groups.
+    fn external(&self, position: &Position, motion: &Motion<'_>) -> Option<Arc<ExternalAxes>> {
+        let written = position.external;
+        if written == [None; EXTERNAL_AXES] && position.groups.is_empty() {
+            return None;
+        }
+        let at_rest = self.axes.map(|used| !used);
+        let rests = |axis: &GroupAxis| GroupAxis { at_rest: !self.groups.contains(&axis.axis), ..*axis };
+        let (groups, coordinated) = (position.groups.iter().map(rests).collect(), motion.coordinated);
+        Some(Arc::new(ExternalAxes { written, at_rest, groups, coordinated, ..ExternalAxes::default() }))
     }
 
     /// Indices of work object and tool.

@@ -1,6 +1,6 @@
 //! What stands about a path on its page: the arm, its tracks, the blank and the nominal part.
 
-use crate::cell::{Cell, EXTERNAL_AXIS_NAMES};
+use crate::cell::Cell;
 use crate::robot::{Carries, EXTERNAL_AXES, UnitKind};
 use crate::stock::{Blank, ClosedMesh};
 use nalgebra::Vector3;
@@ -35,7 +35,7 @@ pub(super) fn scene(cell: &Cell) -> Value {
             let end = |limit: f64| limit.is_finite().then_some(limit);
             debug_assert!(unit.carries == Carries::Robot);
             Some(json!({
-                "axis": EXTERNAL_AXIS_NAMES[unit.axis], "direction": [in_base.x, in_base.y, in_base.z],
+                "axis": unit.named.to_string(), "direction": [in_base.x, in_base.y, in_base.z],
                 "min": end(unit.min), "max": end(unit.max),
             }))
         })

@@ -255,7 +255,7 @@ const HARD: &[Hard] = &[
         statements: "L P[1] 10mm/sec FINE RTCP\nL P[2] 10mm/sec FINE COORD[LDR]\nL P[3] 10mm/sec FINE Ev50%\nL P[4] 10mm/sec FINE TA_REF PR[2]\nL P[5] 10mm/sec FINE VOFFSET,VR[1]",
         kept: &[
             (1, "stationary tool (RTCP)"),
-            (2, "coordinated with another motion group (COORD)"),
+            (2, "coordinated (COORD) with a motion group that its position does not have"),
             (3, "external axis with a speed of its own (EV)"),
             (4, OPTION),
             (5, "moved by a vision register (VOFFSET)"),
@@ -378,15 +378,14 @@ const HARD: &[Hard] = &[
                 "GP1: UF : 1, UT : 1, X = 1 mm, Y = 1 mm, Z = 1 mm, W = 0 deg, P = 0 deg, R = 0 deg GP2: UF : 1, UT : 1, J1 = .000 deg",
             ),
         ],
-        edited: &[2],
-        kept: &[(1, "another motion group in use")],
+        edited: &[1, 2],
         ..PLAIN
     },
     Hard {
         what: "a program of the other group alone",
         statements: "J P[1] 10% FINE",
         positions: &[(1, "GP2: UF : 1, UT : 1, J1 = 90.000 deg")],
-        kept: &[(1, "another motion group in use")],
+        kept: &[(1, "position of other motion groups alone")],
         ..PLAIN
     },
     Hard {
@@ -503,6 +502,101 @@ fn a_program_that_is_given_changes_what_it_says() {
     assert_eq!(edited(&[&quiet]), 2);
     let soft = other.replace("R[1]=3", "SOFTFLOAT[1]");
     assert_eq!(edited(&[&soft]), 0);
+}
+
+const SUB1: &str = "/PROG  SUB1\n/ATTR\n/MN\n   1:  UFRAME[1]=PR[3] ;\n/POS\n/END\n";
+const SUB2: &str = "/PROG  SUB2\n/ATTR\n/MN\n   1:  R[9]=1 ;\n/POS\n/END\n";
+
+/// What programs that are given do to frames is seen, however they come to run.
+#[test]
+fn frames_that_called_programs_set_hold_no_longer() {
+    // Statements of `OTHER`, which the program calls between two motions.
+    for called in [
+        "IF DI[1]=ON,CALL SUB1(1,2)",
+        "IF SR[1]='a,b',CALL SUB1",
+        "IF (DI[1]=ON AND R[1]=2),UFRAME[1]=PR[3]",
+        "IF (DI[1]=ON),$MNUFRAME[1,1]=PR[3]",
+        "SELECT R[1]=1,CALL SUB2(1,2)\n:  =2,CALL SUB1(1,2)",
+        "SELECT R[1]=1,CALL SUB2\n-  =2,CALL SUB1\n-  ELSE,CALL SUB2",
+        "SELECT R[1]=1,CALL SUB2\n:  ELSE,CALL SUB1(1,2)",
+        "L P[1] 5mm/sec FINE TB .10sec,CALL SUB1",
+        "L P[1] 5mm/sec FINE DB 5.0mm,CALL SUB1(1)",
+        "RUN SUB1",
+        "MONITOR SUB1",
+        "ERROR_PROG=SUB1",
+        "RESUME_PROG[1]=SUB1",
+        "WHEN DI[1]=ON,CALL SUB1",
+        "CALL SR[1]",
+        "CALL SUB2(1,2)\nCALL SUB1",
+    ] {
+        let mut other = "/PROG  OTHER\n/ATTR\n/MN\n".to_owned();
+        for line in called.lines() {
+            // Rows that a colon begins end with a semicolon before, those with a dash do not.
+            match (line.strip_prefix(':'), line.strip_prefix('-')) {
+                (Some(row), _) => other += &format!(" ;\n    :{row}"),
+                (_, Some(row)) => other += &format!("\n    :{row}"),
+                _ if other.ends_with("/MN\n") => other += &format!("   1:{line}"),
+                _ => other += &format!(" ;\n   2:{line}"),
+            }
+        }
+        other += " ;\n/POS\n/END\n";
+        let hard = Hard { what: called, statements: "L P[1] 10mm/sec FINE\nCALL OTHER\nL P[2] 10mm/sec FINE", ..PLAIN };
+        let program = read(&hard, &[&other, SUB1, SUB2]);
+        let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason)).collect();
+        assert_eq!(kept, [(6, REDEFINED)], "{called}");
+        // The same in the program itself.
+        let own = format!("L P[3] 10mm/sec FINE\n{}\nL P[2] 10mm/sec FINE", called.replace("\n-", "\n "));
+        let hard = Hard { what: called, statements: "", ..PLAIN };
+        let mut text = String::from("/PROG  M\n/ATTR\n/MN\n");
+        for line in own.lines() {
+            text += &format!("    :{} ;\n", line.trim_start_matches(':'));
+        }
+        text += &format!("/POS\nP[1]{{ {0} }};\nP[2]{{ {0} }};\nP[3]{{ {0} }};\n/END\n", body("UF : 1, UT : 1", 1));
+        let context = [SUB1, SUB2].map(|text| Source::new("other.ls", text.as_bytes())).to_vec();
+        let program = tp::read(vec![Source::new("m.ls", text)], context).unwrap();
+        let last = program.kept.last().map(|kept| kept.reason);
+        assert_eq!(last, Some(REDEFINED), "{}: {:?}", hard.what, program.kept);
+    }
+    // Statements of point logic, and a program that calls itself.
+    let logic = "L P[1] 10mm/sec FINE TB .10sec,P-SPS\n  1:  UFRAME[1]=PR[3]\n  ------\nL P[2] 10mm/sec FINE";
+    let program = read(&Hard { what: "point logic", statements: logic, ..PLAIN }, &[]);
+    assert!(program.kept.iter().any(|kept| kept.reason == REDEFINED), "{:?}", program.kept);
+}
+
+/// A called program whose first motion is an increment counts from where the program that calls it stands.
+#[test]
+fn a_called_program_may_count_from_where_the_robot_stands() {
+    let sub = |statements: &str| format!("/PROG  OTHER\n/ATTR\n/MN\n{statements}/POS\n/END\n");
+    let first = sub("   1:L P[1] 10mm/sec FINE INC ;\n");
+    let later = sub("   1:L P[2] 10mm/sec FINE ;\n   2:L P[1] 10mm/sec FINE INC ;\n");
+    let maybe = sub(
+        "   1:IF DI[1]=ON,JMP LBL[1] ;\n   2:L P[2] 10mm/sec FINE ;\n   3:LBL[1] ;\n   4:L P[1] 10mm/sec FINE INC ;\n",
+    );
+    let nested = "/PROG  OUTER\n/ATTR\n/MN\n   1:  CALL OTHER ;\n/POS\n/END\n";
+    for (call, context, edited) in [
+        ("CALL OTHER", vec![&*first], &[1_u32, 3][..]),
+        ("CALL OTHER", vec![&*later], &[1, 2, 3]),
+        ("CALL OTHER", vec![&*maybe], &[1, 3]),
+        ("CALL OUTER", vec![&*first, nested], &[1, 3]),
+        ("IF DI[1]=ON,CALL OTHER(1,2)", vec![&*first], &[1, 3]),
+        ("SELECT R[1]=1,CALL OTHER", vec![&*first], &[1, 3]),
+    ] {
+        let statements = format!("L P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE\n{call}\nL P[3] 10mm/sec FINE");
+        let statements: &'static str = statements.leak();
+        let program = read(&Hard { what: call, statements, ..PLAIN }, &context);
+        let free: Vec<u32> =
+            program.targets.iter().filter(|t| t.editable == Editable::Pose).map(|t| t.ordinal).collect();
+        assert_eq!(free, edited, "{call}: {:?}", program.kept);
+    }
+}
+
+/// What runs at a time before or behind a point says nothing of the options that follow it.
+#[test]
+fn options_behind_a_timed_call_count() {
+    let statements = "L P[1] 10mm/sec FINE TB .10sec,CALL SUB2 Offset,PR[1]\nL P[2] 10mm/sec FINE TB .10sec,DO[1]=ON";
+    let program = read(&Hard { what: "timed", statements, ..PLAIN }, &[SUB2]);
+    let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line - 3, kept.reason)).collect();
+    assert_eq!(kept, [(1, "moved by a position register (Offset)")]);
 }
 
 /// A circle through the points of `A` motions: each is an end of its own, with a circle point on the way.
