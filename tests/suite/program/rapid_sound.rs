@@ -598,10 +598,10 @@ fn procedures_that_nothing_calls_begin_with_the_text() {
     for main in ["", "PROC main()\nnI:=7;\nENDPROC\n"] {
         let text = format!(
             "MODULE M\n{DATA}VAR num nI:=0;\n{main}PROC a()\nnI:=nI+5;\nPDispSet [[100,0,0],[1,0,0,0]];\nMoveL [[nI,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1;\n\
-             ENDPROC\nPROC b()\nMoveL Offs([[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],nI,0,0),v50,fine,t1;\nENDPROC\nENDMODULE\n"
+             ENDPROC\nPROC b()\nMoveL Offs(p2,nI,0,0),v50,fine,t1;\nENDPROC\nENDMODULE\n"
         );
         let program = read(&text);
-        assert_eq!(position(&program.targets.last().unwrap().goal), [1.0, 2.0, 3.0], "{:?}", program.kept);
+        assert_eq!(position(&program.targets.last().unwrap().goal), [10.0, 20.0, 30.0], "{:?}", program.kept);
         assert!(program.targets.last().unwrap().located);
     }
 }

@@ -558,7 +558,7 @@ fn frames_that_called_programs_set_hold_no_longer() {
         assert_eq!(last, Some(REDEFINED), "{}: {:?}", hard.what, program.kept);
     }
     // Statements of point logic, and a program that calls itself.
-    let logic = "L P[1] 10mm/sec FINE TB .10sec,P-SPS\n  1:  UFRAME[1]=PR[3]\n  ------\nL P[2] 10mm/sec FINE";
+    let logic = "L P[1] 10mm/sec FINE TB .10sec,P-SPS\nUFRAME[1]=PR[3]\n------\nL P[2] 10mm/sec FINE";
     let program = read(&Hard { what: "point logic", statements: logic, ..PLAIN }, &[]);
     assert!(program.kept.iter().any(|kept| kept.reason == REDEFINED), "{:?}", program.kept);
 }
