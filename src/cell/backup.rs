@@ -343,10 +343,14 @@ impl FoundUnit {
             (if linear { "linear" } else { "rotary" }, if self.carries_robot { "robot" } else { "part" });
         // Writing to a String cannot fail.
         let axis = AxisName::External(self.axis);
-        let _ = writeln!(out, "
+        let _ = writeln!(
+            out,
+            "
 [[unit]]
 name = {}
-axis = \"{axis}\"", quoted(&self.name));
+axis = \"{axis}\"",
+            quoted(&self.name)
+        );
         let told = if known { String::new() } else { format!("   # << the backup says {}", comment(&self.mechanics)) };
         let _ = writeln!(out, "kind = {kind:?}{told}\ncarries = {carries:?}");
         if linear {

@@ -9,7 +9,7 @@ use deflex::text::Source;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 
-const TOOL: &str = "[tools.\"UT 1\"]\ntcp_mm = [20.0, 0.0, 210.0]\nmass_kg = 18.0\ncog_mm = [0.0, 0.0, 120.0]\n";
+const TOOL: &str = "[tools.\"UT 1\"]\ntcp_mm = [20.0, 0.0, 210.0]\ntcp_quat = [1.0, 0.0, 0.0, 0.0]\nmass_kg = 18.0\ncog_mm = [0.0, 0.0, 120.0]\n";
 const ON_TABLE: &str = "[wobjs.\"UF 1\"]\nunit = \"STN1\"\noframe_mm = [-50.0, 0.0, 200.0]\n";
 const GUN: &str = "[[unit]]\nname = \"GUN\"\naxis = \"gp3_j1\"\ncarries = \"nothing\"\n";
 
@@ -118,7 +118,8 @@ fn a_positioner_that_moves_is_one_of_rapid() {
         ["the motion group that carries its user frame moves, and the motion is not coordinated (COORD)"]
     );
     // On the table, and not in a frame that stands.
-    let fixed = units.replace("unit = \"STN1\"", "uframe_mm = [1300.0, 0.0, 900.0]");
+    let fixed =
+        units.replace("unit = \"STN1\"", "uframe_mm = [1300.0, 0.0, 900.0]\nuframe_quat = [1.0, 0.0, 0.0, 0.0]");
     let led = compensate(&ls("COORD", moving), &cell([0.0; 3], &fixed), &Options::default()).unwrap();
     assert_eq!(
         reasons(&led),
@@ -128,7 +129,8 @@ fn a_positioner_that_moves_is_one_of_rapid() {
 
 #[test]
 fn a_group_without_a_unit_says_what_to_declare() {
-    let fixed = format!("{TOOL}[wobjs.\"UF 1\"]\nuframe_mm = [1300.0, 0.0, 900.0]\n");
+    let fixed =
+        format!("{TOOL}[wobjs.\"UF 1\"]\nuframe_mm = [1300.0, 0.0, 900.0]\nuframe_quat = [1.0, 0.0, 0.0, 0.0]\n");
     let solved = |groups: &str, units: &str| {
         let cell = cell([0.0; 3], &format!("{units}{fixed}"));
         let program = ls("", |_| groups.to_owned());
