@@ -7,7 +7,9 @@ use super::{Answer, Outcome};
 use deflex::cell::{Cell, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, Status};
-use deflex::robot::{AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of};
+use deflex::robot::{
+    AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of,
+};
 use deflex::text::Diagnostic;
 use serde_json::{Value, json};
 use std::fmt::Write;

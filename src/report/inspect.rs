@@ -1,8 +1,6 @@
 //! What was understood of programs, as a table and as JSON (`docs/reference.md`, `inspect --json`).
 
-use crate::cell::EXTERNAL_AXIS_NAMES;
 use crate::program::{Goal, Language, Program, RoundTrip};
-use crate::robot::EXTERNAL_AXES;
 use crate::text::{Diagnostic, printable_line};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -53,7 +51,7 @@ pub struct Reached {
     /// Slowest and fastest programmed feed, mm/s.
     pub feed_mm_s: Option<[f64; 2]>,
     /// External axes in use, as RAPID names them.
-    pub external_axes: Vec<&'static str>,
+    pub external_axes: Vec<String>,
     /// Time of the moves with a feed, s: straight from position to position, without corners, waits and joint moves.
     pub run_time_s: f64,
 }
@@ -92,10 +90,7 @@ impl Reached {
                 reached.feed_mm_s = Some(wider(reached.feed_mm_s, [feed; 2]));
                 reached.run_time_s += way.unwrap_or(0.0) / feed;
             }
-            let moved = target.external.iter().flat_map(|external| {
-                (0..EXTERNAL_AXES).filter(|axis| external.written[*axis].is_some() && !external.at_rest[*axis])
-            });
-            for axis in moved.map(|axis| EXTERNAL_AXIS_NAMES[axis]) {
+            for axis in target.external.iter().flat_map(|external| external.used()).map(|axis| axis.to_string()) {
                 if !reached.external_axes.contains(&axis) {
                     reached.external_axes.push(axis);
                 }
@@ -265,7 +260,7 @@ fn together(files: &[&InspectFile], out: &mut String) {
     for Reached { extents, feed_mm_s, external_axes, run_time_s } in files.iter().map(|file| &file.reach) {
         extents.iter().for_each(|extent| all.widen(extent));
         all.feed_mm_s = feed_mm_s.map(|feed| wider(all.feed_mm_s, feed)).or(all.feed_mm_s);
-        all.external_axes.extend(external_axes);
+        all.external_axes.extend_from_slice(external_axes);
         all.run_time_s += run_time_s;
     }
     all.external_axes.sort_unstable();

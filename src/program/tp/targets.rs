@@ -11,8 +11,7 @@ use super::statement::{self, Frame, Kind};
 use crate::program::orientation::{from_zyx_deg, quaternion};
 use crate::program::{
     Conf, Editable, ExternalAxes, Goal, GroupAxis, Kept, Motion as Path, Predecessor, Role, Target, Tool, ToolData,
-    UnknownMotion,
-    Wobj, WobjData,
+    UnknownMotion, Wobj, WobjData,
 };
 use crate::robot::EXTERNAL_AXES;
 use std::collections::{BTreeMap, BTreeSet};
