@@ -455,7 +455,8 @@ mod tests {
         assert_eq!(of("ROB1_1200_0.9_5_TypeB"), Some(("irb1200-5-0.90", false)));
         assert_eq!(of("ROB1_6700_LeanID_2.65_220").map(|found| found.1), Some(false));
         assert_eq!(of("ROB1_9999_1.0_5"), None);
-        assert_eq!(of("ROB1_6700_2.80_205"), Some(("irb6700-235-2.65", false)));
+        assert_eq!(of("ROB1_6700_2.80_205"), Some(("irb6700-205-2.80", true)));
+        assert_eq!(of("ROB1_6700_2.75_220"), Some(("irb6700-205-2.80", false)));
     }
 
     /// On a gantry that is a robot of its own, beside a conveyor without an end.
