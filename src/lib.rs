@@ -95,6 +95,7 @@ pub mod cell;
 pub mod cli;
 pub mod correct;
 pub mod cutting;
+pub mod drive;
 pub mod effects;
 pub mod equilibrium;
 pub mod identify;

@@ -228,7 +228,7 @@ pub(crate) struct Found {
 impl Found {
     #[getter]
     fn json(&self, py: Python<'_>) -> PyResult<String> {
-        self.found.json().or_raise(py)
+        self.found.json(None).or_raise(py)
     }
 
     #[getter]

@@ -1,6 +1,7 @@
 //! The user's cell file with effects added, comments and all else kept.
 
 use super::uncertainty;
+use crate::drive::PathLaw;
 use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
@@ -43,6 +44,35 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
             }
             None => list.push(table),
         }
+    }
+    Ok(document.to_string())
+}
+
+/// The text of a cell file with `[controller.path]` set to a law, comments and all else kept.
+///
+/// # Errors
+/// The text is not TOML.
+pub fn with_path_law(text: &str, law: &PathLaw) -> Result<String, Vec<Diagnostic>> {
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
+    let controller = document.entry("controller").or_insert(Item::Table(Table::new()));
+    if let Some(table) = controller.as_table_mut() {
+        // A table that is only there for its own tables needs no header.
+        table.set_implicit(table.is_empty());
+    }
+    let Some(controller) = controller.as_table_like_mut() else { return Ok(document.to_string()) };
+    let path = controller.entry("path").or_insert(Item::Table(Table::new()));
+    if let Some(path) = path.as_table_like_mut() {
+        // Four digits are more than a log can tell.
+        let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
+        let numbers = |values: &[f64]| Item::Value(Value::Array(values.iter().map(|v| float(rounded(*v))).collect()));
+        path.insert("zone_share", Item::Value(float(rounded(law.zone_share))));
+        path.insert("smoothing_s", numbers(&law.smoothing));
+        path.insert("axis_smoothing", numbers(law.axis_smoothing.as_slice()));
+        path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
+        path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
+        path.insert("lag_s", numbers(law.lag.as_slice()));
     }
     Ok(document.to_string())
 }

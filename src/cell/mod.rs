@@ -21,7 +21,7 @@ mod urdf;
 
 pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
-pub use extend::{NewEffect, extended};
+pub use extend::{NewEffect, extended, with_path_law};
 pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
 pub use stock::{PartSection, StockSection};
@@ -29,6 +29,7 @@ pub use template::{described_template, examples_left, template};
 pub(crate) use unit::MOST_FREE;
 pub use urdf::{Described, described};
 
+use crate::drive::PathLaw;
 use crate::effects::ToolFrame;
 use crate::equilibrium::Arm;
 use crate::measured::ColumnNames;
@@ -106,11 +107,13 @@ pub struct CorrectionLimits {
 }
 
 /// `[controller]`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Controller {
     /// Whether the file says what the controller compensates: its lack is said once where an effect would matter.
     pub declared: bool,
+    /// `[controller.path]`: how it leads the axes along a path.
+    pub path: Option<ControllerPath>,
     /// `gravity` is corrected by the controller.
     pub gravity: bool,
     /// `geometry` is corrected by the controller.
@@ -145,6 +148,16 @@ impl Controller {
             Language::Cl => Vec::new(),
         }
     }
+}
+
+/// `[controller.path]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ControllerPath {
+    /// The law of its interpolation.
+    pub law: PathLaw,
+    /// Radius at points that are passed though the program's text gives no radius (`C_DIS`, `CNT`, CL data), m.
+    pub zone: Option<f64>,
 }
 
 /// `[cl]`.

@@ -94,6 +94,20 @@ pub(super) struct Controller {
     pub(super) compensates: Option<Vec<String>>,
     #[serde(default)]
     pub(super) harmless: Vec<String>,
+    pub(super) path: Option<ControllerPath>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ControllerPath {
+    pub(super) zone_share: f64,
+    pub(super) smoothing_s: [f64; 2],
+    pub(super) axis_smoothing: Option<[f64; 6]>,
+    pub(super) acceleration_mm_s2: f64,
+    pub(super) corner_acceleration_mm_s2: f64,
+    #[serde(default)]
+    pub(super) lag_s: [f64; 6],
+    pub(super) zone_mm: Option<f64>,
 }
 
 #[derive(Deserialize)]

@@ -4,7 +4,8 @@ use super::check::{Check, Turn};
 use super::cl::cl;
 use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
-use super::{Cell, Controller, CorrectionLimits, PartSection, nearest, plausible, raw, uncertainty};
+use super::{Cell, Controller, ControllerPath, CorrectionLimits, PartSection, nearest, plausible, raw, uncertainty};
+use crate::drive::PathLaw;
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
 use crate::limits::{FRAMES, UNITS};
@@ -370,8 +371,9 @@ fn limits(check: &mut Check, raw: Option<&raw::Limits>) -> CorrectionLimits {
 }
 
 fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
-    let compensates = raw.and_then(|c| c.compensates.as_ref());
-    let mut controller = Controller { declared: compensates.is_some(), ..Controller::default() };
+    let compensates = raw.and_then(|controller| controller.compensates.as_ref());
+    let path = raw.and_then(|controller| controller.path.as_ref()).map(|keys| controller_path(check, keys));
+    let mut controller = Controller { declared: compensates.is_some(), path, ..Controller::default() };
     for word in compensates.into_iter().flatten() {
         match check.word("controller.compensates", word, &Covered::WORDS) {
             Some(Covered::Gravity) => controller.gravity = true,
@@ -394,6 +396,43 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
     }
     controller
 }
+
+/// `[controller.path]`.
+fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerPath {
+    let positive = [
+        ("controller.path.zone_share", &[keys.zone_share][..]),
+        ("controller.path.smoothing_s", &keys.smoothing_s),
+        ("controller.path.axis_smoothing", keys.axis_smoothing.as_ref().map_or(&[], |factors| &factors[..])),
+        ("controller.path.acceleration_mm_s2", &[keys.acceleration_mm_s2]),
+        ("controller.path.corner_acceleration_mm_s2", &[keys.corner_acceleration_mm_s2]),
+    ];
+    for (key, values) in positive {
+        check.positive(key, values);
+    }
+    let slow = keys.smoothing_s.iter().chain(&keys.lag_s).any(|seconds| seconds.abs() > SLOWEST_S);
+    if slow {
+        let message = format!("[controller.path] smoothing_s and lag_s are at most {SLOWEST_S} s");
+        check.error("controller.path", message, "these are seconds: 58 ms are 0.058");
+    }
+    check.finite("controller.path.lag_s", &keys.lag_s);
+    if let Some(zone) = keys.zone_mm {
+        check.positive("controller.path.zone_mm", &[zone]);
+    }
+    ControllerPath {
+        law: PathLaw {
+            zone_share: keys.zone_share,
+            smoothing: keys.smoothing_s,
+            axis_smoothing: keys.axis_smoothing.map_or(PathLaw::TYPICAL.axis_smoothing, Into::into),
+            acceleration: 1e-3 * keys.acceleration_mm_s2,
+            corner_acceleration: 1e-3 * keys.corner_acceleration_mm_s2,
+            lag: keys.lag_s.into(),
+        },
+        zone: keys.zone_mm.map(|mm| 1e-3 * mm),
+    }
+}
+
+/// Longest smoothing and lag that a controller is given, s: ten times those of the slowest that were measured.
+const SLOWEST_S: f64 = 2.0;
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>);
 

@@ -6,10 +6,12 @@ use super::held::{self, MeasuredFile, ProgramFiles};
 use super::input::{CellFile, Context};
 use super::job::Job;
 use super::output::{Outputs, is_stdout, one_thing};
+use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
-use deflex::cell::examples_left;
+use deflex::cell::{examples_left, with_path_law};
+use deflex::drive::FittedLaw;
 use deflex::measured::ColumnNames;
-use deflex::report::{identify_text, residual_csv};
+use deflex::report::{identify_text, path_law_text, residual_csv};
 use deflex::text::Diagnostic;
 use std::path::Path;
 
@@ -24,7 +26,13 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
     let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
     let runs = all(args.run.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], table(&pair[1]))));
-    let (runs, poses) = both(runs, all(args.poses.iter().map(|path| table(path))))?;
+    let log = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
+    let logs = all(args.log.chunks_exact(2).map(|pair| run_of(args, &context, &pair[0], log(&pair[1]))));
+    let ((runs, logs), poses) = both(both(runs, logs), all(args.poses.iter().map(|path| table(path))))?;
+    let path = if logs.is_empty() { None } else { Some(held::identify_path(&cell, &logs, args.tool.as_deref())?) };
+    if let Some(path) = path.as_ref().filter(|_| runs.is_empty() && poses.is_empty()) {
+        return path_alone(args, &cell, path);
+    }
 
     let bar = progress::shares("identifying", args.common.quiet);
     let tell = |share: f64| {
@@ -37,11 +45,14 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let found = &done.found;
 
     let mut outputs = Outputs::default();
-    if let Some(path) = &args.output {
-        outputs.add(path, done.cell()?.as_bytes())?;
+    let told = |text: String| path.as_ref().map(path_law_text).unwrap_or_default() + &text;
+    if let Some(output) = &args.output {
+        let extended = done.cell()?;
+        let extended = path.as_ref().map_or(Ok(extended.clone()), |path| with_path_law(&extended, &path.law))?;
+        outputs.add(output, extended.as_bytes())?;
     }
-    if let Some(path) = &args.json {
-        outputs.add_report(path, done.json()?.as_bytes())?;
+    if let Some(json) = &args.json {
+        outputs.add_report(json, done.json(path.as_ref())?.as_bytes())?;
     }
     if let Some(path) = &args.report {
         outputs.add_report(path, residual_csv(&found.residuals).as_bytes())?;
@@ -50,14 +61,47 @@ pub(super) fn run(args: &Identify) -> Outcome {
         outputs.add_report(path, done.page().as_bytes())?;
     }
     if printed == 0 {
-        outputs.add(Path::new("-"), identify_text(found).as_bytes())?;
+        outputs.add(Path::new("-"), told(identify_text(found)).as_bytes())?;
     } else if !args.common.quiet {
-        message::say(&[identify_text(found)]);
+        message::say(&[told(identify_text(found))]);
     }
     outputs.commit()?;
     let notes: Vec<Diagnostic> =
         examples_left(&cell.source).into_iter().chain(cell.cell.notes.clone()).chain(done.notes.clone()).collect();
     message::print(&notes, args.common.quiet);
+    Ok(Answer::Yes)
+}
+
+/// Writes what logs alone have shown: the law of the controller's path.
+fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
+    for (option, given) in [("--report", &args.report), ("--html", &args.html)] {
+        if given.is_some() {
+            let message = format!("{option} needs measured rows: --log alone has none");
+            return Err(vec![
+                Diagnostic::error("usage.identify", "", message).help("leave it out, or add --run or --poses"),
+            ]);
+        }
+    }
+    let mut outputs = Outputs::default();
+    if let Some(output) = &args.output {
+        let text = String::from_utf8_lossy(&cell.source.bytes);
+        outputs.add(output, with_path_law(&text, &path.law)?.as_bytes())?;
+    }
+    if let Some(json) = &args.json {
+        #[derive(serde::Serialize)]
+        struct PathAlone<'a> {
+            path: &'a FittedLaw,
+        }
+        outputs.add_report(json, pretty(&PathAlone { path })?.as_bytes())?;
+    }
+    if [&args.output, &args.json].into_iter().flatten().any(|path| is_stdout(path)) {
+        if !args.common.quiet {
+            message::say(&[path_law_text(path)]);
+        }
+    } else {
+        outputs.add(Path::new("-"), path_law_text(path).as_bytes())?;
+    }
+    outputs.commit()?;
     Ok(Answer::Yes)
 }
 

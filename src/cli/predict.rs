@@ -1,20 +1,21 @@
 //! `predict`: what becomes of programs as they stand.
 
-use super::Outcome;
 use super::against::Originals;
 use super::args::Predict;
 use super::files::both;
 use super::input::Context;
 use super::job::Job;
-use super::output::{Outputs, one_thing};
+use super::output::{Outputs, is_stdout, one_thing};
 use super::piped::{Piped, jobs};
 use super::predicted::{self, Batch};
 use super::report::Noticed;
 use super::run::{Done, each, finish};
 use super::setup::Setup;
+use super::{Outcome, message};
 use deflex::correct;
 use deflex::report::digest_text;
 use deflex::report::html::{PathKind, PathTrace};
+use deflex::report::path_csv;
 use deflex::text::{Diagnostic, printable};
 use indicatif::ProgressBar;
 use std::io::{IsTerminal, stdout};
@@ -26,15 +27,19 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
+    let path_to_stdout = usize::from(args.path.as_ref().is_some_and(|path| is_stdout(path)));
     // Rows are for files and pipes: people at a terminal get the worst of them.
-    let is_asked = reports.report.is_some() || reports.to_stdout() > 0;
+    let is_asked = reports.report.is_some() || reports.to_stdout() + path_to_stdout > 0;
     let is_read = !is_asked && stdout().is_terminal();
     if !is_asked && !is_read {
         reports.report = Some(PathBuf::from("-"));
     }
-    one_thing(reports.to_stdout())?;
+    one_thing(reports.to_stdout() + path_to_stdout)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let mut outputs = Outputs::default();
+    if let Some(path) = &args.path {
+        outputs.add_report(path, &driven_path(&setup, &jobs, args.common.quiet)?)?;
+    }
     let batch = Batch {
         setup: &setup,
         originals: &originals,
@@ -81,4 +86,17 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
     )?;
     done.rows = batch.rows(done.rows)?;
     Ok(done)
+}
+
+/// The path that the controller drives along the one program that is predicted, as CSV.
+fn driven_path(setup: &Setup, jobs: &[Job], quiet: bool) -> Result<Vec<u8>, Vec<Diagnostic>> {
+    let [job] = jobs else {
+        let message = format!("--path samples the path of one program, and {} are given", jobs.len());
+        return Err(vec![Diagnostic::error("usage.path", "", message).help("give the programs one at a time")]);
+    };
+    let program = setup.program(job.clone().held()?)?;
+    let path = correct::loaded_path(&program, &setup.cell.cell, &setup.options);
+    let path = path.map_err(|errors| setup.cell.own(errors))?;
+    message::print(&path.notes, quiet);
+    Ok(path_csv(&path.samples))
 }

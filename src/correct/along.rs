@@ -9,7 +9,7 @@
 use super::deviation::{Commanded, WalkedPath};
 use super::mount::is_entered_elsewhere;
 use super::segment::{Kind, Segment, Start};
-use super::track::Track;
+use crate::drive::Track;
 use super::{Point, Prepared};
 use crate::equilibrium::Setting;
 use crate::program::{Program, Target};

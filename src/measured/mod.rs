@@ -3,6 +3,7 @@
 mod clock;
 mod columns;
 mod layout;
+mod log;
 mod table;
 mod text;
 

@@ -1,6 +1,6 @@
 //! What a language makes of a program that it has read.
 
-use super::{Change, Insert, Program, RewriteOptions, Rewritten, Role};
+use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Edit, Span};
 
 /// A language's way to write a program.
@@ -40,8 +40,8 @@ pub(super) trait FrontEnd {
         program.targets.iter().filter(|target| target.role == Role::End).count()
     }
 
-    /// See [`Program::zone_mm`].
-    fn zone_mm(&self, _program: &Program, _target: usize) -> Option<f64> {
-        None
+    /// See [`Program::passing`].
+    fn passing(&self, _program: &Program, _target: usize) -> Passing {
+        Passing::Unstated
     }
 }

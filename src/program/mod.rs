@@ -83,6 +83,18 @@ pub struct Program {
     pub(crate) layout: Layout,
 }
 
+/// How the controller passes the end of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Passing {
+    /// It comes to rest (`fine`, `FINE`, a KRL motion without approximation).
+    Stop,
+    /// It rounds the corner within this radius, mm (`pzone_tcp` of RAPID's zonedata).
+    Zone(f64),
+    /// It passes the point, and the text gives no radius: a zonedata of the program's own, `C_DIS`, `CNT`, CL data.
+    Unstated,
+}
+
 /// A tool that the program uses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
@@ -316,11 +328,19 @@ impl Program {
         counts
     }
 
-    /// How far from a target the controller leaves the path as written, mm (`pzone_tcp` of RAPID's zonedata); `None` of a stop,
-    /// of a name that the program gives, and of languages in which nothing is inserted.
+    /// How the controller passes a target, as far as the text says.
+    #[must_use]
+    pub fn passing(&self, target: usize) -> Passing {
+        self.layout.front_end().passing(self, target)
+    }
+
+    /// How far from a target the controller leaves the path as written, mm; `None` of a stop, and where the text gives no radius.
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
-        self.layout.front_end().zone_mm(self, target)
+        match self.passing(target) {
+            Passing::Zone(radius_mm) => Some(radius_mm),
+            Passing::Stop | Passing::Unstated => None,
+        }
     }
 
     /// Why nothing can be inserted before a target, where its statement already tells; others are refused by

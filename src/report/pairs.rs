@@ -1,7 +1,7 @@
 //! Which targets of two programs belong together, where the second has some inserted.
 
 use super::diff::settings;
-use crate::correct::Track;
+use crate::drive::Track;
 use crate::program::alignment::{Fit, align};
 use crate::program::{Conf, Goal, Program, Role, Target};
 use crate::robot::Pose;

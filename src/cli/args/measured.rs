@@ -9,11 +9,14 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 pub(in crate::cli) struct Identify {
     /// A program and what was measured on it; any number
-    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present = "poses", conflicts_with = "poses", value_hint = ValueHint::FilePath)]
+    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present_any = ["poses", "log"], conflicts_with = "poses", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) run: Vec<PathBuf>,
     /// Measured rows that carry their own motor angles; any number, no program needed
     #[arg(long, value_name = "MEASURED", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) poses: Vec<PathBuf>,
+    /// A program and the controller's log of its axes while it ran (time_s, q1_deg … q6_deg); any number, from two on
+    #[arg(long, num_args = 2, value_names = ["PROGRAM", "LOG"], value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) log: Vec<PathBuf>,
     /// How the file calls its columns, where otherwise; others are then not looked at: "target=Punkt Nr,x_mm=X Ist"
     #[arg(long, value_name = "NAME=COLUMN,…")]
     pub(in crate::cli) columns: Option<String>,

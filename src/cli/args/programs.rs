@@ -64,6 +64,9 @@ pub(in crate::cli) struct Predict {
     pub(in crate::cli) against: Option<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) reports: Reports,
+    /// The path that the controller drives and the loaded arm takes, sampled every 4 ms, in the work object; `-` for stdout
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
+    pub(in crate::cli) path: Option<PathBuf>,
     #[command(flatten)]
     pub(in crate::cli) reading: Reading,
     #[command(flatten)]

@@ -3,6 +3,8 @@ use crate::cli::files::{all, both};
 use crate::cli::input;
 use crate::cli::report::pretty;
 use deflex::cell::extended;
+use deflex::correct::{Course, Options, Prepared};
+use deflex::drive::{DriveError, FittedLaw, LogError, fit_law};
 use deflex::identify::{self, Identification, Input, Progress};
 use deflex::measured::{ColumnNames, Table};
 use deflex::report::html::identification_page;
@@ -71,20 +73,22 @@ impl Identified {
         text.map_err(|errors| input::own(&self.cell_name, errors))
     }
 
-    /// What `--json` writes.
+    /// What `--json` writes; `path` is what logs of the controller have shown besides.
     ///
     /// # Errors
     /// It cannot be written as JSON.
-    pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
+    pub fn json(&self, path: Option<&FittedLaw>) -> Result<String, Vec<Diagnostic>> {
         #[derive(serde::Serialize)]
         struct Told<'a> {
             #[serde(flatten)]
             found: &'a Identification,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            path: Option<&'a FittedLaw>,
             deflex: &'static str,
             cell: &'a Origin,
             sources: &'a [Origin],
         }
-        pretty(&Told { found: &self.found, deflex: VERSION, cell: &self.cell, sources: &self.data })
+        pretty(&Told { found: &self.found, path, deflex: VERSION, cell: &self.cell, sources: &self.data })
     }
 
     /// The page that `--html` writes.
@@ -124,6 +128,56 @@ pub fn identify(
         cell_text: String::from_utf8_lossy(&cell.source.bytes).into_owned(),
         cell_name: cell.name.clone(),
     })
+}
+
+/// Finds the law of the controller's path from logs of its axes: what `deflex identify --log` does.
+///
+/// # Errors
+/// All for which the command ends with exit code 2.
+pub fn identify_path(
+    cell: &CellFile,
+    logs: &[(ProgramFiles, MeasuredFile)],
+    tool: Option<&str>,
+) -> Result<FittedLaw, Vec<Diagnostic>> {
+    let robot = &cell.cell.arm.robot;
+    let read = |(program, table): &(ProgramFiles, MeasuredFile)| {
+        let (program, log) = both(program.parse(cell, tool), table.table(cell)?.log(robot))?;
+        // The axes are the motors': no force changes the path that the controller leads them along.
+        let options = Options { tool: tool.map(str::to_owned), ..Options::default() };
+        let prepared = Prepared::new(&program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
+        let course = Course::new(&program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?;
+        Ok((course, log))
+    };
+    let read = all(logs.iter().map(read))?;
+    let runs: Vec<_> = read.iter().map(|(course, log)| (&course.waypoints[..], log)).collect();
+    fit_law(robot, &runs).map_err(|error| vec![log_error(error, logs)])
+}
+
+/// What is wrong with which log.
+fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnostic {
+    let file = |i: usize| logs.get(i).map_or("", |(_, log)| &log.source.name);
+    let message = match &error {
+        LogError::OneLog => "one log cannot be judged: the law is fitted to some logs and tested on others".to_owned(),
+        LogError::OtherProgram(i) => {
+            format!("the axes do not pass the first and the last point of `{}`", logs[*i].0.name())
+        }
+        LogError::Path(i, DriveError::Unreachable { waypoint }) => {
+            format!(
+                "the arm does not reach every place on the way to point {} of `{}`",
+                waypoint + 1,
+                logs[*i].0.name()
+            )
+        }
+        LogError::Path(i, DriveError::TooLong) => format!("`{}` runs for more than a day", logs[*i].0.name()),
+    };
+    let (at, help) = match error {
+        LogError::OneLog => (0, "give a second log: --log PROGRAM LOG.csv --log PROGRAM LOG2.csv"),
+        LogError::OtherProgram(i) => {
+            (i, "check that the log is of this program, of this robot, and in degrees as the pendant shows them")
+        }
+        LogError::Path(i, _) => (i, "check the cell's robot, tool and work object"),
+    };
+    Diagnostic::error("log.program", file(at), message).help(help)
 }
 
 /// FNV-1a over all files that the answer depends on: tells data apart, guards against nothing.

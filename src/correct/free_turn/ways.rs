@@ -4,7 +4,7 @@
 use super::path::Path;
 use crate::correct::along::{Fault, Way, WayFault};
 use crate::correct::carried::Chosen;
-use crate::correct::track::Track;
+use crate::drive::Track;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

@@ -2,8 +2,8 @@
 
 use super::super::Prepared;
 use super::super::segment::Kind;
-use super::super::track::Track;
 use super::{Cuts, Walk};
+use crate::drive::Track;
 use crate::robot::Pose;
 
 /// The force is asked for at least so often on the way into a target, m: engagement changes within a fraction of a cutter.

@@ -11,7 +11,7 @@ use crate::text::{Edit, Source, Span, number};
 use std::ops::Range;
 
 /// Words that begin what the controller does at the end of a motion.
-const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
+pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
 
 const SPLINE: &str = "in a spline block: a point between would make it another curve";
 const FORM: &str = "in an inline form, which the controller would write anew without it";

@@ -7,7 +7,7 @@ use super::{Layout, insert};
 use crate::program::front_end::FrontEnd;
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::{New, signed};
-use crate::program::{Change, Goal, Insert, Program, RewriteOptions, Rewritten, Role};
+use crate::program::{Change, Goal, Insert, Passing, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span, Token};
 use std::collections::{HashMap, HashSet};
 
@@ -24,6 +24,16 @@ struct NewTokens {
 }
 
 impl FrontEnd for Layout {
+    fn passing(&self, program: &Program, target: usize) -> Passing {
+        // A motion without a word of approximation positions exactly (KUKA, Operating and Programming Instructions for System
+        // Integrators, *Approximate positioning*); how far it approximates, `$APO` says.
+        let target = &program.targets[target];
+        let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
+        let mut words = text.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_');
+        let approximates = words.any(|word| insert::APPROXIMATE.iter().any(|known| word.eq_ignore_ascii_case(known)));
+        if approximates { Passing::Unstated } else { Passing::Stop }
+    }
+
     fn rewrite(
         &self,
         program: &Program,

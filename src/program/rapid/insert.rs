@@ -6,6 +6,7 @@ use super::value::quarters;
 use super::value::{Place, unit};
 use super::writer::{Writer, single};
 use super::{Layout, Site};
+use crate::program::Passing;
 use crate::program::{Conf, Goal, Insert, Motion, Program, Role, Target};
 use crate::text::{Edit, Span, number};
 
@@ -173,8 +174,8 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
     number::read(fields.next()?.trim_ascii()).filter(|_| flies)
 }
 
-/// See [`Program::zone_mm`](crate::program::Program::zone_mm).
-pub(super) fn zone_mm(program: &Program, target: &Target) -> Option<f64> {
+/// See [`Program::passing`](crate::program::Program::passing); `None` of instructions without a zone.
+pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
     let bytes = &program.sources[target.source as usize].bytes;
     let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
     let shape = motion::shape(&bytes[call.name.range()]).filter(|shape| shape.zone == Zone::BeforeTool)?;
@@ -183,7 +184,14 @@ pub(super) fn zone_mm(program: &Program, target: &Target) -> Option<f64> {
         ToolAt::Index(at) => at,
         ToolAt::Last => arguments.len().checked_sub(1)?,
     };
-    radius_mm(&bytes[arguments.get(tool_at.checked_sub(1)?)?.range()])
+    let zone = &bytes[arguments.get(tool_at.checked_sub(1)?)?.range()];
+    let written_out = zone.strip_prefix(b"[").and_then(|fields| fields.split(|byte| *byte == b',').next());
+    if zone.eq_ignore_ascii_case(b"fine")
+        || written_out.is_some_and(|fine| fine.trim_ascii().eq_ignore_ascii_case(b"TRUE"))
+    {
+        return Some(Passing::Stop);
+    }
+    radius_mm(zone).map(Passing::Zone)
 }
 
 /// Configuration and external axes of the target, as text.

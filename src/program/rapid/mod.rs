@@ -75,7 +75,7 @@ pub use lines::CHUNK;
 use rewrite::rewrite;
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
+use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
@@ -151,8 +151,8 @@ impl FrontEnd for Layout {
         self.motions
     }
 
-    fn zone_mm(&self, program: &Program, target: usize) -> Option<f64> {
-        insert::zone_mm(program, &program.targets[target])
+    fn passing(&self, program: &Program, target: usize) -> Passing {
+        insert::passing(program, &program.targets[target]).unwrap_or(Passing::Unstated)
     }
 }
 

@@ -30,7 +30,7 @@ mod targets;
 mod written;
 
 use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Program, RewriteOptions, Rewritten};
+use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
 use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
@@ -58,6 +58,15 @@ impl FrontEnd for Layout {
         options: &RewriteOptions,
     ) -> Rewritten {
         rewrite::rewrite(program, self, changes, inserts, options)
+    }
+
+    fn passing(&self, program: &Program, target: usize) -> Passing {
+        let target = &program.targets[target];
+        let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
+        let mut words = text.split(|byte| !byte.is_ascii_alphanumeric());
+        // `CNT` has no radius: how far the corner is rounded depends on the speed.
+        let stops = |word: &[u8]| word.eq_ignore_ascii_case(b"FINE") || word.eq_ignore_ascii_case(b"FEIN");
+        if words.any(stops) { Passing::Stop } else { Passing::Unstated }
     }
 
     fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {

@@ -64,7 +64,7 @@ impl Track {
     }
 
     /// Its length, m.
-    pub(super) fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         match &self.curve {
             Curve::Line => (self.to.translation.vector - self.from.translation.vector).norm(),
             Curve::Arc { circle, angle, .. } => circle.radius * angle,
@@ -72,7 +72,7 @@ impl Track {
     }
 
     /// The angle of an arc, rad; 0 of a line.
-    pub(super) fn angle(&self) -> f64 {
+    pub(crate) fn angle(&self) -> f64 {
         match &self.curve {
             Curve::Line => 0.0,
             Curve::Arc { angle, .. } => *angle,
@@ -89,14 +89,14 @@ impl Track {
     }
 
     /// Share of an arc's circle point.
-    pub(super) fn via(&self) -> Option<f64> {
+    pub(crate) fn via(&self) -> Option<f64> {
         match &self.curve {
             Curve::Line => None,
             Curve::Arc { via, .. } => Some(*via),
         }
     }
 
-    pub(super) fn is_arc(&self) -> bool {
+    pub(crate) fn is_arc(&self) -> bool {
         matches!(self.curve, Curve::Arc { .. })
     }
 
@@ -143,7 +143,7 @@ impl Track {
     }
 
     /// Unit vector along the curve at a share of its length; `None` where it has no length.
-    pub(super) fn tangent(&self, share: f64) -> Option<Vector3<f64>> {
+    pub(crate) fn tangent(&self, share: f64) -> Option<Vector3<f64>> {
         let (a, b) = (self.from.translation.vector, self.to.translation.vector);
         match &self.curve {
             Curve::Line => (b - a).try_normalize(0.0),
@@ -155,17 +155,17 @@ impl Track {
     }
 
     /// Whether the orientation stays as it is at the end.
-    pub(super) fn keeps_orientation(&self) -> bool {
+    pub(crate) fn keeps_orientation(&self) -> bool {
         matches!(self.turn, Turn::None)
     }
 
     /// What of a shift away from the curve at a share of its length is across it: the nearest place of the curve is that far.
-    pub(super) fn across(&self, share: f64, shift: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn across(&self, share: f64, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(share).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift))
     }
 
     /// The same at the start of a curve that begins with a corner: behind the start there is no curve.
-    pub(super) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn across_start(&self, shift: &Vector3<f64>) -> Vector3<f64> {
         self.tangent(0.0).map_or(*shift, |tangent| shift - tangent * tangent.dot(shift).max(0.0))
     }
 }

@@ -1,0 +1,260 @@
+//! The path that the controller drives and the loaded arm takes, sampled over time.
+
+use super::mount::PREDECESSOR_UNKNOWN;
+use super::parallelism::Parallelism;
+use super::point::Point;
+use super::segment::{Kind, Segment, Start};
+use super::solve::Solver;
+use super::travel::travel;
+use super::{Options, Prepared, frames};
+use crate::cell::Cell;
+use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, Waypoint, drive};
+use crate::equilibrium::WarmStart;
+use crate::program::{Passing, Program};
+use crate::robot::{Joints, Pose, Robot};
+use crate::text::{Diagnostic, Severity};
+use nalgebra::{Rotation3, Translation3, Vector3};
+
+/// Samples that are solved at once: some ten megabytes.
+const BATCH: usize = 16_384;
+
+/// A program as a controller is sent along it.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// Ends of its motions.
+    pub waypoints: Vec<Waypoint>,
+    /// Index of the target that each waypoint is.
+    targets: Vec<usize>,
+    /// Waypoints that are passed though nothing says how near: they are taken as stops.
+    unstated: usize,
+}
+
+/// One moment of the driven and loaded path, in the target's work object.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct LoadedSample {
+    /// Time since the start, s.
+    pub time: f64,
+    /// Ordinal of the target that the motion leads to.
+    pub target: u32,
+    /// Actual TCP, m.
+    pub wobj_from_tcp: Pose,
+    /// Actual speed of the TCP, m/s.
+    pub feed: f64,
+    /// Force on the tool, N.
+    pub force: Vector3<f64>,
+}
+
+/// The driven and loaded path of a program.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct LoadedPath {
+    /// In running order, every [`SAMPLE_S`](crate::drive::SAMPLE_S).
+    pub samples: Vec<LoadedSample>,
+    /// What was assumed.
+    pub notes: Vec<Diagnostic>,
+}
+
+impl LoadedSample {
+    /// Position of the TCP, mm, and its orientation, scalar first.
+    #[must_use]
+    pub fn position_and_quat(&self) -> ([f64; 3], [f64; 4]) {
+        frames::millimetres(&self.wobj_from_tcp)
+    }
+}
+
+impl Course {
+    /// The ends of a program's motions; zones in SI.
+    ///
+    /// # Errors
+    /// A target whose place is not known, external axes that move the base or the part, a motion without a speed.
+    pub fn new(program: &Program, cell: &Cell, prepared: &Prepared) -> Result<Self, Vec<Diagnostic>> {
+        let unstated_zone = cell.controller.path.and_then(|path| path.zone);
+        let mut course = Self { waypoints: Vec::new(), targets: Vec::new(), unstated: 0 };
+        let mut feed = None;
+        for i in (0..prepared.points.len()).filter(|i| Kind::of(program, *i) != Kind::Point) {
+            let (target, point) = (&program.targets[i], &prepared.points[i]);
+            let refuse = |message: &str, help: &str| {
+                let source = &program.sources[usize::from(target.source)];
+                vec![
+                    Diagnostic::error("path.target", &source.name, message.to_owned())
+                        .at(source, target.span)
+                        .help(help),
+                ]
+            };
+            if let Some(why) = point.unsolved.filter(|why| *why != PREDECESSOR_UNKNOWN) {
+                let message = format!("the path cannot be followed beyond this target: {why}");
+                return Err(refuse(&message, "the path that a controller drives needs every target of the program"));
+            }
+            if prepared.mount(i).setting.held || point.moved.is_some() {
+                let message =
+                    "the path that a controller drives is not computed for external axes and stationary tools";
+                return Err(refuse(message, "leave out --path and --log for this program"));
+            }
+            // Joint motions at a share of the axis speeds have no speed of the TCP.
+            feed = target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).or(feed);
+            let Some(feed) = feed.filter(|feed| *feed > 0.0) else {
+                return Err(refuse("no speed is programmed up to here", "the path over time needs a speed"));
+            };
+            let zone = match program.passing(i) {
+                Passing::Stop => None,
+                Passing::Zone(mm) => Some(1e-3 * mm),
+                Passing::Unstated => {
+                    course.unstated += usize::from(unstated_zone.is_none());
+                    unstated_zone
+                }
+            };
+            let setting = prepared.setting(i);
+            let in_base = |pose: &Pose| setting.base_from_wobj * pose;
+            let lead = match Kind::of(program, i) {
+                Kind::Line => Lead::Line,
+                Kind::Arc => Lead::Arc(in_base(&prepared.points[i - 1].wobj_from_tcp)),
+                Kind::Joint | Kind::Point => Lead::Joints,
+            };
+            course.waypoints.push(Waypoint {
+                lead,
+                base_from_tcp: in_base(&point.wobj_from_tcp),
+                flange_from_tcp: setting.tool.flange_from_tcp,
+                motor: point.motor,
+                feed,
+                zone,
+            });
+            course.targets.push(i);
+        }
+        Ok(course)
+    }
+
+    /// What is said about it, once.
+    fn notes(&self, program: &Program, cell: &Cell) -> Vec<Diagnostic> {
+        let name = program.sources.first().map_or("", |source| &source.name);
+        let note = |message: String, help: &str| {
+            Diagnostic::error("path.assumed", name, message).severity(Severity::Note).help(help)
+        };
+        let mut notes = Vec::new();
+        if cell.controller.path.is_none() {
+            let hidden = 1e3 * self.widest_corner_cut();
+            let message = format!(
+                "the cell has no [controller.path]: corners are taken as written, though the zones of this program may round them by up to {hidden:.2} mm"
+            );
+            notes.push(note(message, "record the axes while the program runs: deflex identify --log PROGRAM LOG.csv"));
+        }
+        if self.unstated > 0 {
+            let (points, are) = if self.unstated == 1 { ("point", "is") } else { ("points", "are") };
+            let message = format!(
+                "{} {points} of the path {are} passed, and the program does not say how near: {are} taken as stops",
+                self.unstated
+            );
+            notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
+        }
+        notes
+    }
+
+    /// How far zones alone may lead the TCP past a corner, m: a parabola over the whole zone.
+    fn widest_corner_cut(&self) -> f64 {
+        let direction = |from: &Waypoint, to: &Waypoint| {
+            let way = to.base_from_tcp.translation.vector - from.base_from_tcp.translation.vector;
+            way.try_normalize(1e-9).map(|direction| (direction, way.norm()))
+        };
+        let corners = self.waypoints.windows(3).filter_map(|three| {
+            let (before, after) = (direction(&three[0], &three[1])?, direction(&three[1], &three[2])?);
+            let radius = three[1].zone?.min(0.5 * before.1.min(after.1));
+            Some(0.25 * radius * (after.0 - before.0).norm())
+        });
+        corners.fold(0.0, f64::max)
+    }
+}
+
+/// The path that the cell's controller drives along a program, with the arm loaded by the forces that act on the way.
+///
+/// # Errors
+/// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
+pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
+    let prepared = Prepared::new(program, cell, options)?;
+    let course = Course::new(program, cell, &prepared)?;
+    let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
+    let refuse = |waypoint: usize, message: String, help: &str| {
+        let target = &program.targets[course.targets[waypoint]];
+        let source = &program.sources[usize::from(target.source)];
+        vec![Diagnostic::error("path.target", &source.name, message).at(source, target.span).help(help)]
+    };
+    let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| match error {
+        DriveError::Unreachable { waypoint } => {
+            let message = "the arm does not reach every place on the way to this target".to_owned();
+            refuse(waypoint, message, "move the target or the part")
+        }
+        DriveError::TooLong => refuse(0, "the program runs for more than a day".to_owned(), "split the program"),
+    })?;
+    let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
+    let mut last: Option<(Joints, Joints)> = None;
+    let follow = Follow { program, prepared: &prepared, course: &course, robot: &cell.arm.robot };
+    for batch in driven.chunks(BATCH) {
+        let points = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
+        let batch_of_points = prepared.with_points(points);
+        let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
+        let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
+        for ((sample, point), landed) in batch.iter().zip(&batch_of_points.points).zip(landed) {
+            let landed = landed.map_err(|error| {
+                let message = format!("the loaded arm has no equilibrium on the way to this target: {error}");
+                refuse(sample.waypoint, message, "check the forces and the stiffness of the cell")
+            })?;
+            let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
+            let position = point.reference.translation.vector + landed.shift;
+            samples.push(LoadedSample {
+                time: sample.time,
+                target: program.targets[course.targets[sample.waypoint]].ordinal,
+                wobj_from_tcp: Pose::from_parts(Translation3::from(position), rotation),
+                feed: 0.0,
+                force: landed.cut,
+            });
+        }
+    }
+    // The speed over the step before and the step after; a change of work object is no motion.
+    let speed = |from: &LoadedSample, to: &LoadedSample| {
+        let way = to.wobj_from_tcp.translation.vector - from.wobj_from_tcp.translation.vector;
+        (to.time > from.time).then(|| way.norm() / (to.time - from.time))
+    };
+    let wobj = |sample: &DrivenSample| prepared.points[course.targets[sample.waypoint]].setting;
+    for i in 0..samples.len() {
+        let neighbour = |j: Option<usize>| j.filter(|j| driven.get(*j).is_some_and(|d| wobj(d) == wobj(&driven[i])));
+        let before = neighbour(i.checked_sub(1)).unwrap_or(i);
+        let after = neighbour(Some(i + 1)).unwrap_or(i);
+        samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
+    }
+    Ok(LoadedPath { samples, notes: course.notes(program, cell) })
+}
+
+/// What the samples of a driven path are samples of.
+struct Follow<'a> {
+    program: &'a Program,
+    prepared: &'a Prepared,
+    course: &'a Course,
+    robot: &'a Robot,
+}
+
+impl Follow<'_> {
+    /// The circumstances of one sample: the programmed place on the way as the reference, and the axes where they are. `last` has
+    /// the axes at the sample before, and their direction of travel.
+    fn point(&self, sample: &DrivenSample, last: &mut Option<(Joints, Joints)>) -> Point {
+        let Self { program, prepared, course, robot } = *self;
+        let (begin, end) = (course.targets[sample.waypoint - 1], course.targets[sample.waypoint]);
+        let start = Start {
+            point: prepared.points[begin].clone(),
+            setting: *prepared.setting(begin),
+            commanded: prepared.points[begin].wobj_from_tcp,
+            motor: prepared.points[begin].motor,
+            tangent: None,
+            left: 0.0,
+        };
+        let driven = prepared.setting(end).wobj_from_tcp(&robot.forward(&sample.motor));
+        let mut point = match Segment::into(program, prepared, end, &start) {
+            Some(segment) => segment.at(sample.share),
+            // Joint motions do not cut and have no programmed path: the reference is where they lead.
+            None => Point { reference: driven, ..prepared.points[end].clone() },
+        };
+        let held = last.map_or_else(|| point.travel, |(before, held)| travel(&before, &sample.motor, &held));
+        *last = Some((sample.motor, held));
+        (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
+        point.unsolved = None;
+        point
+    }
+}

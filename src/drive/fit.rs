@@ -1,0 +1,384 @@
+//! The law of a controller from logs of its axes.
+//!
+//! What is compared is the path and the time: a log is cut into places at even distances along it, and each has its distance
+//! from the computed path, and the time at which it was passed against the computed time.
+
+use super::log::{Log, LogSample, tcp};
+use super::route::Route;
+use super::{DriveError, DrivenSample, PathLaw, Waypoint, drive};
+use crate::robot::{Joints, Robot};
+use nalgebra::{DMatrix, DVector, Vector3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Places of each log.
+const PLACES: usize = 400;
+/// Standard deviation of a place of a log about the law's path, m: what a law of a few numbers is expected to miss.
+const PATH_SIGMA: f64 = 5e-5;
+/// The same of the time at a place, s: two to three samples of a controller's log.
+const TIME_SIGMA: f64 = 0.01;
+/// Prior standard deviation of the logarithm of each number of the law about [`PathLaw::TYPICAL`]: a factor of e.
+const LAW_SIGMA: f64 = 1.0;
+/// What the numbers of the axes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum OfAxes {
+    /// Factors on the smoothing.
+    Smoothing,
+    /// Lags.
+    Lag,
+}
+
+/// Prior standard deviation of an axis's lag, s: axes of one robot are tuned to trail their commands alike.
+const LAG_SIGMA: f64 = 0.005;
+/// How far from the computed path a place of the log is sought along it, m.
+const REACH: f64 = 0.03;
+/// How near the log has to come to the program's first and last point, m: more than any zone leaves.
+const NEAR: f64 = 0.05;
+/// Rounds of the fit; each takes one path for each log and number of the law.
+const ROUNDS: usize = 12;
+/// A round that gains less than this share of the sum of squares is the last one.
+const ENOUGH: f64 = 1e-3;
+/// Step of the differences, in the logarithm of a number, or as a share of [`LAG_SIGMA`].
+const DIFFERENCE: f64 = 0.02;
+/// Numbers of a law: those that all axes share, and one of each axis.
+const SHARED: usize = 5;
+const NUMBERS: usize = SHARED + 6;
+/// Prior standard deviation of the logarithm of an axis's factor on the smoothing: drives of one robot differ by up to two.
+const AXIS_SIGMA: f64 = 0.5;
+/// Places of a log that count as independent: what a law misses at one place it misses at its neighbours too.
+const INDEPENDENT: f64 = 20.0;
+
+/// Distance of logs from a path, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct PathError {
+    /// Root mean square over all places.
+    pub rms_mm: f64,
+    /// Largest.
+    pub max_mm: f64,
+}
+
+/// How long the logs took, and what the law makes of it, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct RunTime {
+    /// By the logs' clocks.
+    pub measured: f64,
+    /// By the law.
+    pub predicted: f64,
+}
+
+/// A law and how it predicts logs that no fit has seen.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct FittedLaw {
+    /// The law.
+    #[serde(skip)]
+    pub law: PathLaw,
+    /// Logs that were fitted.
+    pub fitted_logs: usize,
+    /// Logs that were only predicted.
+    pub held_out_logs: usize,
+    /// Of the held-out logs from the programmed path: corners as written.
+    pub before: PathError,
+    /// Of the held-out logs from the path that the law computes.
+    pub after: PathError,
+    /// Over the held-out logs together.
+    pub run_time_s: RunTime,
+}
+
+/// Why no law was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LogError {
+    /// There is only one log: none can be held out.
+    OneLog,
+    /// The log with this index does not run from the program's first point to its last.
+    OtherProgram(usize),
+    /// The program of the log with this index cannot be followed.
+    Path(usize, DriveError),
+}
+
+/// A run of a program, cut into places.
+struct Run<'a> {
+    waypoints: &'a [Waypoint],
+    places: Vec<Place>,
+    seconds: f64,
+}
+
+/// A place of a log: where the TCP was (base frame, m), and when (s from the first place).
+#[derive(Clone, Copy)]
+struct Place {
+    at: Vector3<f64>,
+    time: f64,
+}
+
+/// Fits a law to logs of programs, each with its waypoints. About every fourth log is held out as a whole, at least one.
+///
+/// # Errors
+/// Fewer than two logs; a log of another program; a program that cannot be followed.
+pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
+    if logs.len() < 2 {
+        return Err(LogError::OneLog);
+    }
+    let mut runs = Vec::with_capacity(logs.len());
+    for (i, (waypoints, log)) in logs.iter().enumerate() {
+        let samples = log.of_program(robot, waypoints, NEAR).ok_or(LogError::OtherProgram(i))?;
+        runs.push((i, Run::new(robot, waypoints, samples).ok_or(LogError::OtherProgram(i))?));
+    }
+    let count = runs.len();
+    let (held, fitted): (Vec<_>, Vec<_>) = runs.into_iter().partition(|(i, _)| is_held_out(*i, count));
+    let law = fit(robot, &fitted)?;
+    let compared = |law: Option<&PathLaw>| -> Result<Vec<Compared>, LogError> {
+        held.par_iter().map(|(i, run)| run.compare(robot, law).map_err(|error| LogError::Path(*i, error))).collect()
+    };
+    let (before, after) = (compared(None)?, compared(Some(&law))?);
+    Ok(FittedLaw {
+        law,
+        fitted_logs: fitted.len(),
+        held_out_logs: held.len(),
+        before: PathError::of(&before),
+        after: PathError::of(&after),
+        run_time_s: RunTime {
+            measured: held.iter().map(|(_, run)| run.seconds).sum(),
+            predicted: after.iter().map(|compared| compared.seconds).sum(),
+        },
+    })
+}
+
+/// Whether a log is held out: a quarter of them, spread by multiples of the golden ratio, since logs often stand in the order of
+/// speeds and zones, which an even count would follow.
+fn is_held_out(i: usize, count: usize) -> bool {
+    #[allow(clippy::cast_precision_loss)]
+    let spread = |i: usize| ((i as f64 + 0.5) * 0.618_033_988_749_895).fract();
+    let least = (0..count).map(spread).fold(f64::INFINITY, f64::min);
+    spread(i) < 0.25 || spread(i) <= least
+}
+
+impl PathError {
+    fn of(compared: &[Compared]) -> Self {
+        let squares = || compared.iter().flat_map(|compared| &compared.off).map(Vector3::norm_squared);
+        #[allow(clippy::cast_precision_loss)]
+        let count = squares().count().max(1) as f64;
+        Self {
+            rms_mm: 1e3 * (squares().sum::<f64>() / count).sqrt(),
+            max_mm: 1e3 * squares().fold(0.0, f64::max).sqrt(),
+        }
+    }
+}
+
+/// A run against a computed path.
+struct Compared {
+    /// From the nearest place of the path to each place of the log, base frame, m.
+    off: Vec<Vector3<f64>>,
+    /// What the log is late by at each place, s, less its mean.
+    late: Vec<f64>,
+    /// How long the computed run takes, s.
+    seconds: f64,
+}
+
+impl<'a> Run<'a> {
+    fn new(robot: &Robot, waypoints: &'a [Waypoint], samples: &[LogSample]) -> Option<Self> {
+        let tool = &waypoints.last()?.flange_from_tcp;
+        let tcps: Vec<Vector3<f64>> = samples.iter().map(|sample| tcp(robot, &sample.motor, tool)).collect();
+        let (first, last) = (samples.first()?, samples.last()?);
+        let path = Line::new(tcps.iter().zip(samples).map(|(at, sample)| (*at, sample.time - first.time)));
+        let length = path.length();
+        #[allow(clippy::cast_precision_loss)]
+        let share = |k: usize| length * k as f64 / PLACES as f64;
+        let places = (0..=PLACES).map(|k| path.at(share(k))).collect();
+        (length > 0.0).then_some(Self { waypoints, places, seconds: last.time - first.time })
+    }
+
+    /// How long a driven path takes, from first point to last as [`Log::of_program`] finds them in a log.
+    fn seconds_of(&self, robot: &Robot, driven: &[DrivenSample]) -> f64 {
+        let samples = driven.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
+        let log = Log { file: String::new(), samples };
+        let run = log.of_program(robot, self.waypoints, NEAR).unwrap_or(&log.samples);
+        run.first().zip(run.last()).map_or(0.0, |(first, last)| last.time - first.time)
+    }
+
+    /// Against the path of a law, or against the programmed one.
+    fn compare(&self, robot: &Robot, law: Option<&PathLaw>) -> Result<Compared, DriveError> {
+        let tool = self.waypoints.last().map_or_else(crate::robot::Pose::identity, |last| last.flange_from_tcp);
+        let (path, seconds) = match law {
+            Some(law) => {
+                let driven = drive(robot, law, self.waypoints)?;
+                let seconds = self.seconds_of(robot, &driven);
+                let of = |sample: &DrivenSample| (tcp(robot, &sample.motor, &tool), sample.time);
+                (Line::new(driven.iter().map(of)), seconds)
+            }
+            None => {
+                let route = Route::as_programmed(robot, self.waypoints)?;
+                let of = |motor: &Joints| (tcp(robot, motor, &tool), 0.0);
+                (Line::new(route.knots.iter().map(|knot| of(&knot.motor))), 0.0)
+            }
+        };
+        let mut off = Vec::with_capacity(self.places.len());
+        let mut late = Vec::with_capacity(self.places.len());
+        let (mut along, mut before) = (0.0, self.places[0].at);
+        for place in &self.places {
+            let gone = (place.at - before).norm();
+            let nearest = path.nearest(&place.at, [along - REACH, along + gone + REACH]);
+            (along, before) = (nearest.along, place.at);
+            off.push(place.at - nearest.place.at);
+            late.push(place.time - nearest.place.time);
+        }
+        #[allow(clippy::cast_precision_loss)]
+        let mean = late.iter().sum::<f64>() / late.len() as f64;
+        late.iter_mut().for_each(|late| *late -= mean);
+        Ok(Compared { off, late, seconds })
+    }
+}
+
+/// A path through places, by its length.
+struct Line {
+    places: Vec<Place>,
+    /// Length up to each place, m.
+    lengths: Vec<f64>,
+}
+
+/// A place on a line and the length up to it, m.
+struct OnLine {
+    place: Place,
+    along: f64,
+}
+
+impl Line {
+    fn new(places: impl Iterator<Item = (Vector3<f64>, f64)>) -> Self {
+        let mut line = Self { places: Vec::new(), lengths: Vec::new() };
+        for (at, time) in places {
+            let length = line.places.last().map_or(0.0, |last| (at - last.at).norm());
+            let before = line.lengths.last().copied().unwrap_or(0.0);
+            // At rest only the time goes on: the path has the moment at which it goes on.
+            if length == 0.0 && line.places.len() > 1 {
+                if let Some(last) = line.places.last_mut() {
+                    last.time = time;
+                }
+                continue;
+            }
+            line.places.push(Place { at, time });
+            line.lengths.push(before + length);
+        }
+        line
+    }
+
+    fn length(&self) -> f64 {
+        self.lengths.last().copied().unwrap_or(0.0)
+    }
+
+    /// The place at a length.
+    fn at(&self, along: f64) -> Place {
+        let after = self.lengths.partition_point(|length| *length < along).clamp(1, self.places.len() - 1);
+        let (from, to) = (self.lengths[after - 1], self.lengths[after]);
+        self.between(after, if to > from { ((along - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 })
+    }
+
+    fn between(&self, after: usize, share: f64) -> Place {
+        let (from, to) = (&self.places[after - 1], &self.places[after]);
+        Place { at: from.at.lerp(&to.at, share), time: from.time + (to.time - from.time) * share }
+    }
+
+    /// The place nearest to a point between two lengths.
+    fn nearest(&self, point: &Vector3<f64>, [from, to]: [f64; 2]) -> OnLine {
+        let first = self.lengths.partition_point(|length| *length < from).clamp(1, self.places.len() - 1);
+        let mut best = (f64::INFINITY, first, 0.0);
+        for after in first..self.places.len() {
+            if self.lengths[after - 1] > to {
+                break;
+            }
+            let (a, b) = (self.places[after - 1].at, self.places[after].at);
+            let way = b - a;
+            let square = way.norm_squared();
+            let share = if square > 0.0 { ((point - a).dot(&way) / square).clamp(0.0, 1.0) } else { 0.0 };
+            let distance = (point - a.lerp(&b, share)).norm_squared();
+            if distance < best.0 {
+                best = (distance, after, share);
+            }
+        }
+        let (_, after, share) = best;
+        let along = self.lengths[after - 1] + (self.lengths[after] - self.lengths[after - 1]) * share;
+        OnLine { place: self.between(after, share), along }
+    }
+}
+
+/// The law as numbers about zero, each over its prior's standard deviation: logarithms of factors on [`PathLaw::TYPICAL`], then
+/// the numbers of the axes.
+fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
+    let typical = PathLaw::TYPICAL;
+    let factor = |i: usize| (LAW_SIGMA * numbers[i]).exp();
+    PathLaw {
+        zone_share: typical.zone_share * factor(0),
+        smoothing: [typical.smoothing[0] * factor(1), typical.smoothing[1] * factor(2)],
+        acceleration: typical.acceleration * factor(3),
+        corner_acceleration: typical.corner_acceleration * factor(4),
+        axis_smoothing: match of_axes {
+            OfAxes::Smoothing => Joints::from_fn(|axis, _| (AXIS_SIGMA * numbers[SHARED + axis]).exp()),
+            OfAxes::Lag => typical.axis_smoothing,
+        },
+        lag: match of_axes {
+            OfAxes::Smoothing => typical.lag,
+            OfAxes::Lag => Joints::from_fn(|axis, _| LAG_SIGMA * numbers[SHARED + axis]),
+        },
+    }
+}
+
+/// The law that fits better: with a smoothing of its own for each axis, or with a lag. Both have as many numbers.
+fn fit(robot: &Robot, runs: &[(usize, Run<'_>)]) -> Result<PathLaw, LogError> {
+    let (smoothing, lag) = (fit_with(robot, runs, OfAxes::Smoothing)?, fit_with(robot, runs, OfAxes::Lag)?);
+    Ok(if lag.1 < smoothing.1 { lag.0 } else { smoothing.0 })
+}
+
+/// Levenberg and Marquardt's least squares, with the prior as further rows: the law and its sum of squares.
+fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result<(PathLaw, f64), LogError> {
+    let residuals = |numbers: &DVector<f64>| -> Result<DVector<f64>, LogError> {
+        let law = law_of(numbers, of_axes);
+        let all: Result<Vec<Compared>, LogError> = runs
+            .par_iter()
+            .map(|(i, run)| run.compare(robot, Some(&law)).map_err(|error| LogError::Path(*i, error)))
+            .collect();
+        #[allow(clippy::cast_precision_loss)]
+        let weight = (INDEPENDENT / PLACES as f64).sqrt();
+        let rows = all?.into_iter().flat_map(|compared| {
+            let off =
+                compared.off.into_iter().flat_map(|off| [off.x, off.y, off.z].map(|off| weight * off / PATH_SIGMA));
+            off.chain(compared.late.into_iter().map(|late| weight * late / TIME_SIGMA)).collect::<Vec<_>>()
+        });
+        Ok(DVector::from_vec(rows.chain(numbers.iter().copied()).collect()))
+    };
+    // Both averages begin with a width of their own: alike, they could not be told apart.
+    let mut numbers = DVector::zeros(NUMBERS);
+    (numbers[1], numbers[2]) = (0.1, -0.1);
+    let mut here = residuals(&numbers)?;
+    let mut damping = 1e-3;
+    for _ in 0..ROUNDS {
+        let columns: Result<Vec<DVector<f64>>, LogError> = (0..NUMBERS)
+            .map(|i| {
+                let mut moved = numbers.clone();
+                moved[i] += DIFFERENCE;
+                Ok((residuals(&moved)? - &here) / DIFFERENCE)
+            })
+            .collect();
+        let jacobian = DMatrix::from_columns(&columns?);
+        let (normal, gradient) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&here));
+        let mut gained = 0.0;
+        for _ in 0..6 {
+            let mut damped = normal.clone();
+            for i in 0..NUMBERS {
+                damped[(i, i)] *= 1.0 + damping;
+            }
+            let Some(step) = damped.cholesky().map(|factor| factor.solve(&gradient)) else { break };
+            let next = &numbers - step;
+            let there = residuals(&next)?;
+            if there.norm_squared() < here.norm_squared() {
+                gained = 1.0 - there.norm_squared() / here.norm_squared();
+                (numbers, here) = (next, there);
+                damping = f64::max(0.2 * damping, 1e-9);
+                break;
+            }
+            damping *= 8.0;
+        }
+        if gained < ENOUGH {
+            break;
+        }
+    }
+    Ok((law_of(&numbers, of_axes), here.norm_squared()))
+}

@@ -1,0 +1,205 @@
+//! Paths solved by hand, in a plane that the arm reaches easily.
+
+use super::*;
+use crate::robot::BUILTIN;
+use approx::assert_relative_eq;
+use nalgebra::{Rotation3, Translation3, Vector3};
+
+/// A controller that smooths nothing and knows no inertia, to which each test adds what it is about.
+const PLAIN: PathLaw = PathLaw { zone_share: 1.0, ..PathLaw::AS_WRITTEN };
+
+/// A tool that points down, at a place of a horizontal plane, mm from its middle.
+struct Bench {
+    robot: Robot,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let builtin = BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").expect("a built-in robot");
+        Self { robot: builtin.robot() }
+    }
+
+    fn at(&self, x: f64, y: f64) -> Pose {
+        let down = Rotation3::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
+        Pose::from_parts(Translation3::new(1.2 + 1e-3 * x, 1e-3 * y, 0.9), down)
+    }
+
+    fn waypoint(&self, [x, y]: [f64; 2], lead: Lead, zone_mm: Option<f64>) -> Waypoint {
+        let base_from_tcp = self.at(x, y);
+        let near = Joints::new(0.0, 0.0, 0.0, 0.0, 0.5, 0.0);
+        let motor = self.robot.inverse_near(&base_from_tcp, &near).expect("within reach");
+        let zone = zone_mm.map(|mm| 1e-3 * mm);
+        Waypoint { lead, base_from_tcp, flange_from_tcp: Pose::identity(), motor, feed: 0.1, zone }
+    }
+
+    /// Two sides of a square corner at the origin, 100 mm each, at 100 mm/s.
+    fn corner(&self, zone_mm: Option<f64>) -> Vec<Waypoint> {
+        let line = |at, zone_mm| self.waypoint(at, Lead::Line, zone_mm);
+        vec![line([-100.0, 0.0], None), line([0.0, 0.0], zone_mm), line([0.0, 100.0], None)]
+    }
+
+    /// The TCP at each sample, mm from the middle of the plane.
+    fn driven(&self, law: &PathLaw, waypoints: &[Waypoint]) -> Vec<Vector3<f64>> {
+        let driven = drive(&self.robot, law, waypoints).expect("within reach");
+        let place = |sample: &DrivenSample| {
+            1e3 * (self.robot.forward(&sample.motor).translation.vector - self.at(0.0, 0.0).translation.vector)
+        };
+        driven.iter().map(place).collect()
+    }
+}
+
+/// Least distance from the middle of the plane, mm; samples lie 0.4 mm apart, and the path between them is straight.
+fn nearest(path: &[Vector3<f64>]) -> f64 {
+    let distance = |two: &[Vector3<f64>]| {
+        let way = two[1] - two[0];
+        let share =
+            if way.norm_squared() > 0.0 { (-two[0].dot(&way) / way.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
+        (two[0] + way * share).norm()
+    };
+    path.windows(2).map(distance).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_zone_rounds_a_corner_by_a_parabola() {
+    let bench = Bench::new();
+    // The parabola through both ends of the zone is nearest half way between the corner and the middle of the chord: r √2 / 4.
+    let path = bench.driven(&PLAIN, &bench.corner(Some(10.0)));
+    assert_relative_eq!(nearest(&path), 10.0 * 2f64.sqrt() / 4.0, epsilon = 0.02);
+    // A share of the zone, a zone that is wider than half the way, and none.
+    let half = PathLaw { zone_share: 0.5, ..PLAIN };
+    assert_relative_eq!(
+        nearest(&bench.driven(&half, &bench.corner(Some(10.0)))),
+        5.0 * 2f64.sqrt() / 4.0,
+        epsilon = 0.02
+    );
+    assert_relative_eq!(
+        nearest(&bench.driven(&PLAIN, &bench.corner(Some(400.0)))),
+        50.0 * 2f64.sqrt() / 4.0,
+        epsilon = 0.02
+    );
+    assert!(nearest(&bench.driven(&PLAIN, &bench.corner(None))) < 1e-3);
+}
+
+#[test]
+fn a_moving_average_rounds_a_corner_by_the_speed() {
+    let bench = Bench::new();
+    let law = PathLaw { smoothing: [0.08, 0.0], ..PLAIN };
+    // The mean of the way over the average's 80 ms: each side gives a quarter of 80 ms at 100 mm/s, 2 mm, at a right angle.
+    let path = bench.driven(&law, &bench.corner(Some(0.0)));
+    assert_relative_eq!(nearest(&path), 2.0 * 2f64.sqrt() / 2.0 * 1.0, epsilon = 0.02);
+    // At a stop the axes come to rest, whatever the smoothing.
+    assert!(nearest(&bench.driven(&law, &bench.corner(None))) < 0.01);
+}
+
+#[test]
+fn a_moving_average_leads_inside_an_arc() {
+    let bench = Bench::new();
+    let (radius, width, feed) = (50.0, 0.2, 100.0);
+    let via = bench.at(0.0, radius);
+    let waypoints =
+        [bench.waypoint([radius, 0.0], Lead::Line, None), bench.waypoint([-radius, 0.0], Lead::Arc(via), None)];
+    let path = bench.driven(&PathLaw { smoothing: [width, 0.0], ..PLAIN }, &waypoints);
+    // The mean over an arc of half angle a lies at sin(a)/a of the radius.
+    let half_angle = 0.5 * feed * width / radius;
+    let middle = path[path.len() / 2].norm();
+    assert_relative_eq!(middle, radius * half_angle.sin() / half_angle, epsilon = 2e-3);
+}
+
+#[test]
+fn a_speed_that_is_never_reached_costs_the_time_of_the_acceleration() {
+    let bench = Bench::new();
+    let waypoints = [bench.waypoint([0.0, 0.0], Lead::Line, None), bench.waypoint([10.0, 0.0], Lead::Line, None)];
+    // 10 mm from rest to rest at 0.5 m/s²: 2 √(s/a) = 0.283 s; at 100 mm/s without inertia 0.1 s.
+    let time = |law: &PathLaw| drive(&bench.robot, law, &waypoints).expect("within reach").last().map(|last| last.time);
+    let slow = time(&PathLaw { acceleration: 0.5, ..PLAIN }).expect("samples");
+    assert_relative_eq!(slow, 2.0 * (0.01f64 / 0.5).sqrt(), epsilon = 2.0 * SAMPLE_S);
+    assert_relative_eq!(time(&PLAIN).expect("samples"), 0.1, epsilon = 2.0 * SAMPLE_S);
+}
+
+#[test]
+fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
+    let law = PathLaw { smoothing: [0.06, 0.06], corner_acceleration: 4.0, ..PLAIN };
+    // Without a rounding the change of velocity, √2 v at a right angle, takes the spread of the smoothing: √(2 · 0.06² / 12) s.
+    let turn = 2f64.sqrt();
+    let spread = (2.0 * 0.06f64.powi(2) / 12.0).sqrt();
+    assert_relative_eq!(law.corner_speed(turn, 0.0), 4.0 * spread / turn, epsilon = 1e-12);
+    // With one of radius r it takes 2 r / v longer.
+    let (radius, speed) = (0.01, law.corner_speed(turn, 0.01));
+    assert_relative_eq!(turn * speed / (spread + 2.0 * radius / speed), 4.0, epsilon = 1e-9);
+    assert_eq!(law.corner_speed(0.0, 0.0), f64::INFINITY);
+}
+
+#[test]
+fn axes_that_are_smoothed_alike_keep_a_line_and_others_leave_it_where_it_speeds_up() {
+    let bench = Bench::new();
+    let waypoints =
+        [bench.waypoint([-100.0, -50.0], Lead::Line, None), bench.waypoint([100.0, 50.0], Lead::Line, None)];
+    let off = |law: &PathLaw| {
+        let across = Vector3::new(-0.5, 1.0, 0.0).normalize();
+        bench.driven(law, &waypoints).iter().map(|at| at.dot(&across).abs()).fold(0.0, f64::max)
+    };
+    let alike = PathLaw { smoothing: [0.06, 0.06], acceleration: 4.0, ..PLAIN };
+    // A line is no straight line of motor angles: what its bend leaves is some micrometres.
+    assert!(off(&alike) < 0.01, "{}", off(&alike));
+    let apart = PathLaw { axis_smoothing: Joints::new(1.5, 1.0, 1.0, 1.0, 1.0, 1.0), ..alike };
+    assert!(off(&apart) > 0.05, "{}", off(&apart));
+}
+
+#[test]
+fn the_program_is_found_in_a_log_with_lead_in_and_lead_out() {
+    let bench = Bench::new();
+    let waypoints = bench.corner(Some(10.0));
+    let law = PathLaw { smoothing: [0.06, 0.06], ..PLAIN };
+    let run = drive(&bench.robot, &law, &waypoints).expect("within reach");
+    let elsewhere = bench.waypoint([-150.0, 20.0], Lead::Line, None).motor;
+    let mut samples = Vec::new();
+    let mut push = |motor: Joints| {
+        #[allow(clippy::cast_precision_loss)]
+        let time = 100.0 + SAMPLE_S * samples.len() as f64;
+        samples.push(LogSample { time, motor });
+    };
+    // From elsewhere to the start, a rest there, the run, a rest at its end, and back.
+    (0..50).for_each(|k| push(elsewhere + (waypoints[0].motor - elsewhere) * (f64::from(k) / 49.0)));
+    (0..100).for_each(|_| push(waypoints[0].motor));
+    run.iter().for_each(|sample| push(sample.motor));
+    (0..100).for_each(|_| push(waypoints[2].motor));
+    (0..50).for_each(|k| push(waypoints[2].motor + (elsewhere - waypoints[2].motor) * (f64::from(k) / 49.0)));
+    let log = Log { file: String::new(), samples };
+    let found = log.of_program(&bench.robot, &waypoints, 0.05).expect("in the log");
+    let seconds = found[found.len() - 1].time - found[0].time;
+    let whole = run.last().map_or(0.0, |last| last.time);
+    // Ends are found to half a millimetre: at rest that is a few samples.
+    assert!((whole - 0.1..=whole).contains(&seconds), "{seconds} of {whole} s");
+    assert!(log.of_program(&bench.robot, &[bench.waypoint([300.0, 300.0], Lead::Line, None)], 0.05).is_none());
+}
+
+/// The search itself: logs that the law made are fitted to a few micrometres on logs that the fit has not seen. That the law is
+/// that of real controllers, only their logs show.
+#[test]
+fn a_law_is_found_again_in_logs_that_it_made() {
+    let bench = Bench::new();
+    let truth = PathLaw {
+        zone_share: 0.8,
+        smoothing: [0.07, 0.05],
+        axis_smoothing: Joints::new(1.3, 1.1, 0.9, 0.7, 0.7, 1.2),
+        acceleration: 5.0,
+        corner_acceleration: 2.0,
+        ..PathLaw::TYPICAL
+    };
+    let runs: Vec<(Vec<Waypoint>, Log)> = [(0.05, 1.0), (0.05, 10.0), (0.2, 1.0), (0.2, 10.0), (0.1, 5.0)]
+        .into_iter()
+        .map(|(feed, zone_mm)| {
+            let mut waypoints = bench.corner(Some(zone_mm));
+            waypoints.iter_mut().for_each(|waypoint| waypoint.feed = feed);
+            let driven = drive(&bench.robot, &truth, &waypoints).expect("within reach");
+            let samples = driven.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
+            (waypoints, Log { file: String::new(), samples })
+        })
+        .collect();
+    let logs: Vec<_> = runs.iter().map(|(waypoints, log)| (&waypoints[..], log)).collect();
+    let found = fit_law(&bench.robot, &logs).expect("five logs");
+    assert_eq!((found.fitted_logs, found.held_out_logs), (4, 1));
+    assert!(found.after.max_mm < 0.1 * found.before.max_mm, "{found:?}");
+    assert!((found.run_time_s.measured - found.run_time_s.predicted).abs() < 0.02, "{found:?}");
+    assert_eq!(fit_law(&bench.robot, &logs[..1]).err(), Some(LogError::OneLog));
+}
