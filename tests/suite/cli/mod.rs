@@ -8,6 +8,7 @@ mod bounds;
 mod care;
 mod ci;
 mod cl_post;
+mod driven;
 #[cfg(unix)]
 mod durable;
 #[cfg(unix)]

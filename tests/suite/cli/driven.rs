@@ -1,0 +1,104 @@
+//! The path that the controller drives: its law from logs, and the path by it.
+
+use super::bench::Bench;
+use deflex::cell::Cell;
+use deflex::correct::{Course, Options, Prepared};
+use deflex::drive::{PathLaw, drive};
+use deflex::program::rapid;
+use deflex::text::Source;
+use serde_json::Value;
+use std::fmt::Write;
+
+const CELL: &str = "[robot]\nmodel = \"irb6660-205-1.9\"\n[cut]\nforce = \"none\"\n";
+
+/// A square corner at (1200, 0, 900), 100 mm each way, straight down.
+fn program(speed: &str, zone: &str) -> String {
+    let to = |x: f64, y: f64, zone: &str| {
+        let axes = "[9E9,9E9,9E9,9E9,9E9,9E9]";
+        format!("    MoveL [[{x:.1},{y:.1},900],[0,0,1,0],[0,0,0,0],{axes}],{speed},{zone},tMill;\n")
+    };
+    let tool = "  PERS tooldata tMill:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n";
+    let moves = to(1100.0, 0.0, "fine") + &to(1200.0, 0.0, zone) + &to(1200.0, 100.0, "fine");
+    format!("MODULE m\n{tool}  PROC main()\n{moves}  ENDPROC\nENDMODULE\n")
+}
+
+/// The log of a controller with a law.
+fn log(program: &str, law: &PathLaw) -> String {
+    let cell = Cell::read(&Source::new("cell.toml", CELL)).unwrap();
+    let program = rapid::read(vec![Source::new("m.mod", program)], Vec::new()).unwrap();
+    let prepared = Prepared::new(&program, &cell, &Options::default()).unwrap();
+    let course = Course::new(&program, &cell, &prepared).unwrap();
+    let mut text = "time_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n".to_owned();
+    for sample in drive(&cell.arm.robot, law, &course.waypoints).unwrap() {
+        let axes = cell.arm.robot.axes_deg_from_motor(&sample.motor).map(|deg| format!("{deg:.5}")).join(",");
+        writeln!(text, "{:.3},{axes}", sample.time).unwrap();
+    }
+    text
+}
+
+/// Least distance (mm) of a path in CSV from the corner.
+fn from_corner(path: &str) -> f64 {
+    let distance = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        ((cells[2] - 1200.0).powi(2) + cells[3].powi(2) + (cells[4] - 900.0).powi(2)).sqrt()
+    };
+    path.lines().skip(1).map(distance).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn logs_give_the_law_and_the_law_gives_the_path() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    let law = PathLaw { zone_share: 0.8, smoothing: [0.07, 0.05], ..PathLaw::TYPICAL };
+    let mut arguments = "identify --cell cell.toml -o found.toml --json found.json".to_owned();
+    for (i, (speed, zone)) in [("v50", "z1"), ("v50", "z10"), ("v200", "z1"), ("v200", "z10")].into_iter().enumerate() {
+        let text = program(speed, zone);
+        bench.write(&format!("p{i}.mod"), &text);
+        bench.write(&format!("l{i}.csv"), log(&text, &law));
+        write!(arguments, " --log p{i}.mod l{i}.csv").unwrap();
+    }
+    let ran = bench.run(&arguments).exits(0);
+    assert!(ran.stdout.contains("judged on 1 log that no fit has seen"), "{}", ran.stdout);
+    let found: Value = serde_json::from_str(&bench.read("found.json")).unwrap();
+    let rms = |when: &str| found["path"][when]["rms_mm"].as_f64().unwrap();
+    assert!(rms("after") < 0.1 * rms("before"), "{found:#}");
+    let time = |whose: &str| found["path"]["run_time_s"][whose].as_f64().unwrap();
+    assert!((time("measured") - time("predicted")).abs() < 0.05, "{found:#}");
+
+    // A speed and a zone that no log had, against the law that made the logs.
+    bench.write("other.mod", program("v100", "z5"));
+    let path = bench.run("predict other.mod --cell found.toml --path - -q").exits(0).stdout;
+    assert!(path.starts_with("time_s,target,x_mm,y_mm,z_mm,qw,qx,qy,qz,feed_mm_s,fx_n,fy_n,fz_n\n"), "{path}");
+    let by_the_law = "[controller.path]\nzone_share = 0.8\nsmoothing_s = [0.07, 0.05]\nacceleration_mm_s2 = 8000.0\n";
+    bench.write("law.toml", format!("{CELL}{by_the_law}corner_acceleration_mm_s2 = 4000.0\n"));
+    let expected = bench.run("predict other.mod --cell law.toml --path - -q").exits(0).stdout;
+    let (is, should) = (from_corner(&path), from_corner(&expected));
+    assert!(should > 1.0 && (is - should).abs() < 0.1 * should, "{is} for {should} mm");
+}
+
+#[test]
+fn without_a_law_corners_are_as_written_and_that_is_said() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    bench.write("p.mod", program("v50", "z10"));
+    let ran = bench.run("predict p.mod --cell cell.toml --path path.csv --report r.csv").exits(0);
+    // A parabola over a zone of 10 mm at a right angle: 10 √2 / 4 mm.
+    assert!(ran.stderr.contains("round them by up to 3.54 mm"), "{}", ran.stderr);
+    assert!(from_corner(&bench.read("path.csv")) < 0.2);
+}
+
+#[test]
+fn logs_that_cannot_be_used_are_refused() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    let text = program("v50", "z1");
+    bench.write("p.mod", &text);
+    bench.write("l.csv", log(&text, &PathLaw::TYPICAL));
+    bench.write("none.csv", "target,x_mm,y_mm,z_mm\n1,1,2,3\n");
+    let refused = |logs: &str| bench.run(&format!("identify --cell cell.toml {logs}")).exits(2).stderr;
+    assert!(refused("--log p.mod l.csv").contains("one log cannot be judged"));
+    let without_time = refused("--log p.mod none.csv --log p.mod l.csv");
+    assert!(without_time.contains("`time_s` is missing") && without_time.contains("none.csv"), "{without_time}");
+    bench.write("far.mod", text.replace("1100.0,0.0,900", "1100.0,-300.0,900"));
+    assert!(refused("--log far.mod l.csv --log p.mod l.csv").contains("the axes do not pass the first"));
+}
