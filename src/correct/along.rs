@@ -9,8 +9,8 @@
 use super::deviation::{Commanded, WalkedPath};
 use super::mount::is_entered_elsewhere;
 use super::segment::{Kind, Segment, Start};
-use crate::drive::Track;
 use super::{Point, Prepared};
+use crate::drive::Track;
 use crate::equilibrium::Setting;
 use crate::program::{Program, Target};
 use crate::robot::{Excursion, Joints, Pose, Robot, Unreachable, turn_between};

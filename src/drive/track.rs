@@ -80,7 +80,7 @@ impl Track {
     }
 
     /// How far the orientation turns, rad; of an arc through a circle point as if its faster part were all of it.
-    pub(super) fn turn(&self) -> f64 {
+    pub(crate) fn turn(&self) -> f64 {
         match &self.turn {
             Turn::None => 0.0,
             Turn::Even(turn) => turn.norm(),

@@ -93,7 +93,9 @@ fn readable(text: String) -> String {
     if text.len() <= LONGEST {
         return text;
     }
-    let [head, tail] = [text.floor_char_boundary(LONGEST * 3 / 4), text.ceil_char_boundary(text.len() - LONGEST / 4)];
+    let is_between_characters = |at: &usize| text.is_char_boundary(*at);
+    let head = (0..=LONGEST * 3 / 4).rev().find(is_between_characters).unwrap_or(0);
+    let tail = (text.len() - LONGEST / 4..=text.len()).find(is_between_characters).unwrap_or(text.len());
     format!("{} … ({} bytes left out) … {}", &text[..head], tail - head, &text[tail..])
 }
 
