@@ -176,10 +176,13 @@ impl MeasuredRow {
     }
 }
 
+/// The lines that were read ahead for the header, then the rest of the file.
+type Text<R> = Chain<Cursor<Vec<u8>>, BufReader<LineFeeds<R>>>;
+
 /// The rows of a table that is not held, or what is wrong with them; it ends where too many are.
 pub struct Rows<R> {
     file: String,
-    records: csv::ByteRecordsIntoIter<Chain<Cursor<Vec<u8>>, BufReader<LineFeeds<R>>>>,
+    records: csv::ByteRecordsIntoIter<Text<R>>,
     place: Places,
     decimal: Decimal,
     clock: Clock,
