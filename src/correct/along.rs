@@ -39,6 +39,12 @@ const STRAIGHT: f64 = 0.1;
 /// A piece is not halved below this share of its way: what is left of a flip of the wrist there is no speed any more.
 const SHORTEST: f64 = 1e-6;
 
+/// Share of the distance that is enough below which a posture counts as singular itself: what is nearer is not told apart.
+const IN_IT: f64 = 0.02;
+
+/// Parts in which a long way is followed from its start.
+const PARTS: u16 = 32;
+
 /// Pieces of one way that are looked at: many more than any regular way needs.
 const MOST: usize = 20_000;
 
@@ -198,6 +204,20 @@ pub(super) struct Fault {
     pub(super) limit: f64,
 }
 
+impl Worst {
+    /// Takes in a place that is out of reach.
+    fn miss(&mut self, share: f64, unreachable: Unreachable) {
+        let value = match unreachable {
+            Unreachable::OutOfReach { by_mm } => by_mm,
+            Unreachable::NotConverged { left_mm } => left_mm,
+            Unreachable::Limit(_) => 0.0,
+        };
+        if self.unreachable.is_none_or(|known| value > known.value) {
+            self.unreachable = Some(Fault { fault: WayFault::Unreachable, share, axis: 0, value, limit: 0.0 });
+        }
+    }
+}
+
 impl Fault {
     /// On the way into a target, by its index.
     pub(super) fn at_target(self, index: usize) -> WayFinding {
@@ -257,10 +277,36 @@ impl Way<'_> {
             self.robot.inverse_in(branch, &(self.setting)(share).base_from_flange(&self.track.pose(share)), near)
         };
         // On a way the arm keeps its branch, wherever that leads.
-        let [from, to] = self.motors;
-        let to = if self.robot.branch(&to) == branch { to } else { there(1.0, &to).unwrap_or(to) };
-        self.look(&mut worst, 1.0, &to);
-        let mut open = vec![([0.0, 1.0], [from, to], ends)];
+        let mut open = Vec::new();
+        let whole = self.piece((1.0, bend), &self.motors, &ends);
+        let [from, to] = &self.motors;
+        let is_short = whole.turn < STRAIGHT && bend < STRAIGHT && (to - from).amax() < 1.0;
+        if is_short && self.robot.branch(to) == branch {
+            self.look(&mut worst, 1.0, to);
+            open.push(([0.0, 1.0], self.motors, ends));
+        } else {
+            // Followed from the start: axes may turn by more than half a turn.
+            let mut last = Some((0.0, self.motors[0], ends[0]));
+            let mut near = self.motors[0];
+            for part in 1..=PARTS {
+                let share = f64::from(part) / f64::from(PARTS);
+                match there(share, &near) {
+                    Ok(motor) => {
+                        self.look(&mut worst, share, &motor);
+                        let here = (share, motor, self.base_from_tcp(share));
+                        if let Some((from, before, start)) = last {
+                            open.push(([from, share], [before, motor], [start, here.2]));
+                        }
+                        (last, near) = (Some(here), motor);
+                    }
+                    Err(unreachable) => {
+                        worst.miss(share, unreachable);
+                        last = None;
+                    }
+                }
+            }
+            open.reverse();
+        }
         for _ in 0..MOST {
             let Some((shares, motors, ends)) = open.pop() else { break };
             let span = shares[1] - shares[0];
@@ -292,17 +338,7 @@ impl Way<'_> {
                     open.push(([middle, shares[1]], [motor, motors[1]], [there, ends[1]]));
                     open.push(([shares[0], middle], [motors[0], motor], [ends[0], there]));
                 }
-                Err(unreachable) => {
-                    let value = match unreachable {
-                        Unreachable::OutOfReach { by_mm } => by_mm,
-                        Unreachable::NotConverged { left_mm } => left_mm,
-                        Unreachable::Limit(_) => 0.0,
-                    };
-                    if worst.unreachable.is_none_or(|known| value > known.value) {
-                        let fault = WayFault::Unreachable;
-                        worst.unreachable = Some(Fault { fault, share: middle, axis: 0, value, limit: 0.0 });
-                    }
-                }
+                Err(unreachable) => worst.miss(middle, unreachable),
             }
         }
         let Worst { limit, speed, singular, unreachable } = worst;
@@ -333,9 +369,9 @@ impl Way<'_> {
     fn is_all_singular(&self, motors: &[Joints; 2], worst: &Worst) -> bool {
         let in_it = |motor: &Joints| {
             let [wrist, elbow, shoulder] = self.robot.clearance(motor).unwrap_or([f64::INFINITY; 3]);
-            wrist < 0.5 * SINGULAR || elbow < 0.5 * SINGULAR || shoulder < 0.5 * SINGULAR_SHOULDER
+            wrist < IN_IT * SINGULAR || elbow < IN_IT * SINGULAR || shoulder < IN_IT * SINGULAR_SHOULDER
         };
-        worst.singular.is_some_and(|(share, _)| share < 0.5) && motors.iter().all(in_it)
+        worst.singular.is_some_and(|(share, _)| share < IN_IT) && motors.iter().all(in_it)
     }
 
     fn piece<'m>(&self, (span, bend): (f64, f64), motors: &'m [Joints; 2], ends: &[Pose; 2]) -> Piece<'m> {
@@ -344,7 +380,8 @@ impl Way<'_> {
         let setting = (self.setting)(1.0);
         let longer = if bend > 0.0 { LONGER } else { 1.0 };
         let length = longer * (ends[1].translation.vector - ends[0].translation.vector).norm();
-        let turn = longer * turn_between(&ends[0].rotation, &ends[1].rotation).norm();
+        // Through a circle point the orientation may turn there and back.
+        let turn = (longer * turn_between(&ends[0].rotation, &ends[1].rotation).norm()).max(span * self.track.turn());
         let lever = if setting.held { 0.0 } else { setting.tool.flange_from_tcp.translation.vector.norm() };
         let time = time(span * self.track.length(), span * self.track.turn(), self.feed_mm_s);
         Piece { length, turn, time, lever: lever + self.robot.wrist_lever(), motors: [&motors[0], &motors[1]] }

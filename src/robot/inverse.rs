@@ -309,8 +309,8 @@ impl Robot {
         Some(Branch { rear, behind, flipped }.cfx())
     }
 
-    /// The motor angles of a branch that reach a flange pose, in the turns nearest to `near` (rad): a linear move keeps its branch.
-    /// Axis limits are not looked at; without a branch it is [`Robot::inverse_near_unlimited`].
+    /// The motor angles of a branch that reach a flange pose, in the turns nearest to `near` (rad): a linear move keeps its branch,
+    /// and turns its axes on beyond their limits too. Axis limits are not looked at; without a branch it is [`Robot::inverse_near_unlimited`].
     ///
     /// # Errors
     /// The branch does not reach the pose.
@@ -325,7 +325,8 @@ impl Robot {
         };
         let solution = self.inverse(base_from_flange, near)?[branch];
         let by_mm = || 1e3 * form.out_of_reach(base_from_flange, Branch::ALL[branch].rear);
-        solution.map(|motor| self.nearest_turns(&motor, near)).ok_or_else(|| Unreachable::OutOfReach { by_mm: by_mm() })
+        let turned = |motor: Joints| motor.zip_map(near, |own, near| own + ((near - own) / TAU).round() * TAU);
+        solution.map(turned).ok_or_else(|| Unreachable::OutOfReach { by_mm: by_mm() })
     }
 
     /// Posture at motor angles: wrist centre behind axis 1; wrist centre behind the lower arm.

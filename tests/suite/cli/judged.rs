@@ -217,7 +217,7 @@ fn what_is_wrong_between_targets_is_a_finding_with_its_figures() {
     let singular = findings.iter().find(|finding| finding["code"] == "singular").expect("a finding");
     assert_eq!((&singular["target"], &singular["axis"], &singular["line"]), (&3.into(), &5.into(), &5.into()));
     let (share, value) = (singular["share"].as_f64().unwrap(), singular["value"].as_f64().unwrap());
-    assert!((0.5..0.75).contains(&share) && value < 0.02, "{singular}");
+    assert!((0.5..0.75).contains(&share) && value < 0.03, "{singular}");
     // A correction says so, and is written.
     let said = bench.run("compensate s.mod --cell none.toml -o out.mod").exits(0).stderr;
     assert!(said.contains("singular posture") && said.contains("target 3"), "{said}");

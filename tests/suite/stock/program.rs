@@ -193,7 +193,7 @@ fn a_plunge_is_cut_along_the_axis() {
         {
             for row in &predicted.unwrap().rows[1..] {
                 let force = Vector3::from(row.force_n);
-                assert!(force.z > 100.0 && force.x.hypot(force.y) < 0.02 * force.z, "{x}: {force:?}");
+                assert!(force.z > 100.0 && force.x.hypot(force.y) < 0.05 * force.z, "{x}: {force:?}");
             }
         }
     }
