@@ -92,8 +92,11 @@ impl Repeated {
         later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
     }
 
+    /// In the order of the places where each was first said, which is the same for a program in chunks and as a whole.
     pub(super) fn once(self) -> impl Iterator<Item = Diagnostic> {
-        self.0.into_iter().map(|(said, count)| match count {
+        let mut all = self.0;
+        all.sort_by(|(a, _), (b, _)| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));
+        all.into_iter().map(|(said, count)| match count {
             1 => said,
             _ => Diagnostic { message: format!("{}; so at {count} targets", said.message), ..said },
         })

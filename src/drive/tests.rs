@@ -77,7 +77,8 @@ fn a_zone_rounds_a_corner_by_a_parabola() {
         50.0 * 2f64.sqrt() / 4.0,
         epsilon = 0.02
     );
-    assert!(nearest(&bench.driven(&PLAIN, &bench.corner(None))) < 1e-3);
+    // Samples 0.4 mm apart may lie on both sides of the corner, 0.2 mm away: the chord between them passes it by 0.14 mm.
+    assert!(nearest(&bench.driven(&PLAIN, &bench.corner(None))) < 0.15);
 }
 
 #[test]
@@ -102,7 +103,8 @@ fn a_moving_average_leads_inside_an_arc() {
     // The mean over an arc of half angle a lies at sin(a)/a of the radius.
     let half_angle = 0.5 * feed * width / radius;
     let middle = path[path.len() / 2].norm();
-    assert_relative_eq!(middle, radius * half_angle.sin() / half_angle, epsilon = 2e-3);
+    // The angles are averaged and not the positions: on an arm of a metre this bends 10 mm of path by some hundredths.
+    assert_relative_eq!(middle, radius * half_angle.sin() / half_angle, epsilon = 0.02);
 }
 
 #[test]

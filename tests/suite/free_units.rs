@@ -178,7 +178,8 @@ fn a_table_turns_the_part_to_where_the_arm_is_stiff() {
     let best = least(&turns, ("eax_b", &places, 5.0), &format!("{ON_TABLE}{table}"));
     let stands = cell("spin = \"stiffest\"\nexternal = { eax_b = 75.0 }\n", &format!("{ON_TABLE}{table}"));
     let from = rms(&errors(&predict(&path(&stands), &stands, &Options::default(), None).unwrap()));
-    assert!(from - chosen >= 0.9 * (from - best), "{from} {chosen} {best}");
+    // Where the ways may lead bounds the choice: it is as good as the best table that stands still, and near one that is held at its limit.
+    assert!(chosen <= best && chosen <= 1.05 * from, "{from} {chosen} {best}");
 }
 
 #[test]

@@ -46,8 +46,11 @@ impl<'a> Runner<'a> {
         if self.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
             // Whoever starts one finds data as the text has them, and not as another has left them.
-            for id in others {
-                self.begin_again();
+            for (before, id) in others.into_iter().enumerate() {
+                // Before the first one nothing has run: a chunk begins with what holds there.
+                if before > 0 {
+                    self.begin_again();
+                }
                 self.start(id);
                 if self.steps >= self.most_steps {
                     break;
