@@ -98,6 +98,7 @@ fn effects(survey: &Survey) -> Vec<Box<dyn Effect>> {
 
 /// The arm with one effect more, which stands in place of one of its kind: springs that a cell has without saying so are there once.
 fn with(cell: &Cell, effect: Option<Box<dyn Effect>>) -> Arm {
+    #[allow(clippy::borrowed_box)] // what a filter over a list of effects is handed
     let stays = |other: &&Box<dyn Effect>| effect.as_ref().is_none_or(|effect| effect.kind() != other.kind());
     let stay: Vec<_> = cell.arm.effects.iter().filter(stays).map(|effect| effect.clone_box()).collect();
     let effects = stay.into_iter().chain(effect).collect();

@@ -590,6 +590,7 @@ mod tests {
     }
 
     #[test]
+    #[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
     fn a_jump_is_what_comes_on_top_of_what_is_left_before_and_behind() {
         // The force goes on: nothing jumps, however short the way.
         assert_eq!(way(3e-4, 3e-4, 2e-4, 2e-4), [0.3, 0.3, 0.0]);

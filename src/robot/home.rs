@@ -54,6 +54,7 @@ mod tests {
     use crate::robot::BUILTIN;
 
     #[test]
+    #[allow(clippy::float_cmp)] // angles of one list
     fn home_is_each_makers_own_and_within_the_limits() {
         for builtin in BUILTIN.iter() {
             let robot = builtin.robot();

@@ -576,6 +576,7 @@ fn what_is_used_by_another_name_stays() {
 
 /// Numbers of every base are what they are: none counts as 0 because it is not decimal.
 #[test]
+#[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
 fn numbers_that_are_not_decimal_are_written_as_they_are() {
     let text = format!(
         "MODULE M\n{DATA}CONST robtarget pH:=[[0x0A,-0b11,0o5],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
@@ -594,6 +595,7 @@ fn numbers_that_are_not_decimal_are_written_as_they_are() {
 
 /// Whoever starts a procedure finds data as the text has them, and not as another procedure left them.
 #[test]
+#[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
 fn procedures_that_nothing_calls_begin_with_the_text() {
     for main in ["", "PROC main()\nnI:=7;\nENDPROC\n"] {
         let text = format!(
