@@ -1,6 +1,6 @@
 //! The user's cell file with effects added, comments and all else kept.
 
-use super::uncertainty;
+use super::uncertainty::{self, Uncertainty};
 use crate::drive::PathLaw;
 use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
@@ -10,8 +10,8 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 pub struct NewEffect {
     /// The `[[effect]]` table, `kind` included.
     pub table: toml::Table,
-    /// Covariance of the parameters, in their order and units.
-    pub covariance: Option<Vec<Vec<f64>>>,
+    /// How far the parameters may be off.
+    pub uncertainty: Option<Uncertainty>,
     /// Where the numbers come from: data hash, rows, errors before and after.
     pub provenance: toml::Table,
 }
@@ -31,8 +31,8 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
     let Some(list) = list.as_array_of_tables_mut() else { return Ok(document.to_string()) };
     for effect in effects {
         let mut table = edited(&effect.table);
-        if let Some(covariance) = &effect.covariance {
-            table.insert("uncertainty", Item::Table(edited(&uncertainty::table(covariance))));
+        if let Some(known) = &effect.uncertainty {
+            table.insert("uncertainty", Item::Table(edited(&uncertainty::table(known))));
         }
         table.insert("provenance", Item::Table(edited(&effect.provenance)));
         let kind = effect.table.get("kind").and_then(toml::Value::as_str);
@@ -118,7 +118,7 @@ mod tests {
         table.insert("half_gap_rad".to_owned(), vec![gap, 0.0, 0.0, 0.0, 0.0, 0.0].into());
         let mut provenance = toml::Table::new();
         provenance.insert("rows".to_owned(), 304.into());
-        NewEffect { table, covariance: Some(vec![vec![1.5e-13; 6]; 6]), provenance }
+        NewEffect { table, uncertainty: Some(Uncertainty::Own(vec![vec![1.5e-13; 6]; 6])), provenance }
     }
 
     #[test]

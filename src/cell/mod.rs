@@ -22,6 +22,7 @@ mod urdf;
 pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended, with_path_law};
+pub use uncertainty::Uncertainty;
 pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
 pub use stock::{PartSection, StockSection};
@@ -51,6 +52,9 @@ pub struct Cell {
     pub arm: Arm,
     /// Covariance of each of `arm.effects`' parameters, in their units and order, where the file has one.
     pub covariances: Vec<Option<DMatrix<f64>>>,
+    /// Rows of each of `arm.effects`' parameters in the factor L that effects share which were identified together: L Lᵀ is the
+    /// covariance of all their parameters.
+    pub joint_factors: Vec<Option<DMatrix<f64>>>,
     /// Where `[robot] start_deg` starts, rad.
     pub start: Option<Joints>,
     /// Tools by name, upper case (RAPID names are case-insensitive); those whose frame the program has to declare are not here.

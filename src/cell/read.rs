@@ -101,7 +101,7 @@ impl Cell {
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
         let still = || wobjs.keys().filter(|name| !wobj_units.contains_key(*name));
         let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), still()));
-        let (effects, covariances) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
+        let (effects, covariances, joint_factors) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
             robot.as_ref().map_or_else(Joints::zeros, |robot| robot.motor_from_axes_deg(&deg))
@@ -116,6 +116,7 @@ impl Cell {
             Some(robot) if check.errors.is_empty() => Ok(Self {
                 arm: Arm { robot, stiffness, effects },
                 covariances,
+                joint_factors,
                 start,
                 tools,
                 tool_milling,
@@ -434,7 +435,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
 /// Longest smoothing and lag that a controller is given, s: ten times those of the slowest that were measured.
 const SLOWEST_S: f64 = 2.0;
 
-type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>);
+type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>, Vec<Option<DMatrix<f64>>>);
 
 fn effects(
     check: &mut Check,
@@ -442,7 +443,7 @@ fn effects(
     stiffness: bool,
     controller: &mut Controller,
 ) -> Effects {
-    let (mut effects, mut covariances): Effects = (Vec::new(), Vec::new());
+    let (mut effects, mut covariances, mut joint): Effects = (Vec::new(), Vec::new(), Vec::new());
     for (i, table) in raw.iter().enumerate() {
         let mut table = table.clone();
         let uncertainty = table.remove("uncertainty");
@@ -491,19 +492,21 @@ fn effects(
             controller.left_out.push(name);
             continue;
         }
-        covariances.push(covariance(check, &key, uncertainty, effect.parameters().len()));
+        covariances.push(covariance(check, &key, uncertainty.as_ref(), effect.parameters().len()));
+        joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.parameters().len())));
         effects.push(effect);
     }
     if stiffness && effects::add_implied(&mut effects) {
         covariances.insert(0, None);
+        joint.insert(0, None);
     }
-    (effects, covariances)
+    (effects, covariances, joint)
 }
 
 /// The covariance over the effect's parameters, where the cell has one.
-fn covariance(check: &mut Check, key: &str, value: Option<toml::Value>, size: usize) -> Option<DMatrix<f64>> {
-    let value = value.filter(|value| value.get("covariance").or(value.get("factors")).is_some())?;
-    let covariance = uncertainty::read(&value, size);
+fn covariance(check: &mut Check, key: &str, value: Option<&toml::Value>, size: usize) -> Option<DMatrix<f64>> {
+    let value = value.filter(|value| uncertainty::KEYS.iter().any(|key| value.get(key).is_some()))?;
+    let covariance = uncertainty::read(value, size);
     if covariance.is_none() {
         check.error(
             key,

@@ -1,16 +1,44 @@
-//! `[effect.uncertainty]`: the covariance of an effect's parameters, in full or, where they are many, as factors.
+//! `[effect.uncertainty]`: the covariance of an effect's parameters, in full or, where they are many, as factors; or of all effects
+//! that were identified together, each with its own rows of one factor.
 
 use nalgebra::DMatrix;
 
 /// More parameters than this are written as factors: in full they would be most of the file.
 const MANY: usize = 64;
 
+/// What is known of how far an effect's parameters may be off, in their order and units.
+#[derive(Clone, Debug)]
+pub enum Uncertainty {
+    /// Their covariance, row by row.
+    Own(Vec<Vec<f64>>),
+    /// Their rows of a factor L, with L Lᵀ the covariance of the parameters of all effects that have such rows; what is left out at
+    /// the end of a row is zero.
+    Joint(Vec<Vec<f64>>),
+}
+
+/// Key of the rows of a factor that effects share.
+const JOINT: &str = "joint_factor";
+
+/// Keys of which a table has one.
+pub(super) const KEYS: [&str; 3] = ["covariance", "factors", JOINT];
+
+/// Digits of a shared factor behind the first: it has a number for every pair of parameters.
+const JOINT_DIGITS: usize = 3;
+
 /// Digits of a factor behind the first: the standard deviation of anything that depends on the parameters keeps four.
 const DIGITS: usize = 5;
 
 /// The table of a covariance: `covariance`, its rows; of many parameters `factors`, the lower triangles L of L Lᵀ of the
 /// blocks along its diagonal, row by row.
-pub(super) fn table(covariance: &[Vec<f64>]) -> toml::Table {
+pub(super) fn table(uncertainty: &Uncertainty) -> toml::Table {
+    let covariance = match uncertainty {
+        Uncertainty::Own(covariance) => covariance,
+        Uncertainty::Joint(rows) => {
+            let short = |value: &f64| format!("{value:.JOINT_DIGITS$e}").parse().unwrap_or(*value);
+            let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.iter().map(short).collect()).collect();
+            return toml::Table::from_iter([(JOINT.to_owned(), rows.into())]);
+        }
+    };
     let factors = (covariance.len() > MANY).then(|| factors(covariance)).flatten();
     let (key, value): (&str, toml::Value) = match factors {
         Some(factors) => ("factors", factors.into()),
@@ -48,9 +76,20 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.DIGITS$e}").parse().unwrap_or(value)
 }
 
+/// The rows of a factor that `size` parameters share with those of other effects; `None` if the table has none of this size.
+pub(super) fn read_joint(table: &toml::Value, size: usize) -> Option<DMatrix<f64>> {
+    let rows: Vec<Vec<f64>> = table.get(JOINT)?.clone().try_into().ok()?;
+    let wide = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let factor = DMatrix::from_fn(rows.len(), wide, |i, j| rows[i].get(j).copied().unwrap_or(0.0));
+    (rows.len() == size && factor.iter().all(|value| value.is_finite())).then_some(factor)
+}
+
 /// The covariance of `size` parameters; `None` if the table has none of this size.
 pub(super) fn read(table: &toml::Value, size: usize) -> Option<DMatrix<f64>> {
     let mut whole = DMatrix::zeros(size, size);
+    if table.get(JOINT).is_some() {
+        return read_joint(table, size).map(|factor| &factor * factor.transpose());
+    }
     if let Some(factors) = table.get("factors") {
         let factors: Vec<Vec<Vec<f64>>> = factors.clone().try_into().ok()?;
         let mut at = 0;
@@ -90,7 +129,7 @@ mod tests {
     #[test]
     fn many_parameters_come_back_from_factors() {
         let covariance = smooth(90);
-        let table = table(&covariance);
+        let table = table(&Uncertainty::Own(covariance.clone()));
         let sizes: Vec<usize> =
             table["factors"].as_array().unwrap().iter().map(|b| b.as_array().unwrap().len()).collect();
         assert_eq!(sizes, [30, 60]);
@@ -106,14 +145,14 @@ mod tests {
     #[test]
     fn few_parameters_and_older_files_have_the_matrix_itself() {
         let covariance = smooth(12);
-        let table = table(&covariance);
+        let table = table(&Uncertainty::Own(covariance.clone()));
         let back = read(&toml::Value::Table(table), 12).unwrap();
         assert!((0..12).all(|i| (0..12).all(|j| back[(i, j)].to_bits() == covariance[i][j].to_bits())));
     }
 
     #[test]
     fn other_sizes_are_none() {
-        let table = toml::Value::Table(table(&smooth(90)));
+        let table = toml::Value::Table(table(&Uncertainty::Own(smooth(90))));
         assert!(read(&table, 89).is_none() && read(&table, 91).is_none());
         let short: toml::Table = toml::from_str("factors = [[[1.0], [2.0]]]").unwrap();
         assert!(read(&toml::Value::Table(short), 2).is_none());

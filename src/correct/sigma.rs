@@ -7,47 +7,53 @@ use crate::cell::Cell;
 use crate::equilibrium::Arm;
 use crate::program::Program;
 use crate::robot::Joints;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-/// Step of a parameter for its derivative, in standard deviations: the model is smooth on that scale.
+/// Step along a direction for its derivative, in standard deviations: the model is smooth on that scale.
 const STEP: f64 = 0.5;
 
-/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with each parameter, and with each
-/// joint where an effect was not seen.
+/// Change of the parameters of some effects together, by one standard deviation along one direction of their covariance.
+type Direction = Vec<(usize, DVector<f64>)>;
+
+/// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with the parameters, and with each
+/// joint where an effect was not seen. Σ is a sum of directions: each is followed by itself, whatever the number of parameters.
 pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
-    let known: Vec<(usize, &DMatrix<f64>)> =
-        cell.covariances.iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c))).collect();
+    let known: Vec<usize> = (0..cell.covariances.len()).filter(|&i| cell.covariances[i].is_some()).collect();
     if known.is_empty() {
         return;
     }
     let at = points_of(rows, program);
     let mut variance = vec![0.0; rows.len()];
-    for (effect, covariance) in known {
-        let base: Vec<f64> = cell.arm.effects[effect].parameters().iter().map(|p| p.value).collect();
-        let columns: Vec<Option<Vec<Vector3<f64>>>> = (0..base.len())
-            .map(|k| {
-                let step = STEP * covariance[(k, k)].max(0.0).sqrt();
-                (step > 0.0).then(|| column(cell, (effect, &base, k, step), prepared, &at, parallelism))
-            })
-            .collect();
-        for (a, left) in columns.iter().enumerate() {
-            for (b, right) in columns.iter().enumerate() {
-                let (Some(left), Some(right)) = (left, right) else { continue };
-                // Curves of different joints are blocks of their own.
-                if covariance[(a, b)].abs() <= 0.0 {
-                    continue;
-                }
-                for (sum, (x, y)) in variance.iter_mut().zip(left.iter().zip(right)) {
-                    *sum += covariance[(a, b)] * x.dot(y);
-                }
-            }
-        }
+    for direction in directions(cell) {
+        let slopes = slopes(cell, &direction, prepared, &at, parallelism);
+        variance.iter_mut().zip(slopes).for_each(|(sum, slope)| *sum += slope.norm_squared());
+    }
+    for effect in known {
         let more = parallelism.map(at.len(), |n| at[n].map_or(0.0, |point| unseen(cell, effect, prepared, point)));
         variance.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     }
     for (row, variance) in rows.iter_mut().zip(variance) {
         row.sigma_mm = Some(1e3 * (variance.max(0.0) / 3.0).sqrt());
     }
+}
+
+/// The directions of all covariances: columns of the factor that effects share, and of each other effect's own.
+fn directions(cell: &Cell) -> Vec<Direction> {
+    let shared = |i: usize| cell.joint_factors.get(i).and_then(Option::as_ref);
+    let wide = (0..cell.covariances.len()).filter_map(shared).map(DMatrix::ncols).max().unwrap_or(0);
+    let column = |k: usize| {
+        let of = |i: usize| Some((i, shared(i).filter(|factor| k < factor.ncols())?.column(k).into_owned()));
+        (0..cell.covariances.len()).filter_map(of).filter(|(_, change)| change.amax() > 0.0).collect::<Direction>()
+    };
+    let mut all: Vec<Direction> = (0..wide).map(column).collect();
+    for (i, covariance) in cell.covariances.iter().enumerate() {
+        let Some(covariance) = covariance.as_ref().filter(|_| shared(i).is_none()) else { continue };
+        let eigen = covariance.clone().symmetric_eigen();
+        let spreads = eigen.eigenvalues.iter().map(|value| value.max(0.0).sqrt());
+        all.extend(spreads.zip(eigen.eigenvectors.column_iter()).map(|(spread, vector)| vec![(i, vector * spread)]));
+    }
+    all.retain(|direction| direction.iter().any(|(_, change)| change.amax() > 0.0));
+    all
 }
 
 /// Variance of a predicted position, m², all axes together, for what an effect does not say of the joints there.
@@ -70,20 +76,21 @@ fn unseen(cell: &Cell, effect: usize, prepared: &Prepared, point: usize) -> f64 
     (0..sigma.len()).filter(|&joint| sigma[joint] > 0.0).filter_map(of).sum()
 }
 
-/// Change of every predicted position with one parameter, m per unit.
-fn column(
+/// Change of every predicted position along a direction, m per standard deviation.
+fn slopes(
     cell: &Cell,
-    (effect, base, k, step): (usize, &[f64], usize, f64),
+    direction: &Direction,
     prepared: &Prepared,
     at: &[Option<usize>],
     parallelism: Parallelism,
 ) -> Vec<Vector3<f64>> {
-    let at = |value: f64| {
-        let mut values = base.to_vec();
-        values[k] = value;
+    let at = |step: f64| {
         let with = |i: usize| {
-            let effect_now = &cell.arm.effects[i];
-            if i == effect { effect_now.with_values(&values) } else { effect_now.clone_box() }
+            let effect = &cell.arm.effects[i];
+            let Some((_, change)) = direction.iter().find(|(changed, _)| *changed == i) else { return effect.clone_box() };
+            let values: Vec<f64> =
+                effect.parameters().iter().zip(change.iter()).map(|(p, change)| p.value + step * change).collect();
+            effect.with_values(&values)
         };
         let arm = Arm {
             robot: cell.arm.robot.clone(),
@@ -97,9 +104,9 @@ fn column(
         };
         parallelism.map(at.len(), place)
     };
-    let (up, down) = (at(base[k] + step), at(base[k] - step));
+    let (up, down) = (at(STEP), at(-STEP));
     let slope = |(up, down): (Option<Vector3<f64>>, Option<Vector3<f64>>)| match (up, down) {
-        (Some(up), Some(down)) => (up - down) / (2.0 * step),
+        (Some(up), Some(down)) => (up - down) / (2.0 * STEP),
         _ => Vector3::zeros(),
     };
     up.into_iter().zip(down).map(slope).collect()

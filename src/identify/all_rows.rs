@@ -3,7 +3,6 @@
 use super::candidate::Candidate;
 use super::engine::Engine;
 use super::found::Posterior;
-use super::outcome::NAMED;
 use super::search::Search;
 use crate::effects::{Shape, kind};
 
@@ -26,7 +25,7 @@ impl Engine {
         }
         if self.residual().iter().any(|v| !v.is_finite()) {
             (self.candidates, self.covariance) = state;
-        } else if posteriors.iter().any(|(_, (share, _))| *share < SURE) {
+        } else if !self.is_whole_arm() && posteriors.iter().any(|(_, (share, _))| *share < SURE) {
             self.weigh_anew(posteriors);
             self.take_likelier(posteriors);
         }
@@ -70,25 +69,6 @@ impl Engine {
             }
             rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
-    }
-
-    /// Beside something that is in no list, takes back names that are not sure on all rows together: held-out rows choose nothing, and
-    /// may take away.
-    pub(super) fn withdraw_contradicted(&mut self, posteriors: &mut Vec<Posterior>) {
-        if posteriors.is_empty() {
-            return;
-        }
-        let marks: Vec<bool> = self.problem.rows.iter().map(|row| row.held_out).collect();
-        let state = (self.candidates.clone(), self.covariance.clone(), self.sets.clone(), self.spread);
-        self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
-        self.refit();
-        let mut all = posteriors.clone();
-        self.weigh_anew(&mut all);
-        self.problem.rows.iter_mut().zip(marks).for_each(|(row, held_out)| row.held_out = held_out);
-        (self.candidates, self.covariance, self.sets, self.spread) = state;
-        let holds = |c: usize| all.iter().any(|(other, (share, _))| *other == c && *share >= NAMED);
-        let kept: Vec<usize> = posteriors.iter().map(|(c, _)| *c).filter(|c| holds(*c)).collect();
-        self.withdraw_unless(posteriors, |c, _, _| kept.contains(&c));
     }
 
     /// Posteriors of the chosen members, and over sets, about the fit as it is.

@@ -426,7 +426,7 @@ impl Problem {
     }
 
     /// A row's coordinates in all that a field may be over.
-    fn places(&self, row: &Observation) -> Places {
+    pub(super) fn places(&self, row: &Observation) -> Places {
         [self.place_mm(row), row.motor.fixed_rows::<3>(3).into(), self.force(row)]
     }
 

@@ -15,6 +15,7 @@ use super::noise;
 use super::outcome::{Identification, SetShare};
 use super::score::{Score, posterior, score};
 use super::search::{Search, sorted};
+use super::whole_arm::Members;
 use crate::cell::Cell;
 use crate::effects::Shape;
 use crate::equilibrium::Arm;
@@ -250,9 +251,14 @@ impl Engine {
         score(&moments, &columns.numbered(), None)
     }
 
-    /// The same columns about the numbers as they are now, where no field is fitted.
+    /// The same columns about the numbers as they are now.
     pub(super) fn renewed(&self, linear: Linearised, wanted: &[usize]) -> Linearised {
         let data = self.pseudo(&linear.design, self.residual(), wanted);
+        if linear.moments.iter().any(|moments| moments.shape.field.is_some()) {
+            let shapes: Vec<noise::Shape> = linear.moments.iter().map(|moments| moments.shape).collect();
+            let moments = self.moments(&linear.design, &data, &shapes, None);
+            return Linearised { moments, data, ..linear };
+        }
         let series = self.problem.series(|row| !row.held_out);
         let moments = linear.moments.into_iter().map(|m| m.with_data(&linear.design, &data, &series)).collect();
         Linearised { moments, data, ..linear }
@@ -307,6 +313,7 @@ impl Engine {
         }
         let whole = self.problem.free_device;
         let mut visited: Vec<Vec<usize>> = Vec::new();
+        let mut whole_arm = None;
         for round in 0..ROUNDS {
             let shapes = self.shapes_about();
             let wanted: Vec<usize> = (0..self.candidates.len()).collect();
@@ -347,6 +354,12 @@ impl Engine {
             }
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
+            let gains = |members: &Members| self.gains_on(&search, &set, members);
+            whole_arm = Some(self.members_of_whole_arm(&search, &set)).filter(|members| !whole && gains(members));
+            if whole_arm.is_some() {
+                linear = Some(now);
+                break;
+            }
             self.choose(set.clone());
             let unlisted = gate && round + 1 < ROUNDS && self.add_unlisted();
             let field = field.filter(|_| !unlisted);
@@ -375,27 +388,34 @@ impl Engine {
             self.drop_idle();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
         } else {
-            self.prune();
-            posteriors.retain(|(c, _)| self.chosen.contains(c));
-            self.contest(&mut posteriors);
-        }
-        if self.forces_are_wrong() {
-            self.withdraw_all(&mut posteriors);
-        } else if self.is_unexplained() {
-            self.withdraw(&mut posteriors);
-            if self.is_unlisted() {
-                // Over the whole robot sets are not weighed against one another.
-                if !whole {
-                    self.withdraw_doubtful(&mut posteriors);
-                }
-                self.add_map(&mut posteriors);
-                // A map can take over what a name stood for.
-                if !whole {
-                    self.withdraw_contradicted(&mut posteriors);
+            if whole_arm.is_none() && self.is_unlisted() {
+                let all: Vec<usize> = (0..self.candidates.len()).collect();
+                let white = noise::Shape { field: None, ..self.shape };
+                drop(linear.take());
+                let now = self.linearise(&all, &[white]);
+                let search = Search::new(&self.candidates, &now.moments, &now.always);
+                whole_arm = Some(self.members_of_whole_arm(&search, &self.chosen));
+            }
+            match &whole_arm {
+                Some(members) => posteriors = self.take_whole_arm(members),
+                None => {
+                    self.prune();
+                    posteriors.retain(|(c, _)| self.chosen.contains(c));
+                    self.contest(&mut posteriors);
                 }
             }
         }
-        if !whole {
+        if self.forces_are_wrong() {
+            self.withdraw_all(&mut posteriors);
+        } else if whole_arm.is_some() {
+            self.map = self.field_map();
+        } else if self.is_unexplained() {
+            self.withdraw(&mut posteriors);
+            if self.is_unlisted() {
+                self.add_map(&mut posteriors);
+            }
+        }
+        if !whole && whole_arm.is_none() {
             self.withdraw_faint(&mut posteriors);
         }
         if self.gains_nothing(before) {

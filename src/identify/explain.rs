@@ -8,7 +8,7 @@ use super::engine::Engine;
 use super::found::{Linearised, MAP, Posterior, Ranking, Told};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, MENTIONED, NAMED, Ranked, ResidualRow,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked, ResidualRow,
     Unexplained,
 };
 use super::pattern::Standing;
@@ -17,7 +17,7 @@ use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};
 use super::ties;
-use crate::cell::NewEffect;
+use crate::cell::{NewEffect, Uncertainty};
 use crate::effects::{Shape, kind};
 use nalgebra::{DMatrix, DVector};
 
@@ -106,7 +106,8 @@ impl Engine {
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
         let errors_after = self.errors(&left_after, held_out);
         let unlisted = self.is_unlisted();
-        let mut added = Vec::new();
+        let elsewhere = self.elsewhere(before);
+        let (mut added, mut shares_mm) = (Vec::new(), Vec::new());
         let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
         let provenance = || {
             let mut provenance = toml::Table::new();
@@ -122,13 +123,13 @@ impl Engine {
             if candidate.is_pattern() || !posteriors.iter().any(|(p, _)| *p == c) {
                 continue;
             }
-            let (before_mm, after_mm) = stages.get(n).copied().unwrap_or_else(|| {
-                let others = self.chosen.iter().filter(|&&o| o != c).map(|&o| &self.candidates[o]);
-                let others: Vec<(&Home, &[f64])> = others.map(|other| (&other.home, &other.values[..])).collect();
-                let clampings = self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance);
-                let without = self.problem.residual(&with(&self.declared, &others)) - clampings;
-                (self.errors(&without, held_out).rms_mm, errors_after.rms_mm)
-            });
+            let others = self.chosen.iter().filter(|&&o| o != c).map(|&o| &self.candidates[o]);
+            let others: Vec<(&Home, &[f64])> = others.map(|other| (&other.home, &other.values[..])).collect();
+            let clampings = self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance);
+            let without = self.problem.residual(&with(&self.declared, &others)) - clampings;
+            shares_mm.push(self.errors(&(&without - after), held_out).rms_mm);
+            let found = (self.errors(&without, held_out).rms_mm, errors_after.rms_mm);
+            let (before_mm, after_mm) = stages.get(n).copied().unwrap_or(found);
             added.push(Added {
                 kind: candidate.kind.clone(),
                 posterior: 0.0,
@@ -142,6 +143,7 @@ impl Engine {
         let mut of_map = None;
         let without = self.left_by_cell();
         if let Some(map) = map {
+            shares_mm.push(self.errors(&(&without - after), held_out).rms_mm);
             added.push(Added {
                 kind: MAP.to_owned(),
                 posterior: map.likely,
@@ -156,7 +158,7 @@ impl Engine {
                 }],
                 not_told_apart_from: Vec::new(),
             });
-            of_map = Some(NewEffect { table: map.effect.to_table(), covariance: None, provenance: provenance() });
+            of_map = Some(NewEffect { table: map.effect.to_table(), uncertainty: None, provenance: provenance() });
         }
         let residuals = self.residual_rows(before, after);
         let after_rms_ci95_mm = self.bootstrap(&left_after);
@@ -184,7 +186,7 @@ impl Engine {
             }
             // Beside something that no effect explains no name is sure.
             added.posterior = if unlisted { posterior.min(EVEN) } else { *posterior };
-            let told = added.posterior >= NAMED;
+            let told = added.posterior >= NAMED || self.is_whole_arm();
             let mentioned = rivals.iter().filter(|(_, share)| !told && *share >= MENTIONED);
             added.not_told_apart_from.extend(mentioned.map(|(kind, _)| kind.clone()));
             if unlisted {
@@ -192,13 +194,28 @@ impl Engine {
             }
         }
         let mut extended: Vec<NewEffect> = Vec::new();
-        for (added, (parameters, table, covariance)) in added.iter_mut().zip(self.fitted_effects(&posteriors)) {
+        for (added, (parameters, table, uncertainty)) in added.iter_mut().zip(self.fitted_effects(&posteriors, elsewhere.wider)) {
             added.parameters = parameters;
-            extended.push(NewEffect { table, covariance: Some(covariance), provenance: provenance() });
+            extended.push(NewEffect { table, uncertainty: Some(uncertainty), provenance: provenance() });
         }
         extended.extend(of_map);
-        merge_curves(&mut added, &mut extended);
-        ties::add(&mut added, &extended, never_returns(&self.problem));
+        merge_curves(&mut added, &mut extended, &mut shares_mm);
+        let in_model = |(added, share_rms_mm): (&Added, &f64)| InModel {
+            kind: added.kind.clone(),
+            probability: added.posterior,
+            share_rms_mm: *share_rms_mm,
+            parameters: added.parameters.clone(),
+        };
+        let effects = added.iter().zip(&shares_mm).map(in_model).collect();
+        let mut tables: Vec<NewEffect> = extended.clone();
+        if self.is_whole_arm() {
+            // Of the whole arm those are named that all others cannot stand in for.
+            let named: Vec<bool> = added.iter().map(|added| added.posterior >= NAMED).collect();
+            let mut named = named.iter();
+            tables.retain(|_| *named.next().unwrap_or(&false));
+            added.retain(|added| added.posterior >= NAMED);
+        }
+        ties::add(&mut added, &tables, never_returns(&self.problem));
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
@@ -223,8 +240,12 @@ impl Engine {
             before: errors_before,
             after: errors_after,
             after_rms_ci95_mm,
+            after_other_places: elsewhere.extended,
+            transfer_sigma_mm: (elsewhere.extended.rms_mm.powi(2) - axes * (noise_mm * noise_mm + wander_mm * wander_mm)).max(0.0).sqrt()
+                / axes.sqrt(),
             run_drift_rms_mm,
             added,
+            effects,
             sets: std::mem::take(&mut self.sets),
             ranking: ranking.kinds,
             separability: ranking.separability,
@@ -254,30 +275,35 @@ impl Engine {
         if all > 0.0 { (wide / all).sqrt() } else { 1.0 }
     }
 
-    /// Numbers, table and covariance of every effect that is added, in the order of the chosen set.
-    fn fitted_effects(&self, posteriors: &[Posterior]) -> Vec<(Vec<FittedParameter>, toml::Table, Vec<Vec<f64>>)> {
+    /// Numbers, table and uncertainty of every effect that is added, in the order of the chosen set.
+    fn fitted_effects(&self, posteriors: &[Posterior], wider: f64) -> Vec<(Vec<FittedParameter>, toml::Table, Uncertainty)> {
         let mut at = 0;
         let mut all = Vec::new();
-        let wider = self.wider_covariance();
+        let covariance = if self.is_whole_arm() { &self.covariance * wider.max(1.0) } else { self.wider_covariance() };
+        let typical: Vec<f64> = self.chosen.iter().flat_map(|&c| self.candidates[c].typical.iter().copied()).collect();
+        let scaled = DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
+        // The numbers' units differ by orders of magnitude: the factor is that of the scaled ones.
+        let factor = covariance.clone().cholesky().filter(|_| self.is_whole_arm()).map(|factor| factor.l());
         for &c in &self.chosen {
             let candidate = &self.candidates[c];
             let size = candidate.values.len();
-            let block = wider.view((at, at), (size, size));
+            let own = at..at + size;
             at += size;
             let Some(effect) = fitted(&self.declared, candidate) else { continue };
             if !posteriors.iter().any(|(p, _)| *p == c) {
                 continue;
             }
             let parameter = |(k, p): (usize, crate::effects::Parameter)| {
-                let half = 1.96 * candidate.typical[k] * block[(k, k)].max(0.0).sqrt();
+                let half = 1.96 * scaled[(own.start + k, own.start + k)].max(0.0).sqrt();
                 let ci95 = [(p.value - half).max(p.bounds.0), (p.value + half).min(p.bounds.1)];
                 FittedParameter { name: p.name, value: p.value, unit: p.unit, ci95, neutral: p.neutral }
             };
             let parameters = effect.parameters().into_iter().enumerate().map(parameter).collect();
-            let covariance = (0..size)
-                .map(|i| (0..size).map(|j| block[(i, j)] * candidate.typical[i] * candidate.typical[j]).collect())
-                .collect();
-            all.push((parameters, effect.to_table(), covariance));
+            let uncertainty = match &factor {
+                Some(factor) => Uncertainty::Joint(own.map(|i| (0..=i).map(|j| factor[(i, j)] * typical[i]).collect()).collect()),
+                None => Uncertainty::Own(own.clone().map(|i| own.clone().map(|j| scaled[(i, j)]).collect()).collect()),
+            };
+            all.push((parameters, effect.to_table(), uncertainty));
         }
         all
     }
@@ -333,6 +359,7 @@ impl Engine {
                 noise::Over::Place => "place in the work object",
                 noise::Over::Wrist => "the wrist's posture",
                 noise::Over::Force => "cutting force",
+                noise::Over::Everything(_) => "place, posture and force together",
             };
             correlates.push(Correlate { with: with.to_owned(), r, fault: None });
         }
@@ -431,7 +458,7 @@ impl Engine {
 }
 
 /// Curves of single joints become one effect with several curves, as the cell file has them.
-fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
+fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>, shares_mm: &mut Vec<f64>) {
     let curve = |name: &str| kind(name).is_some_and(|kind| kind.shape == Shape::Curve);
     let of_curves: Vec<usize> = (0..added.len()).filter(|&i| curve(&added[i].kind)).collect();
     let Some((&first, rest)) = of_curves.split_first() else { return };
@@ -450,15 +477,21 @@ fn merge_curves(added: &mut Vec<Added>, extended: &mut Vec<NewEffect>) {
         {
             into.extend(from.iter().cloned());
         }
-        if let (Some(into), Some(from)) = (&mut extended[first].covariance, table.covariance) {
-            let (a, b) = (into.len(), from.len());
-            into.iter_mut().for_each(|row| row.extend(std::iter::repeat_n(0.0, b)));
-            into.extend(from.into_iter().map(|row| std::iter::repeat_n(0.0, a).chain(row).collect()));
+        match (&mut extended[first].uncertainty, table.uncertainty) {
+            (Some(Uncertainty::Own(into)), Some(Uncertainty::Own(from))) => {
+                let (a, b) = (into.len(), from.len());
+                into.iter_mut().for_each(|row| row.extend(std::iter::repeat_n(0.0, b)));
+                into.extend(from.into_iter().map(|row| std::iter::repeat_n(0.0, a).chain(row).collect()));
+            }
+            (Some(Uncertainty::Joint(into)), Some(Uncertainty::Joint(from))) => into.extend(from),
+            _ => {}
         }
+        shares_mm[first] = shares_mm[first].hypot(shares_mm[i]);
     }
     for &i in rest.iter().rev() {
         added.remove(i);
         extended.remove(i);
+        shares_mm.remove(i);
     }
 }
 

@@ -30,7 +30,7 @@ impl Engine {
     pub(super) fn refit(&mut self) {
         for _ in 0..LEAPS {
             self.descend();
-            if self.problem.free_device || !self.leap() {
+            if self.problem.free_device || self.is_whole_arm() || !self.leap() {
                 break;
             }
         }
@@ -65,18 +65,19 @@ impl Engine {
         for _ in 0..REFITS {
             let linear = match last.take() {
                 // Over the whole robot columns are many and hardly change: the first ones serve to the end.
-                Some(linear) if self.problem.free_device || largest < NEARBY && self.shape.field.is_none() => {
+                Some(linear) if self.problem.free_device || largest < NEARBY => {
                     self.renewed(linear, &chosen)
                 }
                 _ => self.linearise(&chosen, &[self.shape]),
             };
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
-            // Intervals are those of the full prior: directions that the data do not hold are as wide as it is.
-            let Some((_, covariance)) = posterior(moments, &columns.full_size(), self.sigma) else { return };
-            let frames = linear.always.len();
-            let size = covariance.nrows() - frames;
-            self.covariance = covariance.view((frames, frames), (size, size)).into_owned();
+            // Beside few effects directions that the data do not hold are as wide as the full prior; of the whole arm sizes are known.
+            let wide = if self.is_whole_arm() { columns.clone() } else { columns.full_size() };
+            let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
+            let (frames, size) = (linear.always.len(), covariance.nrows() - linear.always.len());
+            let typical = |i: usize, j: usize| covariance[(i, j)] * wide.list[i].1 * wide.list[j].1;
+            self.covariance = DMatrix::from_fn(size, size, |i, j| typical(frames + i, frames + j));
             let normal = Normal::of(moments, &columns, self.sigma);
             largest = self.step(&linear, &normal);
             if largest < SETTLED {

@@ -251,7 +251,7 @@ impl Engine {
 
     /// Whether something is left that is no fault of the measurement either.
     pub(super) fn is_unlisted(&self) -> bool {
-        self.shape.field.is_some()
+        self.shape.field.is_some() && !self.is_whole_arm()
             || self.shape.drift > noise::MOST_WANDER
             || self.stands(Standing::Unlisted)
             || self.scatters_more()
@@ -317,20 +317,6 @@ impl Engine {
         }
         posteriors.retain(|(c, _)| set.contains(c));
         self.choose(set);
-    }
-
-    /// Beside something that is in no list, withdraws names that would not be sure without it either, weighed in the set that is
-    /// left, one after another.
-    pub(super) fn withdraw_doubtful(&mut self, posteriors: &mut Vec<Posterior>) {
-        self.withdraw_unless(posteriors, |_, share, _| share >= NAMED);
-        while !posteriors.is_empty() {
-            self.weigh_anew(posteriors);
-            let least = posteriors.iter().map(|(_, (share, _))| *share).fold(NAMED, f64::min);
-            if least >= NAMED {
-                break;
-            }
-            self.withdraw_unless(posteriors, |_, share, _| share > least);
-        }
     }
 
     /// Withdraws what only nothing stands against, and not clearly enough for a name: there is nothing to tell it apart from.

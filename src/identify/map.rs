@@ -62,7 +62,7 @@ impl Engine {
     }
 
     /// The field over the place, if it holds.
-    fn field_map(&self) -> Option<Map> {
+    pub(super) fn field_map(&self) -> Option<Map> {
         let left = self.left()?;
         let [extent, ..] = self.problem.extents();
         let of = |part: &f64| SHARES.map(|share| Field { over: Over::Place, share, reach: extent / part });

@@ -43,10 +43,11 @@ mod smooth;
 mod springs;
 mod ties;
 mod whole;
+mod whole_arm;
 
 pub use engine::{Input, Progress, identify};
 pub use outcome::{
-    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Separation,
+    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow, Separation,
     SetShare, Unexplained,
 };
 pub use plan::{Ask, Plan, PlanInput, PlanProgram, PlannedKind, PlannedPair, PlannedRow, plan};

@@ -29,12 +29,12 @@ pub(super) struct Field {
     pub(super) over: Over,
     /// Its variance over that of the white noise.
     pub(super) share: f64,
-    /// Its length scale: mm of place, rad of posture, N of force.
+    /// Its length scale: mm of place, rad of posture, N of force, standard deviations of all together.
     pub(super) reach: f64,
 }
 
 /// What a field is over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Over {
     /// The place in the base, mm.
     Place,
@@ -42,9 +42,11 @@ pub(super) enum Over {
     Wrist,
     /// The force on the tool, N.
     Force,
+    /// All three together, each over its standard deviation in the table: lengths have no unit.
+    Everything([f64; 3]),
 }
 
-/// All of them.
+/// Those of one coordinate.
 pub(super) const OVER: [Over; 3] = [Over::Place, Over::Wrist, Over::Force];
 
 /// A row's coordinates in each of [`OVER`].
@@ -60,7 +62,20 @@ impl Field {
     }
 
     fn between(&self, a: &Places, b: &Places) -> f64 {
-        self.covariance(&a[self.over as usize], &b[self.over as usize])
+        self.share * self.similarity(a, b)
+    }
+
+    /// Correlation of the field at the coordinates of two rows.
+    fn similarity(&self, a: &Places, b: &Places) -> f64 {
+        match self.over {
+            Over::Place => self.correlation(&a[0], &b[0]),
+            Over::Wrist => self.correlation(&a[1], &b[1]),
+            Over::Force => self.correlation(&a[2], &b[2]),
+            Over::Everything(spreads) => {
+                let apart = |k: usize| (a[k] - b[k]).norm_squared() / (spreads[k] * spreads[k]);
+                (-0.5 * (0..spreads.len()).filter(|&k| spreads[k] > 0.0).map(apart).sum::<f64>() / self.reach.powi(2)).exp()
+            }
+        }
     }
 
     /// Correlations of all places with one another; the lower triangle.
@@ -68,7 +83,7 @@ impl Field {
         let mut matrix = DMatrix::zeros(places.len(), places.len());
         for (j, b) in places.iter().enumerate() {
             for (i, a) in places.iter().enumerate().skip(j) {
-                matrix[(i, j)] = self.correlation(&a[self.over as usize], &b[self.over as usize]);
+                matrix[(i, j)] = self.similarity(a, b);
             }
         }
         matrix

@@ -33,8 +33,14 @@ pub struct Identification {
     /// for it is in no cell. `None` for parts, and where the noise has no drift.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run_drift_rms_mm: Option<f64>,
+    /// Extended cell, on rows left out by place, posture and load instead of by time: what another program may expect.
+    pub after_other_places: Errors,
+    /// Standard deviation, per axis, of what another program may be off, mm: of `after_other_places`, the noise taken off.
+    pub transfer_sigma_mm: f64,
     /// Effects added.
     pub added: Vec<Added>,
+    /// Every effect of the written model, named or not, in the order of the cell.
+    pub effects: Vec<InModel>,
     /// Sets of effects and faults that the rows leave open, most likely first; empty over the whole robot (`--poses`).
     pub sets: Vec<SetShare>,
     /// Every kind of effect alone, best first.
@@ -89,6 +95,20 @@ pub struct Added {
     pub parameters: Vec<FittedParameter>,
     /// Kinds that explain the data nearly as well in its place.
     pub not_told_apart_from: Vec<String>,
+}
+
+/// An effect of the written model.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct InModel {
+    /// Kind.
+    pub kind: String,
+    /// How likely it acts, all others free to stand in for it.
+    pub probability: f64,
+    /// Its part in the prediction on the held-out rows, mm rms.
+    pub share_rms_mm: f64,
+    /// Its numbers.
+    pub parameters: Vec<FittedParameter>,
 }
 
 /// A set of effects that the rows leave open.

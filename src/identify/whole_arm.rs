@@ -1,0 +1,312 @@
+//! Everything a little off at once: every effect shrunk by one size, over a discrepancy that sizes itself.
+//!
+//! On a real arm no single effect is missing: springs, zeros, links, gears and weights are all a little off, and each law is only nearly
+//! right. The observation model is then
+//!
+//! `y = Σ_g X_g θ_g + f(place, posture, force) + wander + noise`
+//!
+//! with the columns X of every effect in the registry, θ of effects that the search found at their typical size, θ of all others at a
+//! common share of theirs, and f a Gaussian process that stands for what no law describes. The share and the size and reach of f are
+//! those of most evidence (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is in the covariance of
+//! the rows, more rows of the same places do not make a law that is nearly right look certain.
+
+use super::candidate::Candidate;
+use super::data::Observation;
+use super::engine::{Engine, stacked};
+use super::found::Posterior;
+use super::moments::Moments;
+use super::noise::{self, Field, Over};
+use super::outcome::Errors;
+use super::pattern::Standing;
+use super::score::{posterior, score};
+use super::search::{PRICE, Search, UNLISTED, caution};
+use crate::effects::Shape;
+use nalgebra::{DVector, Vector3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Common sizes of all effects that the search has not found, as shares of their typical sizes.
+const SHARES: [f64; 4] = [0.125, 0.25, 0.5, 1.0];
+/// Reaches of the discrepancy, in standard deviations of place, posture and force over the table.
+const REACHES: [f64; 3] = [1.0, 2.0, 4.0];
+/// Its variance over that of the white noise: from half of its size to eight times.
+const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
+/// Groups of rows near one another in place, posture and load: each is left out in turn.
+const GROUPS: usize = 8;
+
+/// Share of what all effects together explain, nats, that a fault of the table must explain beyond them.
+const FAULT: f64 = 0.1;
+
+/// Candidates of the whole arm.
+pub(super) struct Members {
+    /// Those that the search found, at their own sizes.
+    found: Vec<usize>,
+    /// One of every other family, at a common share of the typical sizes.
+    others: Vec<usize>,
+}
+
+/// Sizes of effects as shares of their typical ones.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shares {
+    /// Of those that the search found; `None`: as found.
+    found: Option<f64>,
+    others: f64,
+}
+
+impl Shares {
+    /// All effects alike, or those that were found as they were and the others smaller.
+    fn all() -> impl Iterator<Item = Self> {
+        SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
+    }
+}
+
+/// The shares, the discrepancy and the noise that the rows speak for.
+struct Sizes {
+    shares: Shares,
+    shape: noise::Shape,
+    sigma: f64,
+    evidence: f64,
+}
+
+/// What rows say of places, postures and loads that no fit has seen.
+pub(super) struct Elsewhere {
+    /// Of the declared cell.
+    pub(super) declared: Errors,
+    /// Of the extended one.
+    pub(super) extended: Errors,
+    /// Variance that was found over the one that was promised.
+    pub(super) wider: f64,
+}
+
+impl Members {
+    fn all(&self) -> Vec<usize> {
+        [&self.found[..], &self.others].concat()
+    }
+}
+
+impl Engine {
+    /// One candidate of every family of effects that a set lacks: of several variants the one that gains most with the set.
+    fn all_others(&self, search: &Search, set: &[usize]) -> Vec<usize> {
+        let mut best: Vec<(&str, f64, usize)> = Vec::new();
+        for (c, candidate) in self.candidates.iter().enumerate() {
+            let names_effect = candidate.law().is_some_and(|law| law.shape != Shape::Map);
+            if !names_effect || !candidate.is_full_size() || candidate.curve.is_some() || !search.joins(set, c) {
+                continue;
+            }
+            let known = best.iter().position(|(family, ..)| *family == candidate.family);
+            let value = search.objective(&[set, &[c]].concat());
+            match known {
+                Some(i) if best[i].1 < value => best[i] = (&candidate.family, value, c),
+                Some(_) => {}
+                None => best.push((&candidate.family, value, c)),
+            }
+        }
+        best.into_iter().map(|(.., c)| c).collect()
+    }
+
+    /// Candidates with all members at a share of their typical sizes, or all but those that were found.
+    fn shrunk(&self, members: &Members, Shares { found, others }: Shares) -> Vec<Candidate> {
+        let mut candidates = self.candidates.clone();
+        members.others.iter().for_each(|&c| candidates[c].scale = others);
+        if let Some(found) = found {
+            let effects = members.found.iter().filter(|&&c| !self.candidates[c].is_pattern());
+            effects.for_each(|&c| candidates[c].scale = found);
+        }
+        candidates
+    }
+
+    /// Whether everything is taken to be a little off: the discrepancy over all coordinates is of that model alone.
+    pub(super) fn is_whole_arm(&self) -> bool {
+        self.shape.field.is_some_and(|field| matches!(field.over, Over::Everything(_)))
+    }
+
+    /// The members of the whole arm beside a set: patterns that stand for something unlisted, and faults, are not among them.
+    pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
+        let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
+        let found: Vec<usize> = set.iter().copied().filter(stays).collect();
+        let others = self.all_others(search, &found);
+        Members { found, others }
+    }
+
+    /// Whether the whole arm gains on a set, both under the noise of its search: this costs little to ask.
+    pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
+        let (value, price) = (search.objective(set), search.prices(&members.found));
+        let all = members.all();
+        Shares::all().any(|shares| {
+            let candidates = self.shrunk(members, shares);
+            let shrunk = Search::new(&candidates, search.moments, search.always);
+            let evidence = shrunk.near(&all, None).evidence - if shares.found.is_none() { price } else { 0.0 };
+            evidence > value + UNLISTED
+        })
+    }
+
+    /// The sizes of most evidence about the present fit.
+    fn sizes(&mut self, members: &Members) -> Option<Sizes> {
+        let all = members.all();
+        let linear = self.linearise(&all, &[]);
+        let stacked = stacked(linear.design.kept(), &linear.data);
+        let series = self.problem.series(|row| !row.held_out);
+        let declared = self.problem.declared_sigma_mm;
+        let spreads = self.spreads();
+        let drift = noise::Shape { field: None, ..self.shape };
+        let mut best: Option<Sizes> = None;
+        for reach in REACHES {
+            let field = |share| Field { over: Over::Everything(spreads), share, reach };
+            let of = |share| (noise::Shape { field: Some(field(share)), ..drift }, field(share));
+            let shapes = VARIANCES.map(of);
+            for (moments, (shape, _)) in Moments::under_fields(&stacked, &series, &shapes).into_iter().zip(shapes) {
+                let moments = [Moments { declared, ..moments }];
+                for shares in Shares::all() {
+                    let candidates = self.shrunk(members, shares);
+                    let search = Search::new(&candidates, &moments, &linear.always);
+                    let score = score(&moments, &search.columns(&all), best.as_ref().map(|best| best.sigma));
+                    let evidence = score.evidence - if shares.found.is_none() { search.prices(&members.found) } else { 0.0 };
+                    if best.as_ref().is_none_or(|best| evidence > best.evidence) {
+                        best = Some(Sizes { shares, shape, sigma: score.sigma, evidence });
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Standard deviations of place, posture and force over the fitted rows.
+    fn spreads(&self) -> [f64; noise::OVER.len()] {
+        let places: Vec<noise::Places> =
+            self.problem.rows.iter().filter(|row| !row.held_out).map(|row| self.problem.places(row)).collect();
+        let count = places.len().max(1) as f64;
+        std::array::from_fn(|k| {
+            let mean = places.iter().map(|place| place[k]).sum::<Vector3<f64>>() / count;
+            (places.iter().map(|place| (place[k] - mean).norm_squared()).sum::<f64>() / count).sqrt()
+        })
+    }
+
+    /// Takes the whole arm in place of the set that the search found, with the probability of each effect.
+    pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
+        // What stood out beside a few sharp laws may be what the others do.
+        self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
+        let t = std::time::Instant::now();
+        let Some(sizes) = self.sizes(members) else { return Vec::new() };
+        eprintln!("sizes {:?} {:?} sigma {} shape {:?} ev {}", t.elapsed(), sizes.shares, sizes.sigma, sizes.shape, sizes.evidence);
+        (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
+        self.candidates = self.shrunk(members, sizes.shares);
+        let mut all = members.all();
+        all.extend(self.fault_beyond(&all));
+        self.choose(all);
+        eprintln!("refit {:?}", t.elapsed());
+        if self.mark_outliers() > 0 {
+            self.refit();
+        }
+        let p = self.probabilities();
+        eprintln!("done {:?} {:?}", t.elapsed(), p.iter().map(|(c, (p, _))| (&self.candidates[*c].kind[..], *p)).collect::<Vec<_>>());
+        p
+    }
+
+    /// The fault of the table that explains what the whole arm does not, if one does.
+    fn fault_beyond(&mut self, members: &[usize]) -> Option<usize> {
+        let is_fault = |c: &usize| self.candidates[*c].standing() == Some(Standing::Fault);
+        let faults: Vec<usize> = (0..self.candidates.len()).filter(is_fault).collect();
+        let linear = self.linearise(&[members, &faults].concat(), &[self.shape]);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let evidence = |set: &[usize]| search.near(set, Some(self.sigma)).evidence;
+        let (value, none) = (evidence(members), evidence(&[]));
+        let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
+        let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((g, c)) = &best { eprintln!("fault {} gain {g} of {}", self.candidates[*c].kind, value - none); }
+        best.filter(|(gain, _)| *gain > FAULT * (value - none)).map(|(_, c)| c)
+    }
+
+    /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell and by the chosen
+    /// effects, fitted to the other rows; and the variance that was found there over the one that the fit promised.
+    pub(super) fn elsewhere(&mut self, before: &DVector<f64>) -> Elsewhere {
+        let chosen = self.chosen.clone();
+        let linear = self.linearise(&chosen, &[]);
+        let stacked = stacked(linear.design.kept(), &linear.data);
+        let search = Search::new(&self.candidates, &[], &linear.always);
+        let columns = search.columns(&chosen);
+        let fitted: Vec<usize> = (0..self.problem.rows.len()).filter(|&i| !self.problem.rows[i].held_out).collect();
+        let places: Vec<noise::Places> = fitted.iter().map(|&i| self.problem.places(&self.problem.rows[i])).collect();
+        let mut group = vec![usize::MAX; self.problem.rows.len()];
+        fitted.iter().zip(groups(&places, self.spreads())).for_each(|(&i, own)| group[i] = own);
+        let of_row: BTreeMap<usize, usize> =
+            self.problem.rows.iter().zip(&group).map(|(row, group)| (row.offset, *group)).collect();
+        let parts: Vec<(DVector<f64>, f64, f64)> = (0..GROUPS)
+            .into_par_iter()
+            .filter_map(|left_out| {
+                let kept = |row: &Observation| !row.held_out && of_row[&row.offset] != left_out;
+                let moments = Moments::of(&stacked, &self.problem.series(kept), self.shape);
+                let (mean, covariance) = posterior(&moments, &columns, self.sigma)?;
+                let mut left = linear.data.clone();
+                let sizes = || columns.list.iter().map(|(column, size)| (*column, *size));
+                linear.design.add(sizes().zip(mean.iter()).map(|((column, size), mean)| (column, -size * mean)), &mut left);
+                let (mut off, mut promised) = (0.0, 0.0);
+                let own = self.problem.rows.iter().filter(|row| !row.outlier && of_row[&row.offset] == left_out);
+                for row in own {
+                    for k in row.offset..row.offset + row.seen.len() {
+                        let slope = DVector::from_iterator(columns.list.len(), sizes().map(|(column, size)| stacked[(k, column)] * size));
+                        promised += slope.dot(&(&covariance * &slope)) + self.sigma * self.sigma * (1.0 + self.shape.drift);
+                        off += left[k] * left[k];
+                    }
+                }
+                Some((left, off, promised))
+            })
+            .collect();
+        let mut after = DVector::zeros(self.problem.scalars);
+        for (left_out, (left, ..)) in parts.iter().enumerate() {
+            let own = self.problem.rows.iter().filter(|row| of_row[&row.offset] == left_out);
+            own.for_each(|row| row.scalars().for_each(|k| after[k] = left[k]));
+        }
+        let (off, promised) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.1, sum.1 + part.2));
+        Elsewhere {
+            declared: self.errors(before, |row| !row.held_out),
+            extended: self.errors(&after, |row| !row.held_out),
+            wider: if promised > 0.0 { off / promised } else { 1.0 },
+        }
+    }
+
+    /// How likely each effect of the whole arm acts, all others free to stand in for it.
+    fn probabilities(&mut self) -> Vec<Posterior> {
+        let chosen = self.chosen.clone();
+        let linear = self.linearise(&chosen, &[self.shape]);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let value = search.near(&chosen, Some(self.sigma)).evidence;
+        let count = linear.moments.first().map_or(0, |moments| moments.count);
+        let effects = chosen.iter().copied().filter(|&c| !self.candidates[c].is_pattern());
+        effects
+            .map(|c| {
+                let without: Vec<usize> = chosen.iter().copied().filter(|&o| o != c).collect();
+                let gain = value - search.near(&without, Some(self.sigma)).evidence - PRICE;
+                (c, (1.0 / (1.0 + (-gain / caution(count)).exp()), Vec::new()))
+            })
+            .collect()
+    }
+}
+
+/// Rows of one group each: near one another in place, posture and load (Lloyd 1982, from rows spread evenly along the table).
+pub(super) fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
+    /// Rounds after which rows hardly change their group.
+    const ROUNDS: usize = 20;
+    let scaled = |place: &noise::Places| -> DVector<f64> {
+        DVector::from_iterator(9, (0..3).flat_map(|k| {
+            let spread = if spreads[k] > 0.0 { spreads[k] } else { 1.0 };
+            (place[k] / spread).iter().copied().collect::<Vec<_>>()
+        }))
+    };
+    let points: Vec<DVector<f64>> = places.iter().map(scaled).collect();
+    let count = GROUPS.min(points.len());
+    let mut centres: Vec<DVector<f64>> = (0..count).map(|g| points[g * (points.len() - 1) / (count - 1).max(1)].clone()).collect();
+    let mut nearest = vec![0; points.len()];
+    for _ in 0..ROUNDS {
+        for (group, point) in nearest.iter_mut().zip(&points) {
+            let apart = |g: &usize| (point - &centres[*g]).norm_squared();
+            *group = (0..count).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0);
+        }
+        for (g, centre) in centres.iter_mut().enumerate() {
+            let own: Vec<&DVector<f64>> = points.iter().zip(&nearest).filter(|(_, n)| **n == g).map(|(p, _)| p).collect();
+            if !own.is_empty() {
+                *centre = own.iter().fold(DVector::zeros(9), |sum, p| sum + *p) / own.len() as f64;
+            }
+        }
+    }
+    nearest
+}
