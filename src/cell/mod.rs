@@ -22,11 +22,11 @@ mod urdf;
 pub use backup::backup_template;
 pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, MillingCut, MillingParts, MissingCutKey};
 pub use extend::{NewEffect, extended, with_path_law};
-pub use uncertainty::Uncertainty;
 pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
 pub use stock::{PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
+pub use uncertainty::Uncertainty;
 pub(crate) use unit::MOST_FREE;
 pub use urdf::{Described, described};
 

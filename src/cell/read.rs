@@ -101,7 +101,8 @@ impl Cell {
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
         let still = || wobjs.keys().filter(|name| !wobj_units.contains_key(*name));
         let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), still()));
-        let (effects, covariances, joint_factors) = effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
+        let (effects, covariances, joint_factors) =
+            effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
             robot.as_ref().map_or_else(Joints::zeros, |robot| robot.motor_from_axes_deg(&deg))

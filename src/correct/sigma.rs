@@ -87,7 +87,9 @@ fn slopes(
     let at = |step: f64| {
         let with = |i: usize| {
             let effect = &cell.arm.effects[i];
-            let Some((_, change)) = direction.iter().find(|(changed, _)| *changed == i) else { return effect.clone_box() };
+            let Some((_, change)) = direction.iter().find(|(changed, _)| *changed == i) else {
+                return effect.clone_box();
+            };
             let values: Vec<f64> =
                 effect.parameters().iter().zip(change.iter()).map(|(p, change)| p.value + step * change).collect();
             effect.with_values(&values)

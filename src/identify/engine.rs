@@ -388,7 +388,7 @@ impl Engine {
             self.drop_idle();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
         } else {
-            if whole_arm.is_none() && self.is_unlisted() {
+            if whole_arm.is_none() && (self.is_unlisted() || self.forces_are_wrong()) {
                 let all: Vec<usize> = (0..self.candidates.len()).collect();
                 let white = noise::Shape { field: None, ..self.shape };
                 drop(linear.take());
@@ -439,9 +439,18 @@ impl Engine {
                 self.refit();
             }
         }
-        let after = self.left_by_cell();
+        let mut after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
-        let told = Told { posteriors, ranking, unexplained, stages, refit: every && !whole };
+        let mut elsewhere = self.elsewhere(&before, &after);
+        // A cell that is worse than the declared one where nothing was measured is none.
+        if !posteriors.is_empty() && elsewhere.extended.rms_mm > elsewhere.declared.rms_mm && self.is_whole_arm() {
+            posteriors.clear();
+            self.take_back();
+            self.refused_mm = Some(elsewhere.extended.rms_mm);
+            after = self.left_by_cell();
+            elsewhere = self.elsewhere(&before, &after);
+        }
+        let told = Told { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
         Ok(self.outcome(&before, &after, told, data_hash))
     }
 

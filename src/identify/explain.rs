@@ -8,8 +8,8 @@ use super::engine::Engine;
 use super::found::{Linearised, MAP, Posterior, Ranking, Told};
 use super::noise;
 use super::outcome::{
-    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked, ResidualRow,
-    Unexplained,
+    Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
+    ResidualRow, Unexplained,
 };
 use super::pattern::Standing;
 use super::returns::never_returns;
@@ -97,7 +97,7 @@ impl Engine {
         told: Told,
         data_hash: &str,
     ) -> Identification {
-        let Told { mut posteriors, ranking, unexplained, stages, refit } = told;
+        let Told { mut posteriors, ranking, unexplained, stages, refit, elsewhere } = told;
         let held_out = |row: &Observation| row.held_out;
         let left_before = self.left_by_declared_as_found(before);
         // In no cell: it is taken off both.
@@ -106,7 +106,6 @@ impl Engine {
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
         let errors_after = self.errors(&left_after, held_out);
         let unlisted = self.is_unlisted();
-        let elsewhere = self.elsewhere(before);
         let (mut added, mut shares_mm) = (Vec::new(), Vec::new());
         let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
         let provenance = || {
@@ -194,7 +193,9 @@ impl Engine {
             }
         }
         let mut extended: Vec<NewEffect> = Vec::new();
-        for (added, (parameters, table, uncertainty)) in added.iter_mut().zip(self.fitted_effects(&posteriors, elsewhere.wider)) {
+        for (added, (parameters, table, uncertainty)) in
+            added.iter_mut().zip(self.fitted_effects(&posteriors, elsewhere.wider))
+        {
             added.parameters = parameters;
             extended.push(NewEffect { table, uncertainty: Some(uncertainty), provenance: provenance() });
         }
@@ -219,7 +220,15 @@ impl Engine {
         let shown: usize = self.problem.rows.iter().map(|row| row.seen.count()).sum();
         let axes = shown as f64 / self.problem.rows.len().max(1) as f64;
         let wander_mm = self.wander_mm();
+        let transfer = elsewhere.extended.rms_mm.powi(2) - axes * (noise_mm * noise_mm + wander_mm * wander_mm);
+        let transfer_sigma_mm = (transfer.max(0.0) / axes).sqrt();
         let mut advice = advice(&added, &unexplained, &ranking.separability, &self.problem, noise_mm);
+        if self.is_whole_arm() {
+            advice.push(format!(
+                "another program may be off by {transfer_sigma_mm:.3} mm per axis (one standard deviation): rows in other places, postures \
+                 and loads make that less; more rows of this program do not"
+            ));
+        }
         advice.extend(replaced);
         advice.extend(self.doubt.take());
         advice.extend(self.refused_mm.map(|error_mm| {
@@ -241,8 +250,7 @@ impl Engine {
             after: errors_after,
             after_rms_ci95_mm,
             after_other_places: elsewhere.extended,
-            transfer_sigma_mm: (elsewhere.extended.rms_mm.powi(2) - axes * (noise_mm * noise_mm + wander_mm * wander_mm)).max(0.0).sqrt()
-                / axes.sqrt(),
+            transfer_sigma_mm,
             run_drift_rms_mm,
             added,
             effects,
@@ -276,12 +284,17 @@ impl Engine {
     }
 
     /// Numbers, table and uncertainty of every effect that is added, in the order of the chosen set.
-    fn fitted_effects(&self, posteriors: &[Posterior], wider: f64) -> Vec<(Vec<FittedParameter>, toml::Table, Uncertainty)> {
+    fn fitted_effects(
+        &self,
+        posteriors: &[Posterior],
+        wider: f64,
+    ) -> Vec<(Vec<FittedParameter>, toml::Table, Uncertainty)> {
         let mut at = 0;
         let mut all = Vec::new();
         let covariance = if self.is_whole_arm() { &self.covariance * wider.max(1.0) } else { self.wider_covariance() };
         let typical: Vec<f64> = self.chosen.iter().flat_map(|&c| self.candidates[c].typical.iter().copied()).collect();
-        let scaled = DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
+        let scaled =
+            DMatrix::from_fn(typical.len(), typical.len(), |i, j| covariance[(i, j)] * typical[i] * typical[j]);
         // The numbers' units differ by orders of magnitude: the factor is that of the scaled ones.
         let factor = covariance.clone().cholesky().filter(|_| self.is_whole_arm()).map(|factor| factor.l());
         for &c in &self.chosen {
@@ -300,7 +313,9 @@ impl Engine {
             };
             let parameters = effect.parameters().into_iter().enumerate().map(parameter).collect();
             let uncertainty = match &factor {
-                Some(factor) => Uncertainty::Joint(own.map(|i| (0..=i).map(|j| factor[(i, j)] * typical[i]).collect()).collect()),
+                Some(factor) => {
+                    Uncertainty::Joint(own.map(|i| (0..=i).map(|j| factor[(i, j)] * typical[i]).collect()).collect())
+                }
                 None => Uncertainty::Own(own.clone().map(|i| own.clone().map(|j| scaled[(i, j)]).collect()).collect()),
             };
             all.push((parameters, effect.to_table(), uncertainty));

@@ -65,9 +65,7 @@ impl Engine {
         for _ in 0..REFITS {
             let linear = match last.take() {
                 // Over the whole robot columns are many and hardly change: the first ones serve to the end.
-                Some(linear) if self.problem.free_device || largest < NEARBY => {
-                    self.renewed(linear, &chosen)
-                }
+                Some(linear) if self.problem.free_device || largest < NEARBY => self.renewed(linear, &chosen),
                 _ => self.linearise(&chosen, &[self.shape]),
             };
             let moments = &linear.moments[0];

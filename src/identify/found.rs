@@ -3,6 +3,7 @@
 use super::design::Design;
 use super::moments::Moments;
 use super::outcome::{Ranked, Separation, Unexplained};
+use super::whole_arm::Elsewhere;
 use crate::effects::Effect;
 use nalgebra::DVector;
 
@@ -18,6 +19,8 @@ pub(super) struct Told {
     pub(super) stages: Vec<(f64, f64)>,
     /// Whether what is written is fitted to all rows.
     pub(super) refit: bool,
+    /// Errors where nothing was measured.
+    pub(super) elsewhere: Elsewhere,
 }
 
 /// Moments, search and columns of one linearisation.

@@ -251,10 +251,12 @@ impl Engine {
 
     /// Whether something is left that is no fault of the measurement either.
     pub(super) fn is_unlisted(&self) -> bool {
-        self.shape.field.is_some() && !self.is_whole_arm()
-            || self.shape.drift > noise::MOST_WANDER
-            || self.stands(Standing::Unlisted)
-            || self.scatters_more()
+        // Of the whole arm the discrepancy has what is in no list.
+        !self.is_whole_arm()
+            && (self.shape.field.is_some()
+                || self.shape.drift > noise::MOST_WANDER
+                || self.stands(Standing::Unlisted)
+                || self.scatters_more())
     }
 
     fn stands(&self, standing: Standing) -> bool {
@@ -391,19 +393,24 @@ impl Engine {
         let least = if gains.len() > FEW { 0.0 } else { AGAINST };
         let worse = any && in_standard_errors(&gains) < least;
         if worse {
-            self.map = None;
+            self.take_back();
             self.refused_mm = Some(self.errors(&with, held_out).rms_mm);
-            let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
-            self.chosen = patterns;
-            for c in effects {
-                let candidate: &mut Candidate = &mut self.candidates[c];
-                candidate.values.clone_from(&candidate.start);
-            }
-            if !self.chosen.is_empty() {
-                self.refit();
-            }
         }
         worse
+    }
+
+    /// Takes every effect back.
+    pub(super) fn take_back(&mut self) {
+        self.map = None;
+        let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
+        self.chosen = patterns;
+        for c in effects {
+            let candidate: &mut Candidate = &mut self.candidates[c];
+            candidate.values.clone_from(&candidate.start);
+        }
+        if !self.chosen.is_empty() {
+            self.refit();
+        }
     }
 
     /// Finds anew how much measured turns scatter beside positions; whether that matters to what is fitted.

@@ -47,7 +47,7 @@ mod whole_arm;
 
 pub use engine::{Input, Progress, identify};
 pub use outcome::{
-    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow, Separation,
-    SetShare, Unexplained,
+    Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow,
+    Separation, SetShare, Unexplained,
 };
 pub use plan::{Ask, Plan, PlanInput, PlanProgram, PlannedKind, PlannedPair, PlannedRow, plan};

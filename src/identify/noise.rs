@@ -73,7 +73,8 @@ impl Field {
             Over::Force => self.correlation(&a[2], &b[2]),
             Over::Everything(spreads) => {
                 let apart = |k: usize| (a[k] - b[k]).norm_squared() / (spreads[k] * spreads[k]);
-                (-0.5 * (0..spreads.len()).filter(|&k| spreads[k] > 0.0).map(apart).sum::<f64>() / self.reach.powi(2)).exp()
+                (-0.5 * (0..spreads.len()).filter(|&k| spreads[k] > 0.0).map(apart).sum::<f64>() / self.reach.powi(2))
+                    .exp()
             }
         }
     }

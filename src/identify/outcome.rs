@@ -122,6 +122,12 @@ pub struct SetShare {
 }
 
 impl Identification {
+    /// Whether everything is taken to be a little off: the model has effects that are too small, or too much alike, to be named.
+    #[must_use]
+    pub fn is_whole_arm(&self) -> bool {
+        self.effects.iter().any(|effect| effect.probability < NAMED) && self.effects.len() > self.added.len()
+    }
+
     /// What may act where nothing is added and nothing unexplained is said: sets of effects, most likely first, where nothing
     /// at all is not as likely as a name must be.
     #[must_use]

@@ -19,16 +19,16 @@ use super::noise::{self, Field, Over};
 use super::outcome::Errors;
 use super::pattern::Standing;
 use super::score::{posterior, score};
-use super::search::{PRICE, Search, UNLISTED, caution};
+use super::search::{Search, UNLISTED, caution};
 use crate::effects::Shape;
 use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Common sizes of all effects that the search has not found, as shares of their typical sizes.
-const SHARES: [f64; 4] = [0.125, 0.25, 0.5, 1.0];
+const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 /// Reaches of the discrepancy, in standard deviations of place, posture and force over the table.
-const REACHES: [f64; 3] = [1.0, 2.0, 4.0];
+const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Its variance over that of the white noise: from half of its size to eight times.
 const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 /// Groups of rows near one another in place, posture and load: each is left out in turn.
@@ -128,15 +128,34 @@ impl Engine {
         Members { found, others }
     }
 
+    /// What the whole arm must gain for having been looked for, nats: of members that stand out what each must by itself, of all that
+    /// are alike that one of its family's variants was taken.
+    fn price_of(&self, search: &Search, members: &Members, shares: Shares) -> f64 {
+        let alike = |set: &[usize]| set.iter().map(|&c| self.variants(c).ln()).sum::<f64>();
+        let found = if shares.found.is_none() { search.prices(&members.found) } else { alike(&members.found) };
+        found + alike(&members.others)
+    }
+
+    /// Variants of full size that a member was chosen from: of waves along a joint as many as were looked at.
+    fn variants(&self, c: usize) -> f64 {
+        let own = &self.candidates[c];
+        match own.law() {
+            None => 1.0,
+            Some(law) if law.shape == Shape::Periodic => own.variants,
+            Some(_) => {
+                let same = |other: &&Candidate| other.family == own.family && other.is_full_size();
+                self.candidates.iter().filter(same).count().max(1) as f64
+            }
+        }
+    }
+
     /// Whether the whole arm gains on a set, both under the noise of its search: this costs little to ask.
     pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
-        let (value, price) = (search.objective(set), search.prices(&members.found));
-        let all = members.all();
+        let (value, all) = (search.objective(set), members.all());
         Shares::all().any(|shares| {
             let candidates = self.shrunk(members, shares);
             let shrunk = Search::new(&candidates, search.moments, search.always);
-            let evidence = shrunk.near(&all, None).evidence - if shares.found.is_none() { price } else { 0.0 };
-            evidence > value + UNLISTED
+            shrunk.near(&all, None).evidence - self.price_of(search, members, shares) > value + UNLISTED
         })
     }
 
@@ -148,24 +167,35 @@ impl Engine {
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
         let spreads = self.spreads();
-        let drift = noise::Shape { field: None, ..self.shape };
         let mut best: Option<Sizes> = None;
-        for reach in REACHES {
+        let mut weigh = |drift: noise::Shape, reach: f64, tried: &[Shares]| {
             let field = |share| Field { over: Over::Everything(spreads), share, reach };
             let of = |share| (noise::Shape { field: Some(field(share)), ..drift }, field(share));
             let shapes = VARIANCES.map(of);
             for (moments, (shape, _)) in Moments::under_fields(&stacked, &series, &shapes).into_iter().zip(shapes) {
                 let moments = [Moments { declared, ..moments }];
-                for shares in Shares::all() {
+                for &shares in tried {
                     let candidates = self.shrunk(members, shares);
                     let search = Search::new(&candidates, &moments, &linear.always);
                     let score = score(&moments, &search.columns(&all), best.as_ref().map(|best| best.sigma));
-                    let evidence = score.evidence - if shares.found.is_none() { search.prices(&members.found) } else { 0.0 };
+                    let evidence = score.evidence - self.price_of(&search, members, shares);
                     if best.as_ref().is_none_or(|best| evidence > best.evidence) {
                         best = Some(Sizes { shares, shape, sigma: score.sigma, evidence });
                     }
                 }
             }
+            best.as_ref().map(|best| best.shape)
+        };
+        // The wander that a few sharp laws left may be what the others do: it is asked first, at sizes in the middle of the others.
+        let usual = Shares { found: Some(SHARES[2]), others: SHARES[2] };
+        let mut drift = None;
+        for shape in noise::few().into_iter().chain([noise::Shape { field: None, ..self.shape }]) {
+            drift = weigh(shape, REACHES[2], &[usual]);
+        }
+        let drift = noise::Shape { field: None, ..drift? };
+        let tried: Vec<Shares> = Shares::all().collect();
+        for reach in REACHES {
+            weigh(drift, reach, &tried);
         }
         best
     }
@@ -185,21 +215,16 @@ impl Engine {
     pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
         // What stood out beside a few sharp laws may be what the others do.
         self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
-        let t = std::time::Instant::now();
         let Some(sizes) = self.sizes(members) else { return Vec::new() };
-        eprintln!("sizes {:?} {:?} sigma {} shape {:?} ev {}", t.elapsed(), sizes.shares, sizes.sigma, sizes.shape, sizes.evidence);
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
         self.candidates = self.shrunk(members, sizes.shares);
         let mut all = members.all();
         all.extend(self.fault_beyond(&all));
         self.choose(all);
-        eprintln!("refit {:?}", t.elapsed());
         if self.mark_outliers() > 0 {
             self.refit();
         }
-        let p = self.probabilities();
-        eprintln!("done {:?} {:?}", t.elapsed(), p.iter().map(|(c, (p, _))| (&self.candidates[*c].kind[..], *p)).collect::<Vec<_>>());
-        p
+        self.probabilities()
     }
 
     /// The fault of the table that explains what the whole arm does not, if one does.
@@ -212,13 +237,17 @@ impl Engine {
         let (value, none) = (evidence(members), evidence(&[]));
         let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
         let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((g, c)) = &best { eprintln!("fault {} gain {g} of {}", self.candidates[*c].kind, value - none); }
         best.filter(|(gain, _)| *gain > FAULT * (value - none)).map(|(_, c)| c)
     }
 
     /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell and by the chosen
     /// effects, fitted to the other rows; and the variance that was found there over the one that the fit promised.
-    pub(super) fn elsewhere(&mut self, before: &DVector<f64>) -> Elsewhere {
+    pub(super) fn elsewhere(&mut self, before: &DVector<f64>, after: &DVector<f64>) -> Elsewhere {
+        if self.problem.free_device {
+            // Over the whole robot every row is elsewhere.
+            let of = |left: &DVector<f64>| self.errors(left, |row| row.held_out);
+            return Elsewhere { declared: of(before), extended: of(after), wider: 1.0 };
+        }
         let chosen = self.chosen.clone();
         let linear = self.linearise(&chosen, &[]);
         let stacked = stacked(linear.design.kept(), &linear.data);
@@ -238,13 +267,19 @@ impl Engine {
                 let (mean, covariance) = posterior(&moments, &columns, self.sigma)?;
                 let mut left = linear.data.clone();
                 let sizes = || columns.list.iter().map(|(column, size)| (*column, *size));
-                linear.design.add(sizes().zip(mean.iter()).map(|((column, size), mean)| (column, -size * mean)), &mut left);
+                linear
+                    .design
+                    .add(sizes().zip(mean.iter()).map(|((column, size), mean)| (column, -size * mean)), &mut left);
                 let (mut off, mut promised) = (0.0, 0.0);
                 let own = self.problem.rows.iter().filter(|row| !row.outlier && of_row[&row.offset] == left_out);
                 for row in own {
                     for k in row.offset..row.offset + row.seen.len() {
-                        let slope = DVector::from_iterator(columns.list.len(), sizes().map(|(column, size)| stacked[(k, column)] * size));
-                        promised += slope.dot(&(&covariance * &slope)) + self.sigma * self.sigma * (1.0 + self.shape.drift);
+                        let slope = DVector::from_iterator(
+                            columns.list.len(),
+                            sizes().map(|(column, size)| stacked[(k, column)] * size),
+                        );
+                        promised +=
+                            slope.dot(&(&covariance * &slope)) + self.sigma * self.sigma * (1.0 + self.shape.drift);
                         off += left[k] * left[k];
                     }
                 }
@@ -275,7 +310,7 @@ impl Engine {
         effects
             .map(|c| {
                 let without: Vec<usize> = chosen.iter().copied().filter(|&o| o != c).collect();
-                let gain = value - search.near(&without, Some(self.sigma)).evidence - PRICE;
+                let gain = value - search.near(&without, Some(self.sigma)).evidence - search.price(c);
                 (c, (1.0 / (1.0 + (-gain / caution(count)).exp()), Vec::new()))
             })
             .collect()
@@ -287,14 +322,18 @@ pub(super) fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]
     /// Rounds after which rows hardly change their group.
     const ROUNDS: usize = 20;
     let scaled = |place: &noise::Places| -> DVector<f64> {
-        DVector::from_iterator(9, (0..3).flat_map(|k| {
-            let spread = if spreads[k] > 0.0 { spreads[k] } else { 1.0 };
-            (place[k] / spread).iter().copied().collect::<Vec<_>>()
-        }))
+        DVector::from_iterator(
+            9,
+            (0..3).flat_map(|k| {
+                let spread = if spreads[k] > 0.0 { spreads[k] } else { 1.0 };
+                (place[k] / spread).iter().copied().collect::<Vec<_>>()
+            }),
+        )
     };
     let points: Vec<DVector<f64>> = places.iter().map(scaled).collect();
     let count = GROUPS.min(points.len());
-    let mut centres: Vec<DVector<f64>> = (0..count).map(|g| points[g * (points.len() - 1) / (count - 1).max(1)].clone()).collect();
+    let mut centres: Vec<DVector<f64>> =
+        (0..count).map(|g| points[g * (points.len() - 1) / (count - 1).max(1)].clone()).collect();
     let mut nearest = vec![0; points.len()];
     for _ in 0..ROUNDS {
         for (group, point) in nearest.iter_mut().zip(&points) {
@@ -302,7 +341,8 @@ pub(super) fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]
             *group = (0..count).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0);
         }
         for (g, centre) in centres.iter_mut().enumerate() {
-            let own: Vec<&DVector<f64>> = points.iter().zip(&nearest).filter(|(_, n)| **n == g).map(|(p, _)| p).collect();
+            let own: Vec<&DVector<f64>> =
+                points.iter().zip(&nearest).filter(|(_, n)| **n == g).map(|(p, _)| p).collect();
             if !own.is_empty() {
                 *centre = own.iter().fold(DVector::zeros(9), |sum, p| sum + *p) / own.len() as f64;
             }

@@ -12,11 +12,22 @@ pub fn identify_answer(found: &Identification) -> String {
     let faults = || found.unexplained.correlates.iter().filter(|correlate| correlate.fault.is_some());
     if let Some(fault) = faults().next() {
         parts.push(format!("the measurement is doubtful: the rows follow {}", fault.with));
+    } else if found.is_whole_arm() {
+        parts.push(format!("everything is a little off: {} effects are fitted together", found.effects.len()));
     } else if found.unexplained.significant {
         let follows = found.unexplained.correlates.first().map(|first| format!("; it follows {}", first.with));
         parts.push(format!("more shows than this cell and noise explain{}", follows.unwrap_or_default()));
     }
-    if found.added.is_empty() {
+    let sure: Vec<String> = found.added.iter().map(named).collect();
+    if found.is_whole_arm() {
+        let sure = if sure.is_empty() {
+            "none of them is sure by itself".to_owned()
+        } else {
+            format!("sure are {}", sure.join(", "))
+        };
+        parts.push(sure);
+        parts.push(format!("the part would be {:.3} instead of {:.3} mm", found.after.rms_mm, found.before.rms_mm));
+    } else if found.added.is_empty() {
         let faint = found.faint();
         parts.push(match faint.first() {
             _ if found.unexplained.significant => "nothing is added to the cell".to_owned(),
@@ -29,8 +40,7 @@ pub fn identify_answer(found: &Identification) -> String {
             None => format!("nothing shows: the declared cell explains the rows to {:.3} mm", found.after.rms_mm),
         });
     } else {
-        let names: Vec<String> = found.added.iter().map(named).collect();
-        parts.push(names.join(" and "));
+        parts.push(sure.join(" and "));
         parts.push(format!("the part would be {:.3} instead of {:.3} mm", found.after.rms_mm, found.before.rms_mm));
         if !found.unexplained.significant {
             parts.push("nothing else shows".to_owned());
@@ -100,13 +110,28 @@ pub fn identify_text(found: &Identification) -> String {
         "  both are of rows that no fit has seen; the numbers written are then fitted to all rows of a part\n",
     );
 
+    let _ = writeln!(
+        out,
+        "  left out by place, posture and load: {:.4} mm; another program may be off by {:.4} mm per axis",
+        found.after_other_places.rms_mm, found.transfer_sigma_mm
+    );
     if let Some(rms_mm) = found.run_drift_rms_mm {
         let _ = writeln!(
             out,
             "  the run drifts by {rms_mm:.4} mm rms, as the fitted rows about each tell: taken off both, for it is in no cell"
         );
     }
-    if found.added.is_empty() {
+    if found.is_whole_arm() {
+        out.push_str("\nevery effect of the written cell   probability   its part (mm rms)\n");
+        let mut effects: Vec<_> = found.effects.iter().collect();
+        effects.sort_by(|a, b| b.share_rms_mm.total_cmp(&a.share_rms_mm));
+        for effect in effects {
+            let _ = writeln!(out, "  {:32} {:11.3} {:15.4}", effect.kind, effect.probability, effect.share_rms_mm);
+        }
+    }
+    if found.added.is_empty() && found.is_whole_arm() {
+        out.push_str("\nNone of them is sure by itself.\n");
+    } else if found.added.is_empty() {
         out.push_str(match found.unexplained.significant {
             true => "\nNothing is added to the cell.\n",
             false if !found.faint().is_empty() => {
