@@ -18,6 +18,7 @@ mod executed;
 mod free_units;
 mod fuzz_regressions;
 mod grammar;
+mod guides;
 mod hard_cases;
 mod html;
 mod identify;
