@@ -43,6 +43,7 @@ mod stream_cl;
 mod stream_declared;
 mod stream_krl;
 mod stream_units;
+mod style;
 mod supply;
 mod tutorial;
 mod units;
