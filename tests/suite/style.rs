@@ -127,7 +127,10 @@ fn plain(paragraph: &str) -> String {
 fn documents_are_in_plain_words() {
     let root = Path::new(ROOT);
     let mut pages: Vec<PathBuf> =
-        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root.join(name)).into();
+        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "python/README.md"]
+            .map(|name| root.join(name))
+            .into();
+    pages.extend(["ci", "closed-loop", "hard-cases"].map(|sample| root.join("samples").join(sample).join("README.md")));
     pages.extend(std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path()));
     pages.retain(|page| page.extension().is_some_and(|ending| ending == "md"));
     assert!(pages.len() > 30);
