@@ -54,7 +54,9 @@ fn every_document_that_a_comment_cites_is_there() {
 fn links_between_documents_lead_somewhere() {
     let mut pages = Vec::new();
     files(&Path::new(ROOT).join("docs"), &["md"], &mut pages);
-    pages.extend(["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|name| Path::new(ROOT).join(name)));
+    pages.extend(
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| Path::new(ROOT).join(name)),
+    );
     for page in pages {
         let text = std::fs::read_to_string(&page).unwrap();
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {

@@ -1,0 +1,73 @@
+//! The guides for contributors list the files that an addition touches: the lists are those of the repository.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Paths in the first column of a guide's tables, with `NAME` replaced.
+fn listed(guide: &str, name: &str) -> BTreeSet<String> {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs").join(guide)).unwrap();
+    let cell =
+        |line: &str| line.strip_prefix("| `").and_then(|rest| rest.split_once('`')).map(|(cell, _)| cell.to_owned());
+    let paths = page.lines().filter_map(cell).filter(|cell| cell.contains('/'));
+    paths.map(|path| path.replace("NAME", name)).collect()
+}
+
+/// Files below some folders whose text contains one of some words.
+fn containing(folders: &[&str], words: &[&str]) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let mut open: Vec<_> = folders.iter().map(|folder| Path::new(ROOT).join(folder)).collect();
+    while let Some(path) = open.pop() {
+        if path.is_dir() {
+            open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+        } else if let Ok(text) = std::fs::read_to_string(&path)
+            && words.iter().any(|word| text.contains(word))
+        {
+            let within = path.strip_prefix(ROOT).unwrap().components();
+            found.insert(within.map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"));
+        }
+    }
+    found
+}
+
+/// The newest effect, by which the guide was written.
+const EFFECT: &str = "cable_pull";
+
+#[test]
+fn the_guide_of_effects_lists_the_files_of_an_effect() {
+    let mut found = containing(&["src", "tests", "samples", "examples", "benches", "docs"], &[EFFECT]);
+    // These two speak of the effect as an example.
+    for page in ["docs/add-an-effect.md", "tests/suite/guides.rs"] {
+        assert!(found.remove(page), "{page}");
+    }
+    assert_eq!(found, listed("add-an-effect.md", EFFECT));
+}
+
+#[test]
+fn the_guide_of_robots_lists_the_files_of_a_robot() {
+    let library = std::fs::read_to_string(Path::new(ROOT).join("src/robot/library.toml")).unwrap();
+    let vectors = std::fs::read_to_string(Path::new(ROOT).join("tests/fixtures/robots/forward.csv")).unwrap();
+    let listed = listed("add-a-robot.md", "");
+    let vector = vectors.lines().last().unwrap().split(',').next().unwrap();
+    assert!(library.contains(&format!("model = \"{vector}\"")), "{vector}");
+    assert_eq!(listed, containing(&["src", "tests"], &[vector]));
+    // Each key of an entry has its row.
+    let guide = std::fs::read_to_string(Path::new(ROOT).join("docs/add-a-robot.md")).unwrap();
+    let keys: BTreeSet<&str> = library
+        .lines()
+        .filter(|line| !line.starts_with(['#', '[']))
+        .filter_map(|line| line.split_once(" = ").map(|(key, _)| key))
+        .collect();
+    for key in keys {
+        assert!(guide.contains(&format!("`{key}`")), "docs/add-a-robot.md does not explain `{key}`");
+    }
+}
+
+#[test]
+fn the_guide_of_languages_lists_where_the_code_decides_by_language() {
+    let mut found = containing(&["src"], &["Language::Krl", "Language::Ls"]);
+    // A language's own reader.
+    found.retain(|path| !path.starts_with("src/program/krl/") && !path.starts_with("src/program/tp/"));
+    assert_eq!(found, listed("add-a-language.md", ""));
+}
