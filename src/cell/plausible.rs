@@ -273,7 +273,7 @@ fn wider_than_the_cutter(
     if is_slot {
         check.warn(&place, message, "a slot is as wide as its cutter: leave the width out");
     } else {
-        check.error(&place, message, "the width is the stepover to the pass beside: at most the diameter");
+        check.error(&place, message, "the width is the stepover to the neighbouring pass: at most the diameter");
     }
 }
 

@@ -330,7 +330,7 @@ impl<'a> Places<'a> {
              programmed path there, more than the {most} mm allowed",
             row.target
         );
-        let help = "lead in and out of the cut gently: no inserted target is near enough to mend a jump";
+        let help = "lead in and out of the cut gently: no inserted target can be near enough to remove a jump";
         self.at(row.target, "check.max-jump", message, help)
     }
 

@@ -146,7 +146,7 @@ impl Job {
         let outside =
             |file: &PathBuf| file.is_absolute() || file.components().any(|part| matches!(part, Component::ParentDir));
         if files.is_empty() || files.iter().any(outside) {
-            let message = "expected a list of <Module>NAME.mod</Module> beside the .pgf";
+            let message = "expected a list of <Module>NAME.mod</Module> in the folder of the .pgf file";
             return Err(vec![
                 Diagnostic::error("program.pgf", &list.name, message).help("give the modules themselves instead"),
             ]);
@@ -159,7 +159,7 @@ impl Job {
             .map(|(_, file)| file.display().to_string())
             .collect();
         if !missing.is_empty() {
-            let message = format!("the list names modules that are not beside it: {}", missing.join(", "));
+            let message = format!("the list names modules that are not in its folder: {}", missing.join(", "));
             return Err(vec![
                 Diagnostic::error("program.pgf", &list.name, message)
                     .help("copy them there, or give the modules themselves"),

@@ -116,11 +116,11 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
         worst.remaining_path_max_mm, worst.remaining_path_rms_mm
     );
     let help = match setup.options.subdivide {
-        None => "`--subdivide MM` inserts targets; remaining_path_mm of the report tells where",
+        None => "`--subdivide MM` inserts targets; remaining_path_mm of the report shows where",
         // No target is nearer to such a place than the correction can follow.
         Some(_) => {
-            "where the force sets in, ends or turns at once the tip goes from one deflection to the other, within half a millimetre \
-             of path: lead in and out gently; remaining_path_mm of the report tells where"
+            "the tip jumps where the force sets in, ends or turns at once: lead in and out of the cut gently; remaining_path_mm of \
+             the report shows where"
         }
     };
     let note = Diagnostic::error("limits.max-path-error", &worst.path, message);

@@ -98,7 +98,7 @@ pub(super) fn changed() -> Result<(), Vec<Diagnostic>> {
 fn told(path: &Path) -> Diagnostic {
     let message = "changed while it was read: nothing is written";
     Diagnostic::error("io.changed", &path.display().to_string(), message)
-        .help("run again when nobody writes to it any more")
+        .help("run again when no other program writes to it")
 }
 
 /// FNV-1a of a file's bytes: tells states apart, guards against nothing.

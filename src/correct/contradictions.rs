@@ -40,7 +40,7 @@ fn told(program: &Program, key: &str, own: &Pose, of_cell: &Pose) -> Option<Diag
     );
     Some(
         Diagnostic::error("cell.contradiction", file, message).severity(Severity::Warning).help(
-            "the controller runs the program's own declaration: mend whichever is wrong, or remove it from the cell",
+            "the controller runs the program's own declaration: correct the wrong one, or remove it from the cell",
         ),
     )
 }

@@ -224,7 +224,7 @@ impl<'a> Laws<'a> {
         let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
             return Err((
                 "cell.no-feed-per-tooth",
-                "the feed per tooth is not known: the target has no feed, or nobody says the spindle speed".to_owned(),
+                "the feed per tooth is not known: the target has no feed, or neither cell nor program states the spindle speed".to_owned(),
                 format!(
                     "give feed_per_tooth_mm or spindle_rpm in [cut.engagement], or spindle_rpm in [tools.{name}.cutter]"
                 ),

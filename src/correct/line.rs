@@ -448,8 +448,8 @@ fn doubtful_cuts(program: &Program, cell: &Cell, (prepared, options): (&Prepared
             say("cut.unknown-speed", Severity::Warning, &message, &help);
         }
         if point.plunges {
-            let message = "a feed move along the tool axis: [cut] tells no force of it; that of the cut before it is \
-                           taken, or none";
+            let message = "this motion feeds along the tool axis, and [cut] does not know its force: the force of the cut \
+                           before it is used, or none";
             let air = program.language.mark(Mark::Air);
             let help = format!("[stock] with `mode = \"stock\"` finds what it cuts; `{air}` says that it cuts nothing");
             say("cut.plunge", Severity::Note, message, &help);
@@ -498,8 +498,7 @@ fn insertions(
     for beside in inserted.map(|(insert, _)| insert).collect::<Vec<_>>().chunk_by(|a, b| a.before == b.before) {
         let (i, wide) = (beside[0].before, zones(beside[0].before).into_iter().flatten().fold(0.0, f64::max));
         if beside.iter().any(|insert| wide > insert.room_mm) {
-            let message =
-                "the zone here, or at the target before, is wider than the distance to the target inserted beside it";
+            let message = "the zone here, or at the target before, is wider than the distance to the inserted target";
             let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
             say(i, "subdivide.zone", message, help);
         }
@@ -651,7 +650,7 @@ fn unsolved(program: &Program, prepared: &Prepared, repeated: &mut Repeated) {
             continue;
         };
         let source = &program.sources[usize::from(target.source)];
-        let said = Diagnostic::error("target.kept", "", format!("{why}: kept, unsolved"));
+        let said = Diagnostic::error("target.kept", "", format!("{why}: the target stays unchanged and is not solved"));
         repeated.say(said.on_line(source, target.span, target.line).severity(Severity::Warning).help(help));
     }
 }

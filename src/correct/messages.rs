@@ -98,7 +98,7 @@ impl Repeated {
         all.sort_by(|(a, _), (b, _)| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));
         all.into_iter().map(|(said, count)| match count {
             1 => said,
-            _ => Diagnostic { message: format!("{}; so at {count} targets", said.message), ..said },
+            _ => Diagnostic { message: format!("{} ({count} targets)", said.message), ..said },
         })
     }
 }

@@ -97,7 +97,7 @@ impl Verdicts {
             (
                 &self.jumps,
                 "jumps where the force sets in, ends or turns at once: largest",
-                "lead in and out gently: no inserted target mends a jump; `--max-jump` is the limit",
+                "lead in and out gently: no inserted target removes a jump; `--max-jump` is the limit",
             ),
         ]
     }

@@ -26,7 +26,7 @@ pub fn identify_answer(found: &Identification) -> String {
             format!("sure are {}", sure.join(", "))
         };
         parts.push(sure);
-        parts.push(format!("the part would be {:.3} instead of {:.3} mm", found.after.rms_mm, found.before.rms_mm));
+        parts.push(format!("rms error {:.3} mm, before {:.3} mm", found.after.rms_mm, found.before.rms_mm));
     } else if found.added.is_empty() {
         let faint = found.faint();
         parts.push(match faint.first() {
@@ -41,7 +41,7 @@ pub fn identify_answer(found: &Identification) -> String {
         });
     } else {
         parts.push(sure.join(" and "));
-        parts.push(format!("the part would be {:.3} instead of {:.3} mm", found.after.rms_mm, found.before.rms_mm));
+        parts.push(format!("rms error {:.3} mm, before {:.3} mm", found.after.rms_mm, found.before.rms_mm));
         if !found.unexplained.significant {
             parts.push("nothing else shows".to_owned());
         }
@@ -150,7 +150,7 @@ pub fn identify_text(found: &Identification) -> String {
         );
         write_parameters(&mut out, &added.parameters);
         if !added.not_told_apart_from.is_empty() {
-            let _ = writeln!(out, "    not told apart from: {}", added.not_told_apart_from.join(", "));
+            let _ = writeln!(out, "    cannot be distinguished from: {}", added.not_told_apart_from.join(", "));
         }
     }
     const SETS: usize = 5; // the whole list is in the JSON
@@ -171,7 +171,7 @@ pub fn identify_text(found: &Identification) -> String {
     const PAIRS: usize = 6; // the whole list is in the JSON
     let close: Vec<_> = found.separability.iter().filter(|pair| pair.d_prime < 5.0).take(PAIRS).collect();
     if !close.is_empty() {
-        out.push_str("\nhard to tell apart on these rows (d′ at 0.03 mm; from 5 on told apart)\n");
+        out.push_str("\nhard to distinguish on these rows (d′ at 0.03 mm; from 5 on they can be distinguished)\n");
     }
     for pair in close {
         let _ = writeln!(out, "  {:26} taken for {:26} {:5.1}", pair.of, pair.from, pair.d_prime);

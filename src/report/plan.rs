@@ -29,7 +29,7 @@ pub fn plan_text(plan: &Plan) -> String {
     }
     let hard: Vec<_> = plan.pairs.iter().filter(|pair| pair.d_prime < APART).collect();
     if hard.is_empty() {
-        let _ = writeln!(out, "\nevery pair of effects is told apart (d′ of {APART:.0} and more)");
+        let _ = writeln!(out, "\nevery pair of effects can be distinguished (d′ of {APART:.0} and more)");
     } else {
         let _ = writeln!(out, "\nhard to tell apart on these rows (d′ below {APART:.0}):");
         for pair in hard.iter().take(LISTED) {

@@ -347,7 +347,7 @@ impl Walk<'_> {
         let why = if chosen { ", from the smallest cutter" } else { "" };
         let share = if self.peak > 0.0 { 100.0 * self.bound / self.peak } else { 0.0 };
         let message = format!(
-            "stock: lines {:.3} mm apart{why}; rims of the engagement put a force off by at most {:.1} N ({share:.1} % of the largest)",
+            "stock: lines {:.3} mm apart{why}; the rim of the engagement is known to {:.1} N of a force ({share:.1} % of the largest)",
             1e3 * resolution,
             self.bound
         );

@@ -48,7 +48,7 @@ impl<'a> Feeds<'a> {
         let Some(wanted) = target.feed_mm_s else {
             return match now {
                 None => Ok(None),
-                Some(_) => Err("a move without a feed behind a cycle that has its own"),
+                Some(_) => Err("a motion without a feed after a cycle that has its own"),
             };
         };
         if now.is_some_and(|now| (now - wanted).abs() <= SAME * wanted) {

@@ -153,7 +153,7 @@ impl Reader {
             Some(Meaning::Goto) => self.goto(record, &next),
             Some(Meaning::Godlta) => self.godlta(record, &next),
             Some(Meaning::Passes | Meaning::Finish) => Ok(()),
-            _ => Err("what stands behind RAPID is not known".into()),
+            _ => Err("what follows RAPID is not known".into()),
         }
     }
 

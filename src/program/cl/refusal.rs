@@ -116,10 +116,8 @@ pub(super) const FEED_UNIT: Refusal =
 pub(super) const INVERSE_TIME: Refusal =
     refusal("inverse-time feed (INVERS)", "let the CAM system write feeds per minute or per revolution");
 pub(super) const NO_FEED: Refusal = refusal("feed without a number above 0", "let the CAM system write a feed above 0");
-pub(super) const FEED_UNIT_LOST: Refusal = refusal(
-    "feed without a unit behind one in another unit",
-    "say the unit with every FEDRAT: IPM, MMPM, IPR, MMPR, …",
-);
+pub(super) const FEED_UNIT_LOST: Refusal =
+    refusal("feed without a unit after one in another unit", "say the unit with every FEDRAT: IPM, MMPM, IPR, MMPR, …");
 pub(super) const FEED_WITHOUT_SPINDLE: Refusal = refusal(
     "feed per revolution without a spindle speed",
     "let the CAM system write SPINDL/ with its speed before, or feeds per minute",
@@ -138,18 +136,18 @@ pub(super) const CYCLE_BEFORE: Refusal =
     refusal("CYCLE/ON without a cycle before", "define the cycle first: CYCLE/DRILL,…");
 pub(super) const ARC_SENSE: Refusal = refusal(
     "arc whose points contradict both senses",
-    "check the points behind CIRCLE, or let the CAM system write CLW or CCLW",
+    "check the points after CIRCLE, or let the CAM system write CLW or CCLW",
 );
 pub(super) const ARC_TANGENT: Refusal = refusal(
     "arc that turns back at its start: the other way round it would go on smoothly",
     "check the axis of CIRCLE, or let the CAM system write CLW or CCLW",
 );
 pub(super) const BEHIND_END: Refusal =
-    refusal("motion behind FINI, where the program ends", "give each program a file of its own");
+    refusal("motion after FINI, where the program ends", "give each program a file of its own");
 pub(super) const LOOSE_NUMBERS: Refusal =
     refusal("numbers without a statement", "a continuation ($) may be missing at the end of the line before");
 /// Numbers that are a position or a vector by where they lie: once shifted, they may be told apart, or be so no more.
 pub(crate) const AMBIGUOUS_LIST: Refusal = refusal(
-    "positions and vectors that cannot be told apart",
+    "positions and vectors that cannot be distinguished",
     "let the CAM system write one position (three, six or nine numbers) in a GOTO",
 );

@@ -114,7 +114,7 @@ impl<'a> Runner<'a> {
         }
         let mut left = self.loops.pop().unwrap_or_default();
         if flow == Flow::Next {
-            self.state.values.insert(counter, Value::unknown("a counter behind its loop"));
+            self.state.values.insert(counter, Value::unknown("a counter after its loop"));
             left.push(std::mem::take(&mut self.state));
         }
         self.go_on(left)

@@ -92,7 +92,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
         if file.module.is_empty() {
             let message = "there is no DEF and no DEFDAT in the file: expected a KRL program or data list";
             let error = Diagnostic::error("krl.no-routine", &source.name, message).at(source, Span::new(0, 0));
-            errors.push(error.help("give a .src with its .dat beside it"));
+            errors.push(error.help("give a .src with its .dat in the same folder"));
         } else if let Some(at) = file.cut {
             if look {
                 let line = source.line_column(at.range().start).line;

@@ -200,7 +200,7 @@ impl<'a> Runner<'a> {
         let mut names = HashMap::new();
         let mut own = Vec::new();
         for (i, param) in routine.params.iter().enumerate() {
-            let value = values.get(i).cloned().unwrap_or(Value::unknown("parameter that nobody gives"));
+            let value = values.get(i).cloned().unwrap_or(Value::unknown("parameter without an argument"));
             let name = upper(&bytes[param.name.range()]);
             let local = self.symbols.local(Value::unknown(super::value::NO_VALUE));
             if let Some(data) = routine.data.iter().find(|data| upper(&bytes[data.name.range()]) == name) {

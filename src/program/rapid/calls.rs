@@ -139,7 +139,7 @@ impl<'a> Runner<'a> {
             self.tell(
                 span,
                 "rapid.late-binding",
-                "which procedure is called here is known only at run time: what it could change is not known behind it",
+                "which procedure is called here is known only at run time: what it could change is not known after it",
                 Severity::Warning,
             );
             return Flow::Next;
@@ -186,8 +186,8 @@ impl<'a> Runner<'a> {
     fn tell_undeclared(&mut self, scope: Scope, name: &[u8], span: Span) {
         let name = String::from_utf8_lossy(name).into_owned();
         let message = format!(
-            "`{name}` is not in the files given: what it could change (frames, tools, displacement, what it is handed) is \
-             not known behind it"
+            "`{name}` is not in the files: what it could change (frames, tools, displacement, its arguments) is not known \
+             after it"
         );
         let source = scope.source;
         if self.mode == Mode::Real && self.seen.insert((usize::from(source), span, "rapid.undeclared")) {

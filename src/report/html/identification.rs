@@ -119,7 +119,7 @@ fn added(found: &Identification) -> String {
             decimals(effect.held_out_rms_after_mm, 4),
             match &effect.not_told_apart_from[..] {
                 [] => String::new(),
-                kinds => format!(" <strong>Not told apart from {}.</strong>", escape(&kinds.join(", "))),
+                kinds => format!(" <strong>Cannot be distinguished from {}.</strong>", escape(&kinds.join(", "))),
             }
         );
         let head = [("parameter", false), ("value", true), ("95 % interval", true), ("unit", false)];
@@ -153,7 +153,8 @@ fn added(found: &Identification) -> String {
 /// The posterior over sets.
 fn sets(sets: &[SetShare]) -> String {
     if sets.is_empty() {
-        return "<p>Over the whole robot effects are told in stages, not set against one another.</p>\n".to_owned();
+        return "<p>Over the whole robot, effects are found in stages and are not compared with one another.</p>\n"
+            .to_owned();
     }
     let mut table = Table::new("sets", &[("set", false), ("posterior", true)]);
     for SetShare { kinds, probability } in sets {
@@ -287,7 +288,7 @@ const WORDS: &str = "<dl>
 <dt>Written</dt><dd>Before and after are of held-out rows; the numbers that are written to the cell are then fitted to all rows of a part, held-out ones among them.</dd>
 <dt>Sets</dt><dd>Posterior over the sets of effects and faults about the one that was chosen: itself, each member left out or swapped, each further one.</dd>
 <dt>Posterior</dt><dd>Probability of the effect against everything that could stand in its place, given these data.</dd>
-<dt>d′</dt><dd>What is left of an effect of 0.03 mm rms after all that the other one could imitate, over the noise: from 5 on the two are told apart, below 3 they are not, whatever is measured more of the same.</dd>
+<dt>d′</dt><dd>What is left of an effect of 0.03 mm rms after all that the other one could imitate, over the noise. From 5 on the two can be distinguished. Below 3 they cannot, however many more such points are measured.</dd>
 <dt>ΔBIC</dt><dd>Twice the log evidence of the declared cell over that of the cell with this one effect: negative is better.</dd>
 </dl>
 ";

@@ -389,7 +389,7 @@ const WORDS: &str = "<dl>
 <dt>Error</dt><dd>Actual minus programmed position of the loaded tool centre point (TCP), as the cell predicts it, in the axes of the target's work object. <em>Along the normal</em>: at the point of contact, out of the material.</dd>
 <dt>Remaining on the path</dt><dd>Largest distance, on the way into the target, between the path that the tip takes and the path programmed: the same prediction between the targets, under the force that acts there.</dd>
 <dt>Force</dt><dd>What the workpiece exerts on the tool, in work object axes.</dd>
-<dt>Stiffness</dt><dd>Force on the tool that moves the TCP by a millimetre, through every effect of the cell, at the force that acts there: along the surface normal n, 1/(nᵀCn), and in the softest and the stiffest direction, one over the largest and the smallest eigenvalue of the compliance C.</dd>
+<dt>Stiffness</dt><dd>Force on the tool that moves the TCP by a millimetre, through every effect of the cell, at the force that acts there. Along the surface normal n it is 1/(nᵀCn). In the softest and the stiffest direction it is one over the largest and the smallest eigenvalue of the compliance C.</dd>
 </dl>
 ";
 

@@ -43,7 +43,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin) -> String {
     body += &format!(
         "<div class=\"pair\">\n<div>{}</div>\n<div>{}</div>\n</div>\n",
         section("kinds", "Each effect alone", kinds(plan)),
-        section("pairs", "Pairs, least told apart first", pairs(plan))
+        section("pairs", "Pairs, hardest to distinguish first", pairs(plan))
     );
     body += &section("rows", "The rows", rows(plan));
     body += &section("words", "What the figures are", WORDS);
@@ -100,7 +100,7 @@ fn rows(plan: &Plan) -> String {
 }
 
 const WORDS: &str = "<dl>
-<dt>d′</dt><dd>What is left of an effect of the wanted size, less all that the other one, the part's frame, the instrument and its drift could imitate, over the noise: above 5 told apart, below 3 not.</dd>
+<dt>d′</dt><dd>What is left of an effect of the wanted size, less all that the other one, the part's frame, the instrument and its drift could imitate, over the noise. Above 5 the two can be distinguished, below 3 they cannot.</dd>
 <dt>Named rightly</dt><dd>The expected probability that the effect alone is named outright, from a dozen simulated measurements of these rows, with white noise and nothing else there; drift, outliers and second effects make it less.</dd>
 </dl>
 ";

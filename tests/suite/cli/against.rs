@@ -120,7 +120,7 @@ fn the_command_checks_a_subdivided_program() {
     bench.write("walk.mod", module(&body)).write("walk.toml", CELL);
     let ran = bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json told.json").exits(0);
     assert!(
-        ran.stderr.contains("are left on the way") && ran.stderr.contains("lead in and out gently"),
+        ran.stderr.contains("are left on the way") && ran.stderr.contains("lead in and out of the cut gently"),
         "{}",
         ran.stderr
     );

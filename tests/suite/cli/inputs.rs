@@ -72,7 +72,7 @@ fn inspect_says_what_was_understood() {
     }
     bench.write("saved.txt", PROGRAM).write("lost.pgf", "<Program><Module>gone.mod</Module></Program>");
     let folder = bench.run("inspect .").exits(0).stdout;
-    for found in ["part.mod", "part.apt", "saved.txt", "not beside it: gone.mod"] {
+    for found in ["part.mod", "part.apt", "saved.txt", "not in its folder: gone.mod"] {
         assert!(folder.contains(found), "{found}: {folder}");
     }
     assert!(!folder.contains("other.txt"), "{folder}");
@@ -90,7 +90,7 @@ fn a_cell_vouches_for_routines_of_its_controller() {
     let text = PROGRAM.replace("PROC main()\n", "PROC main()\n    MoveSettings;\n");
     bench.write("part.mod", &text);
     let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod");
-    assert!(ran.stderr.contains("`MoveSettings` is not in the files given"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("`MoveSettings` is not in the files"), "{}", ran.stderr);
     assert!(ran.stderr.contains("[controller] harmless"), "{}", ran.stderr);
     bench.write("cell.toml", CELL.replace("compensates = []", "compensates = []\nharmless = [\"MoveSettings\"]"));
     let ran = bench.run("compensate part.mod --cell cell.toml -o out.mod").exits(0);
