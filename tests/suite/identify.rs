@@ -249,7 +249,8 @@ fn a_field_that_nobody_lists_is_mapped() {
     let found = of_folder(&folder);
     assert!(found.unexplained.significant);
     assert_eq!(found.added.iter().map(|a| a.kind.as_str()).collect::<Vec<_>>(), ["empirical"]);
-    assert!(found.after.rms_mm < 0.55 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
+    // Every effect of the registry is in the model too, each shrunk to next to nothing: that costs a little of what a map alone takes.
+    assert!(found.after.rms_mm < 0.56 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
     let text = String::from_utf8(source(&folder.join("cell.toml")).bytes).unwrap();
     let cell = Cell::read(&Source::new("extended", extended(&text, &found.extended).unwrap().into_bytes())).unwrap();
     let table = Table::read(&source(&folder.join("measured.csv"))).unwrap();
