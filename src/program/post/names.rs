@@ -121,7 +121,8 @@ pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Dia
         ),
     };
     let refused = |what: &str, prefix: &str, name: &str| {
-        let help = "rename it in the cell and where it is used ([cl], [plan]), or post for the controller that has this name";
+        let help =
+            "rename it in the cell and where it is used ([cl], [plan]), or post for the controller that has this name";
         Diagnostic::error("post.name", "", format!("{what} `{name}`: {}", expected(prefix))).help(help)
     };
     let tools = plan.tools.iter().filter(|(name, _)| !fits(name, ("UT", "tool0")));

@@ -1,8 +1,8 @@
 //! Points to FANUC TP programs as text.
 
-use super::{PostedPoint, names};
 use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
+use super::{PostedPoint, names};
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::tp::MOST_POINTS;
 use crate::program::{Config, Language, Mark};
