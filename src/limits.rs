@@ -22,11 +22,19 @@ impl Bound {
     }
 }
 
-/// Lines through the blank: each takes some 70 bytes once it is cut, and a simulation has two stocks.
+/// Lines through the blank: a simulation of as many takes a minute on two cores, and some 220 bytes a line.
 pub const STOCK_LINES: Bound = Bound {
     what: "lines of the stock ([stock] resolution_mm over its box)",
-    most: 50_000_000,
+    most: 20_000_000,
     help: "give a larger `resolution_mm`, or a smaller blank",
+};
+
+/// Motions that a RAPID program with loops runs through, where those that are alike are held once: a loop that never ends is told
+/// from one that is long within minutes.
+pub const RUN_MOTIONS: Bound = Bound {
+    what: "motions that a RAPID program runs through in its loops",
+    most: 20_000_000,
+    help: "split the program, or bound its loops",
 };
 
 /// Triangles of a mesh: a file of a gigabyte.
@@ -82,8 +90,9 @@ pub const ARRAY_ROWS: Bound =
     Bound { what: "rows of an array", most: 100_000_000, help: "call it with parts of the array" };
 
 /// All of them, in the order of the table.
-pub const ALL: [Bound; 10] = [
+pub const ALL: [Bound; 11] = [
     STOCK_LINES,
+    RUN_MOTIONS,
     STL_TRIANGLES,
     STL_REACH_MM,
     UNITS,
@@ -101,8 +110,8 @@ mod tests {
 
     #[test]
     fn a_count_that_is_no_number_is_beyond_every_bound() {
-        assert_eq!(STOCK_LINES.exceeded(5e7), None);
-        for count in [5e7 + 1.0, f64::INFINITY, f64::NAN] {
+        assert_eq!(STOCK_LINES.exceeded(2e7), None);
+        for count in [2e7 + 1.0, f64::INFINITY, f64::NAN] {
             assert!(STOCK_LINES.exceeded(count).is_some(), "{count}");
         }
     }

@@ -53,12 +53,21 @@ class _Run:
 
     @cached_property
     def report(self) -> Report:
-        """One row a target, by column: the very figures of the command's CSV report, with its names and units.
+        """One row a target, by column: the very figures of the command's CSV report, rounded as it prints them, with its names
+        and units; `unrounded` has the numbers themselves. The arrays cannot be written to.
 
         `target` and `line` are int64, `name` and `status` str, all others float64 of shape (N,); NaN where the report has
         no figure.
         """
         return self._done.report
+
+    @cached_property
+    def unrounded(self) -> Report:
+        """The report's columns of float64 as they are before they are printed, (N,): `q1_deg`, `error_x_mm`, ….
+
+        Takes another run of the program. NaN where the report has no figure.
+        """
+        return self._done.unrounded()
 
     @cached_property
     def summary(self) -> Record:
@@ -191,7 +200,7 @@ class Identification:
 
     @cached_property
     def residuals(self) -> Report:
-        """Residuals row by row, by column, in mm: the very figures of the command's `--report`, and `target`, 0 between targets."""
+        """Residuals row by row, by column, in mm: the very figures of the command's `--report`; `target` is 0 between targets."""
         return self._found.residuals
 
     @property

@@ -92,11 +92,13 @@ fn kept<'a, 'py>(array: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyAny>
     Ok(array)
 }
 
-/// Counts as a column of a report.
-pub(crate) fn whole(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
-    let array = PyArray1::from_vec(py, values).into_any();
-    kept(&array)?;
-    Ok(array)
+/// Columns of numbers by their names.
+pub(crate) fn numbers_by_name<'py>(py: Python<'py>, columns: Vec<(&str, Vec<f64>)>) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    for (name, values) in columns {
+        all.set_item(name, kept(PyArray1::from_vec(py, values).as_any())?)?;
+    }
+    Ok(all)
 }
 
 /// The columns of a report by their names.
@@ -105,7 +107,7 @@ pub(crate) fn report<'py>(py: Python<'py>, csv: &[u8]) -> PyResult<Bound<'py, Py
     let report = PyDict::new(py);
     for Column { name, values, .. } in all {
         match values {
-            ColumnValues::Whole(values) => report.set_item(name, whole(py, values)?)?,
+            ColumnValues::Whole(values) => report.set_item(name, kept(PyArray1::from_vec(py, values).as_any())?)?,
             ColumnValues::Number(values) => report.set_item(name, kept(PyArray1::from_vec(py, values).as_any())?)?,
             ColumnValues::Text(values) => {
                 let array = py.import("numpy")?.call_method1("array", (values, "str"))?;

@@ -1,4 +1,4 @@
-use crate::arrays::{report, whole};
+use crate::arrays::{numbers_by_name, report};
 use crate::cell::Cell;
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::program::Program;
@@ -77,6 +77,15 @@ impl Done {
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         report(py, &self.done.csv)
+    }
+
+    /// Its numbers as they are before they are printed.
+    fn unrounded<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let numbers = || match &self.against {
+            Some(original) => held::predict_unrounded(&self.program, original.as_deref(), &self.run),
+            None => held::compensate_unrounded(&self.program, &self.run),
+        };
+        numbers_by_name(py, work::detached(py, numbers).or_raise(py)?.columns())
     }
 
     #[getter]
@@ -243,10 +252,7 @@ impl Found {
 
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let residuals = report(py, residual_csv(&self.found.found.residuals).as_bytes())?;
-        let targets = self.found.found.residuals.iter().map(|row| row.target.map_or(0, i64::from)).collect();
-        residuals.set_item("target", whole(py, targets)?)?;
-        Ok(residuals)
+        report(py, residual_csv(&self.found.found.residuals).as_bytes())
     }
 
     #[pyo3(signature = (name = "cell.toml"))]

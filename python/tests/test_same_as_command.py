@@ -28,6 +28,20 @@ def same_report(report: dict, text: str) -> None:
             assert column.dtype == np.float64 and column.tobytes() == expected.tobytes(), name
 
 
+def same_numbers(run) -> None:
+    """What is not rounded rounds to the report, and is not rounded: sizes are those of their components to the last bits."""
+    import numpy
+
+    numbers, report = run.unrounded, run.report
+    assert list(numbers) == [name for name, column in report.items() if column.dtype == float]
+    for name, column in numbers.items():
+        assert numpy.allclose(column, report[name], rtol=0, atol=5.01e-4, equal_nan=True), name
+        assert not column.flags.writeable and not report[name].flags.writeable
+    size = numpy.sqrt(sum(numbers[f"error_{axis}_mm"] ** 2 for axis in "xyz"))
+    assert numpy.allclose(size, numbers["error_mm"], rtol=1e-15, atol=0)
+    assert not numpy.allclose(report["error_mm"], numbers["error_mm"], rtol=1e-15, atol=0)
+
+
 def same_summary(summary: dict, file: Path) -> None:
     (told,) = json.loads(file.read_text())["files"]
     assert dict(summary) == told
@@ -44,6 +58,7 @@ def test_compensate(program, folder, command, tmp_path):
     assert data == printed.stdout
     assert done.csv == report.read_text()
     same_report(done.report, report.read_text())
+    same_numbers(done)
     same_summary(done.summary, summary)
     done.write(written)
     assert written.read_bytes() == printed.stdout
@@ -85,6 +100,7 @@ def test_a_long_program_is_streamed_to_the_same_bytes(long_program, steep_cell, 
     done = deflex.compensate(long_program, steep_cell)
     assert next(iter(done.files.values())) == written.read_bytes()
     assert done.csv == report.read_text()
+    same_numbers(done)
     assert done.html == page.read_text()
     judged = tmp_path / "judged.csv"
     command("predict", written, *args, "--against", long_program, "--report", judged)

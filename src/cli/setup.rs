@@ -16,6 +16,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Cell, forces and options of a run.
+#[derive(Clone)]
 pub(super) struct Setup {
     pub(super) cell: Arc<CellFile>,
     pub(super) forces: Option<ForceFile>,

@@ -5,6 +5,7 @@
 //! under the depth and the force of the original's cut there.
 
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
+use super::inserted::{self, Inserted, segments};
 use super::mount::Moved;
 use super::parallelism::Parallelism;
 use super::point::Point;
@@ -29,11 +30,6 @@ const EXTERNAL_SLACK: f64 = 1.0;
 /// Pairs of targets that are solved at once, to bound the memory of dense programs.
 const PAIRS: usize = 1 << 16;
 
-/// An inserted target has found its place on the path when it moves by less than this, m.
-const SETTLED: f64 = 1e-9;
-/// Rounds that this may take: force and deflection hardly change on the way, and a round gains two digits or more.
-const ROUNDS: usize = 8;
-
 const HELP: &str = "--against takes the program that this one was corrected from";
 
 /// An original whose corrected program has targets besides its own.
@@ -45,16 +41,6 @@ pub(super) struct Subdivided<'a> {
     matched: Vec<(usize, usize)>,
     /// The other targets of the corrected program, in order.
     inserted: Vec<Inserted>,
-}
-
-/// A target of the corrected program on the way into one of the original's.
-struct Inserted {
-    target: usize,
-    /// Index into the original's.
-    before: usize,
-    /// Share of the way.
-    share: f64,
-    role: Role,
 }
 
 /// The points of a corrected program with what they are judged by.
@@ -134,13 +120,8 @@ impl<'a> Subdivided<'a> {
             let (wobj_from_tcp, motor, travel, moved) = (own.wobj_from_tcp, own.motor, own.travel, own.moved.clone());
             Point { wobj_from_tcp, motor, travel, moved, ..there.unwrap_or_else(|| own.clone()) }
         };
-        for _ in 0..ROUNDS {
-            let batch = self.inserted.iter().map(|inserted| at(inserted, &points.points[inserted.target])).collect();
-            let batch = points.with_points(batch);
-            if !nearest(&mut self.inserted, &batch, &segments, &cell.arm) {
-                break;
-            }
-        }
+        let there = |inserted: &Inserted| at(inserted, &points.points[inserted.target]);
+        inserted::place(&mut self.inserted, (points, &segments), &cell.arm, there);
         for inserted in &self.inserted {
             let Some(segment) = &segments[inserted.before] else { continue };
             let own = &points.points[inserted.target];
@@ -163,18 +144,7 @@ impl<'a> Subdivided<'a> {
     /// The same once the forces at the inserted targets are those of a stock that the loaded tool has cut.
     pub(super) fn settle(&mut self, points: &mut Prepared, arm: &Arm) {
         let segments = segments(self.original, &self.prepared, &self.starts);
-        for _ in 0..ROUNDS {
-            let batch = self.inserted.iter().map(|inserted| points.points[inserted.target].clone()).collect();
-            let moved = nearest(&mut self.inserted, &points.with_points(batch), &segments, arm);
-            for inserted in &self.inserted {
-                if let Some(segment) = &segments[inserted.before] {
-                    points.points[inserted.target].reference = segment.track.pose(inserted.share);
-                }
-            }
-            if !moved {
-                break;
-            }
-        }
+        inserted::settle(&mut self.inserted, (points, &segments), arm);
     }
 
     /// What is left on the way into each target of the corrected program, along the original's path.
@@ -253,25 +223,6 @@ impl<'a> Subdivided<'a> {
     }
 }
 
-/// Moves inserted targets to the place of the path nearest to where the tool lands; whether any has moved.
-fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
-    let solver = Solver::new(arm, batch, Parallelism::Threads);
-    let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
-    let (mut moved, mut least, mut way) = (false, 0.0, None);
-    for (k, predicted) in predicted.iter().enumerate() {
-        let inserted = &mut inserted[k];
-        if way.replace(inserted.before) != Some(inserted.before) {
-            least = 0.0;
-        }
-        let (Some(segment), Ok(predicted)) = (&segments[inserted.before], predicted) else { continue };
-        let place = batch.points[k].reference.translation.vector + predicted.shift;
-        let share = segment.track.nearest(&place).max(least);
-        moved |= (share - inserted.share).abs() * segment.track.length() > SETTLED;
-        (inserted.share, least) = (share, share);
-    }
-    moved
-}
-
 /// Where the way into each target begins, as programmed; `None` where it is no line and no arc.
 fn starts(program: &Program, prepared: &Prepared) -> Vec<Option<Start>> {
     let commanded = Commanded {
@@ -290,12 +241,6 @@ fn starts(program: &Program, prepared: &Prepared) -> Vec<Option<Start>> {
         if is_path { way.start(way.before(i)?) } else { None }
     };
     (0..prepared.points.len()).map(start).collect()
-}
-
-/// The ways from there.
-fn segments<'p>(program: &Program, prepared: &'p Prepared, starts: &'p [Option<Start>]) -> Vec<Option<Segment<'p>>> {
-    let into = |(i, start): (usize, &'p Option<Start>)| Segment::into(program, prepared, i, start.as_ref()?);
-    starts.iter().enumerate().map(into).collect()
 }
 
 /// Corrected targets about the original's path.

@@ -4,7 +4,8 @@ use super::against::{self, Subdivided};
 use super::collected::{Collected, check_limits};
 use super::contradictions::contradictions;
 use super::corrected::{Corrected, Posted};
-use super::deviation::Commanded;
+use super::deviation::{Commanded, WalkedPath};
+use super::inserted::Stops;
 use super::laws::Laws;
 use super::messages::Repeated;
 use super::ordered::OrderedStage;
@@ -292,7 +293,7 @@ pub(super) fn chunk(
         return Some(Err(vec![refused]));
     }
     let written = rewritten.as_ref().map_or(&printed, |rewritten| &rewritten.written);
-    let nodes = match &rewritten {
+    let mut nodes = match &rewritten {
         Some(rewritten) => subdivide::as_written(nodes, |k| rewritten.inserted[k]),
         None => subdivide::as_written(nodes, |k| {
             let pose = frames::pose(inserts[k].position_mm, inserts[k].quat);
@@ -310,7 +311,9 @@ pub(super) fn chunk(
         }
     }
     let held = |(reached, motor): (&Result<Reached, _>, &Joints)| reached.as_ref().map_or(*motor, |r| r.motor);
-    let travels = carried.reached.take(n, |last| solve::travels(reached.iter().zip(&motors).map(held), last))?;
+    let held: Vec<Joints> = reached.iter().zip(&motors).map(held).collect();
+    let mut stops = Stops::of(&nodes, &prepared, arm);
+    let travels = carried.reached.take(n, |last| stops.travels(program, &nodes, &held, last))?;
     let after = solver.forward(
         |i| (&travels[i].0, &travels[i].1),
         |i| {
@@ -369,9 +372,12 @@ pub(super) fn chunk(
         motors: &|i| (reached[i].is_ok() && prepared.points[i].unsolved.is_none()).then_some(travels[i]),
         predicted_poses: &after,
         near: &|i| first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby),
-        nodes: &nodes,
+        nodes: &[],
     };
     let before = carried.written.take(n, |last| deviation::pass_end(program, &prepared, &commanded, last))?;
+    let way = WalkedPath { program, prepared: &prepared, commanded: &commanded, last: before.as_ref() };
+    stops.place(&way, &mut nodes, arm);
+    let commanded = Commanded { nodes: &nodes, ..commanded };
     let on_the_way = along::look(program, &prepared, &arm.robot, &commanded, before.as_ref());
     out.paths(&deviation::measure(program, &solver, &commanded, before.as_ref()).whole(&nodes));
     carried.shift.take(n, |last| check_limits(&mut out, cell, &prepared, written, &changes, last))?;

@@ -23,6 +23,7 @@ mod flow;
 mod forces;
 mod frames;
 mod free_turn;
+mod inserted;
 mod judge;
 mod laws;
 mod line;

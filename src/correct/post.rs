@@ -7,7 +7,7 @@ use crate::cell::{Cell, CutForce, SpinRule};
 use crate::program::cl::{self, CorrectedPoint};
 use crate::program::orientation::rotation;
 use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, Text};
-use crate::program::post::{krl, tp};
+use crate::program::post::{krl, refuse_names, tp};
 use crate::program::{
     Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
 };
@@ -166,10 +166,7 @@ pub fn post(
     let poster = Poster::new(outline, cell, options)?;
     let points = poster.points(program, corrected);
     if options.language == Language::Ls {
-        let files = tp::programs(poster.post.plan(), &points, &poster.end(program)).map_err(|message| {
-            let help = "rename it in the cell and in [cl]: a TP program knows frames and tools by their numbers";
-            vec![Diagnostic::error("post.number", "", message).help(help)]
-        })?;
+        let files = tp::programs(poster.post.plan(), &points, &poster.end(program))?;
         return Ok(PostedProgram { files, notes: poster.notes });
     }
     if options.language == Language::Krl {
@@ -240,7 +237,7 @@ impl Poster {
     /// Lays out the posted program.
     ///
     /// # Errors
-    /// No feed is known.
+    /// No feed is known; names of tools and work objects that the language has no place for.
     pub fn new(mut outline: Outline, cell: &Cell, options: &PostOptions) -> Result<Self, Vec<Diagnostic>> {
         moved(&outline, cell, options.language)?;
         let first_feed = outline.first_feed.or(options.feed_mm_s);
@@ -267,6 +264,7 @@ impl Poster {
             rapid_mm_s: options.rapid_mm_s,
             corner_tolerance_mm: CORNER_TOLERANCE_MM,
         };
+        refuse_names(&plan, options.language)?;
         let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
         Ok(Self {
             post: RapidPost::new(plan),

@@ -55,15 +55,11 @@ impl CorrectionMode {
 /// Motor angles last commanded and the direction of travel into them.
 pub(super) type Last = Option<(Joints, Joints)>;
 
-/// Directions of travel along a sequence of commanded motor angles.
-pub(super) fn travels(commands: impl Iterator<Item = Joints>, last: &mut Last) -> Vec<(Joints, Joints)> {
-    commands
-        .map(|motor| {
-            let travel = last.map_or_else(Joints::zeros, |(previous, held)| travel(&previous, &motor, &held));
-            *last = Some((motor, travel));
-            (motor, travel)
-        })
-        .collect()
+/// Goes on to commanded motor angles: with the direction of travel into them.
+pub(super) fn go_on(motor: Joints, last: &mut Last) -> (Joints, Joints) {
+    let travel = last.map_or_else(Joints::zeros, |(previous, held)| travel(&previous, &motor, &held));
+    *last = Some((motor, travel));
+    (motor, travel)
 }
 
 /// What is known of a target before the corrected directions of travel are.

@@ -72,6 +72,11 @@ macro_rules! columns {
             }
         }
 
+        /// The columns of numbers, before they are printed; NaN where the report has nothing.
+        fn each_number($row: &Row, mut take: impl FnMut(&'static str, f64)) {
+            $(columns!(@each $kind take, $name, $get);)*
+        }
+
         /// The reference for [`Text::columns`], and for numbers that need a closer look.
         fn plain_columns($row: &Row, line: &mut Vec<u8>) {
             $(columns!(@plain $kind $($decimals)? line, $get);)*
@@ -117,6 +122,11 @@ macro_rules! columns {
         }
         $at += 1;
     };
+    (@each word $take:ident, $name:literal, $get:expr) => {};
+    (@each text $take:ident, $name:literal, $get:expr) => {};
+    (@each whole $take:ident, $name:literal, $get:expr) => {};
+    (@each number $take:ident, $name:literal, $get:expr) => { $take($name, $get) };
+    (@each optional $take:ident, $name:literal, $get:expr) => { $take($name, $get.unwrap_or(f64::NAN)) };
     (@plain word $line:ident, $get:expr) => { plain_field($line, $get) };
     (@plain text $line:ident, $get:expr) => { plain_field($line, $get) };
     (@plain whole $line:ident, $get:expr) => {
@@ -248,6 +258,36 @@ pub fn csv_rows(rows: &[Row]) -> Vec<u8> {
         }
     }
     text.into_bytes()
+}
+
+/// The report's columns of numbers as they are before they are printed, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unrounded {
+    columns: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl Unrounded {
+    /// Takes in rows in running order.
+    pub fn take(&mut self, rows: &[Row]) {
+        if self.columns.is_empty() {
+            let is_number = |column: &&ReportColumn| matches!(column.kind, ColumnKind::Number { .. });
+            self.columns = REPORT_COLUMNS.iter().filter(is_number).map(|column| (column.name, Vec::new())).collect();
+        }
+        for row in rows {
+            let mut columns = self.columns.iter_mut();
+            each_number(row, |name, value| {
+                let column = columns.next();
+                debug_assert_eq!(column.as_ref().map(|column| column.0), Some(name));
+                column.into_iter().for_each(|column| column.1.push(value));
+            });
+        }
+    }
+
+    /// Their names and values; NaN where the report has nothing.
+    #[must_use]
+    pub fn columns(self) -> Vec<(&'static str, Vec<f64>)> {
+        self.columns
+    }
 }
 
 /// Text as a field of a CSV file (RFC 4180), on one line whatever it holds. What a spreadsheet would take for a formula, by its

@@ -221,7 +221,7 @@ fn write_parameters(out: &mut String, parameters: &[FittedParameter]) {
 /// Residuals as CSV, one row a measured row.
 #[must_use]
 pub fn residual_csv(rows: &[ResidualRow]) -> String {
-    let mut out = b"run,line,block,held_out,outlier,x_mm,y_mm,z_mm,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z\n".to_vec();
+    let mut out = b"run,line,block,held_out,outlier,x_mm,y_mm,z_mm,prefit_x_mm,prefit_y_mm,prefit_z_mm,postfit_x_mm,postfit_y_mm,postfit_z_mm,whitened_x,whitened_y,whitened_z,target\n".to_vec();
     for row in rows {
         let head = [row.run as u64, row.line, row.block as u64, u64::from(row.held_out), u64::from(row.outlier)];
         out.extend_from_slice(head.map(|value| value.to_string()).join(",").as_bytes());
@@ -234,7 +234,8 @@ pub fn residual_csv(rows: &[ResidualRow]) -> String {
                 }
             }
         }
-        out.push(b'\n');
+        // Between targets there is none.
+        out.extend_from_slice(format!(",{}\n", row.target.unwrap_or(0)).as_bytes());
     }
     String::from_utf8(out).unwrap_or_default()
 }

@@ -8,7 +8,7 @@ use crate::cli::text::Text;
 use deflex::correct::{LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
 use deflex::program::InChunks;
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::report::{CSV_HEADER, FileSummary, csv_rows};
+use deflex::report::{CSV_HEADER, FileSummary, Unrounded, csv_rows};
 use deflex::text::{Diagnostic, Source};
 use std::io::{self, Cursor, Write};
 use std::path::PathBuf;
@@ -30,6 +30,7 @@ struct Reports<'a> {
     path: Option<PathTrace>,
     csv: Vec<u8>,
     noticed: Noticed<'a>,
+    numbers: Option<Unrounded>,
 }
 
 impl<'a> Long<'a> {
@@ -111,13 +112,15 @@ impl<'a> Long<'a> {
     ) -> (Reports<'n>, Result<Streamed, StreamError>) {
         let mut csv = self.held();
         csv.bytes.extend_from_slice(CSV_HEADER.as_bytes());
-        let mut reports = Reports { path: self.run.path(kind), csv: Vec::new(), noticed };
+        let (path, numbers) = (self.run.path(kind), self.run.numbers());
+        let mut reports = Reports { path, csv: Vec::new(), noticed, numbers };
         let done = run(&mut Sinks {
             report: &mut csv,
             rows: &csv_rows,
             each: &mut |rows| {
                 reports.noticed.take(rows);
                 reports.path.iter_mut().for_each(|path| path.extend(rows));
+                reports.numbers.iter_mut().for_each(|numbers| numbers.take(rows));
             },
             progress: &|targets, bytes| {
                 let goes_on = self.run.follow.as_ref().is_none_or(|follow| follow(targets, bytes));
@@ -146,7 +149,8 @@ impl<'a> Long<'a> {
         if let Some(path) = &mut reports.path {
             quote(path, &self.source().bytes[..]);
         }
-        Ok(Some(Done { files, csv: reports.csv, summary, notes, path: reports.path }))
+        let Reports { path, csv, numbers, .. } = reports;
+        Ok(Some(Done { files, csv, summary, notes, path, numbers }))
     }
 
     fn through<T>(&self, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {

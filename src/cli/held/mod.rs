@@ -38,7 +38,7 @@ use super::setup::Setup;
 use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{FileSummary, Origin};
+use deflex::report::{FileSummary, Origin, Unrounded};
 use deflex::text::{Diagnostic, Source};
 use long::Long;
 use std::borrow::Cow;
@@ -49,6 +49,7 @@ use std::sync::Arc;
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 
 /// How a program is run.
+#[derive(Clone)]
 pub struct Run {
     setup: Setup,
     /// Correct a program that has its correction in it already once more.
@@ -59,6 +60,8 @@ pub struct Run {
     pub follow: Option<Arc<Follow>>,
     /// Whether the path is kept for a page.
     draws: bool,
+    /// Whether the numbers of the report are kept as they are before they are printed.
+    keeps_numbers: bool,
 }
 
 impl Run {
@@ -67,7 +70,7 @@ impl Run {
     pub fn new(cell: Arc<CellFile>) -> Self {
         let setup =
             Setup { cell, forces: None, context: super::input::Context::default(), options: Options::default() };
-        Self { setup, again: false, post: None, follow: None, draws: false }
+        Self { setup, again: false, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 
     /// What is asked of the library; its `forces` are those of [`Run::take_forces`].
@@ -116,10 +119,10 @@ impl Run {
 
     /// The same for a page: with the path, and the stiffness along it.
     fn drawing(&self) -> Self {
-        let Setup { cell, forces, context, options } = &self.setup;
-        let options = Options { stiffness: true, stance: true, ..options.clone() };
-        let setup = Setup { cell: Arc::clone(cell), forces: forces.clone(), context: context.clone(), options };
-        Self { setup, again: self.again, post: self.post.clone(), follow: self.follow.clone(), draws: true }
+        let mut run = Self { draws: true, ..self.clone() };
+        let options = run.options();
+        (options.stiffness, options.stance) = (true, true);
+        run
     }
 
     /// The options of a program that is held whole: who follows it sees the stock cut.
@@ -132,6 +135,11 @@ impl Run {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the bytes
         let cut_progress = CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
         Cow::Owned(Options { cut_progress, ..options.clone() })
+    }
+
+    /// Room for the numbers of the report, where they are wanted.
+    fn numbers(&self) -> Option<Unrounded> {
+        self.keeps_numbers.then(Unrounded::default)
     }
 
     /// An empty path, where one is wanted.
@@ -168,6 +176,8 @@ pub struct Done {
     pub notes: Vec<Diagnostic>,
     /// Where it is kept for a page.
     path: Option<PathTrace>,
+    /// Numbers of the report, where they are kept.
+    numbers: Option<Unrounded>,
 }
 
 /// The page that `deflex compensate --html` writes: takes another run, with the stiffness along the path.
@@ -190,6 +200,28 @@ pub fn predict_page(
 ) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
     predict(program, against, &run).map(|done| run.page(PathKind::Predict, done))
+}
+
+/// The numbers of the report of [`compensate`] as they are before they are printed: takes another run.
+///
+/// # Errors
+/// Those of [`compensate`].
+pub fn compensate_unrounded(program: &ProgramFiles, run: &Run) -> Result<Unrounded, Vec<Diagnostic>> {
+    let run = Run { keeps_numbers: true, ..run.clone() };
+    compensate(program, &run).map(|done| done.numbers.unwrap_or_default())
+}
+
+/// The same of [`predict`].
+///
+/// # Errors
+/// Those of [`predict`].
+pub fn predict_unrounded(
+    program: &ProgramFiles,
+    against: Option<&ProgramFiles>,
+    run: &Run,
+) -> Result<Unrounded, Vec<Diagnostic>> {
+    let run = Run { keeps_numbers: true, ..run.clone() };
+    predict(program, against, &run).map(|done| done.numbers.unwrap_or_default())
 }
 
 /// Corrects a program: what `deflex compensate` does.
@@ -297,6 +329,8 @@ fn whole(
     if let Some(follow) = &run.follow {
         follow(corrected.rows.len(), program.sources.iter().map(|source| source.bytes.len() as u64).sum());
     }
+    let mut numbers = run.numbers();
+    numbers.iter_mut().for_each(|numbers| numbers.take(&corrected.rows));
     let notes = corrected.notes.into_iter().chain(said).collect();
-    Ok(Done { files: Vec::new(), csv, summary, notes, path })
+    Ok(Done { files: Vec::new(), csv, summary, notes, path, numbers })
 }

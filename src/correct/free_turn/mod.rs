@@ -23,7 +23,7 @@ use crate::cell::{Cell, SpinRule};
 use crate::program::chunk::leaves_its_start;
 use crate::program::{ChunkReader, Language, Next, Program, StreamableChunk};
 use crate::text::{Diagnostic, Severity};
-use axes::Grid;
+use axes::{Grid, Position};
 use path::{Path, Refusal};
 use std::collections::BTreeSet;
 
@@ -123,27 +123,37 @@ pub fn choose_turns<C: ChunkReader>(
 impl Path<'_> {
     /// The choice along all of the path.
     fn choose(&mut self) -> Result<ChosenTurns, Vec<Diagnostic>> {
-        let mut forced = BTreeSet::new();
-        let mut grid = Grid::coarse(&self.axes);
-        while !grid.is_fine(&self.axes) {
-            let knots = self.knots(&forced);
-            let found = self.search(&knots, &grid)?;
-            self.base = self.positions(&knots, &found.iter().map(|state| state.position).collect::<Vec<_>>());
+        let (mut grid, mut about) = (Grid::coarse(&self.axes), self.base.clone());
+        loop {
+            let chosen = self.choose_on(&grid, &mut about);
+            if grid.is_fine(&self.axes) {
+                return chosen.map(|chosen| ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() });
+            }
+            // What a coarse grid cannot do, a finer one may.
+            self.base.clone_from(&about);
             grid = grid.finer(&self.axes);
         }
+    }
+
+    /// The choice on a grid, and the positions of the free axes on it, about which the next grid is laid: a finer grid sees only
+    /// what is near, and about a way on which something goes wrong it would find the nearest detour, not the best way.
+    fn choose_on(&mut self, grid: &Grid, about: &mut Vec<Position>) -> Result<Vec<Chosen>, Vec<Diagnostic>> {
+        self.kept_clear.clear();
+        let mut forced = BTreeSet::new();
         let (mut left, mut wrong) = (None, Vec::new());
         for _ in 0..ROUNDS {
             (left, wrong) = (None, Vec::new());
             let knots = self.knots(&forced);
-            let found = self.search(&knots, &grid)?;
-            let as_found =
-                (found.iter().map(|state| state.turn).collect(), found.iter().map(|state| state.position).collect());
-            for (turns, positions) in [self.smoothed(&knots, &found, &grid), as_found] {
+            let found = self.search(&knots, grid)?;
+            let as_found: (Vec<f64>, Vec<Position>) = found.iter().map(|state| (state.turn, state.position)).unzip();
+            *about = self.positions(&knots, &as_found.1);
+            for (turns, positions) in [self.smoothed(&knots, &found, grid), as_found] {
                 match self.follow(&knots, &found, (&turns, &positions)) {
                     Ok(chosen) => {
                         wrong = self.way_faults(&chosen);
                         if wrong.is_empty() {
-                            return Ok(ChosenTurns { notes: notes(self, &chosen), chosen: chosen.into() });
+                            *about = self.positions(&knots, &positions);
+                            return Ok(chosen);
                         }
                     }
                     Err(at) => left = Some(at),

@@ -5,7 +5,7 @@ use super::{Ask, PlanProgram, PlannedRow};
 use crate::cell::{Instrument, PlanSection};
 use crate::identify::data::Blocks;
 use crate::program::orientation::quaternion;
-use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, tp};
+use crate::program::post::{Place, PostedPoint, RapidPlan, RapidPost, Templates, refuse_names, tp};
 use crate::program::{ActionKind, Language, Mark, ToolData, WobjData};
 use crate::robot::{Pose, config_of};
 use crate::text::Diagnostic;
@@ -86,7 +86,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     let mut speeds: Vec<f64> = posted.iter().map(|point| point.speed_mm_s).collect();
     speeds.sort_by(f64::total_cmp);
     speeds.dedup();
-    let post = RapidPost::new(RapidPlan {
+    let plan = RapidPlan {
         units: Vec::new(),
         external: [None; crate::robot::EXTERNAL_AXES],
         name: how.name.to_owned(),
@@ -101,17 +101,16 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
         max_points: None,
         rapid_mm_s: 1e3 * super::SPEEDS[0],
         corner_tolerance_mm: 0.0,
-    });
+    };
+    refuse_names(&plan, how.language)?;
+    let post = RapidPost::new(plan);
     let end = between(count);
     let bytes = match how.language {
         Language::Krl => {
             let axes = sheet.rows.iter().map(|row| robot.axes_deg_from_motor(&bench.spots[row.spot].motor));
             one(post.krl(&posted, &axes.collect::<Vec<_>>(), &end))
         }
-        Language::Ls => one(tp::programs(post.plan(), &posted, &end).map_err(|message| {
-            let help = "name tool and work object of [plan] as the controller numbers them: \"UT 1\", \"UF 1\"";
-            vec![Diagnostic::error("post.number", "", message).help(help)]
-        })?),
+        Language::Ls => one(tp::programs(post.plan(), &posted, &end)?),
         _ => {
             let body = post.chunk(&Place::default(), &posted, Some(&end));
             [&post.head().bytes[..], &body.bytes[..]].concat()

@@ -2,7 +2,7 @@
 //!
 //! | file | does |
 //! |---|---|
-//! | `names` | identifiers and predefined speeds |
+//! | `names` | identifiers, predefined speeds, names that fit no language |
 //! | `zone` | corner zones suited to spacing and bend |
 //! | `data` | declarations: tools, work objects, speeds |
 //! | `template` | lines that call the cell's own routines |
@@ -19,6 +19,7 @@ mod writer;
 mod zone;
 
 pub use names::identifier;
+pub(crate) use names::refuse as refuse_names;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
 pub use writer::{Place, PostedPoint, RapidPlan, RapidPost, Text, as_written};

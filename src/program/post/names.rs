@@ -1,4 +1,8 @@
-//! Identifiers and predefined names.
+//! Identifiers, predefined names, and which names of the cell a language has a place for.
+
+use super::RapidPlan;
+use crate::program::Language;
+use crate::text::Diagnostic;
 
 /// Longest RAPID identifier.
 const LONGEST: usize = 32;
@@ -91,6 +95,41 @@ pub fn identifier(name: &str, reserve: usize) -> String {
     }
     out.truncate(LONGEST.saturating_sub(reserve).max(1));
     out
+}
+
+/// Number of a tool (`UT 1`) or a work object (`UF 1`) by which TP programs know it.
+pub(super) fn number(name: &str, prefix: &str) -> Option<u32> {
+    name.to_ascii_uppercase().strip_prefix(prefix)?.trim().parse().ok()
+}
+
+/// Refuses names that the posted program could not say: RAPID declares tools and work objects under them, TP programs know both
+/// by their numbers. KRL writes the frames themselves where a name is no entry of its tables.
+///
+/// # Errors
+/// Every tool and work object whose name does not fit.
+pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Diagnostic>> {
+    let fits = |name: &str, (prefix, predefined): (&str, &str)| match language {
+        Language::Rapid => name.eq_ignore_ascii_case(predefined) || identifier(name, 0) == name,
+        Language::Ls => number(name, prefix).is_some(),
+        Language::Krl | Language::Cl => true,
+    };
+    let expected = |prefix: &str| match language {
+        Language::Ls => format!("a FANUC TP program knows it by its number alone: expected a name like `{prefix} 1`"),
+        _ => format!(
+            "{} cannot declare it: expected a letter, then letters, digits and _, at most {LONGEST}",
+            language.name()
+        ),
+    };
+    let refused = |what: &str, prefix: &str, name: &str| {
+        let help =
+            "rename it in the cell and where it is used ([cl], [plan]), or post for the controller that has this name";
+        Diagnostic::error("post.name", "", format!("{what} `{name}`: {}", expected(prefix))).help(help)
+    };
+    let tools = plan.tools.iter().filter(|(name, _)| !fits(name, ("UT", "tool0")));
+    let wobjs = plan.wobjs.iter().filter(|(name, _)| !fits(name, ("UF", "wobj0")));
+    let tools = tools.map(|(name, _)| refused("tool", "UT", name));
+    let all: Vec<Diagnostic> = tools.chain(wobjs.map(|(name, _)| refused("work object", "UF", name))).collect();
+    if all.is_empty() { Ok(()) } else { Err(all) }
 }
 
 /// TCP speeds of the predefined `v5` … `v7000`, mm/s.

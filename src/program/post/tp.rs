@@ -1,12 +1,12 @@
 //! Points to FANUC TP programs as text.
 
-use super::PostedPoint;
-use super::names::identifier;
 use super::writer::RapidPlan;
 use super::zone::{FINE, zone};
+use super::{PostedPoint, names};
 use crate::program::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::program::tp::MOST_POINTS;
-use crate::program::{Config, Mark};
+use crate::program::{Config, Language, Mark};
+use crate::text::Diagnostic;
 use crate::text::number::{printed, write_fixed};
 use std::fmt::Write;
 
@@ -27,19 +27,16 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
 /// Writes a program: one file, or parts and a program that calls them in turn.
 ///
 /// # Errors
-/// A tool or a work object that is no number (`UT 1`, `UF 1`): a sentence without its end.
-pub(crate) fn programs(plan: &RapidPlan, points: &[PostedPoint], end: &str) -> Result<Vec<(String, Vec<u8>)>, String> {
-    let numbers = |prefix: &str, names: Vec<&String>| -> Result<Vec<u32>, String> {
-        let number = |name: &str| name.to_ascii_uppercase().strip_prefix(prefix)?.trim().parse().ok();
-        names.into_iter().map(|name| number(name).ok_or_else(|| name.clone())).collect()
-    };
-    let tools = numbers("UT", plan.tools.iter().map(|(name, _)| name).collect());
-    let tools =
-        tools.map_err(|name| format!("tool `{name}` is no number of a TP program: expected a name like `UT 1`"))?;
-    let wobjs = numbers("UF", plan.wobjs.iter().map(|(name, _)| name).collect());
-    let wobjs = wobjs
-        .map_err(|name| format!("work object `{name}` is no number of a TP program: expected a name like `UF 1`"))?;
-    let name = identifier(&plan.name, ENDING).to_ascii_uppercase();
+/// A tool or a work object that is no number (`UT 1`, `UF 1`).
+pub(crate) fn programs(
+    plan: &RapidPlan,
+    points: &[PostedPoint],
+    end: &str,
+) -> Result<Vec<(String, Vec<u8>)>, Vec<Diagnostic>> {
+    names::refuse(plan, Language::Ls)?;
+    let tools: Vec<u32> = plan.tools.iter().filter_map(|(name, _)| names::number(name, "UT")).collect();
+    let wobjs: Vec<u32> = plan.wobjs.iter().filter_map(|(name, _)| names::number(name, "UF")).collect();
+    let name = names::identifier(&plan.name, ENDING).to_ascii_uppercase();
     let most = plan.max_points.unwrap_or(MOST_POINTS).clamp(1, MOST_POINTS);
     let parts: Vec<&[PostedPoint]> = points.chunks(most).collect();
     let mut writer = Writer { plan, points, tools: &tools, wobjs: &wobjs };

@@ -133,7 +133,7 @@ impl<'a> Runner<'a> {
             ((to - from) / step).abs() <= self.most_steps as f64 && rounds_are_known(*from, *to, *step)
         });
         let flow = match known {
-            Some((from, to, step)) => self.count(counter, from, to, step, body),
+            Some((from, to, step)) => self.count(counter, from, to, step, (body, at)),
             None => {
                 self.note(at, "rapid.loop", "loop bounds are known only at run time: the loop is taken once");
                 self.rounds(body)
@@ -150,7 +150,14 @@ impl<'a> Runner<'a> {
         flow
     }
 
-    pub(super) fn count(&mut self, counter: usize, from: f64, to: f64, step: f64, body: &'a [Statement]) -> Flow {
+    pub(super) fn count(
+        &mut self,
+        counter: usize,
+        from: f64,
+        to: f64,
+        step: f64,
+        (body, at): (&'a [Statement], Span),
+    ) -> Flow {
         if step == 0.0 {
             return Flow::Next;
         }
@@ -159,7 +166,7 @@ impl<'a> Runner<'a> {
             self.symbols.variables[counter].content = Content::Is(Value::Num(value, None));
             self.steps = self.steps.saturating_add(1);
             if self.steps > self.most_steps {
-                return self.give_up();
+                return self.give_up(Some(at));
             }
             let flow = self.block(body);
             if flow != Flow::Next {
@@ -169,7 +176,7 @@ impl<'a> Runner<'a> {
             done += 1.0;
             let moved = self.motions - began;
             if moved > LOOK_AHEAD && f64::from(moved) / done * ((to - from) / step) > MARGIN * f64::from(MOTIONS) {
-                return self.give_up();
+                return self.give_up(Some(at));
             }
         }
         Flow::Next

@@ -9,13 +9,15 @@ use super::predefined;
 use super::runner::{Flow, Mode, Runner};
 use super::tree::{File, RoutineKind, Statement};
 use super::value::NOT_UNIT;
+use crate::limits::RUN_MOTIONS;
 use crate::program::{Kept, UnknownMotion};
 use crate::text::{Diagnostic, Severity, Span};
 
 /// So many bytes of a statement count as one more: long ones take longer.
 const BYTES_PER_STEP: usize = 256;
-/// Motions in all, where those that are alike are held once: a loop that never ends is to be told in minutes.
-pub(super) const MOTIONS: u32 = 20_000_000;
+/// Motions in all, where those that are alike are held once.
+#[allow(clippy::cast_possible_truncation)] // some million
+pub(super) const MOTIONS: u32 = RUN_MOTIONS.most as u32;
 impl<'a> Runner<'a> {
     /// Runs `main`; where there is none, or it moves nothing, every procedure that no other calls.
     pub(super) fn run(self, files: &[File]) -> Outcome {
@@ -98,7 +100,7 @@ impl<'a> Runner<'a> {
         for statement in block {
             self.steps = self.steps.saturating_add(1);
             if self.steps > self.most_steps || self.targets.len() > self.most_targets || self.motions > MOTIONS {
-                return self.give_up();
+                return self.give_up(statement.place());
             }
             let flow = match statement {
                 Statement::Simple(span) => {
@@ -152,17 +154,17 @@ impl<'a> Runner<'a> {
         Flow::Next
     }
 
-    pub(super) fn give_up(&mut self) -> Flow {
+    /// Ends the run at a statement of the routine that runs; without one, at the routine's name.
+    pub(super) fn give_up(&mut self, at: Option<Span>) -> Flow {
         if self.steps < usize::MAX {
             // Once is enough: whatever runs on ends at its next step.
             self.steps = usize::MAX;
             if self.looking_aside {
                 return Flow::Gone;
             }
-            let place = self
-                .frames
-                .last()
-                .map_or((0, Span::default()), |f| (f.routine.file, self.symbols.routine(f.routine).name));
+            let place = self.frames.last().map_or((0, Span::default()), |frame| {
+                (frame.routine.file, at.unwrap_or_else(|| self.symbols.routine(frame.routine).name))
+            });
             let (targets, steps) = (self.most_targets, self.most_steps);
             let message = match self.gathering {
                 Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),
@@ -172,7 +174,7 @@ impl<'a> Runner<'a> {
                 ),
             };
             let error = Diagnostic::error("rapid.endless", "", message).at(&self.symbols.sources[place.0], place.1);
-            self.diagnostics.push(error.help("split the program, or bound its loops"));
+            self.diagnostics.push(error.help(RUN_MOTIONS.help));
         }
         Flow::Gone
     }

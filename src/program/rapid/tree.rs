@@ -136,6 +136,18 @@ pub(super) enum Statement {
     Mark(Mark),
 }
 
+impl Statement {
+    /// Where it stands, as far as it says: at its first word.
+    pub(super) fn place(&self) -> Option<Span> {
+        match self {
+            Self::Simple(at) | Self::Connect(at) | Self::Goto(at) => Some(*at),
+            Self::If { at, .. } | Self::For { at, .. } | Self::While { at, .. } | Self::Test { at, .. } => Some(*at),
+            Self::Return(value) => (!value.is_empty()).then_some(*value),
+            Self::Exit | Self::Raise | Self::Retry | Self::TryNext | Self::Mark(_) => None,
+        }
+    }
+}
+
 /// Whether a statement of a block, of its branches or of its loops is one that is looked for.
 pub(super) fn any(block: &[Statement], is: &impl Fn(&Statement) -> bool) -> bool {
     block.iter().any(|statement| {

@@ -128,9 +128,19 @@ fn a_plan_is_posted_for_the_controller_of_the_cell() {
         let ran = bench.run(&format!("identify --run {file} p.csv --cell shop.toml")).exits(2);
         assert!(ran.stderr.contains("no row has a measured position"), "{}", ran.stderr);
     }
+    // Names of another language are written as frames (KRL), or are refused by name.
+    bench.run("plan --cell shop.toml --rows 8 -o q.src --post krl").exits(0);
+    assert!(bench.read("q.src").contains("$TOOL = {X ") && bench.read("q.src").contains("$BASE = {X "));
+    let ran = bench.run("plan --cell shop.toml --rows 8 -o q.mod --post rapid").exits(2);
+    for refused in ["tool `UT 1`: RAPID cannot declare it", "work object `UF 1`: RAPID cannot declare it"] {
+        assert!(ran.stderr.contains(refused), "{}", ran.stderr);
+    }
+    assert!(!bench.path("q.mod").exists());
     let ran = bench.run("plan --cell shop.toml --rows 8 -o p.mod").exits(0);
     assert!(ran.stderr.contains("the program is FANUC TP, and the file is named .mod"), "{}", ran.stderr);
     bench.write("shop.toml", of("irb6660-205-1.9", "tMill", "wPart", "1000.0, -300.0, 700.0"));
     bench.run("plan --cell shop.toml --rows 8 -o p.mod --post rapid --ask target").exits(0);
     assert!(bench.read("p.mod").contains("UIMsgBox \"Measure, then go on.\";"));
+    let ran = bench.run("plan --cell shop.toml --rows 8 -o q.ls --post ls").exits(2);
+    assert!(ran.stderr.contains("tool `tMill`: a FANUC TP program knows it by its number alone"), "{}", ran.stderr);
 }

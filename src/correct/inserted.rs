@@ -1,0 +1,173 @@
+//! Inserted targets as the controller runs them: among the others, with the joints and the directions of travel that they have
+//! there, each judged by the place of the programmed path that is nearest to where the loaded tool lands.
+
+use super::Prepared;
+use super::deviation::{Node, WalkedPath};
+use super::parallelism::Parallelism;
+use super::point::Point;
+use super::segment::{Kind, Segment, Start};
+use super::solve::{Last, Solver, controller_motor, go_on};
+use crate::equilibrium::{Arm, WarmStart};
+use crate::program::{Program, Role};
+use crate::robot::{Joints, Pose};
+
+/// An inserted target has found its place on the path when it moves by less than this, m.
+const SETTLED: f64 = 1e-9;
+/// Rounds that this may take: force and deflection hardly change on the way, and a round gains two digits or more.
+const ROUNDS: usize = 8;
+
+/// A target on the way into one of the original's.
+#[derive(Clone, Debug)]
+pub(super) struct Inserted {
+    /// Index among the targets of the corrected program, or among the stops of a correction.
+    pub(super) target: usize,
+    /// Index into the original's.
+    pub(super) before: usize,
+    /// Share of the way.
+    pub(super) share: f64,
+    pub(super) role: Role,
+}
+
+/// Puts inserted targets where they are on the path: `at` is what is known of each at its share of the way.
+pub(super) fn place(
+    inserted: &mut [Inserted],
+    (prepared, segments): (&Prepared, &[Option<Segment<'_>>]),
+    arm: &Arm,
+    at: impl Fn(&Inserted) -> Point,
+) {
+    for _ in 0..ROUNDS {
+        let batch = prepared.with_points(inserted.iter().map(&at).collect());
+        if !nearest(inserted, &batch, segments, arm) {
+            break;
+        }
+    }
+}
+
+/// The same of targets whose circumstances are known and follow no law.
+pub(super) fn settle(
+    inserted: &mut [Inserted],
+    (points, segments): (&mut Prepared, &[Option<Segment<'_>>]),
+    arm: &Arm,
+) {
+    for _ in 0..ROUNDS {
+        let batch = inserted.iter().map(|inserted| points.points[inserted.target].clone()).collect();
+        let moved = nearest(inserted, &points.with_points(batch), segments, arm);
+        for inserted in inserted.iter() {
+            if let Some(segment) = &segments[inserted.before] {
+                points.points[inserted.target].reference = segment.track.pose(inserted.share);
+            }
+        }
+        if !moved {
+            break;
+        }
+    }
+}
+
+/// Moves inserted targets to the place of the path nearest to where the tool lands; whether any has moved.
+fn nearest(inserted: &mut [Inserted], batch: &Prepared, segments: &[Option<Segment<'_>>], arm: &Arm) -> bool {
+    let solver = Solver::new(arm, batch, Parallelism::Threads);
+    let predicted = solver.forward(|k| batch.points[k].as_programmed(), |_| WarmStart::default());
+    let (mut moved, mut least, mut way) = (false, 0.0, None);
+    for (k, predicted) in predicted.iter().enumerate() {
+        let inserted = &mut inserted[k];
+        if way.replace(inserted.before) != Some(inserted.before) {
+            least = 0.0;
+        }
+        let (Some(segment), Ok(predicted)) = (&segments[inserted.before], predicted) else { continue };
+        let place = batch.points[k].reference.translation.vector + predicted.shift;
+        let share = segment.track.nearest(&place).max(least);
+        moved |= (share - inserted.share).abs() * segment.track.length() > SETTLED;
+        (inserted.share, least) = (share, share);
+    }
+    moved
+}
+
+/// The ways into targets from where they begin.
+pub(super) fn segments<'p>(
+    program: &Program,
+    prepared: &'p Prepared,
+    starts: &'p [Option<Start>],
+) -> Vec<Option<Segment<'p>>> {
+    let into = |(i, start): (usize, &'p Option<Start>)| Segment::into(program, prepared, i, start.as_ref()?);
+    starts.iter().enumerate().map(into).collect()
+}
+
+/// Where the controller is sent to on the way into a target besides it: the nodes of a correction, and the circle points of those
+/// that end arcs, in the order in which they run.
+pub(super) struct Stops {
+    all: Vec<Stop>,
+}
+
+struct Stop {
+    /// Index of the node.
+    node: usize,
+    pose: Pose,
+    motor: Joints,
+    travel: Joints,
+    role: Role,
+}
+
+impl Stops {
+    /// Of nodes as they are written.
+    pub(super) fn of(nodes: &[Node], prepared: &Prepared, arm: &Arm) -> Self {
+        let mut all = Vec::with_capacity(nodes.len());
+        for (k, node) in nodes.iter().enumerate() {
+            let near = &prepared.points[node.before].motor;
+            let setting = node.moved.as_ref().map_or(prepared.setting(node.before), |moved| &moved.setting);
+            for (pose, role) in [(node.via, Role::Via), (Some(node.commanded), Role::End)] {
+                let Some(pose) = pose else { continue };
+                let motor = controller_motor(&arm.robot, setting, &pose, near).unwrap_or(*near);
+                all.push(Stop { node: k, pose, motor, travel: Joints::zeros(), role });
+            }
+        }
+        Self { all }
+    }
+
+    /// Directions of travel into the targets, which go to these motor angles, and into the stops on their ways.
+    pub(super) fn travels(
+        &mut self,
+        program: &Program,
+        nodes: &[Node],
+        motors: &[Joints],
+        last: &mut Last,
+    ) -> Vec<(Joints, Joints)> {
+        let mut next = 0;
+        let mut out = Vec::with_capacity(motors.len());
+        for (i, motor) in motors.iter().enumerate() {
+            // The circle point of an arc comes behind what is inserted before it.
+            let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
+            while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
+                stop.travel = go_on(stop.motor, last).1;
+                next += 1;
+            }
+            out.push(go_on(*motor, last));
+        }
+        out
+    }
+
+    /// Puts the nodes where the loaded tool lands on the path.
+    pub(super) fn place(&self, way: &WalkedPath<'_>, nodes: &mut [Node], arm: &Arm) {
+        let (program, prepared) = (way.program, way.prepared);
+        let mut starts = vec![None; prepared.points.len()];
+        for node in nodes.iter() {
+            if starts[node.before].is_none() {
+                starts[node.before] = way.before(node.before).and_then(|from| way.start(from));
+            }
+        }
+        let segments = segments(program, prepared, &starts);
+        let stop = |(target, stop): (usize, &Stop)| {
+            let Node { before, share, .. } = nodes[stop.node];
+            Inserted { target, before, share, role: stop.role }
+        };
+        let mut inserted: Vec<Inserted> = self.all.iter().enumerate().map(stop).collect();
+        place(&mut inserted, (prepared, &segments), arm, |inserted| {
+            let (stop, own) = (&self.all[inserted.target], &prepared.points[inserted.before]);
+            let there = segments[inserted.before].as_ref().map_or_else(|| own.clone(), |way| way.at(inserted.share));
+            let moved = nodes[stop.node].moved.clone();
+            Point { wobj_from_tcp: stop.pose, motor: stop.motor, travel: stop.travel, moved, ..there }
+        });
+        for inserted in inserted.iter().filter(|inserted| inserted.role == Role::End) {
+            nodes[self.all[inserted.target].node].share = inserted.share;
+        }
+    }
+}
