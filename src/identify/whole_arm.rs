@@ -104,13 +104,17 @@ impl Engine {
         best.into_iter().map(|(.., c)| c).collect()
     }
 
-    /// Candidates with all members at a share of their typical sizes, or all but those that were found.
+    /// Candidates with all members at a share of their typical sizes, or all but those that were found. Numbers that an identification
+    /// before has left with a covariance have a size of their own.
     fn shrunk(&self, members: &Members, Shares { found, others }: Shares) -> Vec<Candidate> {
         let mut candidates = self.candidates.clone();
-        members.others.iter().for_each(|&c| candidates[c].scale = others);
+        let mut shrink = |set: &[usize], share: f64| {
+            let sized = set.iter().filter(|&&c| !self.candidates[c].is_pattern() && self.candidates[c].known.is_none());
+            sized.for_each(|&c| candidates[c].scale = share);
+        };
+        shrink(&members.others, others);
         if let Some(found) = found {
-            let effects = members.found.iter().filter(|&&c| !self.candidates[c].is_pattern());
-            effects.for_each(|&c| candidates[c].scale = found);
+            shrink(&members.found, found);
         }
         candidates
     }
