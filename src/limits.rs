@@ -37,9 +37,9 @@ pub const RUN_MOTIONS: Bound = Bound {
     help: "split the program, or bound its loops",
 };
 
-/// Triangles of a mesh: a file of a gigabyte.
+/// Triangles of a mesh: a file of 250 MB.
 pub const STL_TRIANGLES: Bound =
-    Bound { what: "triangles of an STL file", most: 20_000_000, help: "export the mesh with a coarser tolerance" };
+    Bound { what: "triangles of an STL file", most: 5_000_000, help: "export the mesh with a coarser tolerance" };
 
 /// How far a corner of a mesh may lie from the origin, mm: a hundred metres are more than any machine; single precision has steps
 /// of a hundredth of a millimetre there.

@@ -28,6 +28,29 @@ pub struct ClosedMesh {
     bins: Vec<Vec<u32>>,
     size: f64,
     count: [usize; 2],
+    boxes: Vec<BoxNode>,
+}
+
+/// A box about some triangles, m. What stands behind a box of two is the first of them.
+#[derive(Clone, Copy, Debug)]
+struct BoxNode {
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+    holds: Holds,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Holds {
+    Triangle(u32),
+    /// Index of the second of the two boxes in it.
+    Boxes(u32),
+}
+
+impl BoxNode {
+    /// Square of the distance of a point, m².
+    fn distance_squared(&self, point: &Vector3<f64>) -> f64 {
+        (self.low - point).sup(&(point - self.high)).sup(&Vector3::zeros()).norm_squared()
+    }
 }
 
 /// Why triangles are no solid.
@@ -70,6 +93,7 @@ impl ClosedMesh {
             bins: Vec::new(),
             size: 0.0,
             count: [1, 1],
+            boxes: Vec::new(),
         };
         let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
         for triangle in triangles {
@@ -93,7 +117,67 @@ impl ClosedMesh {
             mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
         mesh.sort_into_bins();
+        mesh.sort_into_boxes();
         Ok(mesh)
+    }
+
+    /// Boxes in boxes, each halved across its longer side: the triangles near a point are found in steps that go by the logarithm
+    /// of their number.
+    fn sort_into_boxes(&mut self) {
+        let mut all: Vec<BoxNode> = Vec::with_capacity(self.triangles.len());
+        for number in 0..u32::try_from(self.triangles.len()).unwrap_or(u32::MAX) {
+            let [a, b, c] = self.corners(number);
+            all.push(BoxNode { low: a.inf(&b).inf(&c), high: a.sup(&b).sup(&c), holds: Holds::Triangle(number) });
+        }
+        let mut boxes = Vec::with_capacity(2 * all.len());
+        // Parts that wait, and the box that each is the second half of.
+        let mut open = vec![(0..all.len(), None::<usize>)];
+        while let Some((part, second_of)) = open.pop() {
+            let here = boxes.len();
+            if let Some(above) = second_of {
+                let above: &mut BoxNode = &mut boxes[above];
+                above.holds = Holds::Boxes(u32::try_from(here).unwrap_or(u32::MAX));
+            }
+            let own = &mut all[part.clone()];
+            if let [one] = own {
+                boxes.push(*one);
+                continue;
+            }
+            let (low, high) =
+                own.iter().fold((own[0].low, own[0].high), |(low, high), b| (low.inf(&b.low), high.sup(&b.high)));
+            let middle = part.start + part.len() / 2;
+            let axis = (high - low).imax();
+            own.select_nth_unstable_by(part.len() / 2, |a, b| {
+                (a.low[axis] + a.high[axis]).total_cmp(&(b.low[axis] + b.high[axis]))
+            });
+            boxes.push(BoxNode { low, high, holds: Holds::Boxes(0) });
+            open.push((middle..part.end, Some(here)));
+            open.push((part.start..middle, None));
+        }
+        self.boxes = boxes;
+    }
+
+    /// Square of the distance from the surface, m²; at most `bound`.
+    fn nearest_squared(&self, point: &Vector3<f64>, bound: f64) -> f64 {
+        let mut nearest = bound;
+        let mut open: smallvec::SmallVec<[u32; 64]> = smallvec::smallvec![0];
+        while let Some(at) = open.pop() {
+            let here = &self.boxes[at as usize];
+            if here.distance_squared(point) >= nearest {
+                continue;
+            }
+            match here.holds {
+                Holds::Triangle(triangle) => nearest = nearest.min(self.distance_squared(triangle, point, nearest)),
+                Holds::Boxes(second) => {
+                    let halves = [at + 1, second];
+                    let away = halves.map(|half| self.boxes[half as usize].distance_squared(point));
+                    // The nearer one first: it makes the other far.
+                    let [near, far] = if away[0] <= away[1] { halves } else { [second, at + 1] };
+                    open.extend([far, near]);
+                }
+            }
+        }
+        nearest
     }
 
     fn check(&self) -> Result<(), OpenMesh> {
@@ -246,19 +330,7 @@ impl ClosedMesh {
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         let mut inside = false;
         self.spans(point.x, point.y, |low, high| inside |= (low..=high).contains(&point.z));
-        // What lies over the place itself first: it makes the rest near or far.
-        let mut nearest = FAR * FAR;
-        for reach in [0.0, FAR] {
-            let reach = nearest.sqrt().min(reach);
-            let range = |k: usize| self.bin(point[k] - reach, k)..=self.bin(point[k] + reach, k);
-            for j in range(1) {
-                for i in range(0) {
-                    for triangle in &self.bins[j * self.count[0] + i] {
-                        nearest = nearest.min(self.distance_squared(*triangle, point, nearest));
-                    }
-                }
-            }
-        }
+        let nearest = self.nearest_squared(point, FAR * FAR);
         if inside { nearest.sqrt() } else { -nearest.sqrt() }
     }
 
