@@ -13,4 +13,4 @@ arguments=(${ARGUMENTS:-})
 [ -z "${AGAINST:-}" ] || arguments+=(--against="$AGAINST")
 echo "sarif=$SARIF" >>"${GITHUB_OUTPUT:-/dev/null}"
 # Programs come last: after `--` everything is a name, whatever it begins with.
-deflex check --cell="$CELL" --max-error="$MAX_ERROR" "${arguments[@]}" --format sarif -- "${programs[@]}" >"$SARIF"
+deflex check --cell="$CELL" --max-error="$MAX_ERROR" "${arguments[@]}" --output-format sarif -- "${programs[@]}" >"$SARIF"

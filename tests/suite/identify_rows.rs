@@ -140,7 +140,12 @@ fn a_factor_of_the_force_is_named_from_planned_rows() {
     // What the plant had.
     assert!(low < 1.195_127 && 1.195_127 < high, "{added:?}");
     let csv = residual_csv(&found.residuals);
-    let first: Vec<&str> = csv.lines().nth(1).unwrap().split(',').collect();
-    // Behind run, line, block, held_out, outlier and the place: prefit, postfit, whitened.
-    assert!(first[8..].chunks(3).all(|of| !of[0].is_empty() && of[1].is_empty() && of[2].is_empty()), "{first:?}");
+    let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let (head, first) = (lines.next().unwrap(), lines.next().unwrap());
+    // Prefit, postfit and whitened, each along three axes.
+    let from = head.iter().position(|name| *name == "prefit_x_mm").unwrap();
+    assert!(
+        first[from..from + 9].chunks(3).all(|of| !of[0].is_empty() && of[1].is_empty() && of[2].is_empty()),
+        "{first:?}"
+    );
 }
