@@ -148,6 +148,7 @@ fn identification(c: &mut Criterion) {
                 poses: vec![],
                 tool: None,
                 data_hash: "",
+                written: Default::default(),
                 progress: &|_| true,
             })
         };

@@ -142,7 +142,15 @@ fn case(folder: &Path, root: &Path) -> Case {
     let text = std::fs::read_to_string(folder.join("cell.toml")).unwrap();
     let cell = Cell::read(&Source::new("cell.toml", text.as_bytes())).unwrap();
     let runs = runs(folder);
-    let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "blind", progress: &|_| true };
+    let input = Input {
+        cell: &cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "blind",
+        written: Default::default(),
+        progress: &|_| true,
+    };
     let found = identify(input);
     let seconds = start.elapsed().as_secs_f64();
     let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();

@@ -48,7 +48,7 @@
 //!
 //! ```
 //! use deflex::cell::{Cell, extended};
-//! use deflex::identify::{Input, identify};
+//! use deflex::identify::{Input, Written, identify};
 //! use deflex::measured::Table;
 //! use deflex::program::rapid;
 //! use deflex::text::{Diagnostics, Source};
@@ -61,7 +61,7 @@
 //!     let text = read("cell.toml")?;
 //!     let cell = Cell::read(&text)?;
 //!     let run = (rapid::read(vec![read("part.mod")?], Vec::new())?, Table::read(&read("measured.csv")?)?);
-//!     let found = identify(Input { cell: &cell, runs: vec![run], poses: vec![], tool: None, data_hash: "of the data", progress: &|_| true })?;
+//!     let found = identify(Input { cell: &cell, runs: vec![run], poses: vec![], tool: None, data_hash: "of the data", written: Written::WholeModel, progress: &|_| true })?;
 //!     assert_eq!(found.added[0].kind, "backlash");
 //!     assert!(found.after.rms_mm < 0.3 * found.before.rms_mm);
 //!     let cell_file = extended(&String::from_utf8_lossy(&text.bytes), &found.extended)?;

@@ -5,7 +5,7 @@ use crate::program::Program;
 use crate::work;
 use deflex::cli::held::{self, CellFile, MeasuredFile, ProgramFiles, Run};
 use deflex::correct::{Correct, PostOptions};
-use deflex::identify::{Ask, PlanProgram};
+use deflex::identify::{Ask, PlanProgram, Written};
 use deflex::measured::ColumnNames;
 use deflex::program::Language;
 use deflex::report::html::PathKind;
@@ -288,7 +288,7 @@ pub(crate) fn identify(
         let runs = runs.into_iter().map(read).collect::<Result<Vec<_>, Vec<deflex::text::Diagnostic>>>()?;
         let poses = poses.into_iter().map(|table| table.measured(&read_as)).collect::<Result<Vec<_>, _>>()?;
         let follow = follow.follow();
-        held::identify(&cell, &runs, &poses, tool.as_deref(), &|share| follow(0, steps(share)))
+        held::identify(&cell, &runs, &poses, tool.as_deref(), Written::default(), &|share| follow(0, steps(share)))
     })?;
     Ok(Found { found })
 }

@@ -10,6 +10,7 @@ use super::report::pretty;
 use super::{Answer, Outcome, message, progress};
 use deflex::cell::{examples_left, with_path_law};
 use deflex::drive::FittedLaw;
+use deflex::identify::Written;
 use deflex::measured::ColumnNames;
 use deflex::report::{identify_text, path_law_text, residual_csv};
 use deflex::text::Diagnostic;
@@ -39,7 +40,8 @@ pub(super) fn run(args: &Identify) -> Outcome {
         progress::reached(&bar, share);
         true
     };
-    let done = held::identify(&cell, &runs, &poses, args.tool.as_deref(), &tell);
+    let written = if args.sparse { Written::NamedAlone } else { Written::WholeModel };
+    let done = held::identify(&cell, &runs, &poses, args.tool.as_deref(), written, &tell);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;

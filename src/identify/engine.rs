@@ -12,7 +12,7 @@ use super::found::{Choice, Linearised, Map, Ranking, Told};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
-use super::outcome::{Identification, SetShare};
+use super::outcome::{Identification, NAMED, SetShare};
 use super::score::{Score, posterior, score};
 use super::search::{Search, sorted};
 use super::whole_arm::Members;
@@ -39,8 +39,20 @@ pub struct Input<'a> {
     pub tool: Option<&'a str>,
     /// Goes into the provenance of what is added: tells which data it came from.
     pub data_hash: &'a str,
+    /// Which effects of the model go into the cell.
+    pub written: Written,
     /// Is told what share of the work is done, as far as rounds tell it; `false` calls the run off.
     pub progress: &'a Progress<'a>,
+}
+
+/// Which effects of a model go into the cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Written {
+    /// All of them, named or not: what the errors after are best with.
+    #[default]
+    WholeModel,
+    /// Those that are named, fitted without the others: `--sparse`.
+    NamedAlone,
 }
 
 /// Told what share of a work is done, from 0 to 1; `false` calls it off.
@@ -110,7 +122,7 @@ type Settled = (usize, Vec<Device>, Vec<toml::Table>);
 /// # Errors
 /// Tables that do not belong to their programs, too few rows, targets that the cell does not solve; `run.called-off`.
 pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
-    let Input { cell, runs, poses, tool, data_hash, progress } = input;
+    let Input { cell, runs, poses, tool, data_hash, written, progress } = input;
     let problem = if poses.is_empty() { Problem::of_runs(cell, runs)? } else { Problem::of_poses(cell, poses, tool)? };
     let held_out = problem.rows.iter().filter(|row| row.held_out).count();
     if problem.rows.len() < LEAST_ROWS || held_out == 0 || held_out == problem.rows.len() {
@@ -134,7 +146,7 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
     if !engine.problem.free_device {
         engine.questioned(&before)?;
     }
-    engine.run(&before, data_hash, progress)
+    engine.run(&before, (data_hash, written), progress)
 }
 
 impl Engine {
@@ -281,7 +293,7 @@ impl Engine {
     fn run(
         &mut self,
         before: &DVector<f64>,
-        data_hash: &str,
+        (data_hash, written): (&str, Written),
         progress: &Progress<'_>,
     ) -> Result<Identification, Vec<Diagnostic>> {
         let shapes = noise::shapes();
@@ -417,6 +429,10 @@ impl Engine {
         }
         if !whole && whole_arm.is_none() {
             self.withdraw_faint(&mut posteriors);
+        }
+        if written == Written::NamedAlone {
+            self.map = None;
+            self.withdraw_unless(&mut posteriors, |_, share, _| share >= NAMED);
         }
         if self.gains_nothing(before) {
             posteriors.clear();

@@ -45,7 +45,7 @@ mod ties;
 mod whole;
 mod whole_arm;
 
-pub use engine::{Input, Progress, identify};
+pub use engine::{Input, Progress, Written, identify};
 pub use outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, Ranked, ResidualRow,
     Separation, SetShare, Unexplained,

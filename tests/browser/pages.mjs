@@ -252,9 +252,9 @@ const shot = async (page, name, directory) => {
 const tests = {
   async "slot, compensated"() {
     const [sums] = json("slot.json").files;
-    const six = (value) => value.toFixed(6);
+    const four = (value) => value.toFixed(4);
     const { figures, charts } = await checkPath("slot", sample(slot("slot.mod")), csv("slot.csv"), {
-      targets: String(sums.targets), max_error_mm: six(sums.max_error_mm), max_correction_mm: six(sums.max_correction_mm), max_remaining_mm: six(sums.max_remaining_mm),
+      targets: String(sums.targets), max_error_mm: four(sums.max_error_mm), max_correction_mm: four(sums.max_correction_mm), max_remaining_mm: four(sums.max_remaining_mm),
     });
     // Stiffness, axes and margins besides the error.
     assert.equal(charts, 6);
@@ -274,7 +274,7 @@ const tests = {
   },
   async "blade, predicted from cutter locations"() {
     const [sums] = json("predict.json").files;
-    const { figures } = await checkPath("predict", sample(blade("blade.aptsource")), csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(6) });
+    const { figures } = await checkPath("predict", sample(blade("blade.aptsource")), csv("predict.csv"), { max_error_mm: sums.max_error_mm.toFixed(4) });
     return `${figures} figures`;
   },
   async "blade, posted from cutter locations"() {
@@ -290,7 +290,7 @@ const tests = {
     const same = { shift_x_mm: "0.000000", shift_y_mm: "0.000000", shift_z_mm: "0.000000", shift_mm: "0.000000" };
     const all = { get: (target) => rows.get(target) ?? same };
     const figures = await sameAsCsv(page, all, (shown) => shown.target, found.targets - 5);
-    for (const key of ["max_mm", "max_deg", "max_step_mm"]) assert.equal(await tile(page, key), found[key].toFixed(6), key);
+    for (const key of ["max_mm", "max_deg", "max_step_mm"]) assert.equal(await tile(page, key), found[key].toFixed(4), key);
     await click(page);
     assert.deepEqual(page.wrong, []);
     return `${figures} figures`;
@@ -298,7 +298,7 @@ const tests = {
   async "closed loop, identified"() {
     const found = json("identify.json");
     const page = await open("identify");
-    for (const which of ["before", "after"]) assert.equal(await tile(page, `${which}.rms_mm`), found[which].rms_mm.toFixed(6));
+    for (const which of ["before", "after"]) assert.equal(await tile(page, `${which}.rms_mm`), found[which].rms_mm.toFixed(4));
     assert.equal(await tile(page, "held_out_rows"), String(found.held_out_rows));
     assert.equal(await page.locator("#ranked tbody tr").count(), found.ranking.length);
     const names = await page.$$eval("#ranked tbody tr td:first-child code", (all) => all.map((cell) => cell.textContent));

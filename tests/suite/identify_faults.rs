@@ -25,7 +25,16 @@ fn table(name: &str) -> Table {
 
 fn found(name: &str, table: Table, cell: &Cell) -> Identification {
     let runs = vec![(program(name), table)];
-    identify(Input { cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &|_| true }).unwrap()
+    identify(Input {
+        cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    })
+    .unwrap()
 }
 
 fn cell(name: &str) -> Cell {

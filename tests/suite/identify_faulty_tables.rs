@@ -31,7 +31,15 @@ impl Measured {
     fn identified(&self, table: Table) -> Result<Identification, Vec<Diagnostic>> {
         let program = rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
         let runs = vec![(program, table)];
-        identify(Input { cell: &self.cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &|_| true })
+        identify(Input {
+            cell: &self.cell,
+            runs,
+            poses: vec![],
+            tool: None,
+            data_hash: "test",
+            written: Default::default(),
+            progress: &|_| true,
+        })
     }
 }
 

@@ -77,7 +77,15 @@ fn scalar_first(q: &UnitQuaternion<f64>) -> [f64; 4] {
 fn found(csv: String) -> Result<Identification, Vec<Diagnostic>> {
     let cell = Cell::read(&Source::new("cell.toml", CELL.as_bytes().to_vec())).unwrap();
     let poses = vec![Table::read(&Source::new("poses.csv", csv.into_bytes()))?];
-    identify(Input { cell: &cell, runs: vec![], poses, tool: None, data_hash: "test", progress: &|_| true })
+    identify(Input {
+        cell: &cell,
+        runs: vec![],
+        poses,
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    })
 }
 
 /// Width of a parameter's interval.

@@ -33,7 +33,15 @@ fn found(program: Program, table: Table) -> Result<Identification, Vec<Diagnosti
 
 fn found_by(cell: &Cell, program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
     let runs = vec![(program, table)];
-    identify(Input { cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &|_| true })
+    identify(Input {
+        cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &|_| true,
+    })
 }
 
 #[test]
@@ -46,7 +54,15 @@ fn progress_rises_and_calls_the_run_off() {
         told.len() < 3
     };
     let runs = vec![(program(), table(16))];
-    let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", progress: &progress };
+    let input = Input {
+        cell: &cell,
+        runs,
+        poses: vec![],
+        tool: None,
+        data_hash: "test",
+        written: Default::default(),
+        progress: &progress,
+    };
     assert_eq!(identify(input).unwrap_err()[0].code, "run.called-off");
     let told = told.lock().unwrap();
     assert!(told.len() == 3 && told.is_sorted() && told.iter().all(|share| (0.01..1.0).contains(share)), "{told:?}");

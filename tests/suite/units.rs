@@ -483,6 +483,7 @@ fn a_misplaced_table_is_found() {
         poses: vec![],
         tool: None,
         data_hash: "test",
+        written: Default::default(),
         progress: &|_| true,
     };
     let found = deflex::identify::identify(input).unwrap();

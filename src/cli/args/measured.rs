@@ -29,6 +29,9 @@ pub(in crate::cli) struct Identify {
     /// The cell file with the effects found; `-` for stdout
     #[arg(long, short, value_name = "CELL2", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) output: Option<PathBuf>,
+    /// Write the effects that are named alone, fitted without the others
+    #[arg(long)]
+    pub(in crate::cli) sparse: bool,
     /// Tool of the cell that the rows are about
     #[arg(long, value_name = "NAME")]
     pub(in crate::cli) tool: Option<String>,

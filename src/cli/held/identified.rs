@@ -5,7 +5,7 @@ use crate::cli::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, LogError, fit_law};
-use deflex::identify::{self, Identification, Input, Progress};
+use deflex::identify::{self, Identification, Input, Progress, Written};
 use deflex::measured::{ColumnNames, Table};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
@@ -99,8 +99,8 @@ impl Identified {
 }
 
 /// Finds the effects that a cell lacks: what `deflex identify` does. `runs` are programs with what was measured on them, or
-/// `poses` rows with their own motor angles; `tool` is that of `--tool`; `progress` is told what share of the work is done, and
-/// calls it off with `false`.
+/// `poses` rows with their own motor angles; `tool` is that of `--tool`, `written` what goes into the cell; `progress` is told what
+/// share of the work is done, and calls it off with `false`.
 ///
 /// # Errors
 /// All for which the command ends with exit code 2, and `run.called-off`.
@@ -109,6 +109,7 @@ pub fn identify(
     runs: &[(ProgramFiles, MeasuredFile)],
     poses: &[MeasuredFile],
     tool: Option<&str>,
+    written: Written,
     progress: &Progress<'_>,
 ) -> Result<Identified, Vec<Diagnostic>> {
     let read = |(program, table): &(ProgramFiles, MeasuredFile)| both(program.parse(cell, tool), table.table(cell));
@@ -118,7 +119,7 @@ pub fn identify(
     let measured = runs.iter().flat_map(|(program, table)| program.sources().into_iter().chain([&table.source]));
     let data: Vec<&Source> = measured.chain(poses.iter().map(|table| &table.source)).collect();
     let hash = hash(data.iter().copied().chain([&cell.source]));
-    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash, progress };
+    let input = Input { cell: &cell.cell, runs: programs, poses: tables, tool, data_hash: &hash, written, progress };
     let found = identify::identify(input).map_err(|errors| cell.own(errors))?;
     Ok(Identified {
         found,

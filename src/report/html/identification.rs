@@ -36,7 +36,10 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
         let items: String = found.advice.iter().map(|advice| format!("<li>{}</li>\n", escape(advice))).collect();
         outcome += &section("advice", "What to measure next", format!("<ul>\n{items}</ul>\n"));
     }
-    let mut grounds = section("sets", "What the rows leave open", sets(&found.sets));
+    let mut grounds = match found.is_whole_arm() {
+        true => section("effects", "Every effect of the written cell", effects(found)),
+        false => section("sets", "What the rows leave open", sets(&found.sets)),
+    };
     grounds += &section("ranking", "Every effect alone", ranking(found));
     if !found.separability.is_empty() {
         outcome += &section("separability", "What these rows hardly tell apart", separability(&found.separability));
@@ -64,21 +67,21 @@ fn figures(found: &Identification) -> String {
     tiles(&[
         Tile {
             key: "before.rms_mm",
-            value: decimals(found.before.rms_mm, 6),
+            value: decimals(found.before.rms_mm, 4),
             unit: "mm rms",
             label: "Declared cell",
             aside: errors(&found.before),
         },
         Tile {
             key: "after.rms_mm",
-            value: decimals(found.after.rms_mm, 6),
+            value: decimals(found.after.rms_mm, 4),
             unit: "mm rms",
             label: "Extended cell",
             aside: format!("{}; 95 % [{}, {}] mm{drift}", errors(&found.after), decimals(low, 4), decimals(high, 4)),
         },
         Tile {
             key: "noise_floor_rms_mm",
-            value: decimals(found.noise_floor_rms_mm, 6),
+            value: decimals(found.noise_floor_rms_mm, 4),
             unit: "mm rms",
             label: "Noise floor",
             aside: format!(
@@ -100,6 +103,10 @@ fn figures(found: &Identification) -> String {
 fn added(found: &Identification) -> String {
     if found.added.is_empty() {
         return match found.unexplained.significant {
+            _ if found.is_whole_arm() => {
+                "<p>Everything is a little off, and no effect is sure by itself: all are in the written cell.</p>\n"
+                    .to_owned()
+            }
             true => "<p>Nothing.</p>\n".to_owned(),
             false if !found.faint().is_empty() => {
                 "<p>Nothing: what may act is too faint on these rows to be named.</p>\n".to_owned()
@@ -148,6 +155,27 @@ fn added(found: &Identification) -> String {
         }
     }
     out
+}
+
+/// Every effect of the model, by its part in the prediction.
+fn effects(found: &Identification) -> String {
+    let mut effects: Vec<_> = found.effects.iter().collect();
+    effects.sort_by(|a, b| b.share_rms_mm.total_cmp(&a.share_rms_mm));
+    let most = effects.first().map_or(1.0, |effect| effect.share_rms_mm.max(f64::MIN_POSITIVE));
+    let mut table = Table::new("effects", &[("effect", false), ("its part, mm rms", true), ("probability", true)]);
+    for effect in effects {
+        table.row([
+            format!("<code>{}</code>", escape(&effect.kind)),
+            bar(&decimals(effect.share_rms_mm, 4), effect.share_rms_mm / most),
+            decimals(effect.probability, 3),
+        ]);
+    }
+    format!(
+        "<p>Left out by place, posture and load, rows are off by {} mm rms. Another program may be off by {} mm per axis.</p>\n{}",
+        decimals(found.after_other_places.rms_mm, 3),
+        decimals(found.transfer_sigma_mm, 3),
+        table.html()
+    )
 }
 
 /// The posterior over sets.
