@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import subprocess
 
 import numpy as np
 import pytest
@@ -79,9 +78,10 @@ def test_a_forked_child_computes_what_its_parent_does():
             child.kill()
 
 
-def test_names_that_begin_with_a_dash_are_names(tmp_path):
+def test_names_that_begin_with_a_dash_are_names(tmp_path, monkeypatch, command):
     """The guard of the command line holds for the module's command too."""
     (tmp_path / "--forces=.h.mod").write_text(open(PROGRAM).read())
-    command = ["deflex", "check", "--cell", os.path.abspath(CELL), "--max-error", "0.01", "--forces=.h.mod"]
-    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert ran.returncode == 2 and "reads as an option" in ran.stderr
+    cell = os.path.abspath(CELL)
+    monkeypatch.chdir(tmp_path)
+    ran = command("check", "--cell", cell, "--max-error", "0.01", "--forces=.h.mod", code=2)
+    assert b"reads as an option" in ran.stderr
