@@ -159,7 +159,9 @@ fn columns(check: &mut Check, names: &BTreeMap<String, String>) -> Option<Column
 /// The language of the controller, as far as the cell tells it: by the model's maker, else by how it counts axis 3 or names
 /// tools and work objects.
 fn language(raw: &raw::Cell) -> Option<Language> {
-    if let Ok(builtin) = Builtin::named(&raw.robot.model) {
+    // The library is read only where the cell takes its robot from there.
+    let from_library = raw.robot.kinematics.is_none() || Builtin::is_listed(&raw.robot.model);
+    if let Some(builtin) = from_library.then(|| Builtin::named(&raw.robot.model).ok()).flatten() {
         return builtin.language();
     }
     let names = || raw.tools.keys().chain(raw.wobjs.keys()).map(|name| name.to_ascii_uppercase());

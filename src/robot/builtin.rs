@@ -103,10 +103,20 @@ struct Library {
     robot: Vec<Builtin>,
 }
 
+/// The library's text.
+const LIBRARY: &str = include_str!("library.toml");
+
+impl Builtin {
+    /// Whether the library has a robot of just this name: its text is looked through and not read.
+    pub(crate) fn is_listed(model: &str) -> bool {
+        LIBRARY.contains(&format!("model = \"{model}\"\n"))
+    }
+}
+
 /// Every built-in robot, as `library.toml` has them. Axis limits are the standard ones; options of a robot may differ.
 #[allow(clippy::expect_used)] // the file is part of the program, and a test reads it
 pub static BUILTIN: LazyLock<Vec<Builtin>> = LazyLock::new(|| {
-    let library: Library = toml::from_str(include_str!("library.toml")).expect("the robot library is read by a test");
+    let library: Library = toml::from_str(LIBRARY).expect("the robot library is read by a test");
     library.robot
 });
 
@@ -114,6 +124,12 @@ pub static BUILTIN: LazyLock<Vec<Builtin>> = LazyLock::new(|| {
 mod tests {
     use super::*;
     use crate::robot::Joints;
+
+    #[test]
+    fn each_name_is_listed_and_no_other() {
+        assert!(BUILTIN.iter().all(|robot| Builtin::is_listed(&robot.model)));
+        assert!(!Builtin::is_listed("irb") && !Builtin::is_listed("my arm"));
+    }
 
     /// Published reaches are rounded to 10 mm, and some makers count to where the arm can really stretch: 22 mm less than
     /// the links' sum on the IRB 2400, up to 38 mm on arms whose axis 3 stops short of it (FANUC R-2000, Yaskawa GP180).
