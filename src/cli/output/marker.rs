@@ -1,7 +1,7 @@
 //! The marker of a set that is being put in place, and what becomes of one that a killed run left.
 //!
 //! A marker is a file that anything could have written. It is believed of its own folder only, of plain names, and of files
-//! that match what it says of them to the last bit, inode and owner included: what only the run that staged them could know.
+//! that match what it says of their bytes, inode and owner: what only the run that staged them could know.
 
 use super::lock;
 use super::place::{self, How, Move};
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata};
-use std::io;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 const PREFIX: &str = "deflex-unfinished-";
@@ -21,6 +21,9 @@ const SUFFIX: &str = ".json";
 
 /// No marker is longer: a hundred thousand files of a set fit in it.
 const MOST_BYTES: u64 = 64 << 20;
+
+/// Bytes at each end of a file that are hashed.
+const END: u64 = 64 << 10;
 
 /// A name or a path as text, or as the system has it where it is none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -116,8 +119,15 @@ fn state(path: &Path) -> Option<State> {
     fs::symlink_metadata(path).ok().map(|metadata| State::of_content(&metadata))
 }
 
+/// SHA-256 of a file, of a long one that of its first and last [`END`] bytes: device, inode, length and time of the last change are
+/// in the marker too, and reading a gigabyte again would take a third of the run.
 fn hash(path: &Path) -> io::Result<String> {
-    Origin::read("", File::open(path)?).map(|origin| origin.sha256)
+    let mut file = File::open(path)?;
+    let mut head = Vec::new();
+    (&file).take(END).read_to_end(&mut head)?;
+    let rest = file.metadata()?.len().saturating_sub(END);
+    file.seek(SeekFrom::End(-i64::try_from(rest.min(END)).unwrap_or(0)))?;
+    Origin::read("", head.as_slice().chain(file)).map(|origin| origin.sha256)
 }
 
 /// Takes the markers of a run away.
