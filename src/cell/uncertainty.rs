@@ -22,7 +22,7 @@ const JOINT: &str = "joint_factor";
 /// Keys of which a table has one.
 pub(super) const KEYS: [&str; 3] = ["covariance", "factors", JOINT];
 
-/// Digits of a shared factor behind the first: it has a number for every pair of parameters.
+/// Digits of a shared factor after the first: it has a number for every pair of parameters.
 const JOINT_DIGITS: usize = 3;
 
 /// Digits of a factor behind the first: the standard deviation of anything that depends on the parameters keeps four.

@@ -8,14 +8,14 @@ use super::design::Design;
 use super::device::Device;
 use super::device_pose;
 use super::differences::Reuse;
-use super::found::{Choice, Linearised, Map, Ranking, Told};
+use super::found::{Choice, Linearised, Map, Ranking, Refused, Told};
 use super::gear::{self, Comb, Grid, Term};
 use super::moments::Moments;
 use super::noise;
 use super::outcome::{Identification, NAMED, SetShare};
 use super::score::{Score, posterior, score};
 use super::search::{Search, sorted};
-use super::whole_arm::Members;
+use super::whole_arm::{Elsewhere, Members};
 use crate::cell::Cell;
 use crate::effects::Shape;
 use crate::equilibrium::Arm;
@@ -106,8 +106,8 @@ pub(super) struct Engine {
     pub(super) sets: Vec<SetShare>,
     /// Variance of predictions over all sets, over that within the chosen one.
     pub(super) spread: f64,
-    /// Held-out error, mm rms, of what was found and not added because it is more than the declared cell's.
-    pub(super) refused_mm: Option<f64>,
+    /// The error, mm rms, of what was found and not added because it is more than the declared cell's.
+    pub(super) refused: Option<Refused>,
     /// What may be wrong with the table, in words.
     pub(super) doubt: Option<String>,
     /// The last residual and what it is of: it is asked many times over.
@@ -170,7 +170,7 @@ impl Engine {
             aside,
             sets: Vec::new(),
             spread: 1.0,
-            refused_mm: None,
+            refused: None,
             doubt: None,
             last: Mutex::new(None),
         }
@@ -367,7 +367,7 @@ impl Engine {
             let gate = same && !whole && self.shape.field.is_none();
             let field = if gate { self.field(&search, &now, &set) } else { None };
             let gains = |members: &Members| self.gains_on(&search, &set, members);
-            whole_arm = Some(self.members_of_whole_arm(&search, &set)).filter(|members| !whole && gains(members));
+            whole_arm = (!whole).then(|| self.members_of_whole_arm(&search, &set)).filter(gains);
             if whole_arm.is_some() {
                 linear = Some(now);
                 break;
@@ -439,6 +439,15 @@ impl Engine {
             device_pose::restore(&mut self.problem, &places);
         }
         reached(progress, JUDGED)?;
+        let mut elsewhere = self.elsewhere(before);
+        // A cell that is worse than the declared one where nothing was measured is none.
+        let worse = |there: &Elsewhere| there.extended.rms_mm > there.declared.rms_mm;
+        if self.is_whole_arm() && !posteriors.is_empty() && elsewhere.as_ref().is_some_and(worse) {
+            posteriors.clear();
+            self.take_back();
+            self.refused = elsewhere.take().map(|there| Refused::Elsewhere(there.extended.rms_mm));
+            elsewhere = self.elsewhere(before);
+        }
         let map = self.map.take();
         drop(linear.take());
         let unexplained = self.unexplained();
@@ -455,17 +464,8 @@ impl Engine {
                 self.refit();
             }
         }
-        let mut after = self.left_by_cell();
+        let after = self.left_by_cell();
         let before = if dense { self.problem.residual(&self.declared) } else { before.clone() };
-        let mut elsewhere = self.elsewhere(&before, &after);
-        // A cell that is worse than the declared one where nothing was measured is none.
-        if !posteriors.is_empty() && elsewhere.extended.rms_mm > elsewhere.declared.rms_mm && self.is_whole_arm() {
-            posteriors.clear();
-            self.take_back();
-            self.refused_mm = Some(elsewhere.extended.rms_mm);
-            after = self.left_by_cell();
-            elsewhere = self.elsewhere(&before, &after);
-        }
         let told = Told { elsewhere, posteriors, ranking, unexplained, stages, refit: every && !whole };
         Ok(self.outcome(&before, &after, told, data_hash))
     }

@@ -5,7 +5,7 @@ use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
 use super::engine::Engine;
-use super::found::{Linearised, MAP, Posterior, Ranking, Told};
+use super::found::{Linearised, MAP, Posterior, Ranking, Refused, Told};
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
@@ -17,6 +17,7 @@ use super::score::posterior;
 use super::search::Search;
 use super::separability::{self, Trace};
 use super::ties;
+use super::whole_arm::Elsewhere;
 use crate::cell::{NewEffect, Uncertainty};
 use crate::effects::{Shape, kind};
 use nalgebra::{DMatrix, DVector};
@@ -105,6 +106,8 @@ impl Engine {
         let left_after = after - &run_drift;
         let errors_before = self.errors(&(left_before - &run_drift), held_out);
         let errors_after = self.errors(&left_after, held_out);
+        let over_all = Elsewhere { declared: errors_before, extended: errors_after, wider: 1.0 };
+        let elsewhere = elsewhere.unwrap_or(over_all);
         let unlisted = self.is_unlisted();
         let (mut added, mut shares_mm) = (Vec::new(), Vec::new());
         let rows = i64::try_from(self.problem.rows.len()).unwrap_or(i64::MAX);
@@ -231,11 +234,16 @@ impl Engine {
         }
         advice.extend(replaced);
         advice.extend(self.doubt.take());
-        advice.extend(self.refused_mm.map(|error_mm| {
+        advice.extend(self.refused.map(|refused| {
+            let (rows, error_mm, declared_mm) = match refused {
+                Refused::HeldOut(error_mm) => ("held-out rows", error_mm, errors_before.rms_mm),
+                Refused::Elsewhere(error_mm) => {
+                    ("rows left out by place, posture and load", error_mm, elsewhere.declared.rms_mm)
+                }
+            };
             format!(
-                "nothing is added: with what the fitted rows speak for, the error on held-out rows would be {error_mm:.4} mm instead of \
-                 {:.4}; the fitted rows are too few or unlike the held-out ones: measure more of them, over the same area",
-                errors_before.rms_mm
+                "nothing is added: with the effects that were found, the error on {rows} would be {error_mm:.4} mm instead of \
+                 {declared_mm:.4}. The fitted rows are too few, or unlike the others: measure more rows over the same area"
             )
         }));
         advice.extend(controller::corrected_twice(&self.declared, &self.problem, before));

@@ -70,7 +70,7 @@ impl Engine {
             };
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
-            // Beside few effects directions that the data do not hold are as wide as the full prior; of the whole arm sizes are known.
+            // Of few effects, directions that the data do not hold are as wide as the full prior; of the whole arm the sizes are known.
             let wide = if self.is_whole_arm() { columns.clone() } else { columns.full_size() };
             let Some((_, covariance)) = posterior(moments, &wide, self.sigma) else { return };
             let (frames, size) = (linear.always.len(), covariance.nrows() - linear.always.len());

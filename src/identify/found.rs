@@ -19,8 +19,8 @@ pub(super) struct Told {
     pub(super) stages: Vec<(f64, f64)>,
     /// Whether what is written is fitted to all rows.
     pub(super) refit: bool,
-    /// Errors where nothing was measured.
-    pub(super) elsewhere: Elsewhere,
+    /// Errors where nothing was measured; `None` over the whole robot.
+    pub(super) elsewhere: Option<Elsewhere>,
 }
 
 /// Moments, search and columns of one linearisation.
@@ -37,6 +37,15 @@ pub(super) struct Choice {
     pub(super) set: Vec<usize>,
     pub(super) sigma: f64,
     pub(super) shape: usize,
+}
+
+/// The error of effects that were found and not added, mm rms: more than the declared cell's.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Refused {
+    /// On held-out rows.
+    HeldOut(f64),
+    /// On rows that are left out by place, posture and load.
+    Elsewhere(f64),
 }
 
 /// Every kind alone, and how far apart they are.

@@ -5,7 +5,7 @@ use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
 use super::engine::{Engine, stacked};
-use super::found::{Linearised, Posterior};
+use super::found::{Linearised, Posterior, Refused};
 use super::moments::Moments;
 use super::noise;
 use super::outcome::{MENTIONED, NAMED};
@@ -394,7 +394,7 @@ impl Engine {
         let worse = any && in_standard_errors(&gains) < least;
         if worse {
             self.take_back();
-            self.refused_mm = Some(self.errors(&with, held_out).rms_mm);
+            self.refused = Some(Refused::HeldOut(self.errors(&with, held_out).rms_mm));
         }
         worse
     }

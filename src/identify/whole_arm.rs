@@ -5,12 +5,13 @@
 //!
 //! `y = Σ_g X_g θ_g + f(place, posture, force) + wander + noise`
 //!
-//! with the columns X of every effect in the registry, θ of effects that the search found at their typical size, θ of all others at a
-//! common share of theirs, and f a Gaussian process that stands for what no law describes. The share and the size and reach of f are
-//! those of most evidence (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is in the covariance of
+//! with the columns X of every effect in the registry, θ about neutral, and f a Gaussian process that stands for what no law describes.
+//! All θ have one common share of their typical sizes as standard deviations; or those that the search found keep the sizes that it
+//! found them with, and the others have the share. Which of the two, the share, and the size and reach of f are those of most evidence (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is in the covariance of
 //! the rows, more rows of the same places do not make a law that is nearly right look certain.
 
 use super::candidate::Candidate;
+use super::columns::Columns;
 use super::data::Observation;
 use super::engine::{Engine, stacked};
 use super::found::Posterior;
@@ -25,7 +26,7 @@ use nalgebra::{DVector, Vector3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Common sizes of all effects that the search has not found, as shares of their typical sizes.
+/// Common sizes of effects that are tried, as shares of their typical sizes.
 const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 /// Reaches of the discrepancy, in standard deviations of place, posture and force over the table.
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
@@ -58,6 +59,13 @@ impl Shares {
     fn all() -> impl Iterator<Item = Self> {
         SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
     }
+}
+
+/// Columns of all members at some sizes, and what these must gain for having been looked for, nats.
+struct Trial {
+    shares: Shares,
+    columns: Columns,
+    price: f64,
 }
 
 /// The shares, the discrepancy and the noise that the rows speak for.
@@ -124,7 +132,7 @@ impl Engine {
         self.shape.field.is_some_and(|field| matches!(field.over, Over::Everything(_)))
     }
 
-    /// The members of the whole arm beside a set: patterns that stand for something unlisted, and faults, are not among them.
+    /// The members of the whole arm, a set among them: patterns that stand for something unlisted, and faults, are left out.
     pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
         let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
         let found: Vec<usize> = set.iter().copied().filter(stays).collect();
@@ -132,12 +140,14 @@ impl Engine {
         Members { found, others }
     }
 
-    /// What the whole arm must gain for having been looked for, nats: of members that stand out what each must by itself, of all that
-    /// are alike that one of its family's variants was taken.
-    fn price_of(&self, search: &Search, members: &Members, shares: Shares) -> f64 {
+    /// The columns of all members at some sizes. Of members that stand out each must gain by itself; of all that are alike it counts that
+    /// one of their family's variants was taken.
+    fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
+        let candidates = self.shrunk(members, shares);
+        let search = Search::new(&candidates, &[], always);
         let alike = |set: &[usize]| set.iter().map(|&c| self.variants(c).ln()).sum::<f64>();
         let found = if shares.found.is_none() { search.prices(&members.found) } else { alike(&members.found) };
-        found + alike(&members.others)
+        Trial { shares, columns: search.columns(&members.all()), price: found + alike(&members.others) }
     }
 
     /// Variants of full size that a member was chosen from: of waves along a joint as many as were looked at.
@@ -153,13 +163,12 @@ impl Engine {
         }
     }
 
-    /// Whether the whole arm gains on a set, both under the noise of its search: this costs little to ask.
+    /// Whether the whole arm gains on a set, both under the noise of its search: this costs little to compute.
     pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
-        let (value, all) = (search.objective(set), members.all());
+        let value = search.objective(set);
         Shares::all().any(|shares| {
-            let candidates = self.shrunk(members, shares);
-            let shrunk = Search::new(&candidates, search.moments, search.always);
-            shrunk.near(&all, None).evidence - self.price_of(search, members, shares) > value + UNLISTED
+            let trial = self.trial(members, shares, search.always);
+            score(search.moments, &trial.columns, None).evidence - trial.price > value + UNLISTED
         })
     }
 
@@ -172,32 +181,31 @@ impl Engine {
         let declared = self.problem.declared_sigma_mm;
         let spreads = self.spreads();
         let mut best: Option<Sizes> = None;
-        let mut weigh = |drift: noise::Shape, reach: f64, tried: &[Shares]| {
+        let mut weigh = |drift: noise::Shape, reach: f64, tried: &[Trial]| {
             let field = |share| Field { over: Over::Everything(spreads), share, reach };
             let of = |share| (noise::Shape { field: Some(field(share)), ..drift }, field(share));
             let shapes = VARIANCES.map(of);
             for (moments, (shape, _)) in Moments::under_fields(&stacked, &series, &shapes).into_iter().zip(shapes) {
                 let moments = [Moments { declared, ..moments }];
-                for &shares in tried {
-                    let candidates = self.shrunk(members, shares);
-                    let search = Search::new(&candidates, &moments, &linear.always);
-                    let score = score(&moments, &search.columns(&all), best.as_ref().map(|best| best.sigma));
-                    let evidence = score.evidence - self.price_of(&search, members, shares);
+                for Trial { shares, columns, price } in tried {
+                    let score = score(&moments, columns, best.as_ref().map(|best| best.sigma));
+                    let evidence = score.evidence - price;
                     if best.as_ref().is_none_or(|best| evidence > best.evidence) {
-                        best = Some(Sizes { shares, shape, sigma: score.sigma, evidence });
+                        best = Some(Sizes { shares: *shares, shape, sigma: score.sigma, evidence });
                     }
                 }
             }
             best.as_ref().map(|best| best.shape)
         };
-        // The wander that a few sharp laws left may be what the others do: it is asked first, at sizes in the middle of the others.
-        let usual = Shares { found: Some(SHARES[2]), others: SHARES[2] };
+        // The wander that a few sharp laws left may be what the other effects do: it is chosen first, at sizes in the middle.
+        let middle = Shares { found: Some(SHARES[2]), others: SHARES[2] };
+        let middle = [self.trial(members, middle, &linear.always)];
         let mut drift = None;
         for shape in noise::few().into_iter().chain([noise::Shape { field: None, ..self.shape }]) {
-            drift = weigh(shape, REACHES[2], &[usual]);
+            drift = weigh(shape, REACHES[2], &middle);
         }
         let drift = noise::Shape { field: None, ..drift? };
-        let tried: Vec<Shares> = Shares::all().collect();
+        let tried: Vec<Trial> = Shares::all().map(|shares| self.trial(members, shares, &linear.always)).collect();
         for reach in REACHES {
             weigh(drift, reach, &tried);
         }
@@ -217,7 +225,7 @@ impl Engine {
 
     /// Takes the whole arm in place of the set that the search found, with the probability of each effect.
     pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
-        // What stood out beside a few sharp laws may be what the others do.
+        // Rows that stood out from a few sharp laws may follow the other effects.
         self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
         let Some(sizes) = self.sizes(members) else { return Vec::new() };
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
@@ -244,13 +252,12 @@ impl Engine {
         best.filter(|(gain, _)| *gain > FAULT * (value - none)).map(|(_, c)| c)
     }
 
-    /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell and by the chosen
-    /// effects, fitted to the other rows; and the variance that was found there over the one that the fit promised.
-    pub(super) fn elsewhere(&mut self, before: &DVector<f64>, after: &DVector<f64>) -> Elsewhere {
+    /// Errors of fitted rows, each left out with all rows near it in place, posture and load: by the declared cell, whose residual is
+    /// `before`, and by the chosen effects, fitted to the other rows; and the variance that was found there over the one that the fit
+    /// promised. `None` over the whole robot, where held-out rows are elsewhere already.
+    pub(super) fn elsewhere(&mut self, before: &DVector<f64>) -> Option<Elsewhere> {
         if self.problem.free_device {
-            // Over the whole robot every row is elsewhere.
-            let of = |left: &DVector<f64>| self.errors(left, |row| row.held_out);
-            return Elsewhere { declared: of(before), extended: of(after), wider: 1.0 };
+            return None;
         }
         let chosen = self.chosen.clone();
         let linear = self.linearise(&chosen, &[]);
@@ -263,9 +270,9 @@ impl Engine {
         fitted.iter().zip(groups(&places, self.spreads())).for_each(|(&i, own)| group[i] = own);
         let of_row: BTreeMap<usize, usize> =
             self.problem.rows.iter().zip(&group).map(|(row, group)| (row.offset, *group)).collect();
-        let parts: Vec<(DVector<f64>, f64, f64)> = (0..GROUPS)
+        let parts: Vec<Option<(DVector<f64>, f64, f64)>> = (0..GROUPS)
             .into_par_iter()
-            .filter_map(|left_out| {
+            .map(|left_out| {
                 let kept = |row: &Observation| !row.held_out && of_row[&row.offset] != left_out;
                 let moments = Moments::of(&stacked, &self.problem.series(kept), self.shape);
                 let (mean, covariance) = posterior(&moments, &columns, self.sigma)?;
@@ -290,17 +297,18 @@ impl Engine {
                 Some((left, off, promised))
             })
             .collect();
-        let mut after = DVector::zeros(self.problem.scalars);
-        for (left_out, (left, ..)) in parts.iter().enumerate() {
+        let (mut after, mut variances) = (before.clone(), (0.0, 0.0));
+        for (left_out, part) in parts.into_iter().enumerate() {
+            let Some((left, off, promised)) = part else { continue };
             let own = self.problem.rows.iter().filter(|row| of_row[&row.offset] == left_out);
             own.for_each(|row| row.scalars().for_each(|k| after[k] = left[k]));
+            variances = (variances.0 + off, variances.1 + promised);
         }
-        let (off, promised) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.1, sum.1 + part.2));
-        Elsewhere {
+        Some(Elsewhere {
             declared: self.errors(before, |row| !row.held_out),
             extended: self.errors(&after, |row| !row.held_out),
-            wider: if promised > 0.0 { off / promised } else { 1.0 },
-        }
+            wider: if variances.1 > 0.0 { variances.0 / variances.1 } else { 1.0 },
+        })
     }
 
     /// How likely each effect of the whole arm acts, all others free to stand in for it.
@@ -322,7 +330,7 @@ impl Engine {
 }
 
 /// Rows of one group each: near one another in place, posture and load (Lloyd 1982, from rows spread evenly along the table).
-pub(super) fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
+fn groups(places: &[noise::Places], spreads: [f64; noise::OVER.len()]) -> Vec<usize> {
     /// Rounds after which rows hardly change their group.
     const ROUNDS: usize = 20;
     let scaled = |place: &noise::Places| -> DVector<f64> {

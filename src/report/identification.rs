@@ -110,11 +110,7 @@ pub fn identify_text(found: &Identification) -> String {
         "  both are of rows that no fit has seen; the numbers written are then fitted to all rows of a part\n",
     );
 
-    let _ = writeln!(
-        out,
-        "  left out by place, posture and load: {:.4} mm; another program may be off by {:.4} mm per axis",
-        found.after_other_places.rms_mm, found.transfer_sigma_mm
-    );
+    let _ = writeln!(out, "  {}", elsewhere(found));
     if let Some(rms_mm) = found.run_drift_rms_mm {
         let _ = writeln!(
             out,
@@ -197,6 +193,16 @@ pub fn identify_text(found: &Identification) -> String {
         let _ = writeln!(out, "\nadvice: {advice}");
     }
     out
+}
+
+/// What the rows say of places, postures and loads where nothing was measured.
+pub(super) fn elsewhere(found: &Identification) -> String {
+    let left_out = format!("left out by place, posture and load: {:.4} mm rms", found.after_other_places.rms_mm);
+    match found.transfer_sigma_mm {
+        sigma_mm if sigma_mm > 0.0 => format!("{left_out}; another program may be off by {sigma_mm:.4} mm per axis"),
+        // An error that noise alone makes says that there is no more, and not that there is none.
+        _ => format!("{left_out}, no more than the noise: another program may be off by less than these rows show"),
+    }
 }
 
 /// Each parameter with its interval; of a curve's knots only how many and how large, since they are hundreds.

@@ -2,7 +2,7 @@
 
 use deflex::cell::{Cell, extended};
 use deflex::correct::{Options, predict};
-use deflex::identify::{Identification, Input, identify};
+use deflex::identify::{Identification, Input, Written, identify};
 use deflex::measured::{Table, TargetRef};
 use deflex::program::{Program, rapid};
 use deflex::robot::{Joints, Pose};
@@ -29,18 +29,14 @@ fn cell(path: &Path) -> Cell {
 }
 
 fn of_folder(folder: &Path) -> Identification {
+    written(folder, Written::WholeModel)
+}
+
+fn written(folder: &Path, written: Written) -> Identification {
     let cell = cell(&folder.join("cell.toml"));
     let runs = vec![(program(&folder.join("part.mod")), Table::read(&source(&folder.join("measured.csv"))).unwrap())];
-    identify(Input {
-        cell: &cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap()
+    let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", written, progress: &|_| true };
+    identify(input).unwrap()
 }
 
 /// Measured minus predicted on a program that was never fitted, mm rms.
@@ -308,6 +304,19 @@ fn an_arm_that_is_off_everywhere_is_corrected_elsewhere_too() {
     };
     let held: Vec<f64> = rows.iter().filter_map(within).collect();
     assert!(held.iter().sum::<f64>() > 0.85 * held.len() as f64, "{}", held.iter().sum::<f64>() / held.len() as f64);
+}
+
+/// `--sparse` of the same cell: what is named alone is in the model and in the cell, fitted without the others.
+#[test]
+fn the_named_effects_alone_are_a_cell_too() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/whole_arm/kitchen-5");
+    let found = written(&folder, Written::NamedAlone);
+    let kinds = |all: Vec<&String>| all.into_iter().cloned().collect::<Vec<_>>();
+    let in_model = kinds(found.effects.iter().map(|effect| &effect.kind).collect());
+    assert!(!in_model.is_empty() && in_model == kinds(found.added.iter().map(|added| &added.kind).collect()));
+    assert_eq!(found.extended.len(), in_model.len());
+    assert!(found.effects.iter().all(|effect| effect.probability >= 0.9), "{:?}", found.effects);
+    assert!(!found.is_whole_arm() && found.after.rms_mm < found.before.rms_mm, "{:?}", found.after);
 }
 
 /// Two shifts that are known together, one of the tool and one of the work object: as they make up for one another the position is

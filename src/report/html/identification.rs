@@ -3,6 +3,7 @@
 use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::identify::{Identification, ResidualRow, Separation, SetShare};
+use crate::report::identification::elsewhere;
 use crate::report::{Origin, identify_answer};
 use serde_json::json;
 use std::fmt::Write;
@@ -170,12 +171,7 @@ fn effects(found: &Identification) -> String {
             decimals(effect.probability, 3),
         ]);
     }
-    format!(
-        "<p>Left out by place, posture and load, rows are off by {} mm rms. Another program may be off by {} mm per axis.</p>\n{}",
-        decimals(found.after_other_places.rms_mm, 3),
-        decimals(found.transfer_sigma_mm, 3),
-        table.html()
-    )
+    format!("<p>Rows {}.</p>\n{}", elsewhere(found), table.html())
 }
 
 /// The posterior over sets.
