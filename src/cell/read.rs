@@ -486,6 +486,17 @@ fn effects(
             check.error(&key, format!("effect `{name}`: unit `{unit}` is not declared"), help);
             continue;
         }
+        let other = effects.iter().filter_map(|effect| effect.presliding_rad()).next();
+        if let (Some(own), Some(other)) = (effect.presliding_rad(), other)
+            && own.to_bits() != other.to_bits()
+        {
+            check.error(
+                &key,
+                format!("effect `{name}`: `presliding_rad` is {own}, and {other} in another effect: the joints of an arm have one"),
+                "give both effects the same `presliding_rad`",
+            );
+            continue;
+        }
         let covered = match effect.covered_by() {
             Some(Covered::Gravity) => controller.gravity,
             Some(Covered::Geometry) => controller.geometry,

@@ -10,9 +10,9 @@ use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
 use super::solve::{Solver, controller_motor};
 use super::subdivide::JUMP_WITHIN;
-use super::travel::{self, travel};
+use super::travel;
 use crate::drive::Track;
-use crate::equilibrium::{EquilibriumError, PredictedPose, WarmStart};
+use crate::equilibrium::{Dragged, EquilibriumError, PredictedPose, WarmStart};
 use crate::program::Program;
 use crate::robot::{Joints, Pose};
 use nalgebra::Vector3;
@@ -133,8 +133,11 @@ struct Part {
     from: f64,
     to: f64,
     commanded: Track,
-    /// Motor angles at the ends, rad.
-    motors: [Joints; 2],
+    /// Where it begins.
+    start: Dragged,
+    /// Motor angles at its end, rad.
+    end: Joints,
+    /// Travel into the target.
     travel: Joints,
     short: bool,
 }
@@ -242,7 +245,7 @@ impl WalkedPath<'_> {
     /// Target `from` as the start of the way behind it, else the end of the targets before.
     pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
         let Some(i) = from else { return self.last.cloned() };
-        let (motor, _) = (self.commanded.motors)(i)?;
+        let (motor, travel) = (self.commanded.motors)(i)?;
         let setting = *self.prepared.setting(i);
         // Its own way, which may turn into the next one.
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
@@ -252,7 +255,7 @@ impl WalkedPath<'_> {
         let tangent = track.and_then(|track| track.tangent(1.0)).map(|along| setting.base_from_wobj.rotation * along);
         let commanded = (self.commanded.poses)(i);
         let left = self.left_at(i);
-        Some(Start { left, point: self.prepared.points[i].clone(), setting, commanded, motor, tangent })
+        Some(Start { left, point: self.prepared.points[i].clone(), setting, commanded, motor, travel, tangent })
     }
 
     /// How far the tip is off at target `i`, m; 0 where that is not known.
@@ -331,32 +334,40 @@ impl WalkedPath<'_> {
         let Some((motor, travel)) = (commanded.motors)(i) else { return };
         let first = commanded.nodes.partition_point(|node| node.before < i);
         let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
-        let (mut share, mut pose, mut near) = (0.0, begins, start.motor);
+        let (mut share, mut pose) = (0.0, begins);
+        let mut from = Dragged { motor: start.motor, travel: start.travel };
         for (k, node) in nodes.enumerate() {
             let track = match &node.via {
                 Some(via) => Track::arc(&pose, via, &node.commanded),
                 None => Track::line(&pose, &node.commanded),
             };
             let setting = segment.setting(node.share);
-            let to = controller_motor(&solver.arm.robot, &setting, &node.commanded, &near).unwrap_or(near);
+            let to = controller_motor(&solver.arm.robot, &setting, &node.commanded, &from.motor).unwrap_or(from.motor);
             let node_at = Some(first + k);
-            parts.push(Part { node: node_at, ..Part::new(at, (share, node.share), track, [near, to], travel) });
-            (share, pose, near) = (node.share, node.commanded, to);
+            parts.push(Part { node: node_at, ..Part::new(at, (share, node.share), track, (from, to), travel) });
+            from = Dragged { motor: to, travel: solver.arm.travel(&from.motor, &to, &from.travel) };
+            (share, pose) = (node.share, node.commanded);
         }
         let to = (commanded.poses)(i);
         let track = match Kind::of(self.program, i) {
             Kind::Arc => Track::arc(&pose, &(commanded.poses)(i - 1), &to),
             _ => Track::line(&pose, &to),
         };
-        parts.push(Part::new(at, (share, 1.0), track, [near, motor], travel));
+        parts.push(Part::new(at, (share, 1.0), track, (from, motor), travel));
     }
 }
 
 impl Part {
-    fn new(segment: usize, (from, to): (f64, f64), commanded: Track, motors: [Joints; 2], travel: Joints) -> Self {
-        let moved: f64 = (motors[1] - motors[0]).iter().map(|step| step.abs()).sum();
+    fn new(
+        segment: usize,
+        (from, to): (f64, f64),
+        commanded: Track,
+        (start, end): (Dragged, Joints),
+        travel: Joints,
+    ) -> Self {
+        let moved: f64 = (end - start.motor).iter().map(|step| step.abs()).sum();
         let short = moved < SHORT && !commanded.is_arc();
-        Self { segment, node: None, from, to, commanded, motors, travel, short }
+        Self { segment, node: None, from, to, commanded, start, end, travel, short }
     }
 
     /// Share of the segment at a tick.
@@ -450,27 +461,29 @@ impl<'p> Measure<'_, '_, 'p> {
     /// Circumstances at a tick of a part.
     fn point(&self, part: &Part, tick: u16) -> Option<Point> {
         let segment = self.segment(part);
-        let robot = &self.solver.arm.robot;
+        let arm = self.solver.arm;
         let at = |tick: f64| {
             let share = tick / f64::from(TICKS);
-            let near = part.motors[0] + (part.motors[1] - part.motors[0]) * share;
+            let near = part.start.motor + (part.end - part.start.motor) * share;
             let pose = part.commanded.pose(share);
             let setting = segment.setting(part.from + share * (part.to - part.from));
-            Some((pose, controller_motor(robot, &setting, &pose, &near)?))
+            Some((pose, controller_motor(&arm.robot, &setting, &pose, &near)?))
         };
         let (commanded, motor) = match tick {
-            0 => (part.commanded.pose(0.0), part.motors[0]),
-            TICKS => (part.commanded.pose(1.0), part.motors[1]),
+            0 => (part.commanded.pose(0.0), part.start.motor),
+            TICKS => (part.commanded.pose(1.0), part.end),
             _ => at(f64::from(tick))?,
         };
         let mut point = segment.at(part.share(tick));
         (point.wobj_from_tcp, point.motor) = (commanded, motor);
-        point.travel = if part.short {
+        point.travel = if arm.presliding_rad() > 0.0 {
+            arm.travel(&part.start.motor, &motor, &part.start.travel)
+        } else if part.short {
             part.travel
         } else if tick == 0 {
-            travel(&motor, &at(1.0)?.1, &part.travel)
+            arm.travel(&motor, &at(1.0)?.1, &part.travel)
         } else {
-            travel(&at(f64::from(tick) - 1.0)?.1, &motor, &part.travel)
+            arm.travel(&at(f64::from(tick) - 1.0)?.1, &motor, &part.travel)
         };
         Some(point)
     }

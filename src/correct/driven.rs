@@ -5,13 +5,12 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
-use super::travel::travel;
 use super::{Options, Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, Waypoint, drive};
-use crate::equilibrium::WarmStart;
+use crate::equilibrium::{Arm, WarmStart};
 use crate::program::{Passing, Program};
-use crate::robot::{Joints, Pose, Robot};
+use crate::robot::{Joints, Pose};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -186,7 +185,7 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
     })?;
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
     let mut last: Option<(Joints, Joints)> = None;
-    let follow = Follow { program, prepared: &prepared, course: &course, robot: &cell.arm.robot };
+    let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
     for batch in driven.chunks(BATCH) {
         let points = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
         let batch_of_points = prepared.with_points(points);
@@ -228,30 +227,31 @@ struct Follow<'a> {
     program: &'a Program,
     prepared: &'a Prepared,
     course: &'a Course,
-    robot: &'a Robot,
+    arm: &'a Arm,
 }
 
 impl Follow<'_> {
     /// The circumstances of one sample: the programmed place on the way as the reference, and the axes where they are. `last` has
     /// the axes at the sample before, and their direction of travel.
     fn point(&self, sample: &DrivenSample, last: &mut Option<(Joints, Joints)>) -> Point {
-        let Self { program, prepared, course, robot } = *self;
+        let Self { program, prepared, course, arm } = *self;
         let (begin, end) = (course.targets[sample.waypoint - 1], course.targets[sample.waypoint]);
         let start = Start {
             point: prepared.points[begin].clone(),
             setting: *prepared.setting(begin),
             commanded: prepared.points[begin].wobj_from_tcp,
             motor: prepared.points[begin].motor,
+            travel: prepared.points[begin].travel,
             tangent: None,
             left: 0.0,
         };
-        let driven = prepared.setting(end).wobj_from_tcp(&robot.forward(&sample.motor));
+        let driven = prepared.setting(end).wobj_from_tcp(&arm.robot.forward(&sample.motor));
         let mut point = match Segment::into(program, prepared, end, &start) {
             Some(segment) => segment.at(sample.share),
             // Joint motions do not cut and have no programmed path: the reference is where they lead.
             None => Point { reference: driven, ..prepared.points[end].clone() },
         };
-        let held = last.map_or_else(|| point.travel, |(before, held)| travel(&before, &sample.motor, &held));
+        let held = last.map_or_else(|| point.travel, |(before, held)| arm.travel(&before, &sample.motor, &held));
         *last = Some((sample.motor, held));
         (point.wobj_from_tcp, point.motor, point.travel, point.time) = (driven, sample.motor, held, sample.time);
         point.unsolved = None;

@@ -6,8 +6,8 @@ use super::deviation::{Node, WalkedPath};
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
-use super::solve::{Last, Solver, controller_motor, go_on};
-use crate::equilibrium::{Arm, WarmStart};
+use super::solve::{Last, Solver, controller_motor};
+use crate::equilibrium::{Arm, Dragged, WarmStart};
 use crate::program::{Program, Role};
 use crate::robot::{Joints, Pose};
 
@@ -126,21 +126,22 @@ impl Stops {
     /// Directions of travel into the targets, which go to these motor angles, and into the stops on their ways.
     pub(super) fn travels(
         &mut self,
+        arm: &Arm,
         program: &Program,
         nodes: &[Node],
         motors: &[Joints],
         last: &mut Last,
-    ) -> Vec<(Joints, Joints)> {
+    ) -> Vec<Dragged> {
         let mut next = 0;
         let mut out = Vec::with_capacity(motors.len());
         for (i, motor) in motors.iter().enumerate() {
             // The circle point of an arc comes behind what is inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
             while let Some(stop) = self.all.get_mut(next).filter(|stop| nodes[stop.node].before <= end) {
-                stop.travel = go_on(stop.motor, last).1;
+                stop.travel = arm.go_on(stop.motor, last).travel;
                 next += 1;
             }
-            out.push(go_on(*motor, last));
+            out.push(arm.go_on(*motor, last));
         }
         out
     }

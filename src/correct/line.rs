@@ -20,7 +20,7 @@ use super::{
     stance, stiffness, subdivide,
 };
 use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, InverseSolution, WarmStart};
+use crate::equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
 use crate::program::post::Place;
 use crate::program::{
     Change, Conf, Editable, Goal, Insert, Language, Mark, Program, RewriteOptions, Rewritten, Target,
@@ -235,7 +235,7 @@ pub(super) fn chunk(
     let modes: Vec<CorrectionMode> = program.targets.iter().zip(&prepared.points).map(mode).collect();
     let solver = Solver::new(arm, &prepared, parallelism);
     let first = solver.first(&modes);
-    let travels = carried.commanded.take(n, |last| solve::settle_travel(&prepared, &first, last))?;
+    let travels = carried.commanded.take(n, |last| solve::settle_travel(arm, &prepared, &first, last))?;
     let mut solved = solver.commands(&modes, &first, &travels);
     let (mut nodes, mut vias) = (Vec::new(), Vec::new());
     if let Some(tolerance) = options.subdivide {
@@ -313,9 +313,9 @@ pub(super) fn chunk(
     let held = |(reached, motor): (&Result<Reached, _>, &Joints)| reached.as_ref().map_or(*motor, |r| r.motor);
     let held: Vec<Joints> = reached.iter().zip(&motors).map(held).collect();
     let mut stops = Stops::of(&nodes, &prepared, arm);
-    let travels = carried.reached.take(n, |last| stops.travels(program, &nodes, &held, last))?;
+    let travels = carried.reached.take(n, |last| stops.travels(arm, program, &nodes, &held, last))?;
     let after = solver.forward(
-        |i| (&travels[i].0, &travels[i].1),
+        |i| (&travels[i].motor, &travels[i].travel),
         |i| {
             let (Ok(aim), Ok(solved), Ok(uncorrected)) = (first[i].aim(), &solved[i], &first[i].uncorrected) else {
                 return WarmStart::default();
@@ -340,7 +340,7 @@ pub(super) fn chunk(
             }
         };
         out.row(i, uncorrected);
-        out.joints(i, &arm.robot, &travels[i].0);
+        out.joints(i, &arm.robot, &travels[i].motor);
         let point = &prepared.points[i];
         if let (Some(row), Ok(after)) = (out.rows.last_mut().filter(|_| program.targets[i].is_end()), &after[i]) {
             if let (true, Ok(reached)) = (changed(i), &reached[i]) {
@@ -369,7 +369,10 @@ pub(super) fn chunk(
             Goal::Joints { .. } => prepared.points[i].wobj_from_tcp,
             Goal::Pose { .. } | Goal::Axis { .. } => frames::pose(written[i].0, written[i].1),
         },
-        motors: &|i| (reached[i].is_ok() && prepared.points[i].unsolved.is_none()).then_some(travels[i]),
+        motors: &|i| {
+            (reached[i].is_ok() && prepared.points[i].unsolved.is_none())
+                .then_some((travels[i].motor, travels[i].travel))
+        },
         predicted_poses: &after,
         near: &|i| first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby),
         nodes: &[],
@@ -516,7 +519,7 @@ fn posted(
     cell: &Cell,
     prepared: &Prepared,
     written: &[([f64; 3], [f64; 4])],
-    reached: &[(Joints, Joints)],
+    reached: &[Dragged],
     (inserts, post_in): (&[Insert], Option<Language>),
 ) -> Vec<Posted> {
     let robot = &cell.arm.robot;
@@ -547,11 +550,11 @@ fn posted(
             let at = insert.external.map(|external| external.map(|position| position.unwrap_or(f64::NAN)));
             let moved = at.and_then(|external| prepared.mount(i).moved(external));
             let setting = moved.as_ref().map_or_else(|| prepared.setting(i), |moved| &moved.setting);
-            if let Ok(motor) = solve::controller_joints(&cell.arm, setting, &printed, &reached[i].0) {
+            if let Ok(motor) = solve::controller_joints(&cell.arm, setting, &printed, &reached[i].motor) {
                 out.push(post(i, printed, &motor, chosen(at.as_ref())));
             }
         }
-        out.push(post(i, written[i], &reached[i].0, chosen(prepared.external(i))));
+        out.push(post(i, written[i], &reached[i].motor, chosen(prepared.external(i))));
     }
     out
 }

@@ -75,6 +75,7 @@ pub use stream::{compensate_chunks, compensate_declared, compensate_executed, co
 
 use crate::cell::{Cell, SpinRule};
 use crate::effects::{Situation, ToolFrame};
+use crate::equilibrium::Dragged;
 use crate::equilibrium::{Setting, Site};
 use crate::program::{Language, Program};
 use crate::robot::{External, Joints, Pose, Robot, StartedFrom};
@@ -82,11 +83,6 @@ use crate::stock::Front;
 use crate::text::Diagnostic;
 use mount::Mount;
 use std::sync::Arc;
-
-/// Direction of travel into motor angles from the ones before and the direction there.
-pub(crate) fn travel_into(previous: Option<(Joints, Joints)>, motor: &Joints) -> Joints {
-    previous.map_or_else(Joints::zeros, |(before, held)| travel::travel(&before, motor, &held))
-}
 
 /// What of a target is corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -187,6 +183,22 @@ impl Prepared {
             turns_are_chosen: false,
             notes: Vec::new(),
         }
+    }
+
+    /// Travel into every point along the programmed motion, with friction that builds up over an angle (rad).
+    pub(crate) fn travels(&self, presliding_rad: f64) -> Vec<Joints> {
+        let mut last: Option<Dragged> = None;
+        let into = |point: &Point| {
+            let travel = match last {
+                None => Joints::zeros(),
+                // It is not known how the arm gets there.
+                Some(last) if point.unsolved.is_some() => last.travel,
+                Some(last) => last.travel_to(&point.motor, presliding_rad),
+            };
+            last = Some(Dragged { motor: point.motor, travel });
+            travel
+        };
+        self.points.iter().map(into).collect()
     }
 
     /// Moves the work objects under points that stay where they are in the base.

@@ -7,7 +7,7 @@ use super::load::PointLoad;
 use super::mount::{MISFIT, Mount, Moved, PREDECESSOR_UNKNOWN, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::spin;
-use super::travel::{CHORD, travel};
+use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
@@ -278,7 +278,8 @@ impl Walk<'_, '_> {
                 IDENTITY
             }
         };
-        let motor = self.carried.near.unwrap_or_else(Joints::zeros);
+        // Where the arm comes from is not known before the first target: not a number.
+        let motor = self.carried.near.unwrap_or_else(|| Joints::repeat(f64::NAN));
         let previous = self.points.last().or(self.carried.before.as_ref());
         let point = Point::unsolved(why, at, motor, setting, previous);
         self.points.push(point);
@@ -339,7 +340,7 @@ impl Walk<'_, '_> {
         };
         let previous = self.points.last().or(self.carried.before.as_ref());
         let held = previous.map_or_else(Joints::zeros, |p| p.travel);
-        let travel = self.carried.near.map_or(held, |near| travel(&near, &motor, &held));
+        let travel = self.carried.near.map_or(held, |near| self.cell.arm.travel(&near, &motor, &held));
         self.carried.near = Some(motor);
 
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);

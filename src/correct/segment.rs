@@ -27,6 +27,8 @@ pub(super) struct Start {
     pub(super) commanded: Pose,
     /// Its motor angles there, rad.
     pub(super) motor: Joints,
+    /// Travel of the joints there.
+    pub(super) travel: Joints,
     /// Unit vector along the path that ends there, base axes, where it is one.
     pub(super) tangent: Option<Vector3<f64>>,
     /// How far the tip is off there, m; 0 where that is not known.

@@ -2,10 +2,10 @@
 
 use super::corrected::POSTED_DECIMALS;
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
-use super::travel::{TRAVEL_THRESHOLD, travel};
 use super::{Correct, Prepared, frames};
 use crate::equilibrium::{
-    Arm, Batch, Command, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start, WarmStart,
+    Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start,
+    WarmStart,
 };
 use crate::program::post::tp;
 use crate::program::{Editable, Language};
@@ -52,15 +52,8 @@ impl CorrectionMode {
     }
 }
 
-/// Motor angles last commanded and the direction of travel into them.
-pub(super) type Last = Option<(Joints, Joints)>;
-
-/// Goes on to commanded motor angles: with the direction of travel into them.
-pub(super) fn go_on(motor: Joints, last: &mut Last) -> (Joints, Joints) {
-    let travel = last.map_or_else(Joints::zeros, |(previous, held)| travel(&previous, &motor, &held));
-    *last = Some((motor, travel));
-    (motor, travel)
-}
+/// Motor angles last commanded and the travel into them.
+pub(super) type Last = Option<Dragged>;
 
 /// What is known of a target before the corrected directions of travel are.
 #[derive(Clone, Debug)]
@@ -272,31 +265,18 @@ impl<'a> Solver<'a> {
     }
 }
 
-/// Directions of the **corrected** motion, in order: lost motion is added in the direction of travel, and the
-/// direction follows from what is commanded. A direction holds if the command made with it moves that way; of two
-/// that hold, the joint keeps the one it has.
-pub(super) fn settle_travel(prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
+/// Travel of the **corrected** motion, in order: lost motion is added along the travel, and the travel follows from what is commanded.
+pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
     first
         .iter()
         .zip(&prepared.points)
         .map(|(first, point)| {
             let Ok(command) = first.aim() else { return point.travel };
-            let Some((previous, held)) = *last else {
-                *last = Some((command.commanded(&Joints::zeros()), Joints::zeros()));
-                return Joints::zeros();
+            let travel = match *last {
+                Some(from) => arm.settled_travel(&from, &command.free, &command.lost, &point.travel),
+                None => Joints::zeros(),
             };
-            let travel = Joints::from_fn(|i, _| {
-                let (held, programmed) = (held[i], point.travel[i]);
-                let step = |sign: f64| command.free[i] + sign * command.lost[i] - previous[i];
-                let holds = |sign: f64| sign * step(sign) > TRAVEL_THRESHOLD;
-                // Most often it goes on.
-                if holds(held) || step(held).abs() <= TRAVEL_THRESHOLD {
-                    return held;
-                }
-                let other = if held == 0.0 { programmed } else { -held };
-                [other, -other].into_iter().find(|&sign| sign != 0.0 && holds(sign)).unwrap_or(programmed)
-            });
-            *last = Some((command.commanded(&travel), travel));
+            *last = Some(Dragged { motor: command.commanded(&travel), travel });
             travel
         })
         .collect()

@@ -10,10 +10,10 @@ use super::deviation::{Commanded, Node, WalkedPath};
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::{CorrectionMode, Solved, Solver, controller_motor};
-use super::travel::travel;
 use super::{Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::Track;
+use crate::equilibrium::Dragged;
 use crate::program::{Insert, Program};
 use crate::robot::{conf_is, conf_like};
 use nalgebra::Vector3;
@@ -54,6 +54,8 @@ struct Plan<'p> {
     segment: Segment<'p>,
     /// The command that the controller comes from.
     from: Solved,
+    /// The joints there.
+    dragged: Dragged,
     to: Solved,
     mode: CorrectionMode,
     length: f64,
@@ -144,6 +146,7 @@ impl<'p> Plan<'p> {
         let plan = Self {
             segment,
             from,
+            dragged: Dragged { motor: start.motor, travel: start.travel },
             to,
             mode,
             length,
@@ -187,15 +190,18 @@ impl<'p> Plan<'p> {
         /// Of the length, what tells the direction of travel.
         const STEP: f64 = 1e-3;
         let mut point = self.segment.at(share);
-        let robot = &solver.arm.robot;
+        let arm = solver.arm;
         let near = self.from.motor + (self.to.motor - self.from.motor) * share;
-        let motor =
-            |share: f64| controller_motor(robot, &self.segment.setting(share), &self.segment.track.pose(share), &near);
+        let motor = |share: f64| {
+            controller_motor(&arm.robot, &self.segment.setting(share), &self.segment.track.pose(share), &near)
+        };
         let here = motor(share)?;
-        point.travel = if share < STEP {
-            travel(&here, &motor(share + STEP)?, &point.travel)
+        point.travel = if arm.presliding_rad() > 0.0 {
+            arm.travel(&self.dragged.motor, &here, &self.dragged.travel)
+        } else if share < STEP {
+            arm.travel(&here, &motor(share + STEP)?, &point.travel)
         } else {
-            travel(&motor(share - STEP)?, &here, &point.travel)
+            arm.travel(&motor(share - STEP)?, &here, &point.travel)
         };
         point.motor = here;
         Some(point)

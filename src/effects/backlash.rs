@@ -1,24 +1,30 @@
 //! Lost motion: a gear's gap lets the joint trail its motor on whichever side the motion comes from.
 
-use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, table_of, take};
+use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Site, checked, indexed, is_sharp, table_of, take};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "backlash",
     summary: "lost motion turns with the direction of travel",
-    forms: &["half_gap_rad = [6e-5, 0, 0, 1.2e-4, 0, 0]"],
+    forms: &[
+        "half_gap_rad = [6e-5, 0, 0, 1.2e-4, 0, 0]",
+        "half_gap_rad = [0, 6e-5, 0, 0, 0, 0]\npresliding_rad = 1e-3",
+    ],
     read: |table| checked(table.try_into::<Backlash>()?),
-    candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6] })],
+    candidates: |_| vec![Box::new(Backlash { half_gap_rad: [0.0; 6], presliding_rad: 0.0 })],
     ..Kind::PLAIN
 };
 
 /// Actual = commanded − travel · half gap.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Backlash {
     /// Half of what the joint loses when its motor turns back, rad.
     half_gap_rad: [f64; 6],
+    /// Angle over which it builds up after the joint turns back, rad: the same in all effects of an arm.
+    #[serde(default, skip_serializing_if = "is_sharp")]
+    presliding_rad: f64,
 }
 
 impl Physics for Backlash {
@@ -31,8 +37,12 @@ impl Physics for Backlash {
 }
 
 impl Effect for Backlash {
-    fn follows_travel(&self) -> bool {
-        true
+    fn presliding_rad(&self) -> Option<f64> {
+        Some(self.presliding_rad)
+    }
+
+    fn with_presliding(&self, presliding_rad: f64) -> Box<dyn Effect> {
+        Box::new(Self { presliding_rad, ..*self })
     }
 
     fn parameters(&self) -> Vec<Parameter> {
@@ -41,7 +51,7 @@ impl Effect for Backlash {
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { half_gap_rad: take(&mut values) })
+        Box::new(Self { half_gap_rad: take(&mut values), ..*self })
     }
 
     fn to_table(&self) -> toml::Table {

@@ -3,6 +3,7 @@
 //! Over the position in the work object it shifts the TCP in the work object's axes; over the commanded motor angles, in
 //! the base's. It fades to nothing over the outer tenth of its domain, so that no correction jumps at the edge.
 
+pub(super) use super::discrepancy::Discrepancy;
 pub(super) use super::empirical_field::EmpiricalField;
 use super::empirical_field::NAME;
 use super::{
@@ -20,6 +21,7 @@ pub(super) const KIND: Kind = Kind {
         "domain_mm = [[-2000, 2000], [-2000, 2000], [-2000, 2000]]\ndegree = 1\nx_mm = [0, 0, 0, 0]\ny_mm = [0, 0, 0, 0]\nz_mm = [0, 0, 0, 0]",
         "domain_deg = [[-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90], [-90, 90]]\ndegree = 1\nx_mm = [0, 0, 0, 0, 0, 0, 0]\ny_mm = [0, 0, 0, 0, 0, 0, 0]\nz_mm = [0, 0, 0, 0, 0, 0, 0]",
         "reach_mm = 50\nwithin_mm = 20\nat_mm = [[900, 0, 400], [950, 0, 400]]\nshift_mm = [[0, 0, 0], [0, 0, 0]]",
+        "reach = 2\nspread = [80, 5, 100]\nat_mm = [[900, 0, 400]]\nwrist_deg = [[0, 30, 0]]\nforce_n = [[0, 0, 0]]\nshift_mm = [[0, 0, 0]]",
     ],
     shape: super::Shape::Map,
     read,
@@ -27,8 +29,11 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// One of two forms: a field has a reach.
+/// One of three forms: a field has a reach in mm, a discrepancy one in spreads.
 fn read(table: toml::Table) -> Result<Box<dyn Effect>, toml::de::Error> {
+    if table.contains_key("reach") {
+        return checked(table.try_into::<Discrepancy>()?.check().map_err(toml::de::Error::custom)?);
+    }
     if table.contains_key("reach_mm") {
         return checked(table.try_into::<EmpiricalField>()?.check().map_err(toml::de::Error::custom)?);
     }

@@ -32,30 +32,18 @@ pub(super) struct EmpiricalField {
 
 /// A place of a field, mm.
 #[derive(Clone, Copy, Debug)]
-pub struct FieldPlace {
+struct FieldPlace {
     /// In the base.
-    pub at: Vector3<f64>,
+    at: Vector3<f64>,
     /// In the work object.
-    pub on_part: Vector3<f64>,
+    on_part: Vector3<f64>,
 }
 
 impl FieldPlace {
     /// How far two places are from one another, in the base or on the part, whichever is more.
-    #[must_use]
-    pub fn apart(&self, other: &Self) -> f64 {
+    fn apart(&self, other: &Self) -> f64 {
         (self.at - other.at).norm().max((self.on_part - other.on_part).norm())
     }
-}
-
-/// A field of bells about places, each with a shift of its own (base axes, mm), that holds within a distance of them: an
-/// `empirical` effect.
-#[must_use]
-pub fn empirical_field(reach_mm: f64, within_mm: f64, bells: &[(FieldPlace, Vector3<f64>)]) -> Box<dyn Effect> {
-    let three = |v: Vector3<f64>| [v.x, v.y, v.z];
-    let at_mm = bells.iter().map(|(place, _)| three(place.at)).collect();
-    let on_part_mm = bells.iter().map(|(place, _)| three(place.on_part)).collect();
-    let shift_mm = bells.iter().map(|(_, shift)| three(*shift)).collect();
-    Box::new(EmpiricalField { reach_mm, within_mm, at_mm, on_part_mm, shift_mm })
 }
 
 impl EmpiricalField {
@@ -99,7 +87,7 @@ pub(crate) fn fade(off: f64) -> f64 {
 }
 
 /// Exponents below this leave nothing of a bell, beside the others.
-const NOTHING: f64 = -40.0;
+pub(super) const NOTHING: f64 = -40.0;
 
 impl Physics for EmpiricalField {
     fn parts(&self) -> Parts {

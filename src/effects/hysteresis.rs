@@ -1,27 +1,36 @@
 //! Friction in the gears: lost motion that grows with the torque they carry.
 
-use super::{Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, indexed, table_of, take};
+use super::{
+    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, State, checked, indexed, is_sharp, table_of, take,
+};
 use crate::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 pub(super) const KIND: Kind = Kind {
     name: "hysteresis",
     summary: "gear friction: lost motion grows with torque",
-    forms: &["fraction = [0, 0.1, 0, 0, 0, 0]"],
+    forms: &["fraction = [0, 0.1, 0, 0, 0, 0]", "fraction = [0, 0.1, 0, 0, 0, 0]\npresliding_rad = 1e-3"],
     bends_under_load: true,
     read: |table| checked(table.try_into::<Hysteresis>()?),
     candidates: |survey| {
-        if survey.stiffness_declared { vec![Box::new(Hysteresis { fraction: [0.0; 6] })] } else { vec![] }
+        if survey.stiffness_declared {
+            vec![Box::new(Hysteresis { fraction: [0.0; 6], presliding_rad: 0.0 })]
+        } else {
+            vec![]
+        }
     },
     ..Kind::PLAIN
 };
 
 /// Actual = commanded + spring − travel · fraction · |τ| / k, with the declared stiffness k.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Hysteresis {
     /// Share of the torque that friction holds back.
     fraction: [f64; 6],
+    /// Angle over which it builds up after the joint turns back, rad: the same in all effects of an arm.
+    #[serde(default, skip_serializing_if = "is_sharp")]
+    presliding_rad: f64,
 }
 
 impl Physics for Hysteresis {
@@ -40,8 +49,12 @@ impl Physics for Hysteresis {
 }
 
 impl Effect for Hysteresis {
-    fn follows_travel(&self) -> bool {
-        true
+    fn presliding_rad(&self) -> Option<f64> {
+        Some(self.presliding_rad)
+    }
+
+    fn with_presliding(&self, presliding_rad: f64) -> Box<dyn Effect> {
+        Box::new(Self { presliding_rad, ..*self })
     }
 
     fn needs(&self) -> &'static [Need] {
@@ -54,7 +67,7 @@ impl Effect for Hysteresis {
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { fraction: take(&mut values) })
+        Box::new(Self { fraction: take(&mut values), ..*self })
     }
 
     fn to_table(&self) -> toml::Table {

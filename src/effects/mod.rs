@@ -10,6 +10,7 @@ mod bearing_compliance;
 #[cfg(test)]
 mod bench;
 mod cable_pull;
+mod discrepancy;
 mod empirical;
 mod empirical_field;
 mod force_scale;
@@ -38,8 +39,8 @@ mod work_object_frame;
 mod workpiece_compliance;
 mod zero_offset;
 
+pub use discrepancy::{Bell, discrepancy};
 pub(crate) use empirical_field::fade;
-pub use empirical_field::{FieldPlace, empirical_field};
 pub use gear_harmonic::gear_harmonic;
 pub use joint_error_curve::{JointCurve, joint_error_curve};
 pub use kind::{Kind, Part, Shape, Stage};
@@ -52,7 +53,7 @@ pub use survey::Survey;
 use crate::lanes::Real;
 use crate::robot::Joints;
 use std::fmt::Debug;
-use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, scalar, table_of, take};
+use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, is_sharp, scalar, table_of, take};
 
 /// What the list of effects says of each ([`KINDS`]).
 pub trait Listed {
@@ -72,9 +73,15 @@ pub trait Effect: Listed + Debug + Send + Sync {
         false
     }
 
-    /// Whether what is off depends on the direction in which the joints came.
-    fn follows_travel(&self) -> bool {
-        false
+    /// Angle over which the friction that the effect acts by builds up after a joint turns back, rad: 0 if at once; `None` where
+    /// what is off does not depend on the direction in which the joints came.
+    fn presliding_rad(&self) -> Option<f64> {
+        None
+    }
+
+    /// The same effect with another presliding angle, rad, where it has one.
+    fn with_presliding(&self, _presliding_rad: f64) -> Box<dyn Effect> {
+        self.clone_box()
     }
 
     /// Whether what the arm carries weighs.
@@ -222,7 +229,7 @@ physics::registry! {
     stiffness_temperature: StiffnessTemperature;
     unit_frame: UnitFrame;
     cable_pull: CablePull;
-    empirical: Empirical, EmpiricalField;
+    empirical: Empirical, EmpiricalField, Discrepancy;
 }
 
 /// Springs as declared: what a cell with `[robot.stiffness]` has without saying so.

@@ -14,6 +14,10 @@ pub(super) const FACTOR: (f64, f64) = (0.05, 20.0);
 
 /// An effect as read, refused where a number is not finite or outside its physical bounds.
 pub(super) fn checked<E: Effect + 'static>(effect: E) -> Result<Box<dyn Effect>, toml::de::Error> {
+    if let Some(angle) = effect.presliding_rad().filter(|angle| !angle.is_finite() || *angle < 0.0) {
+        let message = format!("`presliding_rad` is {angle}, expected a finite number not below 0 (unit rad)");
+        return Err(toml::de::Error::custom(message));
+    }
     for Parameter { name, value, unit, bounds: (min, max), .. } in effect.parameters() {
         if value.is_finite() && (min..=max).contains(&value) {
             continue;
@@ -62,6 +66,12 @@ pub(super) fn indexed(
 ) -> Vec<Parameter> {
     let one = |(i, &value)| scalar(&format!("{name}[{i}]"), value, unit, typical, neutral, bounds);
     values.iter().enumerate().map(one).collect()
+}
+
+/// Whether friction does not build up over an angle: its key is then left out.
+#[allow(clippy::trivially_copy_pass_by_ref)] // the signature that serde calls
+pub(super) fn is_sharp(presliding_rad: &f64) -> bool {
+    *presliding_rad <= 0.0
 }
 
 /// Takes the next `N` of the values that [`Effect::with_values`] was given; what is missing reads as 0.

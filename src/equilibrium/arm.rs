@@ -22,7 +22,7 @@ impl Arm {
     /// Whether any effect depends on the direction in which the joints came.
     #[must_use]
     pub fn follows_travel(&self) -> bool {
-        self.effects.iter().any(|effect| effect.follows_travel())
+        self.effects.iter().any(|effect| effect.presliding_rad().is_some())
     }
 
     /// Whether what the arm carries weighs.

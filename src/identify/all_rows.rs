@@ -18,6 +18,7 @@ impl Engine {
         let marks: Vec<(bool, bool)> = self.problem.rows.iter().map(|row| (row.held_out, row.outlier)).collect();
         let state = (self.candidates.clone(), self.covariance.clone());
         self.problem.rows.iter_mut().for_each(|row| row.held_out = false);
+        let map = self.map.take();
         self.refit();
         // Held-out rows were let off with all but blunders; here they would pull.
         if self.mark_outliers() > 0 {
@@ -29,6 +30,7 @@ impl Engine {
             self.weigh_anew(posteriors);
             self.take_likelier(posteriors);
         }
+        self.map = map.and_then(|map| self.renewed_map(map));
         for (row, (held_out, outlier)) in self.problem.rows.iter_mut().zip(marks) {
             (row.held_out, row.outlier) = (held_out, outlier);
         }

@@ -3,7 +3,7 @@
 use super::device::{Device, fixed_point};
 use super::noise::{OVER, Places, Sample, Series};
 use crate::correct::Prepared;
-use crate::effects::{Cutting, FieldPlace, Situation};
+use crate::effects::{Cutting, Situation};
 use crate::equilibrium::{Arm, Batch, Nearby, Room, Setting, Settled, Site};
 use crate::lanes::WIDTH;
 use crate::measured::{MeasuredRow, Table};
@@ -69,7 +69,10 @@ pub(super) struct Observation {
     pub(super) target: Option<u32>,
     pub(super) line: u64,
     pub(super) motor: Joints,
+    /// Travel of the joints there, with the presliding angle of the problem.
     pub(super) travel: Joints,
+    /// The point before it, where it was taken on the way into a target.
+    pub(super) way_from: Option<usize>,
     pub(super) seen: Seen,
     /// How the probe was turned, in the device's frame.
     pub(super) turned: Option<UnitQuaternion<f64>>,
@@ -123,6 +126,8 @@ pub(super) struct Problem {
     pub(super) units: Arc<Units>,
     /// Steps that all readings come in, mm, where they are that coarse.
     pub(super) steps_mm: Option<f64>,
+    /// Angle over which friction in the joints builds up, rad: see [`Problem::set_presliding`].
+    pub(super) presliding_rad: f64,
 }
 
 /// A row whose arm finds no equilibrium.
@@ -176,6 +181,7 @@ impl Problem {
             declared_sigma_mm: None,
             units: Arc::default(),
             steps_mm: None,
+            presliding_rad: 0.0,
         }
     }
 
@@ -201,6 +207,7 @@ impl Problem {
             line: row.line,
             motor,
             travel,
+            way_from: None,
             seen,
             turned: None,
             weight: row.sigma_mm.unwrap_or(1.0),
@@ -414,12 +421,6 @@ impl Problem {
         1e3 * (run.base_from_wobj(row.point) * run.points[row.point].reference).translation.vector
     }
 
-    /// The same beside its place in the work object.
-    pub(super) fn place_of(&self, row: &Observation) -> FieldPlace {
-        let on_part = 1e3 * self.runs[row.run].points[row.point].reference.translation.vector;
-        FieldPlace { at: self.place_mm(row), on_part }
-    }
-
     /// When a row was measured, s.
     pub(super) fn time_s(&self, row: &Observation) -> f64 {
         self.runs[row.run].points[row.point].time
@@ -495,6 +496,7 @@ impl Problem {
         self.rows.reserve_exact(rows.len());
         self.rows.extend(rows);
         self.rows.sort_unstable_by_key(|row| (row.run, row.order));
+        self.set_presliding(self.presliding_rad);
         self.number();
     }
 

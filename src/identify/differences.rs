@@ -27,6 +27,11 @@ impl Reuse {
     pub(super) fn of(below: usize) -> Self {
         Self { below, about: Vec::new(), columns: BTreeMap::new() }
     }
+
+    /// Forgets the columns of a candidate that has changed.
+    pub(super) fn forget(&mut self, candidate: usize) {
+        self.columns.remove(&candidate);
+    }
 }
 
 impl Design {

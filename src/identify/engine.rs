@@ -97,7 +97,7 @@ pub(super) struct Engine {
     /// What is unmodelled, where a field of it holds.
     pub(super) map: Option<Map>,
     /// Columns of the last linearisation that can serve again.
-    reuse: Reuse,
+    pub(super) reuse: Reuse,
     /// Columns of the last search for gear harmonics.
     comb: Option<Grid>,
     /// Rows that are scored and not searched on: of a dense table every so-many-th row tells as much.
@@ -154,9 +154,10 @@ impl Engine {
         let aside = problem.set_aside();
         let candidates = candidates::all(&declared, &problem, covariances);
         let reuse = Reuse::of(if problem.free_device { 0 } else { candidates.len() });
+        let presliding_rad = declared.presliding_rad();
         let shape = noise::Shape { drift: 0.0, correlation: 0.0, field: None };
         let covariance = DMatrix::zeros(0, 0);
-        Self {
+        let mut engine = Self {
             declared,
             problem,
             candidates,
@@ -173,7 +174,9 @@ impl Engine {
             refused: None,
             doubt: None,
             last: Mutex::new(None),
-        }
+        };
+        engine.set_presliding(presliding_rad);
+        engine
     }
 
     pub(super) fn arm(&self) -> Arm {
@@ -324,6 +327,9 @@ impl Engine {
             }
         }
         let whole = self.problem.free_device;
+        if !whole {
+            self.choose_presliding();
+        }
         let mut visited: Vec<Vec<usize>> = Vec::new();
         let mut whole_arm = None;
         for round in 0..ROUNDS {
@@ -423,9 +429,6 @@ impl Engine {
             self.map = self.field_map();
         } else if self.is_unexplained() {
             self.withdraw(&mut posteriors);
-            if self.is_unlisted() {
-                self.add_map(&mut posteriors);
-            }
         }
         if !whole && whole_arm.is_none() {
             self.withdraw_faint(&mut posteriors);
@@ -461,7 +464,9 @@ impl Engine {
             self.problem.take_back(std::mem::take(&mut self.aside));
             self.mark_outliers();
             if every {
+                let map = self.map.take();
                 self.refit();
+                self.map = map.and_then(|map| self.renewed_map(map));
             }
         }
         let after = self.left_by_cell();

@@ -5,7 +5,7 @@ use super::candidate::{Candidate, Home, fitted, with};
 use super::controller;
 use super::data::Observation;
 use super::engine::Engine;
-use super::found::{Linearised, MAP, Posterior, Ranking, Refused, Told};
+use super::found::{Linearised, MAP, Map, Posterior, Ranking, Refused, Told};
 use super::noise;
 use super::outcome::{
     Added, Correlate, Coverage, Errors, FittedParameter, Identification, InModel, MENTIONED, NAMED, Ranked,
@@ -142,7 +142,6 @@ impl Engine {
             });
         }
         let map = self.map.take();
-        let mut of_map = None;
         let without = self.left_by_cell();
         if let Some(map) = map {
             shares_mm.push(self.errors(&(&without - after), held_out).rms_mm);
@@ -151,16 +150,10 @@ impl Engine {
                 posterior: map.likely,
                 held_out_rms_before_mm: self.errors(&without, held_out).rms_mm,
                 held_out_rms_after_mm: errors_after.rms_mm,
-                parameters: vec![FittedParameter {
-                    name: "reach_mm".to_owned(),
-                    value: map.reach_mm,
-                    unit: "mm",
-                    ci95: map.reaches_mm,
-                    neutral: 0.0,
-                }],
+                parameters: Vec::new(),
                 not_told_apart_from: Vec::new(),
             });
-            of_map = Some(NewEffect { table: map.effect.to_table(), uncertainty: None, provenance: provenance() });
+            self.map = Some(map);
         }
         let residuals = self.residual_rows(before, after);
         let after_rms_ci95_mm = self.bootstrap(&left_after);
@@ -170,8 +163,8 @@ impl Engine {
         let orientation_noise_deg = self.orientation_noise_deg();
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
-        // A map is of the rows that it was tried on; over the whole robot three rows in four are as good as all.
-        if of_map.is_none() && refit {
+        // Over the whole robot three rows in four are as good as all.
+        if refit {
             self.take_all_rows(&mut posteriors);
         }
         let named = self.chosen.iter().filter_map(|c| posteriors.iter().find(|(p, _)| p == c));
@@ -202,7 +195,8 @@ impl Engine {
             added.parameters = parameters;
             extended.push(NewEffect { table, uncertainty: Some(uncertainty), provenance: provenance() });
         }
-        extended.extend(of_map);
+        let of_map = |map: Map| NewEffect { table: map.effect.to_table(), uncertainty: None, provenance: provenance() };
+        extended.extend(self.map.take().map(of_map));
         merge_curves(&mut added, &mut extended, &mut shares_mm);
         let in_model = |(added, share_rms_mm): (&Added, &f64)| InModel {
             kind: added.kind.clone(),

@@ -61,9 +61,6 @@ pub(super) const MAP: &str = "empirical";
 /// A field that holds.
 pub(super) struct Map {
     pub(super) effect: Box<dyn Effect>,
-    pub(super) reach_mm: f64,
-    /// Reaches that the data do not rule out, mm.
-    pub(super) reaches_mm: [f64; 2],
     /// How likely its gain is one.
     pub(super) likely: f64,
 }

@@ -31,6 +31,7 @@ mod pattern;
 mod places;
 mod plan;
 mod poses;
+mod presliding;
 mod profile;
 mod questioned;
 mod returns;

@@ -53,10 +53,6 @@ pub(super) const OVER: [Over; 3] = [Over::Place, Over::Wrist, Over::Force];
 pub(super) type Places = [Vector3<f64>; OVER.len()];
 
 impl Field {
-    pub(super) fn covariance(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-        self.share * self.correlation(a, b)
-    }
-
     fn correlation(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
         (-0.5 * (a - b).norm_squared() / (self.reach * self.reach)).exp()
     }
@@ -66,7 +62,7 @@ impl Field {
     }
 
     /// Correlation of the field at the coordinates of two rows.
-    fn similarity(&self, a: &Places, b: &Places) -> f64 {
+    pub(super) fn similarity(&self, a: &Places, b: &Places) -> f64 {
         match self.over {
             Over::Place => self.correlation(&a[0], &b[0]),
             Over::Wrist => self.correlation(&a[1], &b[1]),

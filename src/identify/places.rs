@@ -1,7 +1,7 @@
 //! Rows that name a place and no target: the nearest place on the path, at targets and between them.
 
 use crate::cell::Cell;
-use crate::correct::{Point, Prepared, travel_into};
+use crate::correct::{Point, Prepared};
 use crate::measured::{MATCH_MM, MeasuredRow, Table};
 use crate::program::{Motion, Program};
 use crate::text::Diagnostic;
@@ -15,6 +15,20 @@ struct Place {
     off_mm: f64,
     /// Length of the path up to here, mm.
     along_mm: f64,
+}
+
+/// A point that was added for a row.
+pub(super) struct Placed {
+    pub(super) point: usize,
+    /// The target before it, where it lies on the way into the next one.
+    pub(super) way_from: Option<usize>,
+}
+
+impl Placed {
+    /// A row's own target.
+    pub(super) fn at_target(point: usize) -> Self {
+        Self { point, way_from: None }
+    }
 }
 
 /// The path as straight ways; arcs and joint moves have their ends only.
@@ -50,7 +64,7 @@ impl<'a> Path<'a> {
         prepared: &mut Prepared,
         row: &MeasuredRow,
         nominal_mm: [f64; 3],
-    ) -> Result<usize, String> {
+    ) -> Result<Placed, String> {
         let place = self.nearest(&nominal_mm.into())?;
         let mut point = between(cell, prepared, place)?;
         // A force of the row's own; without one, that of the way where the table has none at all.
@@ -61,7 +75,8 @@ impl<'a> Path<'a> {
         point.temperature = row.temperature_c.or(point.temperature);
         point.payload = row.payload_kg.unwrap_or(point.payload);
         prepared.points.push(point);
-        Ok(prepared.points.len() - 1)
+        let way_from = place.target.checked_sub(1).filter(|_| place.share < 1.0);
+        Ok(Placed { point: prepared.points.len() - 1, way_from })
     }
 
     /// The nearest place; refuses what is far from the path, or as near to another stretch of it.
@@ -130,7 +145,7 @@ fn between(cell: &Cell, prepared: &Prepared, Place { target, share, .. }: Place)
     let flange =
         prepared.base_from_wobj(target) * point.wobj_from_tcp * prepared.tool(target).flange_from_tcp.inverse();
     point.motor = cell.arm.robot.inverse_near(&flange, &before.motor).map_err(|error| error.to_string())?;
-    point.travel = travel_into(Some((before.motor, before.travel)), &point.motor);
+    point.travel = cell.arm.travel(&before.motor, &point.motor, &before.travel);
     let mix = |a: f64, b: f64| a + (b - a) * share;
     point.normal = before.normal.lerp(&end.normal, share).try_normalize(1e-9).unwrap_or(end.normal);
     point.time = mix(before.time, end.time);

@@ -4,7 +4,7 @@ use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
 use super::questioned::ELSEWHERE_MM;
 use crate::cell::Cell;
-use crate::correct::{Point, Prepared, named_tool, travel_into};
+use crate::correct::{Point, Prepared, named_tool};
 use crate::effects::ToolFrame;
 use crate::measured::{MeasuredRow, Table};
 use crate::robot::{Joints, Pose, Robot};
@@ -58,11 +58,10 @@ impl Problem {
                 rows.iter().enumerate().filter(|(i, _)| !blocks.held_out(*i)).map(|(_, read)| read).collect();
             let device = standing(&cell.arm.robot, &tool, table, &rows, &fitted)?;
             let mut points = Vec::with_capacity(rows.len());
-            let mut previous: Option<(Joints, Joints)> = None;
+            let mut previous = None;
             let run = problem.runs.len();
             for (order, Read { row, motor, seen }) in rows.iter().enumerate() {
-                let travel = travel_into(previous, motor);
-                previous = Some((*motor, travel));
+                let travel = cell.arm.go_on(*motor, &mut previous).travel;
                 let base_from_tcp = cell.arm.robot.forward(motor) * tool.flange_from_tcp;
                 let mut point = Point::measured(base_from_tcp, *motor, travel);
                 (point.time, point.temperature) = (row.time_s.unwrap_or(0.0), row.temperature_c);

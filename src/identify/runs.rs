@@ -2,7 +2,7 @@
 
 use super::data::{Blocks, Problem, Seen};
 use super::device::Device;
-use super::places::{Path, misplaced};
+use super::places::{Path, Placed, misplaced};
 use super::questioned::{Taken, belongs, steps_mm};
 use crate::cell::Cell;
 use crate::correct::{Options, Point, Prepared};
@@ -10,6 +10,7 @@ use crate::measured::{MeasuredRow, Table, TargetRef};
 use crate::program::{Program, Role};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
 impl Problem {
     /// Aligns runs to their programs.
@@ -41,16 +42,20 @@ impl Problem {
         let run = self.runs.len();
         let mut errors = Vec::new();
         let mut taken: Vec<Taken> = Vec::new();
+        let mut ways: BTreeMap<usize, usize> = BTreeMap::new();
         for row in &table.rows {
-            let point = match row.nominal_mm.filter(|_| row.target.is_none()) {
+            let placed = match row.nominal_mm.filter(|_| row.target.is_none()) {
                 Some(nominal_mm) => path
                     .place(cell, &mut prepared, row, nominal_mm)
                     .map_err(|message| misplaced(table, row.line, message)),
-                None => solved(program, &prepared, row).map_err(|message| table.row_error(row.line, message)),
+                None => solved(program, &prepared, row)
+                    .map(Placed::at_target)
+                    .map_err(|message| table.row_error(row.line, message)),
             };
-            match point {
-                Ok(point) => {
+            match placed {
+                Ok(Placed { point, way_from }) => {
                     let seen = Seen::of(row).map(|seen| beside(seen, row, &prepared.points[point]));
+                    ways.extend(way_from.map(|from| (point, from)));
                     taken.extend(seen.map(|seen| (point, row, seen)));
                 }
                 Err(error) => errors.push(error),
@@ -74,8 +79,9 @@ impl Problem {
             let (motor, travel) = (at.motor, at.travel);
             self.orientations += usize::from(row.quat.is_some());
             self.push(run, point, order, row, motor, travel, seen, &blocks);
-            if let (Some(row), Some(target)) = (self.rows.last_mut(), program.targets.get(point)) {
-                row.target = Some(target.ordinal);
+            if let Some(row) = self.rows.last_mut() {
+                row.target = program.targets.get(point).map(|target| target.ordinal);
+                row.way_from = ways.get(&point).copied();
             }
         }
         self.runs.push(prepared);

@@ -55,6 +55,11 @@ pub(super) struct Shares {
 }
 
 impl Shares {
+    /// All effects alike.
+    pub(super) fn common() -> impl Iterator<Item = Self> {
+        SHARES.into_iter().map(|share| Self { found: Some(share), others: share })
+    }
+
     /// All effects alike, or those that were found as they were and the others smaller.
     fn all() -> impl Iterator<Item = Self> {
         SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
@@ -62,10 +67,10 @@ impl Shares {
 }
 
 /// Columns of all members at some sizes, and what these must gain for having been looked for, nats.
-struct Trial {
-    shares: Shares,
-    columns: Columns,
-    price: f64,
+pub(super) struct Trial {
+    pub(super) shares: Shares,
+    pub(super) columns: Columns,
+    pub(super) price: f64,
 }
 
 /// The shares, the discrepancy and the noise that the rows speak for.
@@ -87,7 +92,7 @@ pub(super) struct Elsewhere {
 }
 
 impl Members {
-    fn all(&self) -> Vec<usize> {
+    pub(super) fn all(&self) -> Vec<usize> {
         [&self.found[..], &self.others].concat()
     }
 }
@@ -142,7 +147,7 @@ impl Engine {
 
     /// The columns of all members at some sizes. Of members that stand out each must gain by itself; of all that are alike it counts that
     /// one of their family's variants was taken.
-    fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
+    pub(super) fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
         let candidates = self.shrunk(members, shares);
         let search = Search::new(&candidates, &[], always);
         let alike = |set: &[usize]| set.iter().map(|&c| self.variants(c).ln()).sum::<f64>();

@@ -36,6 +36,20 @@ fn declared_springs_come_first_unless_the_file_has_them() {
 }
 
 #[test]
+fn friction_builds_up_over_one_angle_in_all_effects() {
+    let cell = |angle: &str| {
+        let gap = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 1e-4, 0, 0]\npresliding_rad = 1e-3\n";
+        let friction = format!("[[effect]]\nkind = \"hysteresis\"\nfraction = [0.1, 0, 0, 0, 0, 0]\n{angle}");
+        read(&format!("{ROBOT}{STIFFNESS}{gap}{friction}"))
+    };
+    assert!(cell("presliding_rad = 1e-3\n").is_ok());
+    for other in ["presliding_rad = 2e-3\n", ""] {
+        let refused = cell(other).unwrap_err();
+        assert!(refused[0].message.contains("the joints of an arm have one"), "{refused:?}");
+    }
+}
+
+#[test]
 fn what_the_controller_corrects_is_left_out_and_said() {
     let gravity = "[[effect]]\nkind = \"gravity\"\ntool = true\n";
     let zero = "[[effect]]\nkind = \"zero_offset\"\noffset_rad = [1e-4, 0, 0, 0, 0, 0]\n";

@@ -278,7 +278,10 @@ fn an_arm_that_is_off_everywhere_is_corrected_elsewhere_too() {
     let truth: Value = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();
     let found = of_folder(&folder);
     assert!(found.is_whole_arm() && found.effects.len() > 15, "{:?}", found.effects);
-    assert!(found.after.rms_mm < 0.3 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
+    assert!(found.after.rms_mm < 0.1 * found.before.rms_mm, "{:?} {:?}", found.before, found.after);
+    // The plant's friction turns over 1.5 mrad, with another law than a sharp sign.
+    let angle = found.extended.iter().find_map(|effect| effect.table.get("presliding_rad")?.as_float());
+    assert!(angle.is_some_and(|angle| (5e-4..5e-3).contains(&angle)), "{angle:?}");
     assert!(found.after_other_places.rms_mm < 0.4 * found.before.rms_mm, "{:?}", found.after_other_places);
     let there: Vec<&str> =
         truth["effect"].as_array().unwrap().iter().map(|effect| effect["kind"].as_str().unwrap()).collect();

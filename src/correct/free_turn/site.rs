@@ -18,8 +18,8 @@ pub(super) struct Site {
     pub(super) unsolved: Option<&'static str>,
     pub(super) wobj_from_tcp: Pose,
     pub(super) motor: Joints,
-    /// −1, 0, 1.
-    travel: [i8; 6],
+    /// In single precision.
+    travel: [f32; 6],
     normal: Vector3<f64>,
     velocity: Vector3<f64>,
     cut_length: f64,
@@ -52,7 +52,7 @@ struct Place {
 
 impl Site {
     /// Of target `i`.
-    #[allow(clippy::cast_possible_truncation)] // directions are −1, 0 and 1; columns are below 2³²
+    #[allow(clippy::cast_possible_truncation)] // travel needs no more than single precision; columns are below 2³²
     pub(super) fn of(program: &Program, prepared: &Prepared, i: usize) -> Self {
         let (target, point) = (&program.targets[i], prepared.points[i].clone());
         let Point { temperature, payload, through, milled, .. } = point;
@@ -64,7 +64,7 @@ impl Site {
             unsolved: point.unsolved,
             wobj_from_tcp: point.wobj_from_tcp,
             motor: point.motor,
-            travel: std::array::from_fn(|axis| point.travel[axis] as i8),
+            travel: std::array::from_fn(|axis| point.travel[axis] as f32),
             normal: point.normal,
             velocity: point.velocity,
             cut_length: point.cut_length,

@@ -3,7 +3,7 @@
 use super::Frames;
 use super::pool::Spot;
 use crate::cell::{Instrument, PlanSection};
-use crate::correct::{Point, Prepared, travel_into};
+use crate::correct::{Point, Prepared};
 use crate::equilibrium::Arm;
 use crate::identify::candidate::Candidate;
 use crate::identify::data::{Blocks, Problem, Seen};
@@ -54,12 +54,11 @@ impl Bench<'_> {
         let chord =
             |i: usize, j: usize| place(&sheet.rows[j]).translation.vector - place(&sheet.rows[i]).translation.vector;
         let mut points: Vec<Point> = Vec::with_capacity(sheet.rows.len());
-        let mut previous: Option<(Joints, Joints)> = None;
+        let mut previous = None;
         let (mut time, mut cut) = (0.0, 0.0);
         for (i, row) in sheet.rows.iter().enumerate() {
             let motor = self.spots[row.spot].motor;
-            let travel = travel_into(previous, &motor);
-            previous = Some((motor, travel));
+            let travel = self.arm.go_on(motor, &mut previous).travel;
             let load = self.section.loads[sheet.loads[i]];
             let mut point = Point::measured(place(row), motor, travel);
             let way = if i > 0 { chord(i - 1, i) } else { chord(0, 1.min(sheet.rows.len() - 1)) };

@@ -283,6 +283,20 @@ fn what_is_wrong_with_a_number_is_said_by_name() {
     let cases = [
         ("kind = 'backlash'\nhalf_gap_rad = [0, 0, 0]", "half_gap_rad"),
         ("kind = 'backlash'\nhalf_gap_rad = [0, -1e-5, 0, 0, 0, 0]", "`half_gap_rad[1]`"),
+        ("kind = 'backlash'\nhalf_gap_rad = [0, 0, 0, 0, 0, 0]\npresliding_rad = -1e-3", "`presliding_rad`"),
+        ("kind = 'hysteresis'\nfraction = [0, 0, 0, 0, 0, 0]\npresliding_rad = inf", "`presliding_rad`"),
+        (
+            "kind = 'empirical'\nreach = 0\nspread = [1, 1, 1]\nat_mm = []\nwrist_deg = []\nforce_n = []\nshift_mm = []",
+            "`reach`",
+        ),
+        (
+            "kind = 'empirical'\nreach = 1\nspread = [1, 1, -1]\nat_mm = []\nwrist_deg = []\nforce_n = []\nshift_mm = []",
+            "`spread`",
+        ),
+        (
+            "kind = 'empirical'\nreach = 1\nspread = [1, 1, 1]\nat_mm = []\nwrist_deg = []\nforce_n = []\nshift_mm = [[0, 0, 0]]",
+            "`at_mm`",
+        ),
         ("kind = 'stiffness_curve'\nform = 'cubic'\nc_per_rad2 = [-1, 0, 0, 0, 0, 0]", "`c_per_rad2[0]`"),
         ("kind = 'backlash'\nhalf_gap = [0, 0, 0, 0, 0, 0]", "half_gap_rad"),
         ("kind = 'hysteresis'\nfraction = [0, 0, 0, 0, 0, 1.5]", "`fraction[5]`"),

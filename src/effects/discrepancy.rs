@@ -1,0 +1,191 @@
+//! No named effect explains it: the mean of a Gaussian process over place, posture and cutting force, only near where it was seen.
+//!
+//! The third form of `empirical`: a sum of bells about centres. Each of the three coordinates counts in units of its spread over the
+//! rows that the process was fitted to, so that the correction fades to nothing some reaches away from every centre, whether the tool
+//! is elsewhere, the wrist is turned otherwise, or the cut pulls differently.
+
+use super::empirical_field::{NAME, NOTHING};
+use super::{Cutting, Deflection, Effect, Load, Parameter, Parts, Physics, Situation, State, table_of};
+use crate::lanes::{Mask, Real, Vector};
+use crate::robot::Joints;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// A shift of the TCP in base axes: a sum of bells about places, postures and forces.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Discrepancy {
+    /// Length scale of a bell exp(−½ d²/reach²), in spreads.
+    reach: f64,
+    /// Standard deviations over the rows of place (mm), wrist (degrees) and force (N): a coordinate whose spread is 0 does not count.
+    spread: [f64; 3],
+    /// Places in the base.
+    at_mm: Vec<[f64; 3]>,
+    /// Commanded motor angles of axes 4 to 6.
+    wrist_deg: Vec<[f64; 3]>,
+    /// Cutting force on the tool, work object axes.
+    force_n: Vec<[f64; 3]>,
+    /// What each centre's bell shifts by.
+    shift_mm: Vec<[f64; 3]>,
+}
+
+/// Where a row was measured, in the coordinates of a discrepancy, and by how much the tool is off there.
+#[derive(Clone, Copy, Debug)]
+pub struct Bell {
+    /// Place in the base, mm.
+    pub at: Vector3<f64>,
+    /// Commanded motor angles of axes 4 to 6, rad.
+    pub wrist: Vector3<f64>,
+    /// Cutting force on the tool, work object axes, N.
+    pub force: Vector3<f64>,
+    /// Height of the bell, base axes, mm.
+    pub shift: Vector3<f64>,
+}
+
+/// A sum of bells of a reach in spreads of place (mm), wrist (rad) and force (N): an `empirical` effect.
+#[must_use]
+pub fn discrepancy(reach: f64, [place, wrist, force]: [f64; 3], bells: &[Bell]) -> Box<dyn Effect> {
+    let all = |of: &dyn Fn(&Bell) -> Vector3<f64>| bells.iter().map(|bell| of(bell).into()).collect();
+    Box::new(Discrepancy {
+        reach,
+        spread: [place, wrist.to_degrees(), force],
+        at_mm: all(&|bell| bell.at),
+        wrist_deg: all(&|bell| bell.wrist.map(f64::to_degrees)),
+        force_n: all(&|bell| bell.force),
+        shift_mm: all(&|bell| bell.shift),
+    })
+}
+
+impl Discrepancy {
+    pub(super) fn check(self) -> Result<Self, String> {
+        if !(self.reach.is_finite() && self.reach > 0.0) {
+            return Err(format!("`reach` is {}, expected more than 0", self.reach));
+        }
+        if !self.spread.iter().all(|spread| spread.is_finite() && *spread >= 0.0) {
+            return Err(format!("`spread` is {:?}, expected three numbers not below 0", self.spread));
+        }
+        let centres = self.shift_mm.len();
+        for (key, list) in [
+            ("at_mm", &self.at_mm),
+            ("wrist_deg", &self.wrist_deg),
+            ("force_n", &self.force_n),
+            ("shift_mm", &self.shift_mm),
+        ] {
+            if list.len() != centres || !list.iter().flatten().all(|value| value.is_finite()) {
+                let message =
+                    format!("`{key}` has {}, expected as many as `shift_mm` ({centres}), all finite", list.len());
+                return Err(message);
+            }
+        }
+        Ok(self)
+    }
+
+    /// What turns a difference in each coordinate into reaches; 0 where it does not count.
+    fn scales(&self) -> [f64; 3] {
+        self.spread.map(|spread| if spread > 0.0 { 1.0 / (spread * self.reach) } else { 0.0 })
+    }
+
+    /// Squared distance from each centre, in reaches.
+    #[inline(always)]
+    fn apart<R: Real>(&self, i: usize, scales: [f64; 3], here: [Vector<R>; 3]) -> R {
+        let centre = [self.at_mm[i], self.wrist_deg[i], self.force_n[i]];
+        let of = |k: usize| {
+            let off = (here[k] - Vector::of(&centre[k].into())) * R::of(scales[k]);
+            off.dot(off)
+        };
+        of(0) + of(1) + of(2)
+    }
+}
+
+impl Physics for Discrepancy {
+    fn parts(&self) -> Parts {
+        Parts::BASE
+    }
+
+    #[inline(always)]
+    fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
+        let site = state.site;
+        let degrees = |i: usize| site.commanded[i] * R::of(1.0f64.to_degrees());
+        let here = [
+            site.base_from_wobj.point(site.wanted) * R::of(1e3),
+            Vector::new(degrees(3), degrees(4), degrees(5)),
+            site.base_from_wobj.turn_back(load.cut),
+        ];
+        let (scales, mut shift) = (self.scales(), Vector::ZERO);
+        for (i, bell) in self.shift_mm.iter().enumerate() {
+            let exponent = self.apart(i, scales, here) * -0.5;
+            let felt = R::of(NOTHING).lt(exponent);
+            if felt.any() {
+                let size = felt.select(exponent.each(f64::exp), R::ZERO);
+                shift = shift + Vector::of(&(*bell).into()) * size;
+            }
+        }
+        out.base.shift = out.base.shift + shift * R::of(1e-3);
+    }
+}
+
+impl Effect for Discrepancy {
+    fn covers(&self, motor_commanded: &Joints, situation: &Situation) -> bool {
+        let here = [
+            1e3 * (situation.base_from_wobj * situation.wobj_from_tcp).translation.vector,
+            motor_commanded.fixed_rows::<3>(3).map(f64::to_degrees),
+            match situation.cutting {
+                Cutting::Constant(force) => force,
+                // The law's force is near those that were seen where place and posture are.
+                Cutting::Air | Cutting::Law { .. } => Vector3::zeros(),
+            },
+        ];
+        let scales = self.scales();
+        let here = here.map(|here| Vector::<f64>::of(&here));
+        (0..self.shift_mm.len()).any(|i| self.apart(i, scales, here) <= 1.0)
+    }
+
+    /// None: bells about neighbouring centres are nothing one by one.
+    fn parameters(&self) -> Vec<Parameter> {
+        Vec::new()
+    }
+
+    fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
+        Box::new(self.clone())
+    }
+
+    fn to_table(&self) -> toml::Table {
+        table_of(NAME, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::bench::Bench;
+    use approx::assert_abs_diff_eq;
+    use nalgebra::Vector3;
+
+    /// Two bells at one place, for a cut along x and for none.
+    const BELLS: &str = r#"kind = "empirical"
+        reach = 2
+        spread = [50, 0, 100]
+        at_mm = [[100, 0, 0], [100, 0, 0]]
+        wrist_deg = [[0, 0, 0], [0, 0, 0]]
+        force_n = [[400, 0, 0], [0, 0, 0]]
+        shift_mm = [[0.1, 0, 0], [0, -0.04, 0]]"#;
+
+    fn at(x: f64, force: f64) -> Vector3<f64> {
+        let mut bench = Bench::pushed(force, 0.0, 0.0);
+        bench.situation.base_from_wobj.translation.vector = Vector3::zeros();
+        bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, 0.0, 0.0);
+        bench.run(BELLS).1.base.shift
+    }
+
+    #[test]
+    fn a_bell_is_felt_where_place_and_force_are_its_own() {
+        // One reach (100 mm) away in place; the other bell is two reaches (400 N) away in force.
+        let near = (-0.5f64).exp();
+        assert_abs_diff_eq!(at(0.2, 400.0).x, 1e-4 * near, epsilon = 1e-12);
+        assert_abs_diff_eq!(at(0.2, 400.0).y, -4e-5 * near * (-2.0f64).exp(), epsilon = 1e-12);
+    }
+
+    #[test]
+    fn nothing_is_left_of_it_far_away() {
+        assert_abs_diff_eq!(at(1.3, 0.0), Vector3::zeros());
+    }
+}

@@ -1,0 +1,90 @@
+//! How sharply the friction in the joints turns over: one angle for the arm, that of most evidence.
+
+use super::candidate::{Candidate, Home, Shape};
+use super::data::Problem;
+use super::engine::{Engine, stacked};
+use super::moments::Moments;
+use super::noise;
+use super::pattern::Pattern;
+use super::score::score;
+use super::search::Search;
+use super::whole_arm::{Members, Shares};
+use crate::equilibrium::Dragged;
+use crate::robot::Joints;
+
+/// Presliding angles that are tried, rad. Below the least, a metre of arm moves by less than the targets of a program are apart, and
+/// friction looks sharp; above the largest, it looks like a softer spring. A step of three apart, what two neighbours predict differs
+/// by less than a tenth of what they explain.
+const ANGLES: [f64; 4] = [0.0, 3e-4, 1e-3, 3e-3];
+
+impl Problem {
+    /// Takes friction to build up over an angle, rad, which decides the travel into every row.
+    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
+        self.presliding_rad = presliding_rad;
+        let into: Vec<Vec<Joints>> = self.runs.iter().map(|run| run.travels(presliding_rad)).collect();
+        for row in &mut self.rows {
+            row.travel = match row.way_from {
+                None => into[row.run][row.point],
+                Some(from) => Dragged { motor: self.runs[row.run].points[from].motor, travel: into[row.run][from] }
+                    .travel_to(&row.motor, presliding_rad),
+            };
+        }
+    }
+}
+
+impl Engine {
+    /// Takes friction to build up over an angle, rad, in all effects that may be added.
+    pub(super) fn set_presliding(&mut self, presliding_rad: f64) {
+        self.problem.set_presliding(presliding_rad);
+        for (c, candidate) in self.candidates.iter_mut().enumerate() {
+            match &mut candidate.home {
+                Home::New(Shape(effect)) if effect.presliding_rad().is_some() => {
+                    *effect = effect.with_presliding(presliding_rad);
+                }
+                Home::Pattern(Pattern::Direction) => {}
+                _ => continue,
+            }
+            self.reuse.forget(c);
+        }
+    }
+
+    /// Takes the presliding angle of most evidence, with every effect at a common share of its typical size. Friction that the cell
+    /// declares keeps its angle.
+    pub(super) fn choose_presliding(&mut self) {
+        let has_friction = |candidate: &Candidate| match &candidate.home {
+            Home::New(Shape(effect)) => effect.presliding_rad().is_some(),
+            Home::Declared(_) | Home::Pattern(_) => false,
+        };
+        if self.declared.follows_travel() || !self.candidates.iter().any(has_friction) {
+            return;
+        }
+        let every: Vec<usize> = (0..self.candidates.len()).collect();
+        let shapes = self.shapes_about();
+        let linear = self.linearise(&every, &shapes);
+        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
+        let members = self.members_of_whole_arm(&search, &self.chosen);
+        let mut best = (f64::NEG_INFINITY, 0.0);
+        for angle in ANGLES {
+            self.set_presliding(angle);
+            let evidence = self.evidence_of_all(&members);
+            if evidence > best.0 {
+                best = (evidence, angle);
+            }
+        }
+        self.set_presliding(best.1);
+    }
+
+    /// Evidence of all members at the best common share of their typical sizes, over the best of a few drifts, nats.
+    fn evidence_of_all(&mut self, members: &Members) -> f64 {
+        let linear = self.linearise(&members.all(), &[]);
+        let stacked = stacked(linear.design.kept(), &linear.data);
+        let series = self.problem.series(|row| !row.held_out);
+        let declared = self.problem.declared_sigma_mm;
+        let of = |shape| Moments { declared, ..Moments::of(&stacked, &series, shape) };
+        let moments: Vec<Moments> = noise::few().into_iter().map(of).collect();
+        let trials = Shares::common().map(|shares| self.trial(members, shares, &linear.always));
+        trials
+            .map(|trial| score(&moments, &trial.columns, None).evidence - trial.price)
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+}
