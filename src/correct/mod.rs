@@ -189,12 +189,7 @@ impl Prepared {
     pub(crate) fn travels(&self, presliding_rad: f64) -> Vec<Joints> {
         let mut last: Option<Dragged> = None;
         let into = |point: &Point| {
-            let travel = match last {
-                None => Joints::zeros(),
-                // It is not known how the arm gets there.
-                Some(last) if point.unsolved.is_some() => last.travel,
-                Some(last) => last.travel_to(&point.motor, presliding_rad),
-            };
+            let travel = last.map_or_else(Joints::zeros, |last| last.travel_to(&point.motor, presliding_rad));
             last = Some(Dragged { motor: point.motor, travel });
             travel
         };

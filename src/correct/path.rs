@@ -267,6 +267,7 @@ impl Walk<'_, '_> {
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
             return self.refuse(target, "cell.stock", &message, &help);
         }
+        let mut travel = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
         let at = match target.goal {
             Goal::Pose { position_mm, quat, .. } => pose(position_mm, quat),
             Goal::Axis { position_mm, .. } => pose(position_mm, [1.0, 0.0, 0.0, 0.0]),
@@ -274,14 +275,15 @@ impl Walk<'_, '_> {
                 if self.carried.near.is_none() {
                     self.carried.started = StartedFrom::JointTarget;
                 }
-                self.carried.near = Some(self.cell.arm.robot.motor_from_axes_deg(&deg));
+                let motor = self.cell.arm.robot.motor_from_axes_deg(&deg);
+                travel = self.travel_to(&motor);
+                self.carried.near = Some(motor);
                 IDENTITY
             }
         };
         // Where the arm comes from is not known before the first target: not a number.
         let motor = self.carried.near.unwrap_or_else(|| Joints::repeat(f64::NAN));
-        let previous = self.points.last().or(self.carried.before.as_ref());
-        let point = Point::unsolved(why, at, motor, setting, previous);
+        let point = Point::unsolved(why, at, (motor, travel), setting, self.last());
         self.points.push(point);
     }
 
@@ -338,10 +340,9 @@ impl Walk<'_, '_> {
                 );
             }
         };
-        let previous = self.points.last().or(self.carried.before.as_ref());
-        let held = previous.map_or_else(Joints::zeros, |p| p.travel);
-        let travel = self.carried.near.map_or(held, |near| self.cell.arm.travel(&near, &motor, &held));
+        let travel = self.travel_to(&motor);
         self.carried.near = Some(motor);
+        let previous = self.points.last().or(self.carried.before.as_ref());
 
         let feed = target.feed_mm_s.map(|feed| 1e-3 * feed);
         let row = self.options.forces.as_ref().and_then(|forces| forces.of(target.ordinal, target.name.as_deref()));
@@ -373,7 +374,7 @@ impl Walk<'_, '_> {
         let unlocated =
             target.predecessor == Predecessor::Previous && previous.is_some_and(|previous| !previous.is_located());
         if (unlocated || target.predecessor == Predecessor::Unknown) && self.rests_on_predecessor(target) {
-            return self.leave(target, PREDECESSOR_UNKNOWN, (wobj_from_tcp, motor), run_with, stand);
+            return self.leave(target, PREDECESSOR_UNKNOWN, (wobj_from_tcp, (motor, travel)), run_with, stand);
         }
         let load = match self.carried.laws.load(
             (target, tool),
@@ -421,6 +422,17 @@ impl Walk<'_, '_> {
         self.points.push(point);
     }
 
+    /// The point before the next one.
+    fn last(&self) -> Option<&Point> {
+        self.points.last().or(self.carried.before.as_ref())
+    }
+
+    /// Travel of a programmed motion to these motor angles, rad.
+    fn travel_to(&self, motor: &Joints) -> Joints {
+        let held = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
+        self.carried.near.map_or(held, |near| self.cell.arm.travel(&near, motor, &held))
+    }
+
     /// Whether what acts at a target, or how far it is off, rests on where the way into it begins.
     fn rests_on_predecessor(&self, target: &Target) -> bool {
         let table = self.options.forces.is_some();
@@ -432,7 +444,7 @@ impl Walk<'_, '_> {
         &mut self,
         target: &Target,
         why: &'static str,
-        (wobj_from_tcp, motor): (Pose, Joints),
+        (wobj_from_tcp, on_joints): (Pose, (Joints, Joints)),
         RunWith { setting, tool }: RunWith,
         stand: &Stand,
     ) {
@@ -441,8 +453,7 @@ impl Walk<'_, '_> {
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
             return self.refuse(target, "cell.stock", &message, &help);
         }
-        let previous = self.points.last().or(self.carried.before.as_ref());
-        let point = Point::unsolved(why, wobj_from_tcp, motor, setting, previous);
+        let point = Point::unsolved(why, wobj_from_tcp, on_joints, setting, self.last());
         self.points.push(Point { moved: stand.moved.clone(), ..point });
     }
 

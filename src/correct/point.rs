@@ -191,14 +191,21 @@ impl Point {
         }
     }
 
-    /// A target of which it is not known where the controller goes, behind another point, with the arm about at these angles.
-    pub(super) fn unsolved(why: &'static str, at: Pose, motor: Joints, setting: u32, previous: Option<&Self>) -> Self {
+    /// A target of which it is not known where the controller goes, after another point, with the arm about at these motor angles (rad) and
+    /// with this travel.
+    pub(super) fn unsolved(
+        why: &'static str,
+        at: Pose,
+        (motor, travel): (Joints, Joints),
+        setting: u32,
+        previous: Option<&Self>,
+    ) -> Self {
         Self {
             setting,
             unsolved: Some(why),
             cut_length: previous.map_or(0.0, |previous| previous.cut_length),
             time: previous.map_or(0.0, |previous| previous.time),
-            ..Self::measured(at, motor, previous.map_or_else(Joints::zeros, |previous| previous.travel))
+            ..Self::measured(at, motor, travel)
         }
     }
 

@@ -7,11 +7,11 @@
 use super::data::{Observation, Seen};
 use super::engine::Engine;
 use super::found::Map;
-use super::noise::{self, Field, OVER, Over, Places, Series, whiten};
+use super::noise::{self, Field, Over, Places, Series, whiten};
 use super::pattern::Standing;
 use super::score::in_standard_errors;
 use crate::effects::{Bell, Effect, discrepancy};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
 use rayon::prelude::*;
 use statrs::function::erf::erf;
 use std::collections::BTreeSet;
@@ -19,8 +19,13 @@ use std::collections::BTreeSet;
 /// Gain on unseen blocks, in standard errors, below which a map is worse than none there. It need not gain: it corrects the places that
 /// were measured, and what is left out may be far from all others.
 const WORSE: f64 = -1.0;
-/// Centres of bells. On the cells of `samples/plant/truer` 50, 100 and 200 leave 0.020, 0.017 and 0.0165 mm.
-const CENTRES: usize = 100;
+/// Centres of bells. On the cells of `samples/plant/truer` 50, 100 and 200 leave 0.020, 0.017 and 0.0165 mm; with 200, bells of a
+/// twentieth of the area hold together.
+const CENTRES: usize = 200;
+/// Reaches that are tried, in spreads.
+const REACHES: [f64; 6] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0];
+/// Variances of the process over that of the white noise that are tried.
+const SHARES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 /// Share of the largest number of a matrix that is added to its diagonal, so that centres close to one another can be told apart.
 const RIDGE: f64 = 1e-9;
 
@@ -35,51 +40,71 @@ struct Left {
     error: Vector3<f64>,
 }
 
+/// A process over some of the coordinates, with where its bells stand.
+struct Process {
+    field: Field,
+    spreads: [f64; 3],
+    centres: Vec<Places>,
+}
+
 impl Engine {
     /// The mean of the discrepancy, unless it is worse than nothing on blocks that its fit has not seen.
     pub(super) fn field_map(&self) -> Option<Map> {
-        let (field, spreads) = self.discrepancy()?;
         let left = self.left()?;
-        let centres = spread_out(&left, &field);
+        let rows: Vec<&Left> = left.iter().collect();
+        let process = self.likeliest(&rows)?;
         let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
         blocks.sort_unstable();
         blocks.dedup();
         let gain = |block: &(usize, usize)| {
             let (own, others): (Vec<&Left>, Vec<&Left>) = left.iter().partition(|left| left.block == *block);
-            let heights = self.heights(&others, &centres, &field)?;
+            let heights = self.products(&others, &process).heights(&process)?;
             let gain = |left: &&Left| {
-                let bells = centres.iter().zip(&heights);
-                let there: Vector3<f64> = bells.map(|(at, height)| height * field.similarity(at, &left.places)).sum();
+                let bells = process.centres.iter().zip(&heights);
+                let there: Vector3<f64> =
+                    bells.map(|(at, height)| height * process.field.similarity(at, &left.places)).sum();
                 left.error.norm_squared() - (left.error - there).norm_squared()
             };
             Some(own.iter().map(gain).sum::<f64>())
         };
         let gains: Vec<f64> = blocks.par_iter().map(gain).collect::<Option<_>>()?;
         let gain = in_standard_errors(&gains);
-        let rows: Vec<&Left> = left.iter().collect();
-        let heights = self.heights(&rows, &centres, &field)?;
-        (gain > WORSE).then(|| Map {
-            effect: effect(&field, spreads, &centres, &heights),
-            likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)),
-        })
+        let effect = self.mean(&rows, &process)?;
+        (gain > WORSE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
     }
 
     /// A map that holds, of the rows that are fitted to now.
     pub(super) fn renewed_map(&self, map: Map) -> Option<Map> {
-        let (field, spreads) = self.discrepancy()?;
         let left = self.left()?;
-        let centres = spread_out(&left, &field);
-        let heights = self.heights(&left.iter().collect::<Vec<_>>(), &centres, &field)?;
-        Some(Map { effect: effect(&field, spreads, &centres, &heights), ..map })
+        let rows: Vec<&Left> = left.iter().collect();
+        Some(Map { effect: self.mean(&rows, &self.likeliest(&rows)?)?, ..map })
     }
 
-    /// The process of the whole arm, with the spreads of its coordinates.
-    fn discrepancy(&self) -> Option<(Field, [f64; OVER.len()])> {
-        let field = self.shape.field?;
-        match field.over {
-            Over::Everything(spreads) => Some((field, spreads)),
-            Over::Place | Over::Wrist | Over::Force => None,
-        }
+    /// The process of most evidence: over place, posture and force, or over the place alone.
+    fn likeliest(&self, rows: &[&Left]) -> Option<Process> {
+        let Field { over: Over::Everything(spreads), .. } = self.shape.field? else { return None };
+        let tried = [spreads, [spreads[0], 0.0, 0.0]].into_iter().flat_map(|spreads| {
+            let field = Field { over: Over::Everything(spreads), share: 1.0, reach: 1.0 };
+            let centres = spread_out(rows, &field);
+            REACHES.map(|reach| Process { field: Field { reach, ..field }, spreads, centres: centres.clone() })
+        });
+        let of_size = |process: Process| {
+            let products = self.products(rows, &process);
+            let weighed = SHARES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
+            let (evidence, share) = weighed.max_by(|a, b| a.0.total_cmp(&b.0))?;
+            Some((evidence, Process { field: Field { share, ..process.field }, ..process }))
+        };
+        let tried: Vec<Process> = tried.collect();
+        let weighed: Vec<(f64, Process)> = tried.into_par_iter().filter_map(of_size).collect();
+        weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, process)| process)
+    }
+
+    /// The effect that is a process's mean.
+    fn mean(&self, rows: &[&Left], process: &Process) -> Option<Box<dyn Effect>> {
+        let heights = self.products(rows, process).heights(process)?;
+        let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
+        let bells: Vec<Bell> = process.centres.iter().zip(&heights).map(bell).collect();
+        Some(discrepancy(process.field.reach, process.spreads, &bells))
     }
 
     /// What the chosen effects leave of the fitted rows; `None` where rows are no positions.
@@ -103,9 +128,8 @@ impl Engine {
         rows.iter().all(whole).then(|| rows.iter().map(of).collect())
     }
 
-    /// Heights of the bells at the centres, base axes, mm: with K the process at the centres, N the bells at the rows, and S the
-    /// covariance of wander and noise, (K + Nᵀ S⁻¹ N)⁻¹ Nᵀ S⁻¹ times what is left.
-    fn heights(&self, rows: &[&Left], centres: &[Places], field: &Field) -> Option<Vec<Vector3<f64>>> {
+    /// Products of the bells with one another and with what is left, under the wander and the noise of the fit.
+    fn products(&self, rows: &[&Left], Process { field, centres, .. }: &Process) -> Products {
         let count = centres.len();
         let stacked = DMatrix::from_fn(rows.len(), count + 3, |i, j| match j.checked_sub(count) {
             None => field.similarity(&rows[i].places, &centres[j]),
@@ -119,27 +143,59 @@ impl Engine {
         let series: Vec<Series> = runs.into_iter().map(of_run).collect();
         let whitened = whiten(&stacked, &series, noise::Shape { field: None, ..self.shape }).columns;
         let (bells, errors) = (whitened.columns(0, count), whitened.columns(count, 3));
-        let mut normal = bells.tr_mul(&bells);
-        for (i, a) in centres.iter().enumerate() {
-            for (j, b) in centres.iter().enumerate() {
-                normal[(i, j)] += field.similarity(a, b) / field.share;
-            }
+        Products {
+            gram: bells.tr_mul(&bells),
+            cross: bells.tr_mul(&errors),
+            square: errors.norm_squared(),
+            scalars: 3 * rows.len(),
+            prior: DMatrix::from_fn(count, count, |i, j| field.similarity(&centres[i], &centres[j])),
         }
-        let ridge = RIDGE * normal.diagonal().max();
-        (0..count).for_each(|i| normal[(i, i)] += ridge);
-        let heights = normal.cholesky()?.solve(&bells.tr_mul(&errors));
-        Some(heights.row_iter().map(|row| Vector3::new(row[0], row[1], row[2])).collect())
     }
 }
 
-/// The effect whose bells have these heights.
-fn effect(field: &Field, spreads: [f64; 3], centres: &[Places], heights: &[Vector3<f64>]) -> Box<dyn Effect> {
-    let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
-    discrepancy(field.reach, spreads, &centres.iter().zip(heights).map(bell).collect::<Vec<_>>())
+/// With N the whitened bells at the rows, e what is left there, and K the correlations of the process at its centres.
+struct Products {
+    /// Nᵀ N.
+    gram: DMatrix<f64>,
+    /// Nᵀ e, an axis a column.
+    cross: DMatrix<f64>,
+    /// eᵀ e.
+    square: f64,
+    scalars: usize,
+    /// K.
+    prior: DMatrix<f64>,
+}
+
+impl Products {
+    /// Factors of K / share, and of that with Nᵀ N.
+    fn factors(&self, share: f64) -> Option<[Cholesky<f64, Dyn>; 2]> {
+        let (mut prior, mut sum) = (&self.prior / share, &self.prior / share + &self.gram);
+        for matrix in [&mut prior, &mut sum] {
+            let ridge = RIDGE * matrix.diagonal().max();
+            (0..matrix.nrows()).for_each(|i| matrix[(i, i)] += ridge);
+        }
+        Some([prior.cholesky()?, sum.cholesky()?])
+    }
+
+    /// Heights of the bells, base axes, mm: (K / share + Nᵀ N)⁻¹ Nᵀ e.
+    fn heights(&self, process: &Process) -> Option<Vec<Vector3<f64>>> {
+        let [_, sum] = self.factors(process.field.share)?;
+        let heights = sum.solve(&self.cross);
+        Some(heights.row_iter().map(|row| Vector3::new(row[0], row[1], row[2])).collect())
+    }
+
+    /// Log evidence but for a constant, σ at its best, nats.
+    fn evidence(&self, share: f64) -> Option<f64> {
+        let [prior, sum] = self.factors(share)?;
+        let left = self.square - self.cross.dot(&sum.solve(&self.cross));
+        let log_det = |factor: &Cholesky<f64, Dyn>| factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        let count = self.scalars as f64;
+        Some(-0.5 * count * (left / count).ln() - 3.0 * (log_det(&sum) - log_det(&prior)))
+    }
 }
 
 /// Rows as far from one another as can be, the first among them: each next one is the farthest from those before (Gonzalez 1985).
-fn spread_out(left: &[Left], field: &Field) -> Vec<Places> {
+fn spread_out(left: &[&Left], field: &Field) -> Vec<Places> {
     let mut centres: Vec<Places> = Vec::new();
     let mut alike = vec![0.0; left.len()];
     let mut next = 0;
