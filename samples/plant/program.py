@@ -90,6 +90,7 @@ class Move:
     tool: str
     wobj: str
     line: int
+    zone_m: float | None = None  # radius of the zone, None for a stop
 
 
 @dataclass
@@ -176,7 +177,7 @@ def read_program(path):
             raise SystemExit(f"{path}:{first}: target {args[0]!r} is not a literal")
         tool, *options = [s.strip() for s in args[3].split("\\")]
         wobj = next((o.split(":=")[1].strip() for o in options if o.lower().startswith("wobj")), "wobj0")
-        moves.append(Move(frame_mm(point[0], point[1]), tuple(int(c) for c in point[2]), speed(args[1]), tool.lower(), wobj.lower(), first))
+        moves.append(Move(frame_mm(point[0], point[1]), tuple(int(c) for c in point[2]), speed(args[1]), tool.lower(), wobj.lower(), first, zone(args[2])))
     if not moves:
         raise SystemExit(f"{path}: no motion found")
     return Program(moves, tools, wobjs)
@@ -191,6 +192,18 @@ def speed(token):
     if token.lower() == "vmax":
         return 7.0
     raise SystemExit(f"speed {token!r} is not a literal")
+
+
+def zone(token):
+    token = token.split("\\")[0].strip()
+    if token.lower() == "fine":
+        return None
+    if token.startswith("["):
+        fields = literal(token)
+        return None if fields[0] else fields[1] * MM
+    if re.match(r"z\d+$", token):
+        return max(float(token[1:]), 0.3) * MM
+    raise SystemExit(f"zone {token!r} is not a literal")
 
 
 @dataclass

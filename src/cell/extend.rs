@@ -1,7 +1,7 @@
 //! The user's cell file with effects added, comments and all else kept.
 
 use super::uncertainty::{self, Uncertainty};
-use crate::drive::PathLaw;
+use crate::drive::FittedLaw;
 use crate::text::Diagnostic;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value};
 
@@ -52,7 +52,8 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
 ///
 /// # Errors
 /// The text is not TOML.
-pub fn with_path_law(text: &str, law: &PathLaw) -> Result<String, Vec<Diagnostic>> {
+pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
+    let law = &found.law;
     let mut document: DocumentMut = text
         .parse()
         .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
@@ -73,6 +74,7 @@ pub fn with_path_law(text: &str, law: &PathLaw) -> Result<String, Vec<Diagnostic
         path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
         path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
         path.insert("lag_s", numbers(law.lag.as_slice()));
+        path.insert("error_share", Item::Value(float(rounded(found.error_share()))));
     }
     Ok(document.to_string())
 }

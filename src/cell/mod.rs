@@ -162,6 +162,9 @@ pub struct ControllerPath {
     pub law: PathLaw,
     /// Radius at points that are passed though the program's text gives no radius (`C_DIS`, `CNT`, CL data), m.
     pub zone: Option<f64>,
+    /// Share of the distance between driven and programmed path that the law did not explain in logs that its fit had not seen; 0
+    /// where the cell does not say.
+    pub error_share: f64,
 }
 
 /// `[cl]`.

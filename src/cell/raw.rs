@@ -108,6 +108,8 @@ pub(super) struct ControllerPath {
     #[serde(default)]
     pub(super) lag_s: [f64; 6],
     pub(super) zone_mm: Option<f64>,
+    #[serde(default)]
+    pub(super) error_share: f64,
 }
 
 #[derive(Deserialize)]

@@ -422,6 +422,10 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     if let Some(zone) = keys.zone_mm {
         check.positive("controller.path.zone_mm", &[zone]);
     }
+    if !(0.0..=1.0).contains(&keys.error_share) {
+        let message = "[controller.path] error_share is a share: expected 0 to 1".to_owned();
+        check.error("controller.path", message, "0.1: the law explains 90 % of what the controller leaves the path by");
+    }
     ControllerPath {
         law: PathLaw {
             zone_share: keys.zone_share,
@@ -432,6 +436,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
             lag: keys.lag_s.into(),
         },
         zone: keys.zone_mm.map(|mm| 1e-3 * mm),
+        error_share: keys.error_share,
     }
 }
 

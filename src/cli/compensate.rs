@@ -41,7 +41,9 @@ pub(super) fn run(args: &Compensate) -> Outcome {
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
         let origins = job.origins_for(&args.reports)?;
-        let done = match stream::compensate(&batch, &job, bar)? {
+        // The driven path is that of the whole program.
+        let streamed = if args.max_path_error.is_none() { stream::compensate(&batch, &job, bar)? } else { None };
+        let done = match streamed {
             Some(done) => done,
             None => batch.whole(job, bar)?,
         };
@@ -59,14 +61,24 @@ impl Batch<'_> {
         let noticed = self.noticed(&job);
         let program = setup.program(job)?;
         let options = setup.options_followed(self.bar(bar));
-        let corrected = correct::compensate(&program, &setup.cell.cell, &options).map_err(|e| setup.cell.own(e))?;
+        let cell = &setup.cell.cell;
+        // The program that is edited, where that is not the one that was given.
+        let mut shaped = None;
+        let corrected = match args.max_path_error {
+            Some(mm) => correct::compensate_driven(&program, cell, &options, 1e-3 * mm).map(|driven| {
+                shaped = Some(driven.program);
+                driven.corrected
+            }),
+            None => correct::compensate(&program, cell, &options),
+        };
+        let corrected = corrected.map_err(|e| setup.cell.own(e))?;
         if !corrected.failures.is_empty() {
             return Err(corrected.failures);
         }
         let mut outputs = self.outputs.sibling();
         let mut notes = Vec::new();
         let written = match program.language.is_edited() {
-            true => edited(&program, &corrected, &files),
+            true => edited(shaped.as_ref().unwrap_or(&program), &corrected, &files),
             false => {
                 let options = post_options(args, &files[0]);
                 let posted = correct::post(&program, &setup.cell.cell, &corrected, &options)?;

@@ -50,7 +50,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     let told = |text: String| path.as_ref().map(path_law_text).unwrap_or_default() + &text;
     if let Some(output) = &args.output {
         let extended = done.cell()?;
-        let extended = path.as_ref().map_or(Ok(extended.clone()), |path| with_path_law(&extended, &path.law))?;
+        let extended = path.as_ref().map_or(Ok(extended.clone()), |path| with_path_law(&extended, path))?;
         outputs.add(output, extended.as_bytes())?;
     }
     if let Some(json) = &args.json {
@@ -87,7 +87,7 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
     let mut outputs = Outputs::default();
     if let Some(output) = &args.output {
         let text = String::from_utf8_lossy(&cell.source.bytes);
-        outputs.add(output, with_path_law(&text, &path.law)?.as_bytes())?;
+        outputs.add(output, with_path_law(&text, &path)?.as_bytes())?;
     }
     if let Some(json) = &args.json {
         #[derive(serde::Serialize)]

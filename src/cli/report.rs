@@ -300,5 +300,9 @@ pub(super) fn line(summary: &FileSummary, kind: PathKind) -> String {
             line += &format!(", on the path rms {rms:.4} mm, max {max:.4} mm");
         }
     }
+    if let Some(path) = &summary.driven_path {
+        let figures = path.corrected.unwrap_or(path.programmed);
+        line += &format!("; driven path max {:.4} mm, run time {:.2} s", figures.max_mm, figures.run_time_s);
+    }
     line
 }

@@ -105,7 +105,8 @@ pub(super) fn each<T: Send>(
 /// What corrected programs leave between their targets, where that is more than the cell's limit: said once.
 fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnostic> {
     let most = 1e3 * setup.cell.cell.limits.max_path_error;
-    let over = || summaries.iter().filter(|sum| sum.remaining_path_max_mm > most);
+    // Of a path that was corrected as it is driven, more is said already.
+    let over = || summaries.iter().filter(|sum| sum.remaining_path_max_mm > most && sum.driven_path.is_none());
     let worst = over().max_by(|a, b| a.remaining_path_max_mm.total_cmp(&b.remaining_path_max_mm))?;
     let others = match over().count() {
         1 => String::new(),
@@ -129,7 +130,7 @@ fn left_on_the_way(setup: &Setup, summaries: &[FileSummary]) -> Option<Diagnosti
 
 /// What is said before all else of a program that comes out as it went in.
 fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
-    if summary.corrected > 0 || summary.targets == 0 {
+    if summary.corrected > 0 || summary.targets == 0 || summary.driven_path.is_some() {
         return None;
     }
     let reasons: Vec<String> = summary.kept.iter().map(ToString::to_string).collect();

@@ -3,6 +3,7 @@
 use super::along::WayFinding;
 use super::messages::Repeated;
 use super::row::Row;
+use super::shaped::DrivenSummary;
 use crate::program::{Confdata, Rewritten};
 use crate::robot::EXTERNAL_AXES;
 use crate::text::Diagnostic;
@@ -27,6 +28,8 @@ pub struct Corrected {
     pub moved_mm: Vec<f64>,
     /// What is wrong on the ways into targets, as they are commanded.
     pub on_the_way: Vec<WayFinding>,
+    /// How the program is driven, where that was looked at.
+    pub driven: Option<DrivenSummary>,
     /// Warnings that many targets share; in `notes` when all of the program is through.
     pub(super) repeated: Repeated,
 }

@@ -5,9 +5,9 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
-use super::{Options, Prepared, frames};
+use super::{DrivenFigures, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
-use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, Waypoint, drive};
+use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, distance_between, drive};
 use crate::equilibrium::{Arm, WarmStart};
 use crate::program::{Passing, Program};
 use crate::robot::{Joints, Pose};
@@ -23,7 +23,7 @@ pub struct Course {
     /// Ends of its motions.
     pub waypoints: Vec<Waypoint>,
     /// Index of the target that each waypoint is.
-    targets: Vec<usize>,
+    pub(super) targets: Vec<usize>,
     /// Waypoints that are passed though nothing says how near: they are taken as stops.
     unstated: usize,
 }
@@ -42,6 +42,10 @@ pub struct LoadedSample {
     pub feed: f64,
     /// Force on the tool, N.
     pub force: Vector3<f64>,
+    /// Index of the waypoint that the motion leads to.
+    waypoint: usize,
+    /// Actual TCP in the robot's base, m.
+    base_from_tcp: Vector3<f64>,
 }
 
 /// The driven and loaded path of a program.
@@ -88,7 +92,7 @@ impl Course {
             if prepared.mount(i).setting.held || point.moved.is_some() {
                 let message =
                     "the path that a controller drives is not computed for external axes and stationary tools";
-                return Err(refuse(message, "leave out --path and --log for this program"));
+                return Err(refuse(message, "leave out --path, --log and --max-path-error for this program"));
             }
             // Joint motions at a share of the axis speeds have no speed of the TCP.
             feed = target.feed_mm_s.map(|mm_s| 1e-3 * mm_s).or(feed);
@@ -124,7 +128,7 @@ impl Course {
     }
 
     /// What is said about it, once.
-    fn notes(&self, program: &Program, cell: &Cell) -> Vec<Diagnostic> {
+    pub(super) fn notes(&self, program: &Program, cell: &Cell) -> Vec<Diagnostic> {
         let name = program.sources.first().map_or("", |source| &source.name);
         let note = |message: String, help: &str| {
             Diagnostic::error("path.assumed", name, message).severity(Severity::Note).help(help)
@@ -146,6 +150,25 @@ impl Course {
             notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
         }
         notes
+    }
+
+    /// Why a path along it cannot be computed.
+    pub(super) fn refused(&self, program: &Program, error: DriveError) -> Vec<Diagnostic> {
+        match error {
+            DriveError::Unreachable { waypoint } => {
+                let message = "the arm does not reach every place on the way to this target".to_owned();
+                self.refused_at(program, waypoint, message, "move the target or the part")
+            }
+            DriveError::TooLong => {
+                self.refused_at(program, 0, "the program runs for more than a day".to_owned(), "split the program")
+            }
+        }
+    }
+
+    fn refused_at(&self, program: &Program, waypoint: usize, message: String, help: &str) -> Vec<Diagnostic> {
+        let target = &program.targets[self.targets[waypoint]];
+        let source = &program.sources[usize::from(target.source)];
+        vec![Diagnostic::error("path.target", &source.name, message).at(source, target.span).help(help)]
     }
 
     /// How far zones alone may lead the TCP past a corner, m: a parabola over the whole zone.
@@ -171,18 +194,7 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
     let prepared = Prepared::new(program, cell, options)?;
     let course = Course::new(program, cell, &prepared)?;
     let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
-    let refuse = |waypoint: usize, message: String, help: &str| {
-        let target = &program.targets[course.targets[waypoint]];
-        let source = &program.sources[usize::from(target.source)];
-        vec![Diagnostic::error("path.target", &source.name, message).at(source, target.span).help(help)]
-    };
-    let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| match error {
-        DriveError::Unreachable { waypoint } => {
-            let message = "the arm does not reach every place on the way to this target".to_owned();
-            refuse(waypoint, message, "move the target or the part")
-        }
-        DriveError::TooLong => refuse(0, "the program runs for more than a day".to_owned(), "split the program"),
-    })?;
+    let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
     let mut last: Option<(Joints, Joints)> = None;
     let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
@@ -191,19 +203,23 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
         let batch_of_points = prepared.with_points(points);
         let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
         let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
-        for ((sample, point), landed) in batch.iter().zip(&batch_of_points.points).zip(landed) {
+        for (k, ((sample, point), landed)) in batch.iter().zip(&batch_of_points.points).zip(landed).enumerate() {
             let landed = landed.map_err(|error| {
                 let message = format!("the loaded arm has no equilibrium on the way to this target: {error}");
-                refuse(sample.waypoint, message, "check the forces and the stiffness of the cell")
+                let help = "check the forces and the stiffness of the cell";
+                course.refused_at(program, sample.waypoint, message, help)
             })?;
             let rotation = Rotation3::from_scaled_axis(landed.turn) * point.reference.rotation;
             let position = point.reference.translation.vector + landed.shift;
+            let wobj_from_tcp = Pose::from_parts(Translation3::from(position), rotation);
             samples.push(LoadedSample {
                 time: sample.time,
                 target: program.targets[course.targets[sample.waypoint]].ordinal,
-                wobj_from_tcp: Pose::from_parts(Translation3::from(position), rotation),
+                wobj_from_tcp,
                 feed: 0.0,
                 force: landed.cut,
+                waypoint: sample.waypoint,
+                base_from_tcp: (batch_of_points.base_from_wobj(k) * wobj_from_tcp).translation.vector,
             });
         }
     }
@@ -220,6 +236,66 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
         samples[i].feed = speed(&samples[before], &samples[after]).unwrap_or(0.0);
     }
     Ok(LoadedPath { samples, notes: course.notes(program, cell) })
+}
+
+/// How a driven path keeps to the programmed one.
+#[derive(Clone, Debug)]
+pub(super) struct DrivenWays {
+    /// What is left on the way to each waypoint; `None` where no path is programmed.
+    pub(super) ways: Vec<Option<PathDeviation>>,
+    /// Whether it counts: where targets cut, those alone.
+    pub(super) counts: Vec<bool>,
+    pub(super) figures: DrivenFigures,
+}
+
+/// Compares a driven path with the programmed one of a course, which may be that of another program; `waypoint_of` gives the waypoint
+/// of the course for one of the driven program.
+pub(super) fn driven_ways(
+    prepared: &Prepared,
+    course: &Course,
+    robot: &Robot,
+    path: &LoadedPath,
+    waypoint_of: &dyn Fn(usize) -> usize,
+) -> DrivenWays {
+    let programmed = ProgrammedPath::new(robot, &course.waypoints);
+    let cuts = |i: &usize| prepared.points[*i].cuts();
+    let any_cuts = course.targets.iter().any(cuts);
+    let counts: Vec<bool> = course.targets.iter().map(|i| !any_cuts || cuts(i)).collect();
+    let mut ways: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
+        .map(|i| programmed.track(i).map(|track| PathDeviation { length_mm: 1e3 * track.length(), ..PathDeviation::default() }))
+        .collect();
+    let places: Vec<Vector3<f64>> = path.samples.iter().map(|sample| sample.base_from_tcp).collect();
+    let mut driven_length = vec![0.0; ways.len()];
+    for (k, sample) in path.samples.iter().enumerate() {
+        let waypoint = waypoint_of(sample.waypoint);
+        let Some(way) = &mut ways[waypoint] else { continue };
+        let Some(offset) = programmed.offset(&sample.base_from_tcp, waypoint) else { continue };
+        let distance = 1e3 * offset.vector.norm();
+        let length = k.checked_sub(1).map_or(0.0, |before| (places[k] - places[before]).norm());
+        way.max_mm = way.max_mm.max(distance);
+        way.mean_square_mm2 += length * distance * distance;
+        driven_length[waypoint] += length;
+    }
+    let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
+    for (i, way) in ways.iter_mut().enumerate() {
+        let Some(way) = way else { continue };
+        if driven_length[i] > 0.0 {
+            way.mean_square_mm2 /= driven_length[i];
+        }
+        // A corner that the path does not come near is missed, however near the path is to both ways.
+        let from = path.samples.partition_point(|sample| about(sample) < i);
+        let to = path.samples.partition_point(|sample| about(sample) <= (i + 1).min(course.waypoints.len()));
+        let corner = &course.waypoints[i].base_from_tcp.translation.vector;
+        let missed = distance_between(corner, &places[from.saturating_sub(1)..to]);
+        way.max_mm = way.max_mm.max(1e3 * missed.unwrap_or(0.0));
+        way.way_mm = way.max_mm;
+    }
+    let counted = ways.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(way, _)| way.as_ref());
+    let figures = DrivenFigures {
+        max_mm: counted.map(|way| way.max_mm).fold(0.0, f64::max),
+        run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
+    };
+    DrivenWays { ways, counts, figures }
 }
 
 /// What the samples of a driven path are samples of.

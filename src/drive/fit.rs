@@ -85,6 +85,15 @@ pub struct FittedLaw {
     pub run_time_s: RunTime,
 }
 
+impl FittedLaw {
+    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1.
+    #[must_use]
+    pub fn error_share(&self) -> f64 {
+        let (before, after) = (self.before.rms_mm, self.after.rms_mm);
+        if before > 0.0 { (after / before).min(1.0) } else { 0.0 }
+    }
+}
+
 /// Why no law was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]

@@ -16,9 +16,12 @@
 //! The law describes the joint logs of a real IRB 6640 and of its virtual controller (`hehonglu123/ABB_Primitive_Study`): the
 //! distance from a corner of 30°, passed with z1, z10 and z20 at 50 to 500 mm/s, to 10 %.
 
+mod distance;
+mod envelope;
 mod fit;
 mod log;
 mod route;
+mod shape;
 mod smoothing;
 mod speed;
 mod track;
@@ -26,8 +29,10 @@ mod track;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use distance::{ProgrammedPath, distance_between};
 pub use fit::{FittedLaw, LogError, fit_law};
 pub use log::{Log, LogSample};
+pub use shape::{AddedPoint, CommandedMotion, DrivenResult, Freedom, ShapedCommand, Wanted, shape};
 pub(crate) use track::Track;
 
 use crate::robot::{Joints, Pose, Robot};

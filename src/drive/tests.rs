@@ -205,3 +205,163 @@ fn a_law_is_found_again_in_logs_that_it_made() {
     assert!((found.run_time_s.measured - found.run_time_s.predicted).abs() < 0.02, "{found:?}");
     assert_eq!(fit_law(&bench.robot, &logs[..1]).err(), Some(LogError::OneLog));
 }
+
+/// Freedom to move every end, and no more.
+fn movable(waypoints: &[Waypoint]) -> Vec<Freedom> {
+    vec![Freedom { end: true, counts: true, ..Freedom::default() }; waypoints.len()]
+}
+
+/// A tolerance (m) with a law that is known exactly.
+fn exactly(tolerance: f64) -> Wanted {
+    Wanted { tolerance, error_share: 0.0 }
+}
+
+/// The waypoints of a command, as a program has them that it was written into.
+fn commanded(bench: &Bench, waypoints: &[Waypoint], motions: &[CommandedMotion]) -> Vec<Waypoint> {
+    let mut command: Vec<Waypoint> = Vec::new();
+    for (waypoint, motion) in waypoints.iter().zip(motions) {
+        let mut push = |base_from_tcp: Pose, lead, zone| {
+            let motor = bench.robot.inverse_near(&base_from_tcp, &waypoint.motor).expect("within reach");
+            command.push(Waypoint { base_from_tcp, motor, lead, zone, ..*waypoint });
+        };
+        let moved = |pose: &Pose, by: &Vector3<f64>| {
+            Pose::from_parts(Translation3::from(pose.translation.vector + by), pose.rotation)
+        };
+        motion.added.iter().for_each(|added| push(added.base_from_tcp, Lead::Line, Some(3e-4)));
+        let lead = match waypoint.lead {
+            Lead::Arc(via) => Lead::Arc(moved(&via, &motion.via)),
+            lead => lead,
+        };
+        push(moved(&waypoint.base_from_tcp, &motion.end), lead, motion.zone);
+    }
+    command
+}
+
+/// Largest distance (mm) of a driven path from the polyline through waypoints, and of the waypoints from the driven path.
+fn farthest(bench: &Bench, driven: &[Vector3<f64>], waypoints: &[Waypoint]) -> f64 {
+    let middle = bench.at(0.0, 0.0).translation.vector;
+    let corners: Vec<Vector3<f64>> =
+        waypoints.iter().map(|waypoint| 1e3 * (waypoint.base_from_tcp.translation.vector - middle)).collect();
+    let from = |place: &Vector3<f64>, path: &[Vector3<f64>]| {
+        let moved: Vec<Vector3<f64>> = path.iter().map(|at| at - place).collect();
+        nearest(&moved)
+    };
+    let off = driven.iter().map(|place| from(place, &corners)).fold(0.0, f64::max);
+    corners.iter().map(|corner| from(corner, driven)).fold(off, f64::max)
+}
+
+#[test]
+fn a_corner_is_driven_within_the_tolerance_and_costs_less_time_with_added_points_than_with_a_stop() {
+    let bench = Bench::new();
+    let tolerance = 5e-5;
+    for feed in [0.05, 0.1] {
+        let mut waypoints = bench.corner(Some(1.0));
+        waypoints.iter_mut().for_each(|waypoint| waypoint.feed = feed);
+        let with = |added_zone, stop| {
+            let freedom: Vec<Freedom> = movable(&waypoints)
+                .into_iter()
+                .map(|freedom| Freedom { smaller_zone: Some(3e-4), added_zone, stop, ..freedom })
+                .collect();
+            let shaped = shape(&bench.robot, &PathLaw::TYPICAL, &waypoints, &freedom, exactly(tolerance)).expect("within reach");
+            // The command itself, driven as a program would be.
+            let command = commanded(&bench, &waypoints, &shaped.motions);
+            let driven = bench.driven(&PathLaw::TYPICAL, &command);
+            assert_relative_eq!(farthest(&bench, &driven, &waypoints), 1e3 * shaped.after.largest, epsilon = 2e-3);
+            shaped
+        };
+        let (added, stopped) = (with(Some(3e-4), true), with(None, true));
+        assert!(added.before.largest > 5e-4, "{}", added.before.largest);
+        for shaped in [&added, &stopped] {
+            assert!(shaped.after.largest <= tolerance, "{} at {feed} m/s", shaped.after.largest);
+        }
+        let cost = |shaped: &ShapedCommand| shaped.after.seconds - shaped.before.seconds;
+        assert!(cost(&added) > 0.0 && cost(&added) < 0.5 * cost(&stopped), "{} {}", cost(&added), cost(&stopped));
+        assert!(stopped.motions[1].zone.is_none() && added.motions[1].zone.is_some());
+        // Where neither may be, the best that points moved alone can do.
+        let moved = with(None, false);
+        assert!(moved.after.largest > tolerance && moved.after.largest < 0.7 * moved.before.largest);
+    }
+}
+
+#[test]
+fn a_stop_costs_the_time_that_the_axes_take_to_come_to_rest() {
+    let bench = Bench::new();
+    let law = PathLaw { smoothing: [0.08, 0.04], ..PLAIN };
+    let waypoints = bench.corner(Some(1.0));
+    let freedom = vec![Freedom { stop: true, counts: true, ..Freedom::default() }; 3];
+    let shaped = shape(&bench.robot, &law, &waypoints, &freedom, exactly(1e-4)).expect("within reach");
+    // The rounding of 1 mm is (2 - arc) shorter: the parabola over 2 mm of sides at a right angle has 1.623 mm, driven in 20 ms.
+    assert_relative_eq!(shaped.after.seconds - shaped.before.seconds, 0.08 + 0.04, epsilon = 2.0 * SAMPLE_S);
+    assert_eq!(shaped.motions[1].zone, None);
+    assert!(shaped.after.largest < 2e-5, "{}", shaped.after.largest);
+}
+
+#[test]
+fn what_may_not_be_changed_stays_and_what_is_driven_as_written_is_left_alone() {
+    let bench = Bench::new();
+    let waypoints = bench.corner(Some(1.0));
+    let untouched = |shaped: &ShapedCommand| {
+        shaped.motions.iter().zip(&waypoints).all(|(motion, waypoint)| {
+            motion.end == Vector3::zeros() && motion.added.is_empty() && motion.zone == waypoint.zone
+        })
+    };
+    let fixed = vec![Freedom { counts: true, ..Freedom::default() }; 3];
+    let shaped = shape(&bench.robot, &PathLaw::TYPICAL, &waypoints, &fixed, exactly(5e-5)).expect("within reach");
+    assert!(untouched(&shaped) && shaped.before == shaped.after && shaped.after.largest > 5e-4);
+    // Samples 0.4 mm apart on both sides of a sharp corner: the chord between them passes it by 0.14 mm.
+    let movable = movable(&waypoints);
+    let written =
+        shape(&bench.robot, &PathLaw::AS_WRITTEN, &waypoints, &movable, exactly(2e-4)).expect("within reach");
+    assert!(untouched(&written) && written.before.largest < 1.5e-4, "{}", written.before.largest);
+    // What does not count is no reason to move anything.
+    let elsewhere = vec![Freedom { end: true, stop: true, ..Freedom::default() }; 3];
+    let shaped = shape(&bench.robot, &PathLaw::TYPICAL, &waypoints, &elsewhere, exactly(5e-5)).expect("within reach");
+    assert!(untouched(&shaped) && shaped.after.largest <= 0.0);
+}
+
+#[test]
+fn a_curve_of_short_lines_and_an_arc_are_driven_on_their_path() {
+    let bench = Bench::new();
+    let law = PathLaw { smoothing: [0.1, 0.08], ..PathLaw::TYPICAL };
+    // A quarter of a circle of 30 mm at 150 mm/s: the mean over time leads inside it by (v s)² / 2 r, s² = (0.1² + 0.08²) / 12.
+    let at = |degrees: f64| {
+        let angle = degrees.to_radians();
+        [30.0 * angle.sin(), 30.0 * (1.0 - angle.cos())]
+    };
+    let mut lines = vec![bench.waypoint([-60.0, 0.0], Lead::Line, None)];
+    lines.extend((0..=30).map(|k| bench.waypoint(at(3.0 * f64::from(k)), Lead::Line, Some(0.3))));
+    lines.push(bench.waypoint([30.0, 90.0], Lead::Line, None));
+    let [x, y] = at(45.0);
+    let arc = vec![
+        bench.waypoint([-60.0, 0.0], Lead::Line, None),
+        bench.waypoint(at(0.0), Lead::Line, Some(0.3)),
+        bench.waypoint(at(90.0), Lead::Arc(bench.at(x, y)), Some(0.3)),
+        bench.waypoint([30.0, 90.0], Lead::Line, None),
+    ];
+    for mut waypoints in [lines, arc] {
+        waypoints.iter_mut().for_each(|waypoint| waypoint.feed = 0.15);
+        let freedom: Vec<Freedom> =
+            movable(&waypoints).into_iter().map(|freedom| Freedom { via: true, ..freedom }).collect();
+        let shaped = shape(&bench.robot, &law, &waypoints, &freedom, exactly(6e-5)).expect("within reach");
+        let inside = 1e-3 * (150.0f64.powi(2) * (0.1f64.powi(2) + 0.08f64.powi(2)) / 12.0) / (2.0 * 30.0);
+        assert!(shaped.before.largest > 0.8 * inside && shaped.before.largest < 1.3 * inside, "{} {inside}", shaped.before.largest);
+        assert!(shaped.after.largest < 0.3 * shaped.before.largest, "{} {}", shaped.after.largest, shaped.before.largest);
+        assert!(shaped.after.seconds < 1.02 * shaped.before.seconds);
+    }
+}
+
+#[test]
+fn a_law_that_is_not_known_well_enough_stops_at_corners_that_it_cuts_by_much() {
+    let bench = Bench::new();
+    let waypoints = bench.corner(Some(1.0));
+    let freedom: Vec<Freedom> = movable(&waypoints)
+        .into_iter()
+        .map(|freedom| Freedom { smaller_zone: Some(3e-4), added_zone: Some(3e-4), stop: true, ..freedom })
+        .collect();
+    let zone = |error_share| {
+        let wanted = Wanted { tolerance: 5e-5, error_share };
+        shape(&bench.robot, &PathLaw::TYPICAL, &waypoints, &freedom, wanted).expect("within reach").motions[1].zone
+    };
+    // The corner is missed by 0.74 mm: 1 % of that is little of 0.05 mm, 10 % is more than all of it.
+    assert_eq!((zone(0.01), zone(0.1)), (Some(3e-4), None));
+}

@@ -44,4 +44,14 @@ pub(super) trait FrontEnd {
     fn passing(&self, _program: &Program, _target: usize) -> Passing {
         Passing::Unstated
     }
+
+    /// See [`Program::passing_edits`].
+    fn passing_edits(&self, _program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        vec![None; wanted.len()]
+    }
+
+    /// See [`Program::inserted_passing`].
+    fn inserted_passing(&self, program: &Program, before: usize) -> Passing {
+        self.passing(program, before)
+    }
 }

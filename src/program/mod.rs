@@ -275,6 +275,8 @@ pub struct Rewritten {
     pub written: Vec<([f64; 3], [f64; 4])>,
     /// The same for each [`Insert`], in order; `None` where it could not be written.
     pub inserted: Vec<Option<([f64; 3], [f64; 4])>>,
+    /// The target that each insert precedes.
+    pub before: Vec<usize>,
     /// Targets before which nothing could be inserted, with the reason.
     pub not_inserted: Vec<(usize, &'static str)>,
     /// Targets whose change could not be written, with the reason.
@@ -334,6 +336,19 @@ impl Program {
         self.layout.front_end().passing(self, target)
     }
 
+    /// For targets, by their index, the edit that makes the controller come to rest there, or pass in a smaller zone of at most
+    /// this radius; `None` where the text has no name or number to edit for that. An edit holds for each run of the statement.
+    #[must_use]
+    pub(crate) fn passing_edits(&self, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        self.layout.front_end().passing_edits(self, wanted)
+    }
+
+    /// How the controller passes a point that is inserted close before a target.
+    #[must_use]
+    pub(crate) fn inserted_passing(&self, before: usize) -> Passing {
+        self.layout.front_end().inserted_passing(self, before)
+    }
+
     /// How far from a target the controller leaves the path as written, mm; `None` of a stop, and where the text gives no radius.
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
@@ -389,6 +404,7 @@ impl Program {
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());
-        self.layout.front_end().rewrite(self, changes, inserts, options)
+        let rewritten = self.layout.front_end().rewrite(self, changes, inserts, options);
+        Rewritten { before: inserts.iter().map(|insert| insert.before).collect(), ..rewritten }
     }
 }

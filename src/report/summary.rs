@@ -1,6 +1,6 @@
 use super::html::PathKind;
 use super::{CheckFile, Origin};
-use crate::correct::{Corrected, Summary};
+use crate::correct::{Corrected, DrivenSummary, Summary};
 use crate::text::Diagnostic;
 use serde::Serialize;
 use std::fmt;
@@ -39,6 +39,9 @@ pub struct FileSummary {
     pub remaining_path_max_mm: f64,
     /// Root mean square of it over their length, mm.
     pub remaining_path_rms_mm: f64,
+    /// How the controller drives it, where that was looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub driven_path: Option<DrivenSummary>,
     /// Targets without an answer or over a limit.
     pub failures: Vec<FailureLine>,
     /// How many there are besides.
@@ -88,7 +91,8 @@ impl FileSummary {
     /// Sums up a run.
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
-        Self::of(path, &Summary::of(&corrected.rows).with_inserted(corrected.inserted), &corrected.failures)
+        let sum = Summary::of(&corrected.rows).with_inserted(corrected.inserted);
+        Self { driven_path: corrected.driven, ..Self::of(path, &sum, &corrected.failures) }
     }
 
     /// Parts of the targets, whose sum they are.
@@ -128,6 +132,7 @@ impl FileSummary {
             max_kept_mm: sum.max_kept_mm,
             remaining_path_max_mm: sum.remaining_path_max_mm,
             remaining_path_rms_mm: sum.remaining_path_rms_mm,
+            driven_path: None,
             failures: lines(failures),
             more_failures: 0,
             sources: Vec::new(),
@@ -149,7 +154,7 @@ fn lines(failures: &[Diagnostic]) -> Vec<FailureLine> {
 #[must_use]
 pub fn summary_line(summary: &FileSummary, kind: PathKind) -> String {
     let first = match kind {
-        PathKind::Compensate if summary.corrected == 0 => "nothing was corrected: ",
+        PathKind::Compensate if summary.corrected == 0 && summary.driven_path.is_none() => "nothing was corrected: ",
         _ => "",
     };
     let mut line = format!("{first}{}: {}", counted(summary.targets, "target"), parts_text(&summary.parts(kind)));

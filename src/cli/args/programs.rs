@@ -28,6 +28,10 @@ pub(in crate::cli) struct Compensate {
     /// Insert targets until no more than this is left on the way between two
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) subdivide: Option<f64>,
+    /// Keep the path that the controller drives, and the loaded arm takes, within this distance of the programmed one: move
+    /// corners, make zones smaller or stop, and add targets where --subdivide is given; needs [controller.path] in the cell
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(in crate::cli) max_path_error: Option<f64>,
     /// Give a declared target that is used with different corrections a clone for each
     #[arg(long)]
     pub(in crate::cli) allow_clones: bool,

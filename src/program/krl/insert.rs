@@ -6,7 +6,7 @@ use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::value::{EXTERNAL, POSE, upper};
 use crate::program::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::program::token::signed;
-use crate::program::{Editable, Insert, Motion, Program, Rewritten, Role, Target};
+use crate::program::{Editable, Insert, Motion, Passing, Program, Rewritten, Role, Target};
 use crate::text::{Edit, Source, Span, number};
 use std::ops::Range;
 
@@ -103,6 +103,33 @@ fn forms(bytes: &[u8]) -> Vec<Range<usize>> {
         }
     }
     found
+}
+
+/// See [`Program::passing_edits`](crate::program::Program::passing_edits): without its words of approximation a statement positions
+/// exactly. Splines and inline forms stay, and statements in which more follows than these words.
+pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+    let barred: Vec<Barred> = program.sources.iter().take(program.written).map(Barred::of).collect();
+    let edit = |(target, passing): &(usize, Passing)| {
+        let target = program.targets.get(*target).filter(|target| target.role == Role::End)?;
+        let source = usize::from(target.source);
+        if *passing != Passing::Stop || barred.get(source)?.why(target).is_some() {
+            return None;
+        }
+        let text = &program.sources[source].bytes;
+        let mut cursor = Cursor::new(text, 0, target.span);
+        let word = cursor.next();
+        if !matches!(&upper(cursor.text(word))[..], b"LIN" | b"CIRC" | b"PTP") {
+            return None;
+        }
+        let from = cursor.until(&APPROXIMATE).0.range().end;
+        let behind = text.get(from..target.span.range().end)?;
+        let mut words = behind.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).peekable();
+        words.peek()?;
+        let is_known = |word: &[u8]| APPROXIMATE[1..].iter().any(|known| word.eq_ignore_ascii_case(known));
+        let span = Span::new(from, target.span.range().end);
+        words.all(is_known).then(|| Edit { span, content: Vec::new().into() })
+    };
+    wanted.iter().map(edit).collect()
 }
 
 type Written = (usize, Span, Vec<u8>, ([f64; 3], [f64; 4]));

@@ -34,6 +34,10 @@ impl FrontEnd for Layout {
         if approximates { Passing::Unstated } else { Passing::Stop }
     }
 
+    fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        insert::without_approximation(program, wanted)
+    }
+
     fn rewrite(
         &self,
         program: &Program,

@@ -174,8 +174,8 @@ fn radius_mm(zone: &[u8]) -> Option<f64> {
     number::read(fields.next()?.trim_ascii()).filter(|_| flies)
 }
 
-/// See [`Program::passing`](crate::program::Program::passing); `None` of instructions without a zone.
-pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
+/// The argument that tells the zone of a target's instruction; `None` of instructions without one.
+fn zone_argument(program: &Program, target: &Target) -> Option<Span> {
     let bytes = &program.sources[target.source as usize].bytes;
     let Some(Simple::Call(call)) = motion::split(bytes, target.source, target.span) else { return None };
     let shape = motion::shape(&bytes[call.name.range()]).filter(|shape| shape.zone == Zone::BeforeTool)?;
@@ -184,7 +184,13 @@ pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
         ToolAt::Index(at) => at,
         ToolAt::Last => arguments.len().checked_sub(1)?,
     };
-    let zone = &bytes[arguments.get(tool_at.checked_sub(1)?)?.range()];
+    arguments.get(tool_at.checked_sub(1)?).copied()
+}
+
+/// See [`Program::passing`](crate::program::Program::passing); `None` of instructions without a zone.
+pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
+    let bytes = &program.sources[target.source as usize].bytes;
+    let zone = &bytes[zone_argument(program, target)?.range()];
     let written_out = zone.strip_prefix(b"[").and_then(|fields| fields.split(|byte| *byte == b',').next());
     if zone.eq_ignore_ascii_case(b"fine")
         || written_out.is_some_and(|fine| fine.trim_ascii().eq_ignore_ascii_case(b"TRUE"))
@@ -193,6 +199,41 @@ pub(super) fn passing(program: &Program, target: &Target) -> Option<Passing> {
     }
     radius_mm(zone).map(Passing::Zone)
 }
+
+/// See [`Program::passing_edits`](crate::program::Program::passing_edits): the argument becomes the name of a predefined zone.
+pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+    let is_declared = |name: &[u8]| program.sources.iter().any(|source| declares_zone(&source.bytes, name));
+    let is_predefined = |name: &&[u8]| !is_declared(name);
+    let stop = Some(&b"fine"[..]).filter(is_predefined);
+    let zones: Vec<_> = FLY_BY.iter().rev().filter(|(name, _)| is_predefined(name)).collect();
+    let edit = |(target, wanted): &(usize, Passing)| {
+        let target = program.targets.get(*target).filter(|target| usize::from(target.source) < program.written)?;
+        let span = zone_argument(program, target)?;
+        let name = match (wanted, passing(program, target)) {
+            (Passing::Stop, _) => stop?,
+            // Only a zone whose radius is known is known to become smaller.
+            (Passing::Zone(most), Some(Passing::Zone(radius))) => {
+                zones.iter().find(|zone| zone.1 <= *most && zone.1 < radius)?.0
+            }
+            _ => return None,
+        };
+        Some(Edit { span, content: name.to_vec().into() })
+    };
+    wanted.iter().map(edit).collect()
+}
+
+/// Whether a text declares zonedata of its own by the name of predefined ones.
+fn declares_zone(text: &[u8], name: &[u8]) -> bool {
+    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+    text.windows(b"zonedata".len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(b"zonedata")).any(|(at, word)| {
+        let rest = text[at + word.len()..].trim_ascii_start();
+        let end = rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len());
+        rest[..end].eq_ignore_ascii_case(name)
+    })
+}
+
+/// See [`Program::inserted_passing`](crate::program::Program::inserted_passing).
+pub(super) const CLOSE_BY: Passing = Passing::Zone(FLY_BY[0].1);
 
 /// Configuration and external axes of the target, as text.
 fn rest(layout: &Layout, writer: &Writer<'_>, i: usize, own: Option<Conf>, goal: &Goal) -> (Vec<u8>, Vec<u8>) {

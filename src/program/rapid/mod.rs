@@ -76,7 +76,7 @@ use rewrite::rewrite;
 
 use super::front_end::FrontEnd;
 use super::{Change, Insert, Kept, Language, Passing, Program, RewriteOptions, Rewritten};
-use crate::text::{Diagnostic, Severity, Source, Span};
+use crate::text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, Kind};
 use literal::Literal;
 use std::collections::HashSet;
@@ -153,6 +153,14 @@ impl FrontEnd for Layout {
 
     fn passing(&self, program: &Program, target: usize) -> Passing {
         insert::passing(program, &program.targets[target]).unwrap_or(Passing::Unstated)
+    }
+
+    fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        insert::passing_edits(program, wanted)
+    }
+
+    fn inserted_passing(&self, _: &Program, _: usize) -> Passing {
+        insert::CLOSE_BY
     }
 }
 

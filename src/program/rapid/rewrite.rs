@@ -143,7 +143,7 @@ impl Writer<'_> {
         }
         self.kept.sort_unstable();
         let Self { edits, kept, not_inserted, .. } = self;
-        Rewritten { edits, written, inserted, kept, not_inserted }
+        Rewritten { edits, written, inserted, kept, not_inserted, ..Rewritten::default() }
     }
 
     /// What each literal is to become, agreed among all who use it; clones where they do not agree.

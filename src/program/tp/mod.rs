@@ -69,6 +69,27 @@ impl FrontEnd for Layout {
         if words.any(stops) { Passing::Stop } else { Passing::Unstated }
     }
 
+    fn passing_edits(&self, program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
+        let edit = |(target, passing): &(usize, Passing)| {
+            let target = program.targets.get(*target)?;
+            if *passing != Passing::Stop || usize::from(target.source) >= program.written {
+                return None;
+            }
+            // `CNT50` as one word: `CNT R[1]` has its number elsewhere.
+            let text = &program.sources[usize::from(target.source)].bytes[target.span.range()];
+            let is_word = |byte: u8| byte.is_ascii_alphanumeric();
+            let (at, _) = text.windows(3).enumerate().find(|(at, word)| {
+                word.eq_ignore_ascii_case(b"CNT")
+                    && (*at == 0 || !is_word(text[at - 1]))
+                    && text.get(at + 3).is_some_and(u8::is_ascii_digit)
+            })?;
+            let length = text[at..].iter().take_while(|byte| is_word(**byte)).count();
+            let start = target.span.range().start + at;
+            Some(Edit { span: Span::new(start, start + length), content: b"FINE".to_vec().into() })
+        };
+        wanted.iter().map(edit).collect()
+    }
+
     fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {
         insert::refusal(program, self, before)
     }

@@ -102,3 +102,88 @@ fn logs_that_cannot_be_used_are_refused() {
     bench.write("far.mod", text.replace("1100.0,0.0,900", "1100.0,-300.0,900"));
     assert!(refused("--log far.mod l.csv --log p.mod l.csv").contains("the axes do not pass the first"));
 }
+
+const LAW: &str = "[controller.path]\nzone_share = 0.87\nsmoothing_s = [0.058, 0.058]\nacceleration_mm_s2 = 8000.0\n\
+                   corner_acceleration_mm_s2 = 4000.0\n";
+
+/// Largest distance (mm) of a path in CSV from the two sides of the square corner.
+fn from_sides(path: &str) -> f64 {
+    let distance = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let (x, y, z) = (cells[2] - 1200.0, cells[3], cells[4] - 900.0);
+        let to = |along: f64, across: f64| (along.max(0.0).powi(2) + across.powi(2) + z.powi(2)).sqrt();
+        to(x, y).min(to(-y, x))
+    };
+    path.lines().skip(1).map(distance).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
+    let bench = Bench::new();
+    bench.write("cell.toml", format!("{CELL}{LAW}"));
+    let text = program("v50", "z1");
+    bench.write("p.mod", &text);
+    let before = bench.run("predict p.mod --cell cell.toml --path - -q").exits(0).stdout;
+    assert!(from_corner(&before) > 0.5 && from_sides(&before) > 0.4);
+    let run = |arguments: &str| {
+        let ran = bench.run(&format!("compensate p.mod --cell cell.toml -o out.mod --json out.json {arguments}")).exits(0);
+        let json: Value = serde_json::from_str(&bench.read("out.json")).unwrap();
+        let path = bench.run("predict out.mod --cell cell.toml --path - -q").exits(0).stdout;
+        (ran.stderr, json["files"][0].clone(), path, bench.read("out.mod"))
+    };
+    // Without targets that may be added, the arm has to stop at the corner: the zone's name is edited.
+    let (said, json, path, out) = run("--max-path-error 0.05");
+    assert!(from_sides(&path) < 0.05 && from_corner(&path) < 0.05);
+    assert_eq!(out, text.replace(",z1,", ",fine,"));
+    assert!(said.contains("at 1 corners the motion now comes to rest") && said.contains("`--subdivide MM` may add"), "{said}");
+    let time = |json: &Value, which: &str| json["driven_path"][which]["run_time_s"].as_f64().unwrap();
+    let stop = time(&json, "corrected") - time(&json, "programmed");
+    assert!((0.1..0.2).contains(&stop), "{stop}");
+    assert!(json["driven_path"]["programmed"]["max_mm"].as_f64().unwrap() > 0.5, "{json}");
+    // With them, it takes less time.
+    let (said, json, path, out) = run("--max-path-error 0.05 --subdivide 0.05");
+    assert!(from_sides(&path) < 0.05 && from_corner(&path) < 0.05, "{said}");
+    assert!(json["driven_path"]["corrected"]["max_mm"].as_f64().unwrap() <= 0.05, "{json}");
+    let added = time(&json, "corrected") - time(&json, "programmed");
+    assert!(added < 0.5 * stop, "{added} for {stop} s");
+    assert_eq!(out.matches("MoveL").count(), 3 + usize::try_from(json["inserted"].as_u64().unwrap()).unwrap());
+    assert!(out.contains(",z0,tMill;") && json["inserted"].as_u64() > Some(0), "{out}");
+    // The report is of the program's own targets.
+    let report = bench.read("out.report.csv");
+    assert_eq!(report.lines().count(), 1 + 3, "{report}");
+    // A tolerance that is kept already changes nothing.
+    let (_, _, _, out) = run("--max-path-error 2");
+    assert_eq!(out, text);
+}
+
+#[test]
+fn a_tolerance_of_the_driven_path_needs_a_law_and_a_program_that_is_edited() {
+    let bench = Bench::new();
+    bench.write("cell.toml", CELL);
+    bench.write("p.mod", program("v50", "z1"));
+    let refused = bench.run("compensate p.mod --cell cell.toml -o out.mod --max-path-error 0.05").exits(2).stderr;
+    assert!(refused.contains("path.no-law") && refused.contains("identify --log"), "{refused}");
+    // Zonedata of the program's own may have any name: `fine` may be a zone then.
+    let own = program("v50", "z1").replace("  PROC", "  CONST zonedata fine:=[FALSE,5,5,5,1,5,1];\n  PROC");
+    bench.write("own.mod", own);
+    bench.write("law.toml", format!("{CELL}{LAW}"));
+    let ran = bench.run("compensate own.mod --cell law.toml -o out.mod --max-path-error 0.05").exits(0);
+    assert!(ran.stderr.contains("path.tolerance") && ran.stderr.contains("can be kept"), "{}", ran.stderr);
+    assert!(bench.read("out.mod").contains(",z0,tMill;"), "{}", bench.read("out.mod"));
+}
+
+#[test]
+fn stops_are_written_as_the_language_writes_them() {
+    let bench = Bench::new();
+    bench.write("cell.toml", format!("{CELL}{LAW}zone_mm = 2.0\n[tools.t]\ntcp_mm = [0, 0, 100]\n"));
+    let krl = |corner: &str| {
+        format!(
+            "DEF p()\n$BASE={{X 0,Y 0,Z 0,A 0,B 0,C 0}}\n$TOOL={{X 0,Y 0,Z 100,A 0,B 0,C 0}}\n$VEL.CP=0.05\n\
+             LIN {{X 1100,Y 0,Z 900,A 0,B 180,C 0}}\nLIN {{X 1200,Y 0,Z 900,A 0,B 180,C 0}}{corner}\n\
+             LIN {{X 1200,Y 100,Z 900,A 0,B 180,C 0}}\nEND\n"
+        )
+    };
+    bench.write("p.src", krl(" C_DIS"));
+    let ran = bench.run("compensate p.src --cell cell.toml -o out.src --max-path-error 0.05").exits(0);
+    assert_eq!(bench.read("out.src"), krl(""), "{}", ran.stderr);
+}

@@ -1,0 +1,415 @@
+//! Programs that keep a tolerance of the path as it is driven (`compensate --max-path-error`).
+//!
+//! What the controller makes of a corner is corrected first: [`shape`] finds the command that is driven along the programmed
+//! path, and the program is written with it. That program is then corrected for the deflection of the arm as any other is.
+//! What comes of both is judged on the final text: the path that the controller drives and the loaded arm takes, against the path
+//! of the program as it was given.
+
+use super::driven::{Course, DrivenWays, driven_ways, loaded_path};
+use super::line::compensate;
+use super::{Corrected, Options, Prepared, Row, frames};
+use crate::cell::{Cell, ControllerPath};
+use crate::drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
+use crate::program::cl::ClOptions;
+use crate::program::{
+    Change, Editable, Goal, Insert, Language, Passing, Program, ReadOptions, RewriteOptions, Rewritten, read,
+};
+use crate::text::{Diagnostic, Edit, Severity, Source, apply};
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::collections::BTreeSet;
+
+/// Smaller displacements are not written, m: half the last digit of a position.
+const NO_MOVE: f64 = 5e-8;
+/// Zone that a corner may get in place of a larger one, mm: the smallest one of RAPID.
+const SMALLEST_ZONE_MM: f64 = 0.3;
+/// How often the command is sought again where the text does not allow what was found.
+const MOST_ROUNDS: usize = 6;
+/// Places of a path that a message names.
+const NAMED: usize = 5;
+
+/// A program that was corrected for its driven path.
+#[derive(Debug)]
+pub struct DrivenCompensation {
+    /// The program before the deflection is corrected: [`Corrected::rewritten`] has edits of its sources.
+    pub program: Program,
+    /// What became of it; the rows are those of the program as it was given.
+    pub corrected: Corrected,
+}
+
+/// How a program is driven.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct DrivenFigures {
+    /// Largest distance between the driven, loaded path and the programmed one, mm: on the way into cutting targets, into all where
+    /// none cuts.
+    pub max_mm: f64,
+    /// How long the program runs, s.
+    pub run_time_s: f64,
+}
+
+/// What a run says about the path that the controller drives.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DrivenSummary {
+    /// As the program is written.
+    pub programmed: DrivenFigures,
+    /// As it is corrected.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub corrected: Option<DrivenFigures>,
+    /// Largest distance that was asked for, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance_mm: Option<f64>,
+}
+
+/// Corrects a program so that the path that the cell's controller drives, and the loaded arm takes, stays within a tolerance (m)
+/// of the programmed one.
+///
+/// # Errors
+/// What [`compensate`] and [`Course::new`] refuse; a cell without the law of its controller; CL data, which are not edited.
+pub fn compensate_driven(
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    tolerance: f64,
+) -> Result<DrivenCompensation, Vec<Diagnostic>> {
+    let name = program.sources.first().map_or("", |source| &source.name);
+    let refuse = |code, message: &str, help: &str| vec![Diagnostic::error(code, name, message.to_owned()).help(help)];
+    let Some(path) = cell.controller.path else {
+        let message = "the path that the controller drives is not known: the cell has no [controller.path]";
+        let help = "record the axes while programs run, and find the law: deflex identify --log PROGRAM LOG.csv";
+        return Err(refuse("path.no-law", message, help));
+    };
+    if program.language == Language::Cl {
+        let message = "--max-path-error edits a program, and CL data are posted anew";
+        let help = "post them with a cell that corrects nothing, then correct the posted program";
+        return Err(refuse("path.cl", message, help));
+    }
+    let prepared = Prepared::new(program, cell, options)?;
+    let course = Course::new(program, cell, &prepared)?;
+    let given = Given { program, cell, options, prepared: &prepared, course: &course, path, tolerance };
+    let shaped = given.shaped()?;
+    // Targets that are inserted for the deflection are inserted between those of the shaped program.
+    let mut corrected = compensate(&shaped.program, cell, options)?;
+    if !corrected.failures.is_empty() {
+        return Ok(DrivenCompensation { program: shaped.program, corrected });
+    }
+    let before = given.judged(program, &[])?;
+    let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits);
+    let written = edited(&shaped.program, edits)?;
+    let further = inserted_before(&shaped.program, corrected.rewritten.as_ref());
+    let after = given.judged(&written, &given.origins(&shaped, &further))?;
+    given.tell(&shaped, &mut corrected, &before, &after);
+    Ok(DrivenCompensation { program: shaped.program, corrected })
+}
+
+/// A program as it was given, and what is asked of it.
+struct Given<'a> {
+    program: &'a Program,
+    cell: &'a Cell,
+    options: &'a Options,
+    prepared: &'a Prepared,
+    course: &'a Course,
+    path: ControllerPath,
+    tolerance: f64,
+}
+
+/// The program whose controller drives the given path.
+struct ShapedProgram {
+    program: Program,
+    command: ShapedCommand,
+    /// How many targets were inserted before each waypoint.
+    inserted: Vec<usize>,
+    /// Targets whose displacement could not be written, with the reason.
+    kept: Vec<(usize, &'static str)>,
+}
+
+impl Given<'_> {
+    /// Finds the command, writes it, and seeks it again without what the text does not allow.
+    fn shaped(&self) -> Result<ShapedProgram, Vec<Diagnostic>> {
+        let Self { program, course, .. } = *self;
+        let (mut fixed, mut closed) = (BTreeSet::new(), BTreeSet::new());
+        let mut kept = Vec::new();
+        let mut round = 0;
+        loop {
+            round += 1;
+            let freedom = self.freedom(&fixed, &closed);
+            let robot = &self.cell.arm.robot;
+            let wanted = Wanted { tolerance: self.tolerance, error_share: self.path.error_share };
+            let command = shape(robot, &self.path.law, &course.waypoints, &freedom, wanted);
+            let command = command.map_err(|error| self.refused(error))?;
+            let (changes, inserts) = (self.changes(&command.motions), self.inserts(&command.motions));
+            let rewrite = RewriteOptions { allow_clones: self.options.allow_clones, ..RewriteOptions::default() };
+            let mut rewritten = program.rewrite(&changes, &inserts, &rewrite);
+            let before = fixed.len() + closed.len();
+            fixed.extend(rewritten.kept.iter().map(|(i, _)| *i));
+            closed.extend(rewritten.not_inserted.iter().map(|(i, _)| *i));
+            kept.append(&mut rewritten.kept);
+            if fixed.len() + closed.len() > before && round < MOST_ROUNDS {
+                continue;
+            }
+            self.edit_zones(&command.motions, &mut rewritten);
+            let written = edited(program, &rewritten.edits)?;
+            let mut inserted = vec![0; course.waypoints.len()];
+            for (insert, _) in inserts.iter().zip(&rewritten.inserted).filter(|(_, written)| written.is_some()) {
+                if let Ok(waypoint) = course.targets.binary_search(&insert.before) {
+                    inserted[waypoint] += 1;
+                }
+            }
+            kept.sort_unstable();
+            kept.dedup();
+            return Ok(ShapedProgram { program: written, command, inserted, kept });
+        }
+    }
+
+    /// What may be changed of each motion.
+    fn freedom(&self, fixed: &BTreeSet<usize>, closed: &BTreeSet<usize>) -> Vec<Freedom> {
+        let Self { program, prepared, course, .. } = *self;
+        let cuts = course.targets.iter().any(|i| prepared.points[*i].cuts());
+        let wanted = |passing: Passing| {
+            let wanted: Vec<_> = course.targets.iter().map(|i| (*i, passing)).collect();
+            program.passing_edits(&wanted).into_iter().map(|edit| edit.is_some())
+        };
+        let (stops, smaller) = (wanted(Passing::Stop), wanted(Passing::Zone(SMALLEST_ZONE_MM)));
+        let unstated = self.path.zone;
+        let added_zone = |i: usize| match program.inserted_passing(i) {
+            Passing::Stop => None,
+            Passing::Zone(mm) => Some(1e-3 * mm),
+            Passing::Unstated => unstated,
+        };
+        let moves = |i: usize| {
+            let target = &program.targets[i];
+            !fixed.contains(&i)
+                && matches!(target.editable, Editable::Pose | Editable::Position)
+                && matches!(target.goal, Goal::Pose { .. })
+        };
+        course
+            .targets
+            .iter()
+            .zip(stops.zip(smaller))
+            .map(|(&i, (stop, smaller))| Freedom {
+                end: moves(i),
+                via: i.checked_sub(1).is_some_and(moves),
+                smaller_zone: smaller.then_some(1e-3 * SMALLEST_ZONE_MM),
+                stop,
+                added_zone: added_zone(i).filter(|_| {
+                    self.options.subdivide.is_some() && !closed.contains(&i) && program.insertion_refused(i).is_none()
+                }),
+                counts: !cuts || prepared.points[i].cuts(),
+            })
+            .collect()
+    }
+
+    fn refused(&self, error: DriveError) -> Vec<Diagnostic> {
+        self.course.refused(self.program, error)
+    }
+
+    /// Where the points of the program go; `None` where they stay.
+    fn changes(&self, motions: &[CommandedMotion]) -> Vec<Option<Change>> {
+        let mut changes: Vec<Option<Change>> = vec![None; self.program.targets.len()];
+        for (motion, &i) in motions.iter().zip(&self.course.targets) {
+            let back = self.prepared.base_from_wobj(i).rotation.inverse();
+            let mut move_to = |i: usize, shift: &Vector3<f64>| {
+                let Goal::Pose { position_mm, .. } = self.program.targets[i].goal else { return };
+                if shift.norm() >= NO_MOVE {
+                    let position_mm = (Vector3::from(position_mm) + 1e3 * (back * shift)).into();
+                    changes[i] = Some(Change { position_mm, quat: None, conf: None, external: None });
+                }
+            };
+            move_to(i, &motion.end);
+            if let Some(via) = i.checked_sub(1).filter(|_| motion.via != Vector3::zeros()) {
+                move_to(via, &motion.via);
+            }
+        }
+        changes
+    }
+
+    fn inserts(&self, motions: &[CommandedMotion]) -> Vec<Insert> {
+        let mut inserts = Vec::new();
+        for (motion, &i) in motions.iter().zip(&self.course.targets) {
+            let wobj_from_base = self.prepared.base_from_wobj(i).inverse();
+            for added in &motion.added {
+                let pose = frames::millimetres(&(wobj_from_base * added.base_from_tcp));
+                inserts.push(Insert::line(i, pose, 2.0 * SMALLEST_ZONE_MM));
+            }
+        }
+        inserts
+    }
+
+    /// Adds the edits of zones. A statement that runs more than once gets what the most careful of its runs needs.
+    fn edit_zones(&self, motions: &[CommandedMotion], rewritten: &mut Rewritten) {
+        let Self { program, course, .. } = *self;
+        let mut wanted = Vec::new();
+        for ((motion, waypoint), &i) in motions.iter().zip(&course.waypoints).zip(&course.targets) {
+            match (motion.zone, waypoint.zone) {
+                (None, Some(_)) => wanted.push((i, Passing::Stop)),
+                (Some(zone), Some(programmed)) if zone < programmed => wanted.push((i, Passing::Zone(1e3 * zone + 1e-9))),
+                _ => {}
+            }
+        }
+        // Stops first: of two edits of one statement the first holds.
+        wanted.sort_by_key(|(i, passing)| (*passing != Passing::Stop, *i));
+        let mut edits: Vec<(usize, Edit)> = Vec::new();
+        for ((i, _), edit) in wanted.iter().zip(program.passing_edits(&wanted)) {
+            let source = usize::from(program.targets[*i].source);
+            let Some(edit) = edit else { continue };
+            if edits.iter().all(|(at, other)| (*at, other.span) != (source, edit.span)) {
+                edits.push((source, edit));
+            }
+        }
+        for (source, edit) in edits {
+            rewritten.edits[source].push(edit);
+        }
+        for edits in &mut rewritten.edits {
+            edits.sort_by_key(|edit| (edit.span.start, edit.span.end));
+        }
+    }
+
+    /// For each motion of the written program the waypoint of the given program on whose way it is. `further` has how many targets
+    /// were inserted before each motion of the shaped program.
+    fn origins(&self, shaped: &ShapedProgram, further: &[usize]) -> Vec<usize> {
+        let shaped_motions = shaped.inserted.iter().enumerate().flat_map(|(i, inserted)| vec![i; inserted + 1]);
+        shaped_motions.enumerate().flat_map(|(k, i)| vec![i; further.get(k).copied().unwrap_or(0) + 1]).collect()
+    }
+
+    /// How a program is driven, against the path of the given one; each of its motions belongs to the waypoint in `origins`, which
+    /// is empty for the given program itself.
+    fn judged(&self, program: &Program, origins: &[usize]) -> Result<DrivenWays, Vec<Diagnostic>> {
+        let path = loaded_path(program, self.cell, self.options)?;
+        let waypoint_of = |waypoint: usize| origins.get(waypoint).copied().unwrap_or(waypoint);
+        Ok(driven_ways(self.prepared, self.course, &self.cell.arm.robot, &path, &waypoint_of))
+    }
+
+    /// Completes the rows and says what came of it.
+    fn tell(&self, shaped: &ShapedProgram, corrected: &mut Corrected, before: &DrivenWays, after: &DrivenWays) {
+        let Self { program, course, prepared, .. } = *self;
+        // Ordinals of the given program, counted on by what was inserted.
+        let mut ordinals: Vec<(u32, usize)> = Vec::new();
+        let mut more = 0;
+        for (waypoint, inserted) in shaped.inserted.iter().enumerate() {
+            let target = course.targets[waypoint];
+            #[allow(clippy::cast_possible_truncation)] // far fewer than motions
+            let count = *inserted as u32;
+            more += count;
+            ordinals.push((program.targets[target].ordinal + more, waypoint));
+        }
+        let inserted: usize = shaped.inserted.iter().sum();
+        let mut more = 0;
+        let mut at = 0;
+        let mut rows: Vec<Row> = Vec::with_capacity(corrected.rows.len());
+        for mut row in std::mem::take(&mut corrected.rows) {
+            while at < ordinals.len() && ordinals[at].0 < row.target {
+                at += 1;
+            }
+            let Some((_, waypoint)) = ordinals.get(at).filter(|(ordinal, _)| *ordinal == row.target) else {
+                // Inserted before the next waypoint, or a motion that is known only at run time.
+                let next = ordinals.get(at).map(|(_, waypoint)| *waypoint);
+                let is_inserted = next.is_some_and(|waypoint| {
+                    let from = ordinals[at].0 - u32::try_from(shaped.inserted[waypoint]).unwrap_or(0);
+                    (from..ordinals[at].0).contains(&row.target)
+                });
+                if !is_inserted {
+                    row.target -= more;
+                    rows.push(row);
+                }
+                continue;
+            };
+            let target = &program.targets[course.targets[*waypoint]];
+            more = ordinals[at].0 - target.ordinal;
+            if row.is_solved() {
+                let programmed = 1e3 * prepared.points[course.targets[*waypoint]].wobj_from_tcp.translation.vector;
+                let shift = Vector3::from(row.position_mm) - programmed;
+                row.correction_mm = (Vector3::from(row.correction_mm) + shift).into();
+                row.position_mm = programmed.into();
+                row.path = after.ways[*waypoint].or(row.path);
+            }
+            (row.target, row.line) = (target.ordinal, target.line);
+            rows.push(row);
+        }
+        corrected.rows = rows;
+        corrected.inserted += inserted;
+        corrected.driven = Some(DrivenSummary {
+            programmed: before.figures,
+            corrected: Some(after.figures),
+            tolerance_mm: Some(1e3 * self.tolerance),
+        });
+        corrected.notes.extend(self.notes(shaped, before, after));
+    }
+
+    fn notes(&self, shaped: &ShapedProgram, before: &DrivenWays, after: &DrivenWays) -> Vec<Diagnostic> {
+        let Self { program, course, .. } = *self;
+        let name = program.sources.first().map_or("", |source| &source.name);
+        let (was, is, asked) = (before.figures, after.figures, 1e3 * self.tolerance);
+        let mut notes = course.notes(program, self.cell);
+        let stops = shaped.command.motions.iter().zip(&course.waypoints);
+        let stops = stops.filter(|(motion, waypoint)| motion.zone.is_none() && waypoint.zone.is_some()).count();
+        let added: usize = shaped.inserted.iter().sum();
+        let seconds = is.run_time_s - was.run_time_s;
+        let share = if was.run_time_s > 0.0 { 100.0 * seconds / was.run_time_s } else { 0.0 };
+        let mut message = format!(
+            "the driven, loaded path was up to {:.3} mm off and is up to {:.3} mm off; the run takes {:.2} s in place of {:.2} s \
+             ({share:+.1} %)",
+            was.max_mm, is.max_mm, is.run_time_s, was.run_time_s
+        );
+        if added > 0 {
+            message += &format!("; {added} targets were added at corners");
+        }
+        if stops > 0 {
+            message += &format!("; at {stops} corners the motion now comes to rest");
+        }
+        let mut note = Diagnostic::error("path.kept", name, message).severity(Severity::Note);
+        if stops > 0 {
+            note = note.help(match self.options.subdivide {
+                None => "`--subdivide MM` may add targets at these corners, which costs less time than a stop",
+                Some(_) => {
+                    "a law that explains the controller better (error_share of [controller.path]) allows more corners without a stop: fit \
+                     it to logs at this feed and these zones"
+                }
+            });
+        }
+        notes.push(note);
+        if is.max_mm > asked {
+            let over: Vec<usize> = (0..after.ways.len())
+                .filter(|i| after.counts[*i] && after.ways[*i].is_some_and(|way| way.max_mm > asked))
+                .collect();
+            let lines: Vec<String> = over.iter().take(NAMED).map(|i| program.targets[course.targets[*i]].line.to_string()).collect();
+            let more = if over.len() > NAMED { ", …" } else { "" };
+            let message = format!(
+                "--max-path-error {asked} is not kept on the way into {} of {} targets (lines {}{more}): {:.3} mm can be kept",
+                over.len(),
+                after.ways.len(),
+                lines.join(", "),
+                is.max_mm
+            );
+            let why = shaped.kept.first().map(|(_, why)| format!("some targets there cannot be moved: {why}; "));
+            let help = format!("{}a lower feed there keeps the path better", why.unwrap_or_default());
+            notes.push(Diagnostic::error("path.tolerance", name, message).severity(Severity::Warning).help(help));
+        }
+        notes
+    }
+}
+
+/// A program with edits of its sources, read again.
+fn edited(program: &Program, edits: &[Vec<Edit>]) -> Result<Program, Vec<Diagnostic>> {
+    let none = Vec::new();
+    let (own, context) = program.sources.split_at(program.written);
+    let own = own.iter().enumerate().map(|(i, source)| {
+        let mut bytes = Vec::with_capacity(source.bytes.len());
+        // Writing to a Vec cannot fail.
+        let _ = apply(&source.bytes, edits.get(i).unwrap_or(&none), &mut bytes);
+        Source::new(source.name.clone(), bytes)
+    });
+    let options = ReadOptions { cl: &ClOptions::default(), look: false };
+    read(program.language, own.collect(), context.to_vec(), &options)
+}
+
+/// How many motions a correction inserted before each motion of a program.
+fn inserted_before(program: &Program, rewritten: Option<&Rewritten>) -> Vec<usize> {
+    let ends: Vec<usize> = (0..program.targets.len()).filter(|i| program.targets[*i].is_end()).collect();
+    let mut inserted = vec![0; ends.len()];
+    let written = rewritten.into_iter().flat_map(|rewritten| rewritten.before.iter().zip(&rewritten.inserted));
+    for (before, _) in written.filter(|(_, pose)| pose.is_some()) {
+        if let Ok(motion) = ends.binary_search(before) {
+            inserted[motion] += 1;
+        }
+    }
+    inserted
+}
