@@ -226,6 +226,14 @@ max_step_mm = 0.5               # so does a larger step between neighbouring cor
 [controller]
 compensates = []                # << "gravity", "geometry": what the controller corrects by itself (Absolute Accuracy)
 
+# The path that the controller drives. These numbers describe the joint logs of an IRB 6640 with its IRC5 controller
+# (github.com/hehonglu123/ABB_Primitive_Study). Find those of your controller: deflex identify --log PROGRAM LOG.csv
+# [controller.path]
+# zone_share = 0.87
+# smoothing_s = [0.058, 0.058]
+# acceleration_mm_s2 = 8000.0
+# corner_acceleration_mm_s2 = 4000.0
+
 # Tools and work objects, by the names in the program, that it uses and does not declare; and those of CL input.
 {frames}
 [cl]                            # CL input only

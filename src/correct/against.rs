@@ -111,6 +111,21 @@ impl<'a> Subdivided<'a> {
         Ok(subdivided)
     }
 
+    /// For each motion of the corrected program the motion of the original on whose way it is.
+    pub(super) fn motions(&self, corrected: &Program) -> Vec<usize> {
+        let ends = |program: &Program| -> Vec<usize> {
+            (0..program.targets.len()).filter(|i| program.targets[*i].is_end()).collect()
+        };
+        let originals = ends(self.original);
+        let motion = |target: usize| originals.binary_search(&target).unwrap_or(0);
+        // The first motion of the original that ends at or after a target of the corrected program.
+        let of = |target: usize| {
+            let at = self.matched.partition_point(|(_, given)| *given < target);
+            self.matched.get(at).map_or(originals.len().saturating_sub(1), |(wanted, _)| motion(*wanted))
+        };
+        ends(corrected).into_iter().map(of).collect()
+    }
+
     /// Puts the inserted targets where they are on the path of the original.
     fn place(&mut self, points: &mut Prepared, program: &Program, cell: &Cell) -> Result<(), Vec<Diagnostic>> {
         let free = free_axes(cell);

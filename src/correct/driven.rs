@@ -5,12 +5,12 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
-use super::{DrivenFigures, Options, PathDeviation, Prepared, frames};
+use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
 use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, distance_between, drive};
 use crate::equilibrium::{Arm, WarmStart};
 use crate::program::{Passing, Program};
-use crate::robot::{Joints, Pose};
+use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -186,6 +186,59 @@ impl Course {
     }
 }
 
+/// A corrected program's original, from whose path it is judged.
+pub(super) struct Original<'a> {
+    pub(super) program: &'a Program,
+    /// For each motion of the corrected program the motion of the original on whose way it is; `None` where both have the same ones.
+    pub(super) motions: Option<Vec<usize>>,
+}
+
+/// Puts the path that the controller drives in place of the ways as they are written, where the cell has the law of its controller:
+/// the rows' [`path`](super::Row::path), and how long the program runs. Where that path cannot be computed, a note says why.
+pub(super) fn follow_law(
+    corrected: &mut Corrected,
+    program: &Program,
+    cell: &Cell,
+    options: &Options,
+    original: Option<Original<'_>>,
+) {
+    if cell.controller.path.is_none() || !corrected.failures.is_empty() {
+        return;
+    }
+    let motions = original.as_ref().and_then(|original| original.motions.as_ref());
+    let motion_of = |motion: usize| motions.and_then(|motions| motions.get(motion)).copied().unwrap_or(motion);
+    let base = original.as_ref().map_or(program, |original| original.program);
+    let judged = || -> Result<(DrivenWays, Vec<Diagnostic>), Vec<Diagnostic>> {
+        let prepared = Prepared::new(base, cell, options)?;
+        let course = Course::new(base, cell, &prepared)?;
+        let path = loaded_path(program, cell, options)?;
+        Ok((driven_ways(&prepared, &course, &cell.arm.robot, &path, &motion_of), path.notes))
+    };
+    match judged() {
+        Ok((driven, notes)) => {
+            let ends: Vec<u32> =
+                program.targets.iter().filter(|target| target.is_end()).map(|target| target.ordinal).collect();
+            for row in corrected.rows.iter_mut().filter(|row| row.is_solved()) {
+                let Ok(motion) = ends.binary_search(&row.target) else { continue };
+                // What is left on a way is said once, at its end.
+                let is_last = motion + 1 >= ends.len() || motion_of(motion + 1) != motion_of(motion);
+                if let Some(way) = driven.ways[motion_of(motion)].filter(|_| is_last) {
+                    row.path = Some(way);
+                }
+            }
+            corrected.driven = Some(DrivenSummary { programmed: driven.figures, corrected: None, tolerance_mm: None });
+            corrected.notes.extend(notes);
+        }
+        Err(errors) => corrected.notes.extend(errors.into_iter().next().map(as_written)),
+    }
+}
+
+/// Says why corners are taken as written although the cell has the law of its controller.
+pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
+    let message = format!("remaining_path_mm takes corners as written: {}", error.message);
+    Diagnostic { code: "path.as-written", message, severity: Severity::Note, ..error }
+}
+
 /// The path that the cell's controller drives along a program, with the arm loaded by the forces that act on the way.
 ///
 /// # Errors
@@ -262,7 +315,11 @@ pub(super) fn driven_ways(
     let any_cuts = course.targets.iter().any(cuts);
     let counts: Vec<bool> = course.targets.iter().map(|i| !any_cuts || cuts(i)).collect();
     let mut ways: Vec<Option<PathDeviation>> = (0..course.waypoints.len())
-        .map(|i| programmed.track(i).map(|track| PathDeviation { length_mm: 1e3 * track.length(), ..PathDeviation::default() }))
+        .map(|i| {
+            programmed
+                .track(i)
+                .map(|track| PathDeviation { length_mm: 1e3 * track.length(), ..PathDeviation::default() })
+        })
         .collect();
     let places: Vec<Vector3<f64>> = path.samples.iter().map(|sample| sample.base_from_tcp).collect();
     let mut driven_length = vec![0.0; ways.len()];

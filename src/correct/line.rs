@@ -5,6 +5,7 @@ use super::collected::{Collected, check_limits};
 use super::contradictions::contradictions;
 use super::corrected::{Corrected, Posted};
 use super::deviation::{Commanded, WalkedPath};
+use super::driven::{self, Original};
 use super::inserted::Stops;
 use super::laws::Laws;
 use super::messages::Repeated;
@@ -60,7 +61,11 @@ pub fn predict(
     let ends = OrderedStage::new(None);
     // Nobody else has a chunk that could break off.
     let predicted = warm_start(program, cell, options, (prepared, &ends), 0, Parallelism::Threads);
-    Ok(predicted.unwrap_or_default().with_repeated())
+    let mut predicted = predicted.unwrap_or_default().with_repeated();
+    let motions = subdivided.as_ref().map(|subdivided| subdivided.motions(program));
+    let original = against.map(|program| Original { program, motions });
+    driven::follow_law(&mut predicted, program, cell, options, original);
+    Ok(predicted)
 }
 
 /// A program, or a chunk of it, and what it is judged by.

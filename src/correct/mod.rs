@@ -126,11 +126,13 @@ pub struct Options {
     pub cut_progress: CutProgress,
 }
 
-/// Whether a program can only be corrected as a whole: it cuts a stock, or its turns about the tool axis are still to be chosen
+/// Whether a program can only be corrected as a whole: it cuts a stock, the law of its controller leads along all of it, or its turns about the tool axis are still to be chosen
 /// along it.
 fn is_held_whole(cell: &Cell, options: &Options) -> bool {
     let stiffest = cell.cl.as_ref().is_some_and(|cl| cl.spin.rule == SpinRule::Stiffest);
-    cell.stock.is_some() || (options.turns.is_none() && (options.free_spin || stiffest))
+    cell.stock.is_some()
+        || cell.controller.path.is_some()
+        || (options.turns.is_none() && (options.free_spin || stiffest))
 }
 
 /// A program with everything solved before its equilibria: for callers that have questions of their own, such as

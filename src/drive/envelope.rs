@@ -90,7 +90,9 @@ mod tests {
         // Four points; the third has nothing to do with the first, the fourth only with the third.
         let firsts = [0, 0, 1, 2];
         let block = |i: usize, j: usize| {
-            Matrix3::from_fn(|r, c| if i == j && r == c { 9.0 } else { 0.3 * f64::sin((i * 7 + j * 5 + r * 3 + c) as f64) })
+            Matrix3::from_fn(
+                |r, c| if i == j && r == c { 9.0 } else { 0.3 * f64::sin((i * 7 + j * 5 + r * 3 + c) as f64) },
+            )
         };
         let mut envelope = Envelope::new(&firsts);
         let mut whole = DMatrix::zeros(12, 12);

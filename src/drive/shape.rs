@@ -25,9 +25,9 @@ const AIM: f64 = 0.8;
 /// Share of the tolerance that may be left to what the law does not explain: with more, too little is left to search for.
 const MOST_UNSURE: f64 = 0.5;
 /// Rounds of the search for each effort; each drives the path once.
-const ROUNDS: usize = 24;
-/// Share of a step that is taken: the driven path does not follow quite as evenly as the hats say.
-const STEP: f64 = 0.7;
+const ROUNDS: usize = 40;
+/// How often a step that does not pay is halved before its points stay where they were best.
+const HALVINGS: usize = 4;
 /// Weight of the displacements' own size, as a share of a point's weight in the normal equations. Smaller values let points
 /// move farther for little gain, which costs time.
 const DAMPING: f64 = 0.02;
@@ -235,6 +235,38 @@ struct Found {
     result: DrivenResult,
 }
 
+/// Nodes that the controller smooths together, on their way.
+struct Group {
+    nodes: std::ops::Range<usize>,
+    /// Least cost so far, and where the nodes were.
+    best: (f64, Vec<Vector3<f64>>),
+    /// Least of the largest distances so far, over what is allowed, and where the nodes were.
+    least: (f64, Vec<Vector3<f64>>),
+    /// How often the last step was halved.
+    halvings: usize,
+}
+
+impl Group {
+    fn new(nodes: std::ops::Range<usize>) -> Self {
+        let still = vec![Vector3::zeros(); nodes.len()];
+        Self { nodes, best: (f64::INFINITY, still.clone()), least: (f64::INFINITY, still), halvings: 0 }
+    }
+}
+
+/// What a distance costs, in shares of the distance that is aimed at: the sum of squares whose weights [`POWER`] and [`WEIGHED`] tell,
+/// so that its slope is weight times distance.
+fn cost(distance: f64) -> f64 {
+    let [low, high] = WEIGHED;
+    let power = |at: f64| at.powi(POWER + 2);
+    let between = 1.0 / f64::from(POWER + 2);
+    let low_offset = power(low) * (0.5 - between);
+    match distance {
+        _ if distance <= low => 0.5 * low.powi(POWER) * distance * distance,
+        _ if distance <= high => between * power(distance) + low_offset,
+        _ => 0.5 * high.powi(POWER) * distance * distance + low_offset - power(high) * (0.5 - between),
+    }
+}
+
 /// A commanded end with its displacements.
 struct EndFound {
     share: f64,
@@ -252,21 +284,25 @@ impl Layout {
             let added = freedom[i].added_zone.zip(path.track(i)).filter(|(_, track)| !track.is_arc());
             if let Some((zone, track)) = added.filter(|_| i > 0) {
                 let after = shaper.added(effort[i - 1], i - 1).into_iter().map(|distance| distance / track.length());
-                let before = shaper.added(effort[i], i).into_iter().rev().map(|distance| 1.0 - distance / track.length());
+                let before =
+                    shaper.added(effort[i], i).into_iter().rev().map(|distance| 1.0 - distance / track.length());
                 let shares: Vec<f64> = after.chain(before).collect();
                 // Points of both ends, or of one, need room for their zones.
                 let begins = [0.0].iter().chain(&shares);
-                let has_room = begins.zip(shares.iter().chain(&[1.0])).all(|(a, b)| (b - a) * track.length() >= 2.0 * zone);
+                let has_room =
+                    begins.zip(shares.iter().chain(&[1.0])).all(|(a, b)| (b - a) * track.length() >= 2.0 * zone);
                 for share in shares.into_iter().filter(|_| has_room) {
                     ends.push(End { waypoint: i, share, zone: Some(zone), base_from_tcp: track.pose(share) });
                 }
             }
             let zone = match effort[i] {
                 Effort::Moved => waypoint.zone,
-                Effort::SmallZone | Effort::Added | Effort::AddedTwice => match (waypoint.zone, freedom[i].smaller_zone) {
-                    (Some(programmed), Some(smaller)) => Some(programmed.min(smaller)),
-                    (zone, _) => zone,
-                },
+                Effort::SmallZone | Effort::Added | Effort::AddedTwice => {
+                    match (waypoint.zone, freedom[i].smaller_zone) {
+                        (Some(programmed), Some(smaller)) => Some(programmed.min(smaller)),
+                        (zone, _) => zone,
+                    }
+                }
                 Effort::Stop => waypoint.zone.filter(|_| !freedom[i].stop),
             };
             ends.push(End { waypoint: i, share: 1.0, zone, base_from_tcp: waypoint.base_from_tcp });
@@ -311,7 +347,11 @@ impl Layout {
             if end.share < 1.0 || *shift != Vector3::zeros() {
                 waypoint.base_from_tcp = shifted(&end.base_from_tcp, shift);
                 let flange = waypoint.base_from_tcp * programmed.flange_from_tcp.inverse();
-                let near = if end.share < 1.0 { command.last().map_or(programmed.motor, |last| last.motor) } else { programmed.motor };
+                let near = if end.share < 1.0 {
+                    command.last().map_or(programmed.motor, |last| last.motor)
+                } else {
+                    programmed.motor
+                };
                 let reached = shaper.robot.inverse_near_unlimited(&flange, &near);
                 waypoint.motor = reached.map_err(|_| DriveError::Unreachable { waypoint: end.waypoint })?;
             }
@@ -381,7 +421,8 @@ impl Shaper<'_> {
             let begins = before.filter(|before| before.waypoint == end.waypoint).map_or(0.0, |before| before.share);
             (end.waypoint, begins + (end.share - begins) * sample.share)
         };
-        let about = samples.iter().map(programmed).map(|(waypoint, share)| waypoint - usize::from(share < 0.5 && waypoint > 0));
+        let about =
+            samples.iter().map(programmed).map(|(waypoint, share)| waypoint - usize::from(share < 0.5 && waypoint > 0));
         let about: Vec<usize> = about.collect();
         let off = samples
             .par_iter()
@@ -423,7 +464,8 @@ impl Shaper<'_> {
             Effort::Moved | Effort::SmallZone | Effort::Stop => &[],
         };
         let direction = |waypoint, share| self.path.track(waypoint).and_then(|track| track.tangent(share));
-        let turn = direction(waypoint, 1.0).zip(direction(waypoint + 1, 0.0)).map_or(0.0, |(into, out)| (out - into).norm());
+        let turn =
+            direction(waypoint, 1.0).zip(direction(waypoint + 1, 0.0)).map_or(0.0, |(into, out)| (out - into).norm());
         let speed = self.waypoints[waypoint].feed.min(self.law.corner_speed(turn, 0.0));
         let at = |distance: &f64| {
             let least = ADDED_LEAST * distance / distances[0];
@@ -452,26 +494,36 @@ impl Shaper<'_> {
 
     /// Moves the nodes of a layout until the driven path keeps the tolerance, or the rounds are over.
     fn search(&self, layout: &Layout) -> Result<Found, DriveError> {
-        let groups = self.groups(layout);
         let mut moved = vec![Vector3::zeros(); layout.nodes.len()];
-        let mut best: Vec<(f64, Vec<Vector3<f64>>)> =
-            groups.iter().map(|group| (f64::INFINITY, moved[group.clone()].to_vec())).collect();
+        let mut groups: Vec<Group> = self.groups(layout).into_iter().map(Group::new).collect();
         for _ in 0..ROUNDS {
             let driven = self.drive(layout, &moved)?;
             let result = self.result(&driven);
+            let costs = self.costs(layout, &groups, &driven);
             let mut is_free = vec![false; layout.nodes.len()];
-            for (group, best) in groups.iter().zip(&mut best) {
+            for (group, cost) in groups.iter_mut().zip(costs) {
                 let over = |node: &Node| {
                     let about = layout.about(node);
                     result.at_waypoints[about] / self.allowed[about]
                 };
-                let worst = layout.nodes[group.clone()].iter().map(over).fold(0.0, f64::max);
-                if worst < best.0 {
-                    *best = (worst, moved[group.clone()].to_vec());
+                let worst = layout.nodes[group.nodes.clone()].iter().map(over).fold(0.0, f64::max);
+                let place = &mut moved[group.nodes.clone()];
+                if worst < group.least.0 {
+                    group.least = (worst, place.to_vec());
                 }
-                is_free[group.clone()].fill(worst > AIM);
+                if worst <= AIM {
+                    continue;
+                }
+                if cost < group.best.0 {
+                    (group.best, group.halvings) = ((cost, place.to_vec()), 0);
+                    is_free[group.nodes.clone()].fill(true);
+                } else if group.halvings < HALVINGS {
+                    group.halvings += 1;
+                    place.iter_mut().zip(&group.best.1).for_each(|(at, best)| *at = (*at + best) / 2.0);
+                }
             }
-            if !is_free.contains(&true) {
+            let is_over = |group: &Group| group.least.0 <= AIM || group.halvings >= HALVINGS;
+            if groups.iter().all(is_over) {
                 break;
             }
             let steps = self.step(&driven, &is_free);
@@ -479,11 +531,11 @@ impl Shaper<'_> {
                 let end = &layout.ends[node.end];
                 let waypoint = &self.waypoints[end.waypoint];
                 let most = 2.5 * self.law.spread() * waypoint.feed + waypoint.zone.unwrap_or(0.0);
-                *moved = (*moved + STEP * step).cap_magnitude(most);
+                *moved = (*moved + step).cap_magnitude(most);
             }
         }
-        for (group, (_, best)) in groups.iter().zip(best) {
-            moved[group.clone()].copy_from_slice(&best);
+        for group in groups {
+            moved[group.nodes].copy_from_slice(&group.least.1);
         }
         let result = self.result(&self.drive(layout, &moved)?);
         let shifts = layout.shifts(&moved);
@@ -495,6 +547,26 @@ impl Shaper<'_> {
             via,
         });
         Ok(Found { ends: ends.collect(), result })
+    }
+
+    /// What each group's part of the driven path costs: its distances by [`cost`].
+    fn costs(&self, layout: &Layout, groups: &[Group], driven: &Driven) -> Vec<f64> {
+        let mut group_of = vec![None; self.waypoints.len()];
+        for (k, group) in groups.iter().enumerate() {
+            for node in &layout.nodes[group.nodes.clone()] {
+                group_of[layout.about(node)] = Some(k);
+            }
+        }
+        let mut costs = vec![0.0; groups.len()];
+        let off = driven.off.iter().enumerate().filter_map(|(sample, off)| Some((sample, off.as_ref()?.vector.norm())));
+        let corners = driven.corners.iter().flatten().map(|(vector, sample)| (*sample, vector.norm()));
+        for (sample, distance) in off.chain(corners) {
+            let about = driven.about[sample];
+            if let Some(group) = group_of[about] {
+                costs[group] += cost(distance / (AIM * self.allowed[about]));
+            }
+        }
+        costs
     }
 
     /// Nodes that lie so near each other that the controller smooths them together.
@@ -534,7 +606,8 @@ impl Shaper<'_> {
             let aim = AIM * self.allowed[driven.about[sample]];
             let weight = (vector.norm() / aim).clamp(WEIGHED[0], WEIGHED[1]).powi(POWER);
             let active = (lowest..unknowns.len()).take_while(|i| reach(*i).first <= sample);
-            let active: Vec<(usize, f64)> = active.map(|i| (i, reach(i).at(sample))).filter(|(_, h)| *h > 0.0).collect();
+            let active: Vec<(usize, f64)> =
+                active.map(|i| (i, reach(i).at(sample))).filter(|(_, h)| *h > 0.0).collect();
             for (k, (i, h)) in active.iter().enumerate() {
                 wanted[*i] -= weight * *h * (across * vector);
                 for (j, g) in &active[..=k] {

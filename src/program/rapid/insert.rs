@@ -225,11 +225,13 @@ pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> V
 /// Whether a text declares zonedata of its own by the name of predefined ones.
 fn declares_zone(text: &[u8], name: &[u8]) -> bool {
     let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-    text.windows(b"zonedata".len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(b"zonedata")).any(|(at, word)| {
-        let rest = text[at + word.len()..].trim_ascii_start();
-        let end = rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len());
-        rest[..end].eq_ignore_ascii_case(name)
-    })
+    text.windows(b"zonedata".len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(b"zonedata")).any(
+        |(at, word)| {
+            let rest = text[at + word.len()..].trim_ascii_start();
+            let end = rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len());
+            rest[..end].eq_ignore_ascii_case(name)
+        },
+    )
 }
 
 /// See [`Program::inserted_passing`](crate::program::Program::inserted_passing).

@@ -126,7 +126,8 @@ fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
     let before = bench.run("predict p.mod --cell cell.toml --path - -q").exits(0).stdout;
     assert!(from_corner(&before) > 0.5 && from_sides(&before) > 0.4);
     let run = |arguments: &str| {
-        let ran = bench.run(&format!("compensate p.mod --cell cell.toml -o out.mod --json out.json {arguments}")).exits(0);
+        let ran =
+            bench.run(&format!("compensate p.mod --cell cell.toml -o out.mod --json out.json {arguments}")).exits(0);
         let json: Value = serde_json::from_str(&bench.read("out.json")).unwrap();
         let path = bench.run("predict out.mod --cell cell.toml --path - -q").exits(0).stdout;
         (ran.stderr, json["files"][0].clone(), path, bench.read("out.mod"))
@@ -135,7 +136,10 @@ fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
     let (said, json, path, out) = run("--max-path-error 0.05");
     assert!(from_sides(&path) < 0.05 && from_corner(&path) < 0.05);
     assert_eq!(out, text.replace(",z1,", ",fine,"));
-    assert!(said.contains("at 1 corners the motion now comes to rest") && said.contains("`--subdivide MM` may add"), "{said}");
+    assert!(
+        said.contains("at 1 corners the motion now comes to rest") && said.contains("`--subdivide MM` may add"),
+        "{said}"
+    );
     let time = |json: &Value, which: &str| json["driven_path"][which]["run_time_s"].as_f64().unwrap();
     let stop = time(&json, "corrected") - time(&json, "programmed");
     assert!((0.1..0.2).contains(&stop), "{stop}");
@@ -186,4 +190,36 @@ fn stops_are_written_as_the_language_writes_them() {
     bench.write("p.src", krl(" C_DIS"));
     let ran = bench.run("compensate p.src --cell cell.toml -o out.src --max-path-error 0.05").exits(0);
     assert_eq!(bench.read("out.src"), krl(""), "{}", ran.stderr);
+}
+
+#[test]
+fn reports_and_check_follow_the_driven_path() {
+    let bench = Bench::new();
+    bench.write("as-written.toml", CELL);
+    bench.write("cell.toml", format!("{CELL}{LAW}"));
+    bench.write("p.mod", program("v50", "z1"));
+    // What the report says is left on the way to each target, mm.
+    let left = |cell: &str| -> Vec<f64> {
+        bench.run(&format!("predict p.mod --cell {cell} --report r.csv --json r.json -q")).exits(0);
+        let report = bench.read("r.csv");
+        let mut lines = report.lines();
+        let at = lines.next().unwrap().split(',').position(|name| name == "remaining_path_mm").unwrap();
+        lines.map(|line| line.split(',').nth(at).unwrap().parse().unwrap_or(0.0)).collect()
+    };
+    assert!(left("as-written.toml").iter().all(|mm| *mm < 1e-3));
+    let driven = left("cell.toml");
+    // The corner is the end of the second way; the third begins with it and is left by less, which has no corner of its own.
+    assert!(driven[1] > 0.5 && driven[2] > 0.3 && driven[2] < driven[1], "{driven:?}");
+    let json: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
+    let path = &json["files"][0]["driven_path"]["programmed"];
+    assert!((path["max_mm"].as_f64().unwrap() - driven[1]).abs() < 1e-3, "{json}");
+    // 200 mm at 50 mm/s, and the time to settle.
+    assert!((4.0..4.4).contains(&path["run_time_s"].as_f64().unwrap()), "{json}");
+
+    let check =
+        |arguments: &str, code: i32| bench.run(&format!("check {arguments} --max-error 0.05")).exits(code).stdout;
+    check("p.mod --cell as-written.toml", 0);
+    assert!(check("p.mod --cell cell.toml", 1).contains("ways between them"));
+    bench.run("compensate p.mod --cell cell.toml --max-path-error 0.05 -o out.mod -q").exits(0);
+    check("out.mod --against p.mod --cell cell.toml", 0);
 }
