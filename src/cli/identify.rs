@@ -87,7 +87,7 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
     let mut outputs = Outputs::default();
     if let Some(output) = &args.output {
         let text = String::from_utf8_lossy(&cell.source.bytes);
-        outputs.add(output, with_path_law(&text, &path)?.as_bytes())?;
+        outputs.add(output, with_path_law(&text, path)?.as_bytes())?;
     }
     if let Some(json) = &args.json {
         #[derive(serde::Serialize)]

@@ -7,7 +7,7 @@ use super::segment::{Kind, Segment, Start};
 use super::solve::Solver;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, frames};
 use crate::cell::Cell;
-use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, distance_between, drive};
+use crate::drive::{DriveError, DrivenSample, Lead, PathLaw, ProgrammedPath, Waypoint, drive, nearest_between};
 use crate::equilibrium::{Arm, WarmStart};
 use crate::program::{Passing, Program};
 use crate::robot::{Joints, Pose, Robot};
@@ -225,6 +225,10 @@ pub(super) fn follow_law(
                 if let Some(way) = driven.ways[motion_of(motion)].filter(|_| is_last) {
                     row.path = Some(way);
                 }
+                // The points of a corrected program are moved on purpose: what counts is where the path passes the original's.
+                if let Some(missed) = driven.missed[motion_of(motion)].filter(|_| is_last && original.is_some()) {
+                    row.error_mm = (1e3 * missed).into();
+                }
             }
             corrected.driven = Some(DrivenSummary { programmed: driven.figures, corrected: None, tolerance_mm: None });
             corrected.notes.extend(notes);
@@ -296,6 +300,8 @@ pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<
 pub(super) struct DrivenWays {
     /// What is left on the way to each waypoint; `None` where no path is programmed.
     pub(super) ways: Vec<Option<PathDeviation>>,
+    /// From each waypoint to the nearest place of the driven path, work object axes, m; `None` where no path is programmed.
+    missed: Vec<Option<Vector3<f64>>>,
     /// Whether it counts: where targets cut, those alone.
     pub(super) counts: Vec<bool>,
     pub(super) figures: DrivenFigures,
@@ -334,6 +340,7 @@ pub(super) fn driven_ways(
         driven_length[waypoint] += length;
     }
     let about = |sample: &LoadedSample| waypoint_of(sample.waypoint);
+    let mut missed = vec![None; ways.len()];
     for (i, way) in ways.iter_mut().enumerate() {
         let Some(way) = way else { continue };
         if driven_length[i] > 0.0 {
@@ -343,8 +350,9 @@ pub(super) fn driven_ways(
         let from = path.samples.partition_point(|sample| about(sample) < i);
         let to = path.samples.partition_point(|sample| about(sample) <= (i + 1).min(course.waypoints.len()));
         let corner = &course.waypoints[i].base_from_tcp.translation.vector;
-        let missed = distance_between(corner, &places[from.saturating_sub(1)..to]);
-        way.max_mm = way.max_mm.max(1e3 * missed.unwrap_or(0.0));
+        let back = prepared.base_from_wobj(course.targets[i]).rotation.inverse();
+        missed[i] = nearest_between(corner, &places[from.saturating_sub(1)..to]).map(|(vector, _)| back * vector);
+        way.max_mm = way.max_mm.max(missed[i].map_or(0.0, |missed| 1e3 * missed.norm()));
         way.way_mm = way.max_mm;
     }
     let counted = ways.iter().zip(&counts).filter(|(_, counts)| **counts).filter_map(|(way, _)| way.as_ref());
@@ -352,7 +360,7 @@ pub(super) fn driven_ways(
         max_mm: counted.map(|way| way.max_mm).fold(0.0, f64::max),
         run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
     };
-    DrivenWays { ways, counts, figures }
+    DrivenWays { ways, missed, counts, figures }
 }
 
 /// What the samples of a driven path are samples of.

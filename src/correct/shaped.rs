@@ -381,7 +381,7 @@ impl Given<'_> {
         corrected.driven = Some(DrivenSummary {
             programmed: before.figures,
             corrected: Some(after.figures),
-            tolerance_mm: Some(1e3 * self.tolerance),
+            tolerance_mm: Some((1e9 * self.tolerance).round() / 1e6),
         });
         corrected.notes.extend(self.notes(shaped, before, after));
     }
@@ -389,11 +389,14 @@ impl Given<'_> {
     fn notes(&self, shaped: &ShapedProgram, before: &DrivenWays, after: &DrivenWays) -> Vec<Diagnostic> {
         let Self { program, course, .. } = *self;
         let name = program.sources.first().map_or("", |source| &source.name);
-        let (was, is, asked) = (before.figures, after.figures, 1e3 * self.tolerance);
+        // The millimetres that were given, without what their conversion leaves.
+        let asked = (1e9 * self.tolerance).round() / 1e6;
+        let (was, is) = (before.figures, after.figures);
         let mut notes = course.notes(program, self.cell);
         let stops = shaped.command.motions.iter().zip(&course.waypoints);
         let stops = stops.filter(|(motion, waypoint)| motion.zone.is_none() && waypoint.zone.is_some()).count();
         let added: usize = shaped.inserted.iter().sum();
+        let counted = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
         let seconds = is.run_time_s - was.run_time_s;
         let share = if was.run_time_s > 0.0 { 100.0 * seconds / was.run_time_s } else { 0.0 };
         let mut message = format!(
@@ -402,10 +405,10 @@ impl Given<'_> {
             was.max_mm, is.max_mm, is.run_time_s, was.run_time_s
         );
         if added > 0 {
-            message += &format!("; {added} targets were added at corners");
+            message += &format!("; added at corners: {}", counted(added, "target"));
         }
         if stops > 0 {
-            message += &format!("; at {stops} corners the motion now comes to rest");
+            message += &format!("; the motion now comes to rest at {}", counted(stops, "corner"));
         }
         let mut note = Diagnostic::error("path.kept", name, message).severity(Severity::Note);
         if stops > 0 {

@@ -86,8 +86,3 @@ pub(crate) fn nearest_between(place: &Vector3<f64>, path: &[Vector3<f64>]) -> Op
     }
     best.map(|(_, vector, nearest)| (vector, nearest))
 }
-
-/// Distance of a place from a path through places.
-pub(crate) fn distance_between(place: &Vector3<f64>, path: &[Vector3<f64>]) -> Option<f64> {
-    nearest_between(place, path).map(|(vector, _)| vector.norm())
-}

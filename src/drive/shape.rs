@@ -26,8 +26,8 @@ const AIM: f64 = 0.8;
 const MOST_UNSURE: f64 = 0.5;
 /// Rounds of the search for each effort; each drives the path once.
 const ROUNDS: usize = 40;
-/// How often a step that does not pay is halved before its points stay where they were best.
-const HALVINGS: usize = 4;
+/// Share of a step that is taken: the driven path does not follow quite as evenly as the hats say.
+const STEP: f64 = 0.7;
 /// Weight of the displacements' own size, as a share of a point's weight in the normal equations. Smaller values let points
 /// move farther for little gain, which costs time.
 const DAMPING: f64 = 0.02;
@@ -35,10 +35,10 @@ const DAMPING: f64 = 0.02;
 const POWER: i32 = 4;
 const WEIGHED: [f64; 2] = [0.1, 4.0];
 /// Distances of added points from their corner, in standard deviations of the smoothing at the speed in the corner: one point on
-/// each side, or two.
-const ADDED_AT: [&[f64]; 2] = [&[0.9], &[0.7, 1.6]];
-/// Least distance of an added point from its corner, m: zones of `z0` are a third of it.
-const ADDED_LEAST: f64 = 8e-4;
+/// each side, or three.
+const ADDED_AT: [&[f64]; 2] = [&[0.9], &[0.5, 1.2, 2.2]];
+/// Least distance of an added point from its corner, m: twice the zone `z0`.
+const ADDED_LEAST: f64 = 6e-4;
 
 /// What may be changed of the motion to a waypoint.
 #[derive(Clone, Debug, Default)]
@@ -76,14 +76,14 @@ enum Effort {
     SmallZone,
     /// A point is added before and after it.
     Added,
-    /// Two points are added before and after it.
-    AddedTwice,
+    /// More points are added before and after it.
+    AddedMore,
     /// The motion comes to rest.
     Stop,
 }
 
 impl Effort {
-    const ALL: [Self; 5] = [Self::Moved, Self::SmallZone, Self::Added, Self::AddedTwice, Self::Stop];
+    const ALL: [Self; 5] = [Self::Moved, Self::SmallZone, Self::Added, Self::AddedMore, Self::Stop];
 }
 
 /// A motion as it is commanded.
@@ -235,35 +235,18 @@ struct Found {
     result: DrivenResult,
 }
 
-/// Nodes that the controller smooths together, on their way.
+/// Nodes that the controller smooths together.
 struct Group {
     nodes: std::ops::Range<usize>,
-    /// Least cost so far, and where the nodes were.
-    best: (f64, Vec<Vector3<f64>>),
-    /// Least of the largest distances so far, over what is allowed, and where the nodes were.
-    least: (f64, Vec<Vector3<f64>>),
-    /// How often the last step was halved.
-    halvings: usize,
+    /// Largest distance over what is allowed, the least of all rounds: they do not become better from each to the next.
+    least: f64,
+    /// Where the nodes were then.
+    places: Vec<Vector3<f64>>,
 }
 
 impl Group {
     fn new(nodes: std::ops::Range<usize>) -> Self {
-        let still = vec![Vector3::zeros(); nodes.len()];
-        Self { nodes, best: (f64::INFINITY, still.clone()), least: (f64::INFINITY, still), halvings: 0 }
-    }
-}
-
-/// What a distance costs, in shares of the distance that is aimed at: the sum of squares whose weights [`POWER`] and [`WEIGHED`] tell,
-/// so that its slope is weight times distance.
-fn cost(distance: f64) -> f64 {
-    let [low, high] = WEIGHED;
-    let power = |at: f64| at.powi(POWER + 2);
-    let between = 1.0 / f64::from(POWER + 2);
-    let low_offset = power(low) * (0.5 - between);
-    match distance {
-        _ if distance <= low => 0.5 * low.powi(POWER) * distance * distance,
-        _ if distance <= high => between * power(distance) + low_offset,
-        _ => 0.5 * high.powi(POWER) * distance * distance + low_offset - power(high) * (0.5 - between),
+        Self { places: vec![Vector3::zeros(); nodes.len()], least: f64::INFINITY, nodes }
     }
 }
 
@@ -297,7 +280,7 @@ impl Layout {
             }
             let zone = match effort[i] {
                 Effort::Moved => waypoint.zone,
-                Effort::SmallZone | Effort::Added | Effort::AddedTwice => {
+                Effort::SmallZone | Effort::Added | Effort::AddedMore => {
                     match (waypoint.zone, freedom[i].smaller_zone) {
                         (Some(programmed), Some(smaller)) => Some(programmed.min(smaller)),
                         (zone, _) => zone,
@@ -449,7 +432,7 @@ impl Shaper<'_> {
         match effort {
             Effort::Moved => true,
             Effort::SmallZone => freedom.smaller_zone.is_some_and(|smaller| self.waypoints[i].zone > Some(smaller)),
-            Effort::Added | Effort::AddedTwice => {
+            Effort::Added | Effort::AddedMore => {
                 freedom.added_zone.or(self.freedom.get(i + 1).and_then(|next| next.added_zone)).is_some()
             }
             Effort::Stop => freedom.stop && self.waypoints[i].zone.is_some(),
@@ -460,7 +443,7 @@ impl Shaper<'_> {
     fn added(&self, effort: Effort, waypoint: usize) -> Vec<f64> {
         let distances = match effort {
             Effort::Added => ADDED_AT[0],
-            Effort::AddedTwice => ADDED_AT[1],
+            Effort::AddedMore => ADDED_AT[1],
             Effort::Moved | Effort::SmallZone | Effort::Stop => &[],
         };
         let direction = |waypoint, share| self.path.track(waypoint).and_then(|track| track.tangent(share));
@@ -499,31 +482,19 @@ impl Shaper<'_> {
         for _ in 0..ROUNDS {
             let driven = self.drive(layout, &moved)?;
             let result = self.result(&driven);
-            let costs = self.costs(layout, &groups, &driven);
             let mut is_free = vec![false; layout.nodes.len()];
-            for (group, cost) in groups.iter_mut().zip(costs) {
+            for group in &mut groups {
                 let over = |node: &Node| {
                     let about = layout.about(node);
                     result.at_waypoints[about] / self.allowed[about]
                 };
                 let worst = layout.nodes[group.nodes.clone()].iter().map(over).fold(0.0, f64::max);
-                let place = &mut moved[group.nodes.clone()];
-                if worst < group.least.0 {
-                    group.least = (worst, place.to_vec());
+                if worst < group.least {
+                    (group.least, group.places) = (worst, moved[group.nodes.clone()].to_vec());
                 }
-                if worst <= AIM {
-                    continue;
-                }
-                if cost < group.best.0 {
-                    (group.best, group.halvings) = ((cost, place.to_vec()), 0);
-                    is_free[group.nodes.clone()].fill(true);
-                } else if group.halvings < HALVINGS {
-                    group.halvings += 1;
-                    place.iter_mut().zip(&group.best.1).for_each(|(at, best)| *at = (*at + best) / 2.0);
-                }
+                is_free[group.nodes.clone()].fill(worst > AIM);
             }
-            let is_over = |group: &Group| group.least.0 <= AIM || group.halvings >= HALVINGS;
-            if groups.iter().all(is_over) {
+            if !is_free.contains(&true) {
                 break;
             }
             let steps = self.step(&driven, &is_free);
@@ -531,11 +502,11 @@ impl Shaper<'_> {
                 let end = &layout.ends[node.end];
                 let waypoint = &self.waypoints[end.waypoint];
                 let most = 2.5 * self.law.spread() * waypoint.feed + waypoint.zone.unwrap_or(0.0);
-                *moved = (*moved + step).cap_magnitude(most);
+                *moved = (*moved + STEP * step).cap_magnitude(most);
             }
         }
         for group in groups {
-            moved[group.nodes].copy_from_slice(&group.least.1);
+            moved[group.nodes].copy_from_slice(&group.places);
         }
         let result = self.result(&self.drive(layout, &moved)?);
         let shifts = layout.shifts(&moved);
@@ -547,26 +518,6 @@ impl Shaper<'_> {
             via,
         });
         Ok(Found { ends: ends.collect(), result })
-    }
-
-    /// What each group's part of the driven path costs: its distances by [`cost`].
-    fn costs(&self, layout: &Layout, groups: &[Group], driven: &Driven) -> Vec<f64> {
-        let mut group_of = vec![None; self.waypoints.len()];
-        for (k, group) in groups.iter().enumerate() {
-            for node in &layout.nodes[group.nodes.clone()] {
-                group_of[layout.about(node)] = Some(k);
-            }
-        }
-        let mut costs = vec![0.0; groups.len()];
-        let off = driven.off.iter().enumerate().filter_map(|(sample, off)| Some((sample, off.as_ref()?.vector.norm())));
-        let corners = driven.corners.iter().flatten().map(|(vector, sample)| (*sample, vector.norm()));
-        for (sample, distance) in off.chain(corners) {
-            let about = driven.about[sample];
-            if let Some(group) = group_of[about] {
-                costs[group] += cost(distance / (AIM * self.allowed[about]));
-            }
-        }
-        costs
     }
 
     /// Nodes that lie so near each other that the controller smooths them together.

@@ -28,8 +28,8 @@ pub(in crate::cli) struct Compensate {
     /// Insert targets until no more than this is left on the way between two
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) subdivide: Option<f64>,
-    /// Keep the path that the controller drives, and the loaded arm takes, within this distance of the programmed one: move
-    /// corners, make zones smaller or stop, and add targets where --subdivide is given; needs [controller.path] in the cell
+    /// Keep the driven, loaded path within this distance of the programmed one; needs [controller.path] in the cell, and adds
+    /// targets where --subdivide is given
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(in crate::cli) max_path_error: Option<f64>,
     /// Give a declared target that is used with different corrections a clone for each

@@ -121,12 +121,13 @@ pub(super) fn without_approximation(program: &Program, wanted: &[(usize, Passing
         if !matches!(&upper(cursor.text(word))[..], b"LIN" | b"CIRC" | b"PTP") {
             return None;
         }
-        let from = cursor.until(&APPROXIMATE).0.range().end;
-        let behind = text.get(from..target.span.range().end)?;
+        let end = cursor.until(&APPROXIMATE).0.range().end;
+        let behind = text.get(end..target.span.range().end)?;
         let mut words = behind.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).peekable();
         words.peek()?;
         let is_known = |word: &[u8]| APPROXIMATE[1..].iter().any(|known| word.eq_ignore_ascii_case(known));
-        let span = Span::new(from, target.span.range().end);
+        let blanks = text[..end].iter().rev().take_while(|byte| byte.is_ascii_whitespace()).count();
+        let span = Span::new(end - blanks, target.span.range().end);
         words.all(is_known).then(|| Edit { span, content: Vec::new().into() })
     };
     wanted.iter().map(edit).collect()
