@@ -17,8 +17,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let body = Body::new(&solid, material, &[clamp])?;
     let mut out = std::io::stdout();
     writeln!(out, "{} elements, equations after {:.1} s", body.elements(), start.elapsed().as_secs_f64())?;
-    let places: Vec<[f64; 3]> =
-        (0..=40).flat_map(|i| (1..=40).map(move |j| [high[0] * f64::from(i) / 40.0, high[1] * f64::from(j) / 40.0, high[2]])).collect();
+    let places: Vec<[f64; 3]> = (0..=40)
+        .flat_map(|i| (1..=40).map(move |j| [high[0] * f64::from(i) / 40.0, high[1] * f64::from(j) / 40.0, high[2]]))
+        .collect();
     let map = ComplianceMap::over(&body, &places, &Accuracy::default(), None);
     writeln!(
         out,

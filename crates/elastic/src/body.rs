@@ -200,8 +200,7 @@ impl Body {
                         let low = grid.place(cell);
                         let at: [f64; 3] =
                             std::array::from_fn(|k| ((place[k] - low[k]) / grid.size[k]).clamp(0.0, 1.0));
-                        let distance: f64 =
-                            (0..3).map(|k| (low[k] + at[k] * grid.size[k] - place[k]).powi(2)).sum();
+                        let distance: f64 = (0..3).map(|k| (low[k] + at[k] * grid.size[k] - place[k]).powi(2)).sum();
                         if best.is_none_or(|(least, ..)| distance < least) {
                             best = Some((distance, cell, at));
                             found_at = found_at.or(Some(ring));

@@ -88,8 +88,7 @@ impl Element {
             _ => 0.0,
         });
         let x = gauss();
-        let strains: Vec<Strain> =
-            (0..POINTS).map(|p| strain(size, [x[p % 3], x[p / 3 % 3], x[p / 9]])).collect();
+        let strains: Vec<Strain> = (0..POINTS).map(|p| strain(size, [x[p % 3], x[p / 3 % 3], x[p / 9]])).collect();
         let products = strains.iter().map(|b| b.transpose() * elasticity * b).collect();
         Self { strains, products, elasticity, volume: size.iter().product() }
     }
@@ -139,8 +138,7 @@ fn strain(size: [f64; 3], xi: [f64; 3]) -> Strain {
     for a in 0..CORNERS {
         let sign: [f64; 3] = std::array::from_fn(|k| if a >> k & 1 == 1 { 1.0 } else { -1.0 });
         let half: [f64; 3] = std::array::from_fn(|k| 0.5 * (1.0 + sign[k] * xi[k]));
-        let gradient =
-            std::array::from_fn(|k| sign[k] * half[(k + 1) % 3] * half[(k + 2) % 3] / size[k]);
+        let gradient = std::array::from_fn(|k| sign[k] * half[(k + 1) % 3] * half[(k + 2) % 3] / size[k]);
         put(3 * a, gradient);
     }
     for mode in 0..3 {

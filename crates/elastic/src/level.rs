@@ -86,7 +86,11 @@ impl Level {
                     let offset = unravel([3; 3], n);
                     let next: [usize; 3] = std::array::from_fn(|k| (at[k] + offset[k]).wrapping_sub(1));
                     let inside = (0..3).all(|k| next[k] < counts[k]);
-                    if inside { Some(number[ravel(counts, next)]).filter(|n| *n != NONE).unwrap_or(absent) } else { absent }
+                    if inside {
+                        Some(number[ravel(counts, next)]).filter(|n| *n != NONE).unwrap_or(absent)
+                    } else {
+                        absent
+                    }
                 })
             })
             .collect();
@@ -111,8 +115,7 @@ impl Level {
         let inverses: Vec<[f64; 9]> =
             stencils.par_iter().map(|stencil| inverse(&stencil[neighbour_of([0; 3])])).collect();
         let inverse_diagonal = stencil.iter().map(|stencil| inverses[*stencil as usize]).collect();
-        let mut level =
-            Self { number, node, counts, neighbours, stencils, stencil, inverse_diagonal, largest: 0.0 };
+        let mut level = Self { number, node, counts, neighbours, stencils, stencil, inverse_diagonal, largest: 0.0 };
         level.largest = level.largest_eigenvalue();
         level
     }
@@ -440,7 +443,8 @@ pub(crate) fn halved(counts: [usize; 3]) -> [bool; 3] {
 /// The cells of a grid that is half as fine, with the energy that the fine cells have in its displacements.
 pub(crate) fn coarser(fine: &Cells) -> Cells {
     let halved = halved(fine.counts);
-    let counts: [usize; 3] = std::array::from_fn(|k| if halved[k] { fine.counts[k].div_ceil(2) } else { fine.counts[k] });
+    let counts: [usize; 3] =
+        std::array::from_fn(|k| if halved[k] { fine.counts[k].div_ceil(2) } else { fine.counts[k] });
     let weights: Vec<_> = (0..CORNERS).map(|position| weights(halved, position)).collect();
     let children = |coarse: usize| -> [u32; CORNERS] {
         let at = unravel(counts, coarse);
@@ -533,7 +537,10 @@ impl Transfer {
                 if number == NONE { (fine.len() as u32, 0.0) } else { (number, weight) }
             })
         };
-        Self { coarse: fine.node.par_iter().map(to_coarse).collect(), fine: coarse.node.par_iter().map(to_fine).collect() }
+        Self {
+            coarse: fine.node.par_iter().map(to_coarse).collect(),
+            fine: coarse.node.par_iter().map(to_fine).collect(),
+        }
     }
 
     /// The coarse forces that do the same work as fine ones.

@@ -11,7 +11,7 @@
 //! solved for only until the map agrees with them again.
 
 use crate::body::{Body, Solved, Spot, unit};
-use crate::level::{LANES, Level, Vector, ZERO};
+use crate::level::{LANES, Level, Node, Vector, ZERO};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
@@ -58,6 +58,7 @@ pub struct ComplianceMap {
     solved: Vec<Place>,
     rounds: usize,
     error: f64,
+    off: f64,
 }
 
 /// A place that has been solved for.
@@ -94,12 +95,14 @@ impl ComplianceMap {
             let place = |(at, compliance)| Place { at, compliance, lacks: Matrix3::zeros() };
             map.solved.extend(next.into_iter().zip(found.iter().copied()).map(place));
             map.set_motions(body, &surface);
-            let error = |(guess, found): (&Matrix3<f64>, &Matrix3<f64>)| {
+            (map.error, map.off) = (0.0, 0.0);
+            for (guess, found) in guesses.iter().zip(&found) {
                 let off = (found - guess).symmetric_eigenvalues().amax();
-                let size = found.symmetric_eigenvalues().amax();
-                if off <= accuracy.absolute { 0.0 } else { off / size }
-            };
-            map.error = guesses.iter().zip(&found).map(error).fold(0.0, f64::max);
+                map.off = map.off.max(off);
+                if off > accuracy.absolute {
+                    map.error = map.error.max(off / found.symmetric_eigenvalues().amax());
+                }
+            }
             if map.error <= accuracy.relative {
                 break;
             }
@@ -133,10 +136,16 @@ impl ComplianceMap {
     }
 
     /// Largest error of the map at the last places that were solved for, before their fields were added, as a share of the
-    /// compliance there: it bounds, about, the error between places.
+    /// compliance there, where it is more than the accuracy's absolute bound: it tells, about, the error between places.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.error
+    }
+
+    /// The largest of these errors itself, mm/N.
+    #[must_use]
+    pub fn off(&self) -> f64 {
+        self.off
     }
 
     fn empty(body: &Body) -> Self {
@@ -148,6 +157,7 @@ impl ComplianceMap {
             solved: Vec::new(),
             rounds: 0,
             error: 0.0,
+            off: 0.0,
         }
     }
 
@@ -267,7 +277,8 @@ impl ComplianceMap {
             let mut own = [0.0; LANES];
             own[lane] = 1.0;
             for column in &columns {
-                let overlap: f64 = (0..LANES).map(|l| column[l] * (0..LANES).map(|m| left[(l, m)] * own[m]).sum::<f64>()).sum();
+                let overlap: f64 =
+                    (0..LANES).map(|l| column[l] * (0..LANES).map(|m| left[(l, m)] * own[m]).sum::<f64>()).sum();
                 for l in 0..LANES {
                     own[l] -= overlap * column[l];
                 }
@@ -305,8 +316,7 @@ impl ComplianceMap {
             };
             self.fields.iter().map(of).collect()
         };
-        let parts: Vec<Vec<[f64; LANES]>> =
-            (0..self.nodes.len().div_ceil(CHUNK)).into_par_iter().map(part).collect();
+        let parts: Vec<Vec<[f64; LANES]>> = (0..self.nodes.len().div_ceil(CHUNK)).into_par_iter().map(part).collect();
         let mut sums = vec![[0.0; LANES]; self.fields.len()];
         for part in parts {
             for (sum, part) in sums.iter_mut().zip(part) {
@@ -366,7 +376,7 @@ impl ComplianceMap {
 
 /// Products of eight vectors with eight others.
 fn gram(x: &Vector, q: &Vector) -> SMatrix<f64, LANES, LANES> {
-    let part = |(x, q): (&[[[f64; LANES]; 3]], &[[[f64; LANES]; 3]])| {
+    let part = |(x, q): (&[Node], &[Node])| {
         let mut sum = [[0.0; LANES]; LANES];
         for (x, q) in x.iter().zip(q) {
             for k in 0..3 {

@@ -88,8 +88,8 @@ impl Solid {
     /// The cells that a body fills, wholly or in part. `depth` tells how far (mm) a point is inside it: near the surface the
     /// distance from it, below zero outside.
     ///
-    /// A cell whose corners and middle are all inside, or all outside, is taken as full, or empty: what is thinner than a cell
-    /// may pass between them unseen.
+    /// A cell whose corners and middle are all inside is taken as full: a slot that is narrower than a cell may pass between them
+    /// unseen. So may a wall that is thinner than a quarter of a cell ([`Solid::thinner_than`]).
     #[must_use]
     pub fn of(grid: Grid, depth: impl Fn([f64; 3]) -> f64 + Sync) -> Self {
         let nodes = grid.nodes();
@@ -107,7 +107,9 @@ impl Solid {
             if middle > -near && (0..8).all(|a| corner(a) > -near) {
                 return Some(Rule::full());
             }
-            if middle < near && (0..8).all(|a| corner(a) < near) {
+            // No wall thicker than a quarter of a cell along an axis is missed by these.
+            let quarter = |a: usize| depth(at(std::array::from_fn(|k| if a >> k & 1 == 1 { 0.75 } else { 0.25 })));
+            if middle < near && (0..8).all(|a| corner(a) < near) && (0..8).all(|a| quarter(a) < near) {
                 return None;
             }
             let mut rule = Rule::NONE;
@@ -157,6 +159,37 @@ impl Solid {
         &self.grid
     }
 
+    /// Share of the cells with material that are in walls thinner than a number of cells along some axis of the grid. A wall of
+    /// one cell bends as it should; of one that is thinner, the samples within its cells may not tell the thickness.
+    #[must_use]
+    pub fn thinner_than(&self, cells: f64) -> f64 {
+        let counts = self.grid.cells;
+        let mut thin = vec![false; self.cells.len()];
+        for axis in 0..3 {
+            let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+            for line in 0..counts[next] * counts[last] {
+                let mut run: Vec<usize> = Vec::new();
+                let mut thickness = 0.0;
+                for along in 0..=counts[axis] {
+                    let mut at = [0; 3];
+                    (at[axis], at[next], at[last]) = (along, line % counts[next], line / counts[next]);
+                    let number = if along < counts[axis] { ravel(counts, at) } else { usize::MAX };
+                    if along < counts[axis] && self.cells[number] != Filling::Empty {
+                        thickness += self.share(self.cells[number]);
+                        run.push(number);
+                        continue;
+                    }
+                    if thickness < cells {
+                        run.iter().for_each(|cell| thin[*cell] = true);
+                    }
+                    run.clear();
+                    thickness = 0.0;
+                }
+            }
+        }
+        thin.iter().filter(|thin| **thin).count() as f64 / self.elements().max(1) as f64
+    }
+
     /// Cells with material in them.
     #[must_use]
     pub fn elements(&self) -> usize {
@@ -179,7 +212,6 @@ impl Solid {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -192,5 +224,15 @@ mod tests {
         let solid = Solid::of(grid, depth);
         assert!((solid.volume() - 3.8 * 3.0 * 1.3).abs() < 2e-2, "{}", solid.volume());
         assert_eq!(Solid::of(grid, |p| 1.0 - p[2]).elements(), 8 * 6 * 2);
+    }
+
+    #[test]
+    fn a_wall_between_the_nodes_is_seen_and_called_thin() {
+        // 0.3 thick, in cells of 1: neither nodes nor middles are in it.
+        let grid = Grid::over([0.0; 3], [4.0; 3], 1.0);
+        let solid = Solid::of(grid, |p| 0.15 - (p[0] - 2.25).abs());
+        assert_eq!(solid.elements(), 16);
+        assert!((solid.thinner_than(1.0) - 1.0).abs() < 1e-12);
+        assert!(Solid::of(grid, |_| 1.0).thinner_than(1.0) < 1e-12);
     }
 }

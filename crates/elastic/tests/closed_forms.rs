@@ -6,7 +6,11 @@ const ALUMINIUM: Material = Material { e: 71_000.0, nu: 0.33 };
 const RIGID: [f64; 3] = [f64::INFINITY; 3];
 
 fn within(found: f64, exact: f64, share: f64) {
-    assert!((found / exact - 1.0).abs() < share, "{found:.6e}, not {exact:.6e}: {:+.2} %", 100.0 * (found / exact - 1.0));
+    assert!(
+        (found / exact - 1.0).abs() < share,
+        "{found:.6e}, not {exact:.6e}: {:+.2} %",
+        100.0 * (found / exact - 1.0)
+    );
 }
 
 fn clamp(low: [f64; 3], high: [f64; 3]) -> Clamp {
