@@ -109,9 +109,22 @@ impl Body {
     /// Good to about a thousandth of itself; a place outside of the body is moved to the nearest cell of it.
     #[must_use]
     pub fn compliance(&self, places: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
-        let spots: Vec<Spot> = places.iter().map(|place| self.point(*place)).collect();
-        let mut all = vec![Matrix3::zeros(); places.len()];
-        let loads: Vec<(usize, usize)> = (0..places.len()).flat_map(|n| (0..3).map(move |k| (n, k))).collect();
+        self.compliance_of(&places.iter().map(|place| vec![(*place, 1.0)]).collect::<Vec<_>>())
+    }
+
+    /// The same of forces that are spread over places by their shares: the mean of the displacements by the same shares, under a
+    /// unit force that they add up to.
+    #[must_use]
+    pub fn compliance_of(&self, patches: &[Vec<([f64; 3], f64)>]) -> Vec<Matrix3<f64>> {
+        let spread = |patch: &Vec<([f64; 3], f64)>| {
+            let at = |(place, share): &([f64; 3], f64)| {
+                self.point(*place).0.into_iter().map(|(number, own)| (number, own * share)).collect::<Vec<_>>()
+            };
+            Spot(patch.iter().flat_map(at).collect())
+        };
+        let spots: Vec<Spot> = patches.iter().map(spread).collect();
+        let mut all = vec![Matrix3::zeros(); spots.len()];
+        let loads: Vec<(usize, usize)> = (0..spots.len()).flat_map(|n| (0..3).map(move |k| (n, k))).collect();
         for batch in loads.chunks(LANES) {
             let forces: Vec<(&Spot, Vector3<f64>)> = batch.iter().map(|(n, k)| (&spots[*n], unit(*k))).collect();
             let solved = self.solve(&forces, None);

@@ -71,6 +71,9 @@ pub(super) fn run(
     };
     let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = spacing(blank, section.resolution, smallest)?;
+    // Once: where the part yields already, that was found on the path that it is judged by.
+    let is_known = prepared.points.iter().any(|point| point.part.is_some());
+    let held = cell.part.as_ref().and_then(|part| part.held.as_ref()).filter(|_| cuts == Cuts::Programmed && !is_known);
     let mut walk = Walk {
         program,
         cell,
@@ -87,12 +90,7 @@ pub(super) fn run(
         peak: 0.0,
         bound: 0.0,
         cut_length: 0.0,
-        stages: cell
-            .part
-            .as_ref()
-            .and_then(|part| part.held.as_ref())
-            .filter(|_| cuts == Cuts::Programmed)
-            .map(Stages::new),
+        stages: held.map(Stages::new),
     };
     if let Some(stages) = &walk.stages {
         stages.check(&walk.stock)?;

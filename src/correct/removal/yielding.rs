@@ -174,7 +174,9 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
     let mut cuts = Vec::new();
     for (target, point) in prepared.points.iter().enumerate() {
         removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
-        if point.unsolved.is_some() || !point.cuts() {
+        let on_the_way = point.milled.iter().flat_map(|milled| milled.forces.iter());
+        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| *force != Vector3::zeros());
+        if point.unsolved.is_some() || !is_cut {
             continue;
         }
         // Where the force does not follow from the stock, it acts at the tip.
