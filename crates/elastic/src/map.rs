@@ -86,6 +86,8 @@ impl ComplianceMap {
         while map.fields.len() + 3 * TOGETHER <= most {
             let next: Vec<[f64; 3]> = std::iter::from_fn(|| order.next()).take(TOGETHER).collect();
             if next.is_empty() {
+                // All of them have been solved for.
+                (map.error, map.off) = (0.0, 0.0);
                 break;
             }
             let spots: Vec<Spot> = next.iter().map(|place| body.spread(*place)).collect();
