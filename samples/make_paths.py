@@ -124,10 +124,10 @@ def units():
 
 
 def wall():
-    """A wall of 2 mm, 24 mm high, out of a block: roughed to 4 mm level by level, then each side is finished at its full depth."""
+    """A wall of 1 mm, 24 mm high, out of a block: roughed to 2 mm level by level, then each side is finished at its full depth."""
     ext = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
     lines = ["%%%", "  VERSION:1", "  LANGUAGE:ENGLISH", "%%%", "MODULE Wall",
-             "  ! A wall of 2 mm, 24 mm high, out of a block.",
+             "  ! A wall of 1 mm, 24 mm high, out of a block.",
              "  PERS tooldata tEnd:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];",
              '  PERS wobjdata wBlock:=[FALSE,TRUE,"",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
              "  PROC main()", "    ConfL\\Off;",
@@ -144,10 +144,10 @@ def wall():
         move("MoveL", 44, y, 20, "v200")
 
     for level in range(1, 7):
-        for y in (14, 0):
-            cut(y, -4 * level, "MoveJ" if level == 1 and y == 14 else "MoveL")
-    cut(13, -24)
-    cut(1, -24)
+        for y in (13, 1):
+            cut(y, -4 * level, "MoveJ" if level == 1 and y == 13 else "MoveL")
+    cut(12.5, -24)
+    cut(1.5, -24)
     with open(f"{HERE}/wall/wall.mod", "w") as out:
         out.write("\n".join(lines + ["  ENDPROC", "ENDMODULE", ""]))
 

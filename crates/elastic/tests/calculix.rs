@@ -159,8 +159,8 @@ fn a_wall_yields_as_calculix_has_it_through_five_stages() {
             (0..8).flat_map(|i| [6, 8, 11, 14, 16].map(|j| patch(20 * i / 7, j, height))).collect();
         let folder = tempfile::tempdir().unwrap();
         let wanted = calculix(folder.path(), height, &patches);
-        // Cells of 1 × 1 × 1.2 mm: the face of the wall lies within the second one.
-        let grid = Grid { low: [0.0; 3], size: [1.0, 1.0, 1.2], cells: [60, 40, 5] };
+        // Cells of 1 × 1 × 0.75 mm: the face of the wall lies within the third one.
+        let grid = Grid { low: [0.0; 3], size: [1.0, 1.0, 0.75], cells: [60, 40, 8] };
         let solid = Solid::of(grid, |p| if p[1] > height { WALL - p[2] } else { 1.0 });
         let body = Body::new(&solid, MATERIAL, &[clamp]).unwrap();
         // The front, the back, and half of both: what one does to the other follows.
