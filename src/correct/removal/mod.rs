@@ -104,7 +104,7 @@ pub(super) fn run(
         return Err(walk.errors);
     }
     if let Some(mut stages) = walk.stages.take() {
-        stages.look(&walk.stock);
+        stages.look_last(&walk.stock);
         let notes = stages.settle(&walk, prepared)?;
         prepared.notes.extend(notes);
     }

@@ -77,16 +77,26 @@ impl Stages {
 
     /// Looks at the stock, where enough has gone since the last look.
     pub(super) fn look(&mut self, stock: &Stock) {
-        let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
-        let whole = (high - low).product() * 1e-9;
-        let removed = stock.removed();
-        if self.looks.last().is_some_and(|last| removed - last.removed < GONE * (whole - last.removed)) {
-            return;
+        let [low, high] = stock.blank().bounds();
+        let whole = (high - low).product();
+        let gone = |last: &Look| stock.removed() - last.removed >= GONE * (whole - last.removed);
+        if self.looks.last().is_none_or(gone) {
+            self.take(stock);
         }
-        let cell = self.cell(&low, &high);
-        let grid = Grid::over(low.into(), high.into(), cell);
+    }
+
+    /// Looks at what is left of the stock in the end, where anything has gone since the last look.
+    pub(super) fn look_last(&mut self, stock: &Stock) {
+        if self.looks.last().is_none_or(|last| stock.removed() > last.removed) {
+            self.take(stock);
+        }
+    }
+
+    fn take(&mut self, stock: &Stock) {
+        let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
+        let grid = Grid::over(low.into(), high.into(), self.cell(&low, &high));
         let solid = Solid::of(grid, |point| 1e3 * stock.depth(&(Vector3::from(point) * 1e-3)));
-        self.looks.push(Look { removed, solid });
+        self.looks.push(Look { removed: stock.removed(), solid });
     }
 
     /// Finds the compliance at each target that is cut, and says what was found.

@@ -82,6 +82,10 @@ fn a_post_adds_what_a_cantilever_yields_to_the_error_of_the_arm() {
             continue;
         }
         let force = Vector3::from(after.force_n);
+        // Where it comes out, nothing is left to cut.
+        if force.norm() < 1.0 {
+            continue;
+        }
         assert!((force - Vector3::from(before.force_n)).norm() < 1e-6 * force.norm(), "the path is the programmed one");
         // What acts on the tool acts on the part the other way: the tool is further along the force.
         let more = Vector3::from(after.error_mm) - Vector3::from(before.error_mm);
