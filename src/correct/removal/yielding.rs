@@ -71,7 +71,7 @@ impl Stages {
         let message =
             format!("[part] cell_mm makes {cells:.0} cells of the blank; deflex computes with up to {MOST_CELLS:.0}");
         Err(vec![
-            Diagnostic::error("part.cells", "", message).help(format!("give at least {least:.2} mm, or leave it out")),
+            Diagnostic::error("stock.part-cells", "", message).help(format!("give at least {least:.2} mm, or leave it out")),
         ])
     }
 
@@ -164,7 +164,7 @@ impl Stages {
             1e3 * most,
             1e3 * off,
         );
-        let mut notes = vec![Diagnostic::error("part.compliance", "", message).severity(Severity::Note)];
+        let mut notes = vec![Diagnostic::error("stock.part", "", message).severity(Severity::Note)];
         let thin = looks.last().map_or(0.0, |look| look.solid.thinner_than(THIN.0));
         if thin > THIN.1 {
             let message = format!(
@@ -172,7 +172,7 @@ impl Stages {
                 (100.0 * thin).ceil()
             );
             let help = "give [part] cell_mm: half of the thinnest wall is a good choice";
-            notes.push(Diagnostic::error("part.thin", "", message).severity(Severity::Warning).help(help));
+            notes.push(Diagnostic::error("stock.part-thin", "", message).severity(Severity::Warning).help(help));
         }
         Ok(notes)
     }
@@ -214,5 +214,5 @@ fn not_held(error: &HoldError, stage: usize) -> Diagnostic {
         }
         _ => "look at [stock]",
     };
-    Diagnostic::error("part.clamp", "", format!("[[part.clamp]]: {error}{when}")).help(help)
+    Diagnostic::error("stock.part-clamps", "", format!("[[part.clamp]]: {error}{when}")).help(help)
 }
