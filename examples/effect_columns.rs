@@ -60,6 +60,7 @@ fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
     Survey {
         robot: &cell.arm.robot,
         stiffness_declared: cell.arm.stiffness.is_some(),
+        part_declared: false,
         has_force: true,
         has_payload: false,
         has_speed: true,

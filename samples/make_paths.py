@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Makes the programs of samples/slot, samples/blade and samples/units: `python3 samples/make_paths.py` (needs NumPy).
+"""Makes the programs of samples/slot, samples/blade, samples/units and samples/wall: `python3 samples/make_paths.py` (needs NumPy).
 
 The slot is the paper's (Tang et al., Section 3) in the one pose that reproduces its Tables 3 and 5; the blade is a
 patch of a propeller's pressure side, milled in zig-zag with 8 degrees of lead; on units a turntable carries a ring under the
-tool, and a track the robot along a beam.
+tool, and a track the robot along a beam; the wall is milled out of a block and yields to the cutter.
 """
 import os
 import numpy as np
@@ -123,6 +123,36 @@ def units():
         out.write("  ENDPROC\nENDMODULE\n")
 
 
+def wall():
+    """A wall of 1 mm, 24 mm high, out of a block: roughed to 2 mm level by level, then each side is finished at its full depth."""
+    ext = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
+    lines = ["%%%", "  VERSION:1", "  LANGUAGE:ENGLISH", "%%%", "MODULE Wall",
+             "  ! A wall of 1 mm, 24 mm high, out of a block.",
+             "  PERS tooldata tEnd:=[TRUE,[[0,0,300],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];",
+             '  PERS wobjdata wBlock:=[FALSE,TRUE,"",[[1250,-120,620],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+             "  PROC main()", "    ConfL\\Off;",
+             f"    MoveAbsJ [[-5,20,20,0,60,0],{ext}]\\NoEOffs,v500,z0,tEnd;"]
+
+    def move(word, x, y, z, speed):
+        lines.append(f"    {word} [[{x:.3f},{y:.3f},{z:.3f}],[0,0,1,0],[0,0,0,0],{ext}],{speed},z0,tEnd\\WObj:=wBlock;")
+
+    def cut(y, z, word="MoveL"):
+        move(word, -8, y, 20, "v500")
+        move("MoveL", -8, y, z, "v200")
+        for x in range(-4, 45, 4):
+            move("MoveL", x, y, z, "v20")
+        move("MoveL", 44, y, 20, "v200")
+
+    for level in range(1, 7):
+        for y in (13, 1):
+            cut(y, -4 * level, "MoveJ" if level == 1 and y == 13 else "MoveL")
+    cut(12.5, -24)
+    cut(1.5, -24)
+    with open(f"{HERE}/wall/wall.mod", "w") as out:
+        out.write("\n".join(lines + ["  ENDPROC", "ENDMODULE", ""]))
+
+
 slot()
 blade()
 units()
+wall()

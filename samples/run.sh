@@ -1,5 +1,5 @@
 #!/bin/sh
-# Corrects the slot and the blade (as RAPID and as CL data), a contour in FANUC TP, a part on a turntable and along a track, closes the loop on the measured sample, and judges each
+# Corrects the slot and the blade (as RAPID and as CL data), a contour in FANUC TP, a part on a turntable and along a track, a thin wall, closes the loop on the measured sample, and judges each
 # corrected program against its original. Programs, reports and pages are left in samples/out/.
 set -eu
 cd "$(dirname "$0")"
@@ -41,6 +41,13 @@ echo "== stock/part.mod: from the block, with two tools"
 "$deflex" compensate stock/part.mod --cell stock/cell.toml -o out/stock.corrected.mod --report out/stock.report.csv
 "$deflex" simulate out/stock.corrected.mod --cell stock/cell.toml --against stock/part.mod \
     --html out/stock.html --stl out/stock.stl --json out/stock.json
+
+echo
+echo "== wall/wall.mod: a thin wall that yields to the cutter"
+"$deflex" compensate wall/wall.mod --cell wall/cell.toml -o out/wall.corrected.mod --report out/wall.report.csv
+"$deflex" simulate wall/wall.mod --cell wall/cell.toml --json out/wall.before.json
+"$deflex" simulate out/wall.corrected.mod --cell wall/cell.toml --against wall/wall.mod \
+    --html out/wall.html --stl out/wall.stl --json out/wall.json
 
 echo
 echo "== closed-loop: which effect does the cell lack?"

@@ -24,7 +24,7 @@ pub use cut::{Cut, CutForce, DeclaredEngagement, Engaged, EngagementMode, Millin
 pub use extend::{NewEffect, extended, with_path_law};
 pub use nearest::nearest;
 pub use plan::{Instrument, PlanSection};
-pub use stock::{PartSection, StockSection};
+pub use stock::{HeldPart, PartSection, StockSection};
 pub use template::{described_template, examples_left, template};
 pub use uncertainty::Uncertainty;
 pub(crate) use unit::MOST_FREE;

@@ -243,7 +243,25 @@ pub(super) struct Stock {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Part {
-    pub(super) stl: String,
+    pub(super) stl: Option<String>,
+    pub(super) cell_mm: Option<f64>,
+    pub(super) material: Option<PartMaterial>,
+    #[serde(default)]
+    pub(super) clamp: Vec<PartClamp>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PartMaterial {
+    pub(super) e_n_mm2: f64,
+    pub(super) nu: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PartClamp {
+    pub(super) box_mm: [[f64; 3]; 2],
+    pub(super) stiffness_n_per_mm: [f64; 3],
 }
 
 #[derive(Deserialize)]

@@ -4,7 +4,7 @@ use super::check::{Check, Turn};
 use super::cl::cl;
 use super::cut::{cut, milling_parts};
 use super::syntax::{in_words, parse};
-use super::{Cell, Controller, ControllerPath, CorrectionLimits, PartSection, nearest, plausible, raw, uncertainty};
+use super::{Cell, Controller, ControllerPath, CorrectionLimits, nearest, plausible, raw, uncertainty};
 use crate::drive::PathLaw;
 use crate::effects::{self, Covered, Need, ToolFrame};
 use crate::equilibrium::Arm;
@@ -101,8 +101,12 @@ impl Cell {
         let stock = raw.stock.as_ref().and_then(|keys| super::stock::stock(&mut check, keys));
         let still = || wobjs.keys().filter(|name| !wobj_units.contains_key(*name));
         let plan = raw.plan.as_ref().and_then(|keys| super::plan::plan(&mut check, keys, tools.keys(), still()));
+        let implied = Implied {
+            springs: stiffness.is_some(),
+            part: raw.part.as_ref().is_some_and(|part| part.material.is_some()),
+        };
         let (effects, covariances, joint_factors) =
-            effects(&mut check, (&raw.effect, &units), stiffness.is_some(), &mut controller);
+            effects(&mut check, (&raw.effect, &units), implied, &mut controller);
         let start = raw.robot.start_deg.map(|deg| {
             check.finite("robot.start_deg", &deg);
             robot.as_ref().map_or_else(Joints::zeros, |robot| robot.motor_from_axes_deg(&deg))
@@ -113,6 +117,7 @@ impl Cell {
         let language = language(&raw);
         let columns = raw.measured.as_ref().and_then(|measured| columns(&mut check, &measured.columns));
         plausible::check(&mut check, &raw, robot.as_ref());
+        let part = raw.part.map(|part| super::stock::part(&mut check, part, raw.stock.as_ref()));
         match robot {
             Some(robot) if check.errors.is_empty() => Ok(Self {
                 arm: Arm { robot, stiffness, effects },
@@ -133,7 +138,7 @@ impl Cell {
                 language,
                 columns,
                 units,
-                part: raw.part.map(|part| PartSection { stl: part.stl, mesh: None }),
+                part,
                 plan,
             }),
             _ => {
@@ -445,10 +450,16 @@ const SLOWEST_S: f64 = 2.0;
 
 type Effects = (Vec<Box<dyn effects::Effect>>, Vec<Option<DMatrix<f64>>>, Vec<Option<DMatrix<f64>>>);
 
+/// Effects that a cell has without saying so.
+struct Implied {
+    springs: bool,
+    part: bool,
+}
+
 fn effects(
     check: &mut Check,
     (raw, units): (&[toml::Table], &Units),
-    stiffness: bool,
+    implied: Implied,
     controller: &mut Controller,
 ) -> Effects {
     let (mut effects, mut covariances, mut joint): Effects = (Vec::new(), Vec::new(), Vec::new());
@@ -477,7 +488,7 @@ fn effects(
                 continue;
             }
         };
-        if effect.needs().contains(&Need::Stiffness) && !stiffness {
+        if effect.needs().contains(&Need::Stiffness) && !implied.springs {
             check.error(
                 &key,
                 format!("effect `{name}` needs [robot.stiffness]"),
@@ -515,9 +526,13 @@ fn effects(
         joint.push(uncertainty.and_then(|table| uncertainty::read_joint(&table, effect.parameters().len())));
         effects.push(effect);
     }
-    if stiffness && effects::add_implied(&mut effects) {
+    if implied.springs && effects::add_implied(&mut effects) {
         covariances.insert(0, None);
         joint.insert(0, None);
+    }
+    if implied.part && effects::add_implied_part(&mut effects) {
+        covariances.push(None);
+        joint.push(None);
     }
     (effects, covariances, joint)
 }

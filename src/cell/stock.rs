@@ -5,6 +5,7 @@ use super::{Cell, raw};
 use crate::limits::{STL_REACH_MM, STL_TRIANGLES};
 use crate::stock::{Blank, ClosedMesh, read_stl};
 use crate::text::{Diagnostic, Source};
+use deflex_elastic::{Clamp, Material};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -26,10 +27,24 @@ pub struct StockSection {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct PartSection {
-    /// Its file, beside the cell file.
-    pub stl: String,
+    /// Its file, beside the cell file, where there is one.
+    pub stl: Option<String>,
+    /// What it is made of, and where it is held, where the cell says so: by how much it yields follows from that.
+    pub held: Option<HeldPart>,
     /// The mesh, once it has been read, see [`Cell::take_meshes`].
     pub mesh: Option<Arc<ClosedMesh>>,
+}
+
+/// `[part.material]` and `[[part.clamp]]`.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct HeldPart {
+    /// Young's modulus (N/mm²) and Poisson's ratio.
+    pub material: Material,
+    /// In the stock's axes, mm and N/mm.
+    pub clamps: Vec<Clamp>,
+    /// Size of the cells that it is computed with, mm; without one, from the blank.
+    pub cell_mm: Option<f64>,
 }
 
 impl Cell {
@@ -59,8 +74,10 @@ impl Cell {
         {
             stock.blank = Some(Blank::Mesh(mesh(name)?));
         }
-        if let Some(part) = &mut self.part {
-            part.mesh = Some(mesh(&part.stl)?);
+        if let Some(part) = &mut self.part
+            && let Some(name) = &part.stl
+        {
+            part.mesh = Some(mesh(name)?);
         }
         Ok(())
     }
@@ -96,4 +113,107 @@ pub(super) fn stock(check: &mut Check, raw: &raw::Stock) -> Option<StockSection>
         );
     }
     Some(section(Some(Blank::Box([low, high]))))
+}
+
+/// `[part]`; `stock` is the blank, where the cell has one.
+pub(super) fn part(check: &mut Check, raw: raw::Part, stock: Option<&raw::Stock>) -> PartSection {
+    let raw::Part { stl, cell_mm, material, clamp } = raw;
+    if stl.is_none() && material.is_none() {
+        check.error(
+            "part",
+            "[part] says neither what the part looks like nor what it is made of",
+            "add stl = \"part.stl\", or [part.material] with e_n_mm2 and nu",
+        );
+    }
+    if let Some(cell) = cell_mm {
+        check.positive("part.cell_mm", &[cell]);
+        if material.is_none() {
+            check.error(
+                "part.cell_mm",
+                "[part] cell_mm without [part.material] has no effect",
+                "add [part.material], or remove cell_mm",
+            );
+        }
+    }
+    let held = held(check, material, &clamp, stock).map(|held| HeldPart { cell_mm, ..held });
+    PartSection { stl, held, mesh: None }
+}
+
+/// What the part is made of, and where it is held.
+fn held(
+    check: &mut Check,
+    material: Option<raw::PartMaterial>,
+    raw: &[raw::PartClamp],
+    stock: Option<&raw::Stock>,
+) -> Option<HeldPart> {
+    let Some(material) = material else {
+        if !raw.is_empty() {
+            check.error(
+                "part.clamp",
+                "[[part.clamp]] holds a part of which [part.material] does not say what it is made of",
+                "add [part.material] with e_n_mm2 (Young's modulus) and nu (Poisson's ratio)",
+            );
+        }
+        return None;
+    };
+    check.positive("part.material.e_n_mm2", &[material.e_n_mm2]);
+    if !(0.0..0.5).contains(&material.nu) {
+        check.error(
+            "part.material.nu",
+            format!("part.material.nu = {} is no Poisson's ratio that can be computed with", material.nu),
+            "give a number from 0 to below 0.5: 0.3 for steel, 0.33 for aluminium",
+        );
+    }
+    if stock.is_none() {
+        check.error(
+            "part.material",
+            "[part.material] needs [stock]: by how much the part yields follows from what is left of the blank",
+            "add [stock] with box_mm or stl",
+        );
+    }
+    if raw.is_empty() {
+        check.error(
+            "part.material",
+            "[part.material] without [[part.clamp]]: nothing holds the part",
+            "add [[part.clamp]] with box_mm and stiffness_n_per_mm = [inf, inf, inf] where the part is held",
+        );
+    }
+    let mut clamps = Vec::new();
+    for (n, clamp) in raw.iter().enumerate() {
+        let key = format!("part.clamp.{n}.box_mm");
+        clamp.box_mm.iter().for_each(|corner| check.finite(&key, corner));
+        let [low, high] = clamp.box_mm;
+        if (0..3).any(|k| high[k] < low[k]) {
+            check.error(
+                &key,
+                format!("[[part.clamp]] number {}: the second corner of box_mm is below the first", n + 1),
+                "give [[xmin, ymin, zmin], [xmax, ymax, zmax]]; a face may have no thickness",
+            );
+        }
+        if let Some([blank_low, blank_high]) = stock.and_then(|stock| stock.box_mm)
+            && (0..3).any(|k| high[k] < blank_low[k] || low[k] > blank_high[k])
+        {
+            check.error(
+                &key,
+                format!("[[part.clamp]] number {} is outside of the blank: it holds nothing", n + 1),
+                "box_mm is in the axes of [stock], as its box_mm is",
+            );
+        }
+        let key = format!("part.clamp.{n}.stiffness_n_per_mm");
+        if clamp.stiffness_n_per_mm.iter().any(|k| k.is_nan() || *k < 0.0) {
+            check.error(
+                &key,
+                format!("[[part.clamp]] number {}: a stiffness is below zero or no number", n + 1),
+                "give N/mm along x, y and z: inf where it is rigid, 0 where it slides",
+            );
+        } else if clamp.stiffness_n_per_mm.iter().all(|k| *k <= 0.0) {
+            check.error(
+                &key,
+                format!("[[part.clamp]] number {} holds nothing: its stiffness is zero in all directions", n + 1),
+                "give N/mm along x, y and z, inf where it is rigid; or remove the clamp",
+            );
+        }
+        clamps.push(Clamp { bounds: clamp.box_mm, stiffness: clamp.stiffness_n_per_mm });
+    }
+    Some(HeldPart { material: Material { e: material.e_n_mm2, nu: material.nu }, clamps, cell_mm: None })
 }

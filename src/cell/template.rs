@@ -280,6 +280,13 @@ material = "al7075"             # << a literature value is a start only: calibra
 # resolution_mm = 0.5           # left out: from the smallest cutter
 # [part]
 # stl = "part.stl"              # what `deflex simulate` compares with, in the stock's axes; left out: the part as programmed
+# cell_mm = 1.0                 # where [part.material] is declared: size of the cells; left out: from the blank
+# [part.material]               # the part yields as its shape and its clamps have it
+# e_n_mm2 = 71000.0
+# nu = 0.33
+# [[part.clamp]]                # where it is held, in the stock's axes
+# box_mm = [[0.0, 0.0, -40.0], [300.0, 20.0, -30.0]]
+# stiffness_n_per_mm = [inf, inf, inf]   # of the clamp as a whole along x, y and z; inf: rigid
 
 # What besides the robot moves: tracks, positioners (docs/formats.md).
 # [[unit]]

@@ -418,6 +418,7 @@ impl Walk<'_, '_> {
             through,
             plunges,
             milled: None,
+            part: None,
         };
         self.points.push(point);
     }

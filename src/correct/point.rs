@@ -6,7 +6,7 @@ use super::mount::{Moved, PREDECESSOR_UNKNOWN};
 use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
 use crate::equilibrium::{PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use std::sync::Arc;
 
 /// Everything known of one target before its equilibrium.
@@ -46,6 +46,8 @@ pub struct Point {
     pub(super) through: Option<Through>,
     /// What that came to.
     pub(super) milled: Option<Milled>,
+    /// Compliance of the clamped part where it is cut; see [`Situation`].
+    pub(super) part: Option<Arc<Matrix3<f64>>>,
 }
 
 /// What the move into a target removes.
@@ -53,6 +55,8 @@ pub struct Point {
 pub(super) struct Milled {
     /// Axial depth (m) and arc of engagement (rad) at the target, where the force follows from the stock.
     pub(super) engaged: Option<[f64; 2]>,
+    /// Where it cuts there, m, stock's axes.
+    pub(super) place: Vector3<f64>,
     /// On the way into the target, m³.
     pub(super) removed: f64,
     /// Shares of the way, rising from 0 to 1, and the force there (N, work object axes).
@@ -98,6 +102,7 @@ impl Point {
             temperature: self.temperature,
             payload: self.payload,
             units: self.units(),
+            part: self.part.as_deref(),
         }
     }
 
@@ -122,6 +127,7 @@ impl Point {
             temperature: self.temperature,
             payload: self.payload,
             units: self.units(),
+            part: self.part.as_deref().copied(),
         }
     }
 
@@ -144,6 +150,7 @@ impl Point {
             cutting,
             normal: -(tool_from_wobj * self.normal),
             velocity: -(tool_from_wobj * self.velocity),
+            part: self.part.as_deref().map(|part| tool_from_wobj.matrix() * part * tool_from_wobj.matrix().transpose()),
             ..self.situation(&Setting { held: false, ..*setting }, laws)
         }
     }
@@ -188,6 +195,7 @@ impl Point {
             through: None,
             plunges: false,
             milled: None,
+            part: None,
         }
     }
 
@@ -217,6 +225,11 @@ impl Point {
     /// A measured force, base axes while the point is still placed there, N.
     pub(crate) fn set_force(&mut self, force: Vector3<f64>) {
         self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
+    }
+
+    /// Whether it is cut where the part is known to yield.
+    pub(crate) fn part_yields(&self) -> bool {
+        self.part.is_some() && self.cuts()
     }
 
     /// Whether a cutting force acts.

@@ -228,6 +228,7 @@ mod tests {
                 temperature: None,
                 payload: 0.0,
                 units: &[],
+                part: None,
             };
             let one = cell.arm.predict(&situation, &motor, &Joints::zeros()).unwrap().wobj_from_tcp;
             let off = found.as_ref().unwrap().translation.vector - one.translation.vector;

@@ -73,6 +73,9 @@ pub struct Row {
     pub joints_deg: Option<[f64; 6]>,
     /// Programmed speed of the TCP, mm/s; `None` where the text does not say.
     pub feed_mm_s: Option<f64>,
+    /// By how much the part yields under the force that the uncorrected target is cut with, mm: its share of the predicted error.
+    /// `None` where no effect says how the part yields.
+    pub error_part_mm: Option<f64>,
     /// Names of file, tool and work object.
     pub names: Option<Arc<RowNames>>,
     /// How stiffly the cell holds the TCP; where [`Options::stiffness`](super::Options::stiffness) asks for it.
@@ -133,6 +136,7 @@ impl Row {
         spin_deg: None,
         joints_deg: None,
         feed_mm_s: None,
+        error_part_mm: None,
         names: None,
         stiffness: None,
         stance: None,
@@ -211,6 +215,7 @@ impl Row {
         self.remaining_mm = error_mm;
         self.force_n = there.cut.into();
         self.feed_mm_s = target.feed_mm_s;
+        self.error_part_mm = there.part.map(|part| 1e3 * part);
         if let Some(milled) = &point.milled {
             self.depth_mm = milled.engaged.map(|[depth, _]| 1e3 * depth);
             self.engaged_deg = milled.engaged.map(|[_, arc]| arc.to_degrees());

@@ -166,6 +166,12 @@ impl<'p> Segment<'p> {
             cut_length: if to.cuts() { between(from.cut_length, to.cut_length) } else { to.cut_length },
             time: between(from.time, to.time),
             load,
+            part: match (&from.part, &to.part) {
+                (Some(before), Some(after)) if from.setting == to.setting => {
+                    Some(Arc::new(**before + (**after - **before) * share))
+                }
+                (before, after) => after.clone().or_else(|| before.clone()),
+            },
             ..to.clone()
         }
     }

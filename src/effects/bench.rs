@@ -43,6 +43,7 @@ impl Default for Bench {
                 temperature: None,
                 payload: 0.0,
                 units: &[],
+                part: None,
             },
         }
     }
@@ -75,6 +76,9 @@ impl Bench {
             units: Default::default(),
             tool_mass: situation.tool.mass,
             tool_cog: Vector::of(&situation.tool.cog),
+            part: situation
+                .part
+                .map_or([Vector::ZERO; 3], |part| [0, 1, 2].map(|k| Vector::of(&part.column(k).into()))),
         };
         let rows = robot.rows::<f64>();
         let mut chain = Chain::default();

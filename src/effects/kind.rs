@@ -38,6 +38,8 @@ pub struct Kind {
     pub one_sign: &'static [&'static str],
     /// Whether a cell with `[robot.stiffness]` has it without saying so.
     pub implied_by_stiffness: bool,
+    /// Whether a cell with `[part.material]` has it without saying so.
+    pub implied_by_part: bool,
     /// Reads the `[[effect]]` table, `kind` removed; unknown keys are errors.
     pub read: fn(toml::Table) -> Result<Box<dyn Effect>, toml::de::Error>,
     /// Variants that do nothing yet, to be fitted to data of this kind; empty where the data cannot show the effect, or
@@ -104,6 +106,7 @@ impl Kind {
         time_constant: None,
         one_sign: &[],
         implied_by_stiffness: false,
+        implied_by_part: false,
         read: |_| Err(serde::de::Error::custom("a kind without a reader")),
         candidates: |_| Vec::new(),
     };

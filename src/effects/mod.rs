@@ -22,6 +22,7 @@ mod joint_error_curve;
 mod joint_stiffness;
 mod kind;
 mod link_geometry;
+mod part_stiffness;
 mod physics;
 mod spline;
 mod state;
@@ -221,6 +222,7 @@ physics::registry! {
     bearing_compliance: BearingCompliance;
     tool_compliance: ToolCompliance;
     workpiece_compliance: WorkpieceCompliance;
+    part_stiffness: PartStiffness;
     thermal_growth: ThermalGrowth;
     force_scale: ForceScale;
     tool_wear: ToolWear;
@@ -236,6 +238,21 @@ physics::registry! {
 #[must_use]
 pub fn declared_springs() -> Box<dyn Effect> {
     Box::new(joint_stiffness::JointStiffness::declared())
+}
+
+/// The part as declared: what a cell with `[part.material]` has without saying so.
+#[must_use]
+pub fn declared_part() -> Box<dyn Effect> {
+    Box::new(part_stiffness::PartStiffness::declared())
+}
+
+/// Effects of a cell file, with the declared part behind them where they do not say it; whether it was added.
+pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
+    let missing = !effects.iter().any(|effect| kind(effect.kind()).is_some_and(|kind| kind.implied_by_part));
+    if missing {
+        effects.push(declared_part());
+    }
+    missing
 }
 
 /// Effects of a cell file, with what its `[robot.stiffness]` implies in front where they do not say it; whether it was added.

@@ -122,6 +122,8 @@ pub(crate) struct Site<R> {
     /// Mass of the declared tool, kg, and its centre of gravity in the flange frame, m.
     pub(crate) tool_mass: R,
     pub(crate) tool_cog: Vector<R>,
+    /// Compliance of the clamped part where it is cut, m/N, work object axes: the shift under a unit force along x, y and z.
+    pub(crate) part: [Vector<R>; 3],
 }
 
 /// A mechanical unit at targets; see [`UnitAt`](super::UnitAt).

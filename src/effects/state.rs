@@ -1,6 +1,6 @@
 use crate::lanes::{LaneMask, Mask, Vector, WIDTH};
 use crate::robot::Pose;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::fmt;
 
 /// A tool as the equilibrium sees it.
@@ -94,6 +94,9 @@ pub struct Situation<'a> {
     pub payload: f64,
     /// The cell's mechanical units, where there are any.
     pub units: &'a [UnitAt],
+    /// Compliance of the clamped part where it is cut, m/N: its shift by axis (rows) under a force by axis (columns), work object
+    /// axes; where `[part.material]` makes it known.
+    pub part: Option<Matrix3<f64>>,
 }
 
 /// A mechanical unit at a target.

@@ -8,6 +8,8 @@ pub struct Survey<'a> {
     pub robot: &'a Robot,
     /// Whether the cell declares a joint stiffness.
     pub stiffness_declared: bool,
+    /// Whether the cell declares what a part that rows cut is made of, and how it is held.
+    pub part_declared: bool,
     /// Whether any row cuts.
     pub has_force: bool,
     /// Whether any row carries a payload besides its tool.

@@ -9,7 +9,7 @@ use super::forward::Forward;
 use super::inverse::{self, Inverse};
 use super::model::Model;
 use super::predict::{EXACT, Equilibrium, PRINTED, PredictedPose, WarmStart, Workspace};
-use crate::effects::Deflection;
+use crate::effects::{Deflection, Parts};
 use crate::lanes::{Frame, LaneMask, Lanes, Mask, Real, Vector, WIDTH, six, widest};
 use crate::robot::batch::turn_of;
 use crate::robot::kinematics::{Six, dot, one, set};
@@ -87,6 +87,8 @@ struct PredictedPoses {
     /// Where `turn` is right.
     small: LaneMask,
     cut: Vector,
+    /// Whether an effect says how the part yields.
+    has_part: bool,
 }
 
 impl PredictedPoses {
@@ -94,6 +96,7 @@ impl PredictedPoses {
     fn take(&mut self, model: &Model<'_>, workspace: &mut Workspace<'_, Lanes>) {
         let Workspace { block, at, forward, .. } = workspace;
         forward.place(model, block, at, PRINTED);
+        self.has_part = model.parts.has(Parts::PART);
         widest!(<'a> (
             forward: &'a Forward<Lanes> = forward,
             at: &'a Evaluation<Lanes> = at,
@@ -120,6 +123,7 @@ impl PredictedPoses {
                 turn: turn_of(lane, (&self.turn, self.small), &workspace.block.wanted, &self.seen),
                 axis: -self.seen.z.lane(lane),
                 cut: self.cut.lane(lane),
+                part: self.has_part.then(|| forward.under.part.lane(lane).norm()),
                 mixing: forward.mixing.lane(lane),
                 gain: if most > 0.0 { most } else { 1.0 },
             }

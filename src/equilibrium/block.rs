@@ -36,6 +36,7 @@ pub(crate) struct Site<'a> {
     pub(crate) temperature: Option<f64>,
     pub(crate) payload: f64,
     pub(crate) units: &'a [UnitAt],
+    pub(crate) part: Option<&'a Matrix3<f64>>,
 }
 
 impl Setting {
@@ -60,7 +61,17 @@ impl Setting {
 impl<'a> Site<'a> {
     pub(crate) fn of(situation: &'a Situation<'a>, setting: &'a Setting) -> Self {
         let Situation {
-            wobj_from_tcp, cutting, normal, velocity, cut_length, time, temperature, payload, units, ..
+            wobj_from_tcp,
+            cutting,
+            normal,
+            velocity,
+            cut_length,
+            time,
+            temperature,
+            payload,
+            units,
+            part,
+            ..
         } = situation;
         Self {
             setting,
@@ -74,6 +85,7 @@ impl<'a> Site<'a> {
             temperature: *temperature,
             payload: *payload,
             units,
+            part: part.as_ref(),
         }
     }
 }
@@ -102,8 +114,9 @@ pub(super) struct Block<'a, R: Number> {
     lanes: SmallVec<[R::Mask; 2]>,
     /// Whether laws have changed since these were found.
     changed: bool,
-    /// Whether any lane has had mechanical units.
+    /// Whether any lane has had mechanical units, and a part that yields.
     units: bool,
+    part: bool,
 }
 
 impl<'a, R: Number> Block<'a, R> {
@@ -122,6 +135,12 @@ impl<'a, R: Number> Block<'a, R> {
         if !site.units.is_empty() || self.units {
             own.set_units(lane, site.units);
             self.units = true;
+        }
+        if site.part.is_some() || self.part {
+            for (k, column) in own.part.iter_mut().enumerate() {
+                column.set(lane, &site.part.map_or_else(Vector3::zeros, |part| part.column(k).into()));
+            }
+            self.part = true;
         }
         match &site.cutting {
             Cutting::Air => self.cut(lane, &NOWHERE, None),

@@ -4,7 +4,7 @@ use super::forward::{Forward, Rules};
 use super::inverse::Inverse;
 use super::model::Model;
 use super::{Arm, EquilibriumError, Number};
-use crate::effects::{Deflection, Situation};
+use crate::effects::{Deflection, Parts, Situation};
 use crate::robot::kinematics::{one, set};
 use crate::robot::{Joints, Pose, turn_between};
 use nalgebra::Vector3;
@@ -190,6 +190,7 @@ impl Arm {
             turn: turn_between(&wanted.rotation, &seen.rotation),
             axis: -seen.rotation.matrix().column(2),
             cut: situation.base_from_wobj.rotation.inverse_transform_vector(&at.load.cut.lane(0)),
+            part: model.parts.has(Parts::PART).then(|| forward.under.part.lane(0).norm()),
             mixing: forward.mixing,
             gain: 1.0,
         })
@@ -207,6 +208,8 @@ pub(crate) struct PredictedPose {
     pub(crate) axis: Vector3<f64>,
     /// Cutting force on the tool, N.
     pub(crate) cut: Vector3<f64>,
+    /// By how much the part yields, m, where an effect says so.
+    pub(crate) part: Option<f64>,
     /// The secant's mixing coefficient, for starts close by; zero where none was found.
     pub(crate) mixing: f64,
     /// The most that a round left of what it found, squared; 1 where that is not known.

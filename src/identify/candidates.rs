@@ -158,6 +158,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     let mut survey = Survey {
         robot: &arm.robot,
         stiffness_declared: arm.stiffness.is_some(),
+        part_declared: false,
         has_force: false,
         has_payload: false,
         has_speed: false,
@@ -174,6 +175,7 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
     };
     for row in &problem.rows {
         let point = &problem.runs[row.run].points[row.point];
+        survey.part_declared |= point.part_yields();
         survey.has_force |= point.cuts();
         survey.has_payload |= point.payload > 0.0;
         survey.has_speed |= point.velocity != Vector3::zeros();

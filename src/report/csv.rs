@@ -179,6 +179,7 @@ columns! { |row|
     text "tool" row.names.as_deref().map_or("", |names| &names.tool); "tool, as the program names it"
     text "wobj" row.names.as_deref().map_or("", |names| &names.wobj); "work object, as the program names it"
     optional<FORCE> "feed_mm_s" row.feed_mm_s; "programmed speed of the TCP; empty where the text does not say one"
+    optional<ERROR> "error_part_mm" row.error_part_mm; "by how much the part yields under the force: its share of `error_mm`; empty where no effect says how it yields"
 }
 
 fn joint(row: &Row, axis: usize) -> Option<f64> {
@@ -443,6 +444,7 @@ mod tests {
             spin_deg: line.is_multiple_of(5).then_some(values[11]),
             joints_deg: (!target.is_multiple_of(5)).then(|| std::array::from_fn(|axis| values[axis])),
             feed_mm_s: (!line.is_multiple_of(3)).then_some(values[14]),
+            error_part_mm: target.is_multiple_of(7).then_some(values[13]),
             names: None,
             stiffness: None,
             stance: None,

@@ -24,6 +24,8 @@ pub struct Engaged {
     pub depth: f64,
     /// Angle about the axis that is engaged at half that depth, rad.
     pub arc: f64,
+    /// About where it cuts: at half that depth, towards the middle of that angle, m, stock's axes.
+    pub place: Vector3<f64>,
     /// Volume cut on each metre of feed, m².
     pub section: f64,
     /// The flat bottom is pressed into material, on which the force model has no say.
@@ -69,17 +71,17 @@ impl View<'_> {
     fn finish(&self, sum: Sum) -> Engaged {
         let world = |v: Vector3<f64>| self.x * v.x + self.y * v.y + self.pose.axis.into_inner() * v.z;
         let force = ForceParts { edge: world(sum.edge), cutting: world(sum.cutting) };
-        let (mut depth, mut arc) = (0.0, 0.0);
+        let (mut depth, mut arc, mut place) = (0.0, 0.0, self.pose.tip);
         if let Some([low, high]) = sum.rows {
             let [low, high] = [low, high].map(|row| self.front.ring(row).up);
             depth = high - low;
-            arc = self.arc(0.5 * (low + high));
+            (arc, place) = self.arc(0.5 * (low + high));
         }
-        Engaged { force, bound: sum.bound, depth, arc, section: sum.section, bottom: self.bottom() }
+        Engaged { force, bound: sum.bound, depth, arc, place, section: sum.section, bottom: self.bottom() }
     }
 
-    /// Angle that is engaged at a height, rad.
-    fn arc(&self, up: f64) -> f64 {
+    /// Angle that is engaged at a height, rad, and its middle, m.
+    fn arc(&self, up: f64) -> (f64, Vector3<f64>) {
         let solid = self.front.solid;
         let ring = if up < solid.corner {
             let cos = 1.0 - up / solid.corner;
@@ -100,7 +102,11 @@ impl View<'_> {
             (true, false) => a / (a - b),
             (false, true) => b / (b - a),
         };
-        (0..depths.len()).map(|i| share(depths[i], depths[(i + 1) % depths.len()])).sum::<f64>() * step
+        let arc = (0..depths.len()).map(|i| share(depths[i], depths[(i + 1) % depths.len()])).sum::<f64>() * step;
+        let engaged = self.front.edges.iter().zip(&depths).filter(|(_, depth)| **depth > 0.0);
+        let (cos, sin) = engaged.fold((0.0, 0.0), |sum, (edge, _)| (sum.0 + edge.0, sum.1 + edge.1));
+        let size = f64::hypot(cos, sin).max(f64::MIN_POSITIVE);
+        (arc, self.point(ring.across, up, (cos / size, sin / size)))
     }
 
     /// Whether the flat bottom goes down into material.

@@ -59,6 +59,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         temperature: None,
         payload: 0.0,
         units: &[],
+        part: None,
     }
 }
 

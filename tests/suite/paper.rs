@@ -126,6 +126,7 @@ fn situation<'a>(case: &Case, law: &'a Slot) -> Situation<'a> {
         temperature: None,
         payload: 0.0,
         units: &[],
+        part: None,
     }
 }
 

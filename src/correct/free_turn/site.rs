@@ -8,7 +8,7 @@ use crate::correct::point::{Milled, Point};
 use crate::program::{Goal, Program};
 use crate::robot::{Joints, Pose};
 use crate::text::Diagnostic;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
 
 /// A target's [`Point`] and where it stands in the text.
@@ -41,6 +41,7 @@ struct Rare {
     payload: f64,
     through: Option<Through>,
     milled: Option<Milled>,
+    part: Option<Arc<Matrix3<f64>>>,
 }
 
 /// Where a target stands.
@@ -55,7 +56,7 @@ impl Site {
     #[allow(clippy::cast_possible_truncation)] // travel needs no more than single precision; columns are below 2³²
     pub(super) fn of(program: &Program, prepared: &Prepared, i: usize) -> Self {
         let (target, point) = (&program.targets[i], prepared.points[i].clone());
-        let Point { temperature, payload, through, milled, .. } = point;
+        let Point { temperature, payload, through, milled, part, .. } = point;
         let is_rare = temperature.is_some() || payload != 0.0 || through.is_some() || milled.is_some();
         let column = program.sources[usize::from(target.source)].column(target.span.start as usize);
         Self {
@@ -70,7 +71,7 @@ impl Site {
             cut_length: point.cut_length,
             time: point.time,
             load: point.load,
-            rare: is_rare.then(|| Box::new(Rare { temperature, payload, through, milled })),
+            rare: is_rare.then(|| Box::new(Rare { temperature, payload, through, milled, part })),
             plunges: point.plunges,
             is_end: target.is_end(),
             has_normal: matches!(target.goal, Goal::Axis { normal: Some(_), .. }),
@@ -98,6 +99,7 @@ impl Site {
             load: self.load,
             through: rare.and_then(|rare| rare.through),
             milled: rare.and_then(|rare| rare.milled.clone()),
+            part: rare.and_then(|rare| rare.part.clone()),
             plunges: self.plunges,
         }
     }

@@ -4,6 +4,7 @@ mod deflected;
 mod places;
 mod programmed;
 mod progress;
+mod yielding;
 
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
@@ -22,6 +23,7 @@ use nalgebra::{Unit, Vector3};
 use places::Place;
 pub use progress::CutProgress;
 use std::sync::Arc;
+use yielding::Stages;
 
 /// Whose poses remove the material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +71,9 @@ pub(super) fn run(
     };
     let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = spacing(blank, section.resolution, smallest)?;
+    // Once: where the part yields already, that was found on the path that it is judged by.
+    let is_known = prepared.points.iter().any(|point| point.part.is_some());
+    let held = cell.part.as_ref().and_then(|part| part.held.as_ref()).filter(|_| cuts == Cuts::Programmed && !is_known);
     let mut walk = Walk {
         program,
         cell,
@@ -85,7 +90,11 @@ pub(super) fn run(
         peak: 0.0,
         bound: 0.0,
         cut_length: 0.0,
+        stages: held.map(Stages::new),
     };
+    if let Some(stages) = &walk.stages {
+        stages.check(&walk.stock)?;
+    }
     match cuts {
         Cuts::Programmed => programmed::cut(&mut walk, prepared),
         Cuts::Deflected => deflected::cut(&mut walk, prepared),
@@ -93,6 +102,11 @@ pub(super) fn run(
     walk.goes_on(prepared.points.len(), prepared.points.len());
     if !walk.errors.is_empty() {
         return Err(walk.errors);
+    }
+    if let Some(mut stages) = walk.stages.take() {
+        stages.look_last(&walk.stock);
+        let notes = stages.settle(&walk, prepared)?;
+        prepared.notes.extend(notes);
     }
     if cuts == Cuts::Programmed {
         prepared.notes.extend(walk.notes(resolution, section.resolution.is_none()));
@@ -175,6 +189,8 @@ struct Walk<'a> {
     bound: f64,
     /// Length cut up to here, m.
     cut_length: f64,
+    /// The stock as it was from time to time, where it is known how the part yields.
+    stages: Option<Stages>,
 }
 
 /// How far on from where a way begins its first force is asked for, m.
@@ -302,6 +318,7 @@ impl Walk<'_> {
         let mut milled = Milled { removed, ..Milled::default() };
         if through.feed_per_tooth.is_some() {
             milled.engaged = Some([engaged.depth, engaged.arc]);
+            milled.place = engaged.place;
             milled.forces = forces.into();
             if let Some(via) = via
                 && let (Some(force), Some(_)) =

@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// Places, or moves, that are looked at together: the history of the stock between them is some 10 MB.
 const BATCH: usize = 512;
 
+/// So many where it is known how the part yields: the stock is looked at between batches.
+const BATCH_OF_A_PART: usize = 64;
+
 /// A place at which it is asked what the tool meets.
 struct Asked {
     moment: Moment,
@@ -46,11 +49,15 @@ struct Batch {
 /// Cuts the stock with all points.
 pub(super) fn cut(walk: &mut Walk<'_>, prepared: &mut Prepared) {
     let mut batch = Batch::default();
+    if let Some(stages) = &mut walk.stages {
+        stages.look(&walk.stock);
+    }
     walk.stock.keep_history();
     for i in 0..prepared.points.len() {
         if Kind::of(walk.program, i) != Kind::Point {
             batch.record(walk, prepared, i);
-            if batch.asked.len().max(batch.moves) >= BATCH {
+            let most = if walk.stages.is_some() { BATCH_OF_A_PART } else { BATCH };
+            if batch.asked.len().max(batch.moves) >= most {
                 batch.settle(walk, prepared);
                 if !walk.goes_on(i + 1, prepared.points.len()) {
                     return;
@@ -143,6 +150,9 @@ impl Batch {
         }
         self.asked.clear();
         self.moves = 0;
+        if let Some(stages) = &mut walk.stages {
+            stages.look(&walk.stock);
+        }
         walk.stock.keep_history();
     }
 }

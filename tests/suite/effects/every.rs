@@ -3,7 +3,7 @@
 use deflex::effects::{Cutting, Effect, KINDS, Situation, Survey, ToolFrame, UnitAt, kind};
 use deflex::equilibrium::Arm;
 use deflex::robot::{BUILTIN, Joints, Pose};
-use nalgebra::{Rotation3, Translation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Translation3, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 
@@ -48,6 +48,7 @@ fn arm(effects: Vec<Box<dyn Effect>>) -> Arm {
     // Scaled springs stand in the declared ones' place.
     let mut all = effects;
     deflex::effects::add_implied(&mut all);
+    deflex::effects::add_implied_part(&mut all);
     Arm {
         robot: BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot(),
         stiffness: Some(Joints::from([8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4])),
@@ -86,6 +87,7 @@ fn situation(arm: &Arm, motor: &Joints, force: Vector3<f64>) -> Situation<'stati
         temperature: Some(27.0),
         payload: 6.0,
         units: &UNITS,
+        part: Some(Matrix3::new(4e-8, 1e-8, 0.0, 1e-8, 6e-8, 0.0, 0.0, 0.0, 2e-8)),
     }
 }
 
@@ -340,6 +342,7 @@ fn candidates_follow_the_data_and_do_nothing_yet() {
     let mut survey = Survey {
         robot: &robot,
         stiffness_declared: true,
+        part_declared: true,
         has_force: true,
         has_payload: false,
         has_speed: true,

@@ -130,6 +130,7 @@ fn residual(cell: &Cell, program: &Program, measured: &Table) -> Vec<Vector3<f64
             temperature: row.temperature_c,
             payload: 0.0,
             units: &[],
+            part: None,
         };
         states.push((situation, motor, travel, 1e-3 * Vector3::from(row.position_mm.unwrap())));
     }

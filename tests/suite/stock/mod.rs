@@ -2,6 +2,7 @@
 
 mod distance;
 mod mesh;
+mod part;
 mod paths;
 mod program;
 mod witness;

@@ -1,0 +1,457 @@
+//! A held body, and the displacements that forces on it bring about.
+
+use crate::direct::{Band, cost, ordered};
+use crate::element::{CORNERS, Element, Matrix, Rule, shape};
+use crate::level::{
+    Cells, From, LANES, Level, NONE, SHARED, Transfer, Vector, add_scaled, coarser, dot, halved, turn_towards,
+};
+use crate::solid::{Filling, Solid, ravel, unravel};
+use crate::support::{Clamp, Held, HoldError, hold};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// An isotropic material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Young's modulus, N/mm².
+    pub e: f64,
+    /// Poisson's ratio, from 0 to below 0.5.
+    pub nu: f64,
+}
+
+/// The direct solution of the coarsest grid may take so many operations: a second or so, once.
+const DIRECT: f64 = 1.5e9;
+/// And so many numbers: each round of the iteration goes through them.
+const DIRECT_SIZE: usize = 1_500_000;
+/// The hierarchy has no more grids than this: each halves the one before.
+const LEVELS: usize = 16;
+/// Rounds of conjugate gradients before what is found is taken as it is.
+const ROUNDS: usize = 300;
+/// The last rounds that are looked at for whether more of them would change anything.
+const LATEST: usize = 4;
+/// A force of a [map](crate::ComplianceMap) is spread over so many cells to each side, so that its dent, which the grid is too
+/// coarse for, is small.
+const SPREAD: f64 = 2.0;
+/// Cells with less material than this share carry no force themselves: the nearest one that has more does.
+const CARRIES: f64 = 0.05;
+
+/// A part, held, ready to be loaded.
+pub struct Body {
+    levels: Vec<Level>,
+    transfers: Vec<Transfer>,
+    coarsest: Band,
+    /// Axes of nodes (by number) that are rigid.
+    rigid: Vec<(u32, [bool; 3])>,
+    pub(crate) grid: crate::Grid,
+    cells: Vec<Filling>,
+    shares: Vec<f64>,
+}
+
+/// A force's place: numbers of the nodes that take it, and the share of each.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Spot(pub(crate) Vec<(u32, f64)>);
+
+/// Displacements under some loads.
+pub(crate) struct Solved {
+    /// What was found.
+    pub(crate) x: Vector,
+    /// Rounds that it took.
+    pub(crate) rounds: usize,
+}
+
+/// What vectors the iteration works in.
+struct Work {
+    b: Vector,
+    x: Vector,
+    smooth: [Vector; 2],
+}
+
+impl Body {
+    /// Holds a solid by clamps.
+    ///
+    /// # Errors
+    /// No material, a clamp that touches none, or a body that is free to move.
+    pub fn new(solid: &Solid, material: Material, clamps: &[Clamp]) -> Result<Self, HoldError> {
+        let Held { cells, holds } = hold(solid, clamps)?;
+        let (fine, shares) = stiffnesses(solid, material, &cells, &holds.rigid, &holds.springs);
+        let mut levels = vec![Level::new(&fine)];
+        let mut transfers = Vec::new();
+        let mut cells_of_level = fine;
+        while levels.len() < LEVELS {
+            let last = &levels[levels.len() - 1];
+            let (_, width) = ordered(last);
+            let unknowns = 3 * last.len();
+            let small = cost(unknowns, width) < DIRECT && unknowns * width < DIRECT_SIZE;
+            if small || cells_of_level.counts == [1; 3] {
+                break;
+            }
+            let axes = halved(cells_of_level.counts);
+            cells_of_level = coarser(&cells_of_level);
+            let next = Level::new(&cells_of_level);
+            transfers.push(Transfer::between(last, &next, axes));
+            levels.push(next);
+        }
+        let coarsest = Band::new(&levels[levels.len() - 1]);
+        let rigid = holds.rigid.iter().map(|(node, axes)| (levels[0].number[*node as usize], *axes));
+        let rigid = rigid.filter(|(number, _)| *number != NONE).collect();
+        Ok(Self { levels, transfers, coarsest, rigid, grid: solid.grid, cells, shares })
+    }
+
+    /// Cells that carry something.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.cells.iter().filter(|filling| **filling != Filling::Empty).count()
+    }
+
+    /// Compliance (mm/N) at places on the surface (mm): the displacement there by axis (rows) under a unit force by axis
+    /// (columns). A force is spread over the nodes of the cell that it acts on; the compliance has the dent that it makes in it.
+    ///
+    /// Good to about a thousandth of itself; a place outside of the body is moved to the nearest cell of it.
+    #[must_use]
+    pub fn compliance(&self, places: &[[f64; 3]]) -> Vec<Matrix3<f64>> {
+        self.compliance_of(&places.iter().map(|place| vec![(*place, 1.0)]).collect::<Vec<_>>())
+    }
+
+    /// The same of forces that are spread over places by their shares: the mean of the displacements by the same shares, under a
+    /// unit force that they add up to.
+    #[must_use]
+    pub fn compliance_of(&self, patches: &[Vec<([f64; 3], f64)>]) -> Vec<Matrix3<f64>> {
+        let spread = |patch: &Vec<([f64; 3], f64)>| {
+            let at = |(place, share): &([f64; 3], f64)| {
+                self.point(*place).0.into_iter().map(|(number, own)| (number, own * share)).collect::<Vec<_>>()
+            };
+            Spot(patch.iter().flat_map(at).collect())
+        };
+        let spots: Vec<Spot> = patches.iter().map(spread).collect();
+        let mut all = vec![Matrix3::zeros(); spots.len()];
+        let loads: Vec<(usize, usize)> = (0..spots.len()).flat_map(|n| (0..3).map(move |k| (n, k))).collect();
+        for batch in loads.chunks(LANES) {
+            let forces: Vec<(&Spot, Vector3<f64>)> = batch.iter().map(|(n, k)| (&spots[*n], unit(*k))).collect();
+            let solved = self.solve(&forces, None);
+            for (lane, (n, k)) in batch.iter().enumerate() {
+                all[*n].set_column(*k, &self.sample(&solved.x, lane, &spots[*n]));
+            }
+        }
+        all.into_iter().map(|c| (c + c.transpose()) * 0.5).collect()
+    }
+
+    /// The nodes that take a force at a place: those of the cell that it is in, or that is nearest.
+    fn point(&self, place: [f64; 3]) -> Spot {
+        let (cell, at) = self.nearest(place);
+        let nodes = self.grid.nodes();
+        let corner = |a: usize| ravel(nodes, std::array::from_fn(|k| cell[k] + (a >> k & 1)));
+        let shares = shape(at);
+        Spot((0..CORNERS).filter_map(|a| Some((self.number(corner(a))?, shares[a]))).collect())
+    }
+
+    /// The nodes that take a force that is spread about a place: those less than [`SPREAD`] cells from it along each axis, by
+    /// their distance, and by how much of the cells about them is material.
+    pub(crate) fn spread(&self, place: [f64; 3]) -> Spot {
+        let (cell, at) = self.nearest(place);
+        let grid = &self.grid;
+        let nodes = grid.nodes();
+        let middle: [f64; 3] = std::array::from_fn(|k| cell[k] as f64 + at[k]);
+        let range = |k: usize| {
+            let first = (middle[k] - SPREAD).max(0.0).ceil() as usize;
+            first..=((middle[k] + SPREAD).floor() as usize).min(grid.cells[k])
+        };
+        let mut shares = Vec::new();
+        for k in range(2) {
+            for j in range(1) {
+                for i in range(0) {
+                    let node = [i, j, k];
+                    let Some(number) = self.number(ravel(nodes, node)) else { continue };
+                    let near: f64 = (0..3).map(|k| 1.0 - (node[k] as f64 - middle[k]).abs() / SPREAD).product();
+                    let material: f64 = (0..CORNERS)
+                        .map(|a| {
+                            let cell: [usize; 3] = std::array::from_fn(|k| node[k].wrapping_sub(a >> k & 1));
+                            let inside = (0..3).all(|k| cell[k] < grid.cells[k]);
+                            if inside { self.shares[ravel(grid.cells, cell)] } else { 0.0 }
+                        })
+                        .sum();
+                    if near > 0.0 && material > 0.0 {
+                        shares.push((number, near * material));
+                    }
+                }
+            }
+        }
+        let sum: f64 = shares.iter().map(|(_, share)| share).sum();
+        if sum <= 0.0 {
+            return self.point(place);
+        }
+        shares.iter_mut().for_each(|(_, share)| *share /= sum);
+        Spot(shares)
+    }
+
+    /// The cell that carries a force at a place, and where in it (0 to 1) that is: the nearest one with enough material.
+    fn nearest(&self, place: [f64; 3]) -> ([usize; 3], [f64; 3]) {
+        let grid = &self.grid;
+        let home: [i64; 3] = std::array::from_fn(|k| {
+            (((place[k] - grid.low[k]) / grid.size[k]).floor() as i64).clamp(0, grid.cells[k] as i64 - 1)
+        });
+        let most = *grid.cells.iter().max().unwrap_or(&1) as i64;
+        let mut best: Option<(f64, [usize; 3], [f64; 3])> = None;
+        let mut found_at = None;
+        for ring in 0..=most {
+            // One ring more than the first that has any: its corners are further than the next one's faces.
+            if found_at.is_some_and(|found| ring > found + 1) {
+                break;
+            }
+            let range = |k: usize| (home[k] - ring).max(0)..=(home[k] + ring).min(grid.cells[k] as i64 - 1);
+            for k in range(2) {
+                for j in range(1) {
+                    for i in range(0) {
+                        let cell = [i, j, k];
+                        if (0..3).map(|k| (cell[k] - home[k]).abs()).max() != Some(ring) {
+                            continue;
+                        }
+                        let cell = cell.map(|c| c as usize);
+                        let number = ravel(grid.cells, cell);
+                        if self.cells[number] == Filling::Empty || self.shares[number] < CARRIES {
+                            continue;
+                        }
+                        let low = grid.place(cell);
+                        let at: [f64; 3] =
+                            std::array::from_fn(|k| ((place[k] - low[k]) / grid.size[k]).clamp(0.0, 1.0));
+                        let distance: f64 = (0..3).map(|k| (low[k] + at[k] * grid.size[k] - place[k]).powi(2)).sum();
+                        if best.is_none_or(|(least, ..)| distance < least) {
+                            best = Some((distance, cell, at));
+                            found_at = found_at.or(Some(ring));
+                        }
+                    }
+                }
+            }
+        }
+        best.map_or(([0; 3], [0.5; 3]), |(_, cell, at)| (cell, at))
+    }
+
+    /// Displacement at a spot of one load, mm.
+    pub(crate) fn sample(&self, x: &Vector, lane: usize, spot: &Spot) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for (number, share) in &spot.0 {
+            sum += Vector3::from_fn(|k, _| share * x[*number as usize][k][lane]);
+        }
+        sum
+    }
+
+    /// Number of a node of the whole grid.
+    fn number(&self, node: usize) -> Option<u32> {
+        Some(self.levels[0].number[node]).filter(|number| *number != NONE)
+    }
+
+    pub(crate) fn zeros(&self) -> Vector {
+        self.levels[0].zeros()
+    }
+
+    pub(crate) fn fine(&self) -> &Level {
+        &self.levels[0]
+    }
+
+    /// Nothing moves where it is rigid.
+    pub(crate) fn hold(&self, x: &mut Vector) {
+        for (node, axes) in &self.rigid {
+            for k in 0..3 {
+                if axes[k] {
+                    x[*node as usize][k] = [0.0; LANES];
+                }
+            }
+        }
+    }
+
+    /// Displacements under at most eight forces, each alone; `start` is a guess at them.
+    pub(crate) fn solve(&self, forces: &[(&Spot, Vector3<f64>)], start: Option<Vector>) -> Solved {
+        let fine = &self.levels[0];
+        let mut r = fine.zeros();
+        for (lane, (spot, force)) in forces.iter().enumerate() {
+            for (number, share) in &spot.0 {
+                for k in 0..3 {
+                    r[*number as usize][k][lane] += share * force[k];
+                }
+            }
+        }
+        self.hold(&mut r);
+        let mut q = fine.zeros();
+        let (mut x, mut energy) = match start {
+            Some(x) => {
+                let energy = dot(&x, &r);
+                fine.apply(&x, &mut q);
+                add_scaled(&mut r, &[-1.0; LANES], &q);
+                (x, energy)
+            }
+            None => (fine.zeros(), [0.0; LANES]),
+        };
+        let mut work = self.work();
+        let mut z = fine.zeros();
+        self.precondition(&r, &mut z, &mut work);
+        let mut p = z.clone();
+        let mut rz = dot(&r, &z);
+        let mut gains: Vec<[f64; LANES]> = Vec::new();
+        let mut rounds = 0;
+        while rounds < ROUNDS {
+            rounds += 1;
+            fine.apply(&p, &mut q);
+            let pq = dot(&p, &q);
+            let alpha: [f64; LANES] = std::array::from_fn(|l| if pq[l] > 0.0 { rz[l] / pq[l] } else { 0.0 });
+            add_scaled(&mut x, &alpha, &p);
+            add_scaled(&mut r, &alpha.map(|a| -a), &q);
+            let gain: [f64; LANES] = std::array::from_fn(|l| alpha[l] * rz[l]);
+            for l in 0..LANES {
+                energy[l] += gain[l];
+            }
+            gains.push(gain);
+            // What the last rounds have won bounds from above what the next ones win, where they go on shrinking.
+            let recent = |l: usize| gains.iter().rev().take(LATEST).map(|gain| gain[l]).sum::<f64>();
+            let done = |l: usize| recent(l) <= self.tolerance() * energy[l].abs();
+            if gains.len() >= LATEST.min(3) && (0..LANES).all(done) {
+                break;
+            }
+            self.precondition(&r, &mut z, &mut work);
+            let next = dot(&r, &z);
+            let beta: [f64; LANES] = std::array::from_fn(|l| if rz[l] > 0.0 { next[l] / rz[l] } else { 0.0 });
+            rz = next;
+            turn_towards(&mut p, &beta, &z);
+        }
+        self.hold(&mut x);
+        Solved { x, rounds }
+    }
+
+    /// Share of the energy that the last rounds may have won where the iteration ends.
+    fn tolerance(&self) -> f64 {
+        1e-3
+    }
+
+    fn work(&self) -> Vec<Work> {
+        let of = |level: &Level| Work { b: level.zeros(), x: level.zeros(), smooth: [level.zeros(), level.zeros()] };
+        self.levels.iter().map(of).collect()
+    }
+
+    /// z = M⁻¹ r: one round of multigrid.
+    fn precondition(&self, r: &Vector, z: &mut Vector, work: &mut [Work]) {
+        if self.levels.len() == 1 {
+            self.coarsest.solve(r, z);
+            return;
+        }
+        work[0].b.clone_from(r);
+        self.cycle(0, work);
+        z.clone_from(&work[0].x);
+    }
+
+    fn cycle(&self, at: usize, work: &mut [Work]) {
+        if at + 1 == self.levels.len() {
+            let Work { b, x, .. } = &mut work[at];
+            self.coarsest.solve(b, x);
+            return;
+        }
+        let (level, next) = (&self.levels[at], &self.levels[at + 1]);
+        {
+            let (own, rest) = work.split_at_mut(at + 1);
+            let Work { b, x, smooth } = &mut own[at];
+            level.smooth(b, x, From::Zero, smooth);
+            level.residual(b, x, &mut smooth[0]);
+            self.transfers[at].restrict(&smooth[0], next, &mut rest[0].b);
+        }
+        self.cycle(at + 1, work);
+        let (own, rest) = work.split_at_mut(at + 1);
+        let Work { b, x, smooth } = &mut own[at];
+        self.transfers[at].prolong(&rest[0].x, level, x);
+        level.smooth(b, x, From::Here, smooth);
+    }
+}
+
+pub(crate) fn unit(axis: usize) -> Vector3<f64> {
+    Vector3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 })
+}
+
+/// The stiffness of each cell, with springs added to one of the cells about each of their nodes, and the rows of what is rigid
+/// taken out; and the share of each cell that is material.
+fn stiffnesses(
+    solid: &Solid,
+    material: Material,
+    fillings: &[Filling],
+    rigid: &[(u32, [bool; 3])],
+    springs: &[(u32, [f64; 3])],
+) -> (Cells, Vec<f64>) {
+    let grid = &solid.grid;
+    let element = Element::new(grid.size, material.e, material.nu);
+    let nodes = grid.nodes();
+    let mut rigid_of = vec![[false; 3]; nodes.iter().product()];
+    for (node, axes) in rigid {
+        for k in 0..3 {
+            rigid_of[*node as usize][k] |= axes[k];
+        }
+    }
+    let corner = |cell: usize, a: usize| {
+        let cell = unravel(grid.cells, cell);
+        ravel(nodes, std::array::from_fn(|k| cell[k] + (a >> k & 1)))
+    };
+    // Springs by the cell that has them.
+    let mut sprung: Vec<(usize, usize, [f64; 3])> = Vec::new();
+    for (node, spring) in springs {
+        let at = unravel(nodes, *node as usize);
+        let cell = (0..CORNERS).find_map(|a| {
+            let cell: [usize; 3] = std::array::from_fn(|k| at[k].wrapping_sub(a >> k & 1));
+            let number = (0..3).all(|k| cell[k] < grid.cells[k]).then(|| ravel(grid.cells, cell))?;
+            (fillings[number] != Filling::Empty).then_some((number, a))
+        });
+        if let Some((cell, a)) = cell {
+            sprung.push((cell, a, *spring));
+        }
+    }
+    sprung.sort_by_key(|(cell, ..)| *cell);
+    enum Own {
+        Plain(Option<u32>),
+        Held(usize),
+    }
+    let mut own: Vec<Own> = vec![Own::Plain(None)];
+    let matrix: Vec<u32> = (0..grid.len())
+        .map(|cell| {
+            if fillings[cell] == Filling::Empty {
+                return NONE;
+            }
+            let held = sprung.binary_search_by_key(&cell, |(cell, ..)| *cell).is_ok()
+                || (0..CORNERS).any(|a| rigid_of[corner(cell, a)].contains(&true));
+            match fillings[cell] {
+                Filling::Full if !held => SHARED,
+                Filling::Cut(rule) if !held => {
+                    own.push(Own::Plain(Some(rule)));
+                    own.len() as u32 - 1
+                }
+                _ => {
+                    own.push(Own::Held(cell));
+                    own.len() as u32 - 1
+                }
+            }
+        })
+        .collect();
+    let stiffness = |filling: Filling| match filling {
+        Filling::Cut(rule) => element.stiffness(&solid.rules[rule as usize]),
+        _ => element.stiffness(&Rule::full()),
+    };
+    let full = stiffness(Filling::Full);
+    let of = |own: &Own| -> Matrix {
+        let cell = match own {
+            Own::Plain(None) => return full,
+            Own::Plain(Some(rule)) => return stiffness(Filling::Cut(*rule)),
+            Own::Held(cell) => *cell,
+        };
+        let mut k = if fillings[cell] == Filling::Full { full } else { stiffness(fillings[cell]) };
+        let first = sprung.partition_point(|(of, ..)| *of < cell);
+        for (_, a, spring) in sprung[first..].iter().take_while(|(of, ..)| *of == cell) {
+            for axis in 0..3 {
+                k[(3 * a + axis, 3 * a + axis)] += spring[axis];
+            }
+        }
+        for a in 0..CORNERS {
+            for axis in 0..3 {
+                if rigid_of[corner(cell, a)][axis] {
+                    k.row_mut(3 * a + axis).fill(0.0);
+                    k.column_mut(3 * a + axis).fill(0.0);
+                }
+            }
+        }
+        k
+    };
+    let matrices = own.par_iter().map(of).collect();
+    let shares = fillings.iter().map(|filling| solid.share(*filling)).collect();
+    (Cells { counts: grid.cells, matrix, matrices }, shares)
+}

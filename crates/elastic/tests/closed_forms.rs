@@ -1,0 +1,210 @@
+//! Bodies whose compliance a book has.
+
+use deflex_elastic::{Accuracy, Body, Clamp, ComplianceMap, Grid, HoldError, Material, Solid};
+
+const ALUMINIUM: Material = Material { e: 71_000.0, nu: 0.33 };
+const RIGID: [f64; 3] = [f64::INFINITY; 3];
+
+fn within(found: f64, exact: f64, share: f64) {
+    assert!(
+        (found / exact - 1.0).abs() < share,
+        "{found:.6e}, not {exact:.6e}: {:+.2} %",
+        100.0 * (found / exact - 1.0)
+    );
+}
+
+fn clamp(low: [f64; 3], high: [f64; 3]) -> Clamp {
+    Clamp { bounds: [low, high], stiffness: RIGID }
+}
+
+/// Timoshenko's beam with a force at its end: l³/(3EI) + 6 l/(5 G A) for a rectangle.
+fn cantilever(length: f64, height: f64, width: f64) -> f64 {
+    let inertia = width * height.powi(3) / 12.0;
+    let shear = ALUMINIUM.e / (2.0 * (1.0 + ALUMINIUM.nu));
+    length.powi(3) / (3.0 * ALUMINIUM.e * inertia) + 1.2 * length / (shear * width * height)
+}
+
+#[test]
+fn a_cantilever_of_two_cells_bends_as_timoshenko_has_it() {
+    // The clamp holds the width too, which stiffens the first few millimetres: 1 % of a beam 20 times as long as high.
+    let grid = Grid::over([0.0; 3], [40.0, 2.0, 2.0], 1.0);
+    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[clamp([0.0; 3], [0.0, 2.0, 2.0])]).unwrap();
+    let tip = body.compliance(&[[40.0, 1.0, 1.0]])[0];
+    within(tip[(2, 2)], cantilever(40.0, 2.0, 2.0), 0.015);
+    within(tip[(1, 1)], tip[(2, 2)], 1e-6);
+    // Along it: l/(E A), and the dent of the force.
+    assert!(tip[(0, 0)] > 40.0 / (71_000.0 * 4.0) && tip[(0, 0)] < 1.3 * 40.0 / (71_000.0 * 4.0));
+}
+
+#[test]
+fn faces_within_cells_bend_as_they_would_between_them() {
+    // A beam of height 2.5 of cells of 1: the uppermost is half full. Whole cells would be off by (3/2.5)³ = 1.7.
+    let exact = cantilever(40.0, 2.5, 2.0);
+    let grid = Grid::over([0.0; 3], [40.0, 2.0, 3.0], 1.0);
+    let solid = Solid::of(grid, |p| 2.5 - p[2]);
+    let end = clamp([0.0; 3], [0.0, 2.0, 3.0]);
+    let tip = |solid: &Solid| Body::new(solid, ALUMINIUM, &[end]).unwrap().compliance(&[[40.0, 1.0, 1.0]])[0][(2, 2)];
+    within(tip(&solid), exact, 0.02);
+    assert!((tip(&solid.in_whole_cells()) / exact - 1.0).abs() > 0.3);
+}
+
+#[test]
+fn a_beam_across_the_grid_converges() {
+    // A bar of 3 × 3 mm, 40 mm long, turned by 25° in the grid: cells are cut in every way. Finer cells come closer.
+    let (sin, cos) = 25.0_f64.to_radians().sin_cos();
+    let exact = cantilever(40.0, 3.0, 3.0);
+    let off = |spacing: f64| {
+        let grid = Grid::over([-3.0, -3.0, 0.0], [42.0, 24.0, 3.0], spacing);
+        let depth = |p: [f64; 3]| {
+            let (along, across) = (p[0] * cos + p[1] * sin, p[1] * cos - p[0] * sin);
+            (along + 2.0).min(40.0 - along).min(across + 1.5).min(1.5 - across)
+        };
+        let root = clamp([-3.0, -3.0, 0.0], [0.0, 24.0, 3.0]);
+        let body = Body::new(&Solid::of(grid, depth), ALUMINIUM, &[root]).unwrap();
+        let tip = body.compliance(&[[40.0 * cos, 40.0 * sin, 1.5]])[0];
+        tip[(2, 2)] / exact
+    };
+    let (coarse, fine, finest) = (off(1.5), off(0.75), off(0.5));
+    assert!((finest - 1.0).abs() < 0.03 && (fine - 1.0).abs() < 0.04, "{coarse} {fine} {finest}");
+    assert!((finest - fine).abs() < 0.5 * (fine - coarse).abs(), "{coarse} {fine} {finest}");
+}
+
+/// Plate stiffness D, N·mm.
+fn plate(thickness: f64, nu: f64) -> f64 {
+    ALUMINIUM.e * thickness.powi(3) / (12.0 * (1.0 - nu * nu))
+}
+
+#[test]
+fn a_clamped_plate_yields_as_timoshenko_and_woinowsky_krieger_have_it() {
+    // Square plate, all edges clamped, force in the middle: w = 0.00560 P a²/D (Theory of Plates and Shells, 2nd ed., table 37).
+    // Two cells of half a millimetre through the thickness. The dent of the force adds some 0.5 %.
+    let material = Material { nu: 0.3, ..ALUMINIUM };
+    let grid = Grid { low: [0.0; 3], size: [1.0, 1.0, 0.5], cells: [80, 80, 2] };
+    let edges = [
+        clamp([0.0; 3], [0.0, 80.0, 1.0]),
+        clamp([80.0, 0.0, 0.0], [80.0, 80.0, 1.0]),
+        clamp([0.0; 3], [80.0, 0.0, 1.0]),
+        clamp([0.0, 80.0, 0.0], [80.0, 80.0, 1.0]),
+    ];
+    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &edges).unwrap();
+    let middle = body.compliance(&[[40.0, 40.0, 1.0]])[0];
+    within(middle[(2, 2)], 0.00560 * 80.0 * 80.0 / plate(1.0, 0.3), 0.02);
+}
+
+#[test]
+fn a_strip_clamped_along_one_side_yields_as_an_infinite_cantilever_plate() {
+    // Jaramillo (1950): force at the free edge of a long cantilever plate, under it w = 0.168 P a²/D (ν = 0.3).
+    let material = Material { nu: 0.3, ..ALUMINIUM };
+    let grid = Grid::over([0.0; 3], [160.0, 30.0, 1.0], 1.0);
+    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &[clamp([0.0; 3], [160.0, 0.0, 1.0])]).unwrap();
+    let edge = body.compliance(&[[80.0, 30.0, 1.0]])[0];
+    within(edge[(2, 2)], 0.168 * 900.0 / plate(1.0, 0.3), 0.03);
+}
+
+#[test]
+fn a_thin_tube_bends_as_a_beam_of_its_ring() {
+    // Outer radius 6, wall 1.2 mm, 70 mm long; the load on a stiff end plate. Shear: the coefficient of a thin ring is 2.
+    let (outer, inner, length) = (6.0_f64, 4.8_f64, 70.0);
+    let grid = Grid::over([-6.0, -6.0, 0.0], [6.0, 6.0, length + 2.0], 0.75);
+    let depth = |p: [f64; 3]| {
+        let r = p[0].hypot(p[1]);
+        let wall = (outer - r).min(r - inner);
+        wall.max((outer - r).min(p[2] - length))
+    };
+    let solid = Solid::of(grid, depth);
+    let body = Body::new(&solid, ALUMINIUM, &[clamp([-6.0, -6.0, 0.0], [6.0, 6.0, 0.0])]).unwrap();
+    let tip = body.compliance(&[[0.0, 0.0, length]])[0];
+    let pi = std::f64::consts::PI;
+    let (inertia, area) = (pi * (outer.powi(4) - inner.powi(4)) / 4.0, pi * (outer * outer - inner * inner));
+    let shear = ALUMINIUM.e / (2.0 * (1.0 + ALUMINIUM.nu));
+    let exact = length.powi(3) / (3.0 * ALUMINIUM.e * inertia) + 2.0 * length / (shear * area);
+    within(tip[(0, 0)], exact, 0.03);
+    within(tip[(1, 1)], tip[(0, 0)], 1e-3);
+}
+
+#[test]
+fn springs_under_a_block_give_what_they_say() {
+    // A cube on a spring of 1000 N/mm in each direction: pushed from above over its middle, it sinks by F/k and a dent.
+    let grid = Grid::over([0.0; 3], [10.0; 3], 1.0);
+    let foot = Clamp { bounds: [[0.0; 3], [10.0, 10.0, 0.0]], stiffness: [1000.0, 2000.0, 500.0] };
+    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[foot]).unwrap();
+    let push = body.compliance(&[[5.0, 5.0, 10.0]])[0];
+    within(push[(2, 2)], 1.0 / 500.0, 0.015);
+    // Pushed sideways at the top it also tilts: by F h² / (k_z Σ x²/n), the feet at x = −5 … 5.
+    let square: f64 = (0..=10).map(|i| f64::from(i - 5).powi(2)).sum::<f64>() / 11.0;
+    within(push[(0, 0)], 1.0 / 1000.0 + 100.0 / (500.0 * square), 0.01);
+}
+
+#[test]
+fn what_is_not_held_is_said() {
+    let grid = Grid::over([0.0; 3], [10.0; 3], 1.0);
+    let solid = Solid::of(grid, |_| 1.0);
+    let body = |clamps: &[Clamp]| Body::new(&solid, ALUMINIUM, clamps).err();
+    assert_eq!(body(&[]), Some(HoldError::Free { turns: false }));
+    assert_eq!(body(&[clamp([20.0; 3], [30.0; 3])]), Some(HoldError::Untouched(0)));
+    // A line of nodes is a hinge.
+    assert_eq!(body(&[clamp([0.0; 3], [10.0, 0.0, 0.0])]), Some(HoldError::Free { turns: true }));
+    assert_eq!(body(&[clamp([0.0; 3], [10.0, 10.0, 0.0])]), None);
+}
+
+#[test]
+fn loose_pieces_carry_nothing() {
+    // A slot through the block leaves its far half loose: a force there is taken by what is nearest and held.
+    let grid = Grid::over([0.0; 3], [10.0, 4.0, 4.0], 1.0);
+    let solid = Solid::of(grid, |p| if p[0] > 4.0 && p[0] < 6.0 { -1.0 } else { 1.0 });
+    let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [0.0, 4.0, 4.0])]).unwrap();
+    assert_eq!(body.elements(), 4 * 4 * 4);
+}
+
+#[test]
+fn a_map_has_what_is_solved_for_at_places_it_has_not_seen() {
+    let grid = Grid::over([0.0; 3], [60.0, 40.0, 2.0], 1.0);
+    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[clamp([0.0; 3], [60.0, 0.0, 2.0])]).unwrap();
+    let all: Vec<[f64; 3]> =
+        (0..=30).flat_map(|i| (1..=20).map(move |j| [2.0 * f64::from(i), 2.0 * f64::from(j), 2.0])).collect();
+    let map = ComplianceMap::over(&body, &all, &Accuracy::default(), None);
+    assert!(map.error() <= 0.03, "{}", map.error());
+    for place in (0..12).map(|n| [1.3 + f64::from(n) * 4.9, 3.0 + f64::from(n * 7 % 36), 2.0]) {
+        let (exact, found) = (ComplianceMap::solved_at(&body, place), map.at(&body, place));
+        let off = (exact - found).symmetric_eigenvalues().amax();
+        let size = exact.symmetric_eigenvalues().amax();
+        assert!(off < (0.04 * size).max(3e-5), "{place:?}: {off} of {size}");
+    }
+}
+
+#[test]
+fn a_stage_goes_on_from_the_one_before() {
+    let material = ALUMINIUM;
+    let end = [clamp([0.0; 3], [60.0, 0.0, 4.0])];
+    let grid = Grid::over([0.0; 3], [60.0, 40.0, 4.0], 1.0);
+    let thick = Body::new(&Solid::of(grid, |_| 1.0), material, &end).unwrap();
+    let thin = Body::new(&Solid::of(grid, |p| if p[1] > 20.0 { 3.0 - p[2] } else { 1.0 }), material, &end).unwrap();
+    let places: Vec<[f64; 3]> =
+        (0..=12).flat_map(|i| (1..=8).map(move |j| [5.0 * f64::from(i), 5.0 * f64::from(j), 0.0])).collect();
+    let first = ComplianceMap::over(&thick, &places, &Accuracy::default(), None);
+    let anew = ComplianceMap::over(&thin, &places, &Accuracy::default(), None);
+    let on = ComplianceMap::over(&thin, &places, &Accuracy::default(), Some(first));
+    assert!(on.rounds() < anew.rounds(), "{} rounds, {} anew", on.rounds(), anew.rounds());
+    for place in &places {
+        let (a, b) = (on.at(&thin, *place)[(2, 2)], anew.at(&thin, *place)[(2, 2)]);
+        assert!((a - b).abs() < (0.05 * b).max(3e-5), "{place:?}: {a} {b}");
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let grid = Grid::over([0.0; 3], [40.0, 30.0, 3.0], 1.0);
+            let solid = Solid::of(grid, |p| 2.6 - p[2] + 0.01 * p[0]);
+            let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [40.0, 0.0, 3.0])]).unwrap();
+            let places: Vec<[f64; 3]> = (0..20).map(|n| [2.0 * f64::from(n), 28.0, 1.0]).collect();
+            let map = ComplianceMap::over(&body, &places, &Accuracy::default(), None);
+            places.iter().map(|place| map.at(&body, *place)[(2, 2)].to_bits()).collect::<Vec<u64>>()
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(5));
+}

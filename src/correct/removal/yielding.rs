@@ -1,0 +1,218 @@
+//! How the clamped part yields where it is cut: its compliance follows the stock as material goes.
+//!
+//! The stock is looked at from time to time on the programmed path. Each look is a stage: a solid of cells, whose compliance is
+//! found at the places that are cut before the next one, and before this one. At a target the compliance is that of the stages
+//! before and after it, by the volume that has gone.
+
+use super::super::Prepared;
+use super::Walk;
+use crate::cell::HeldPart;
+use crate::stock::Stock;
+use crate::text::{Diagnostic, Severity};
+use deflex_elastic::{Accuracy, Body, ComplianceMap, Grid, HoldError, Solid};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Cells over the blank, without `cell_mm`: a stage takes some seconds.
+const CELLS: f64 = 12_000.0;
+/// Most cells over the blank: 2 GB, and minutes a stage.
+const MOST_CELLS: f64 = 500_000.0;
+/// Walls thinner than so many cells may be taken for thinner or thicker than they are; they are said where more than this share
+/// of the cells is in such.
+const THIN: (f64, f64) = (1.0, 0.02);
+/// The stock is looked at when this share of what was left has gone: a wall loses no more of its thickness between two looks.
+const GONE: f64 = 0.06;
+/// Fields of a map that are kept: 32 places.
+const FIELDS: usize = 96;
+/// And as many stages are solved for, evenly among the looks, the first and the last of them included.
+const MOST_STAGES: usize = 6;
+
+/// The stock as it was from time to time.
+pub(super) struct Stages {
+    held: HeldPart,
+    looks: Vec<Look>,
+}
+
+/// The stock at a moment.
+struct Look {
+    /// Volume removed up to then, m³.
+    removed: f64,
+    solid: Solid,
+}
+
+/// A target that is cut where the part yields.
+struct Cut {
+    target: usize,
+    /// Volume removed up to it, m³.
+    removed: f64,
+    /// mm, stock's axes.
+    place: [f64; 3],
+}
+
+impl Stages {
+    pub(super) fn new(held: &HeldPart) -> Self {
+        Self { held: held.clone(), looks: Vec::new() }
+    }
+
+    /// Size of the cells over a blank, mm.
+    fn cell(&self, low: &Vector3<f64>, high: &Vector3<f64>) -> f64 {
+        self.held.cell_mm.unwrap_or_else(|| ((high - low).product() / CELLS).cbrt())
+    }
+
+    /// Whether the cells are not too many.
+    pub(super) fn check(&self, stock: &Stock) -> Result<(), Vec<Diagnostic>> {
+        let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
+        let cells = (high - low).product() / self.cell(&low, &high).powi(3);
+        if cells <= MOST_CELLS {
+            return Ok(());
+        }
+        let least = ((high - low).product() / MOST_CELLS).cbrt();
+        let message =
+            format!("[part] cell_mm makes {cells:.0} cells of the blank; deflex computes with up to {MOST_CELLS:.0}");
+        Err(vec![
+            Diagnostic::error("stock.part-cells", "", message).help(format!("give at least {least:.2} mm, or leave it out")),
+        ])
+    }
+
+    /// Looks at the stock, where enough has gone since the last look.
+    pub(super) fn look(&mut self, stock: &Stock) {
+        let [low, high] = stock.blank().bounds();
+        let whole = (high - low).product();
+        let gone = |last: &Look| stock.removed() - last.removed >= GONE * (whole - last.removed);
+        if self.looks.last().is_none_or(gone) {
+            self.take(stock);
+        }
+    }
+
+    /// Looks at what is left of the stock in the end, where anything has gone since the last look.
+    pub(super) fn look_last(&mut self, stock: &Stock) {
+        if self.looks.last().is_none_or(|last| stock.removed() > last.removed) {
+            self.take(stock);
+        }
+    }
+
+    fn take(&mut self, stock: &Stock) {
+        let [low, high] = stock.blank().bounds().map(|corner| corner * 1e3);
+        let grid = Grid::over(low.into(), high.into(), self.cell(&low, &high));
+        let solid = Solid::of(grid, |point| 1e3 * stock.depth(&(Vector3::from(point) * 1e-3)));
+        self.looks.push(Look { removed: stock.removed(), solid });
+    }
+
+    /// Finds the compliance at each target that is cut, and says what was found.
+    pub(super) fn settle(self, walk: &Walk<'_>, prepared: &mut Prepared) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+        let Self { held, looks } = self;
+        let cuts = cuts(walk, prepared);
+        let count = looks.len();
+        let chosen: Vec<&Look> = if count <= MOST_STAGES {
+            looks.iter().collect()
+        } else {
+            (0..MOST_STAGES).map(|n| &looks[n * (count - 1) / (MOST_STAGES - 1)]).collect()
+        };
+        // Shares of the stages at each cut: it is between two of them, or behind the last.
+        let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
+        let mut compliance = vec![Matrix3::zeros(); cuts.len()];
+        let (mut before, mut most, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);
+        for (n, look) in chosen.iter().enumerate() {
+            // A cut between looks n and n + 1 is of both.
+            let of_stage: Vec<(usize, f64)> = cuts
+                .iter()
+                .enumerate()
+                .filter_map(|(number, cut)| {
+                    let after = after(cut);
+                    let low = chosen[after - 1].removed;
+                    let share = chosen.get(after).map_or(0.0, |high| (cut.removed - low) / (high.removed - low));
+                    let share = match n {
+                        _ if n + 1 == after => 1.0 - share,
+                        _ if n == after => share,
+                        _ => 0.0,
+                    };
+                    (share > 0.0).then_some((number, share))
+                })
+                .collect();
+            let body =
+                Body::new(&look.solid, held.material, &held.clamps).map_err(|error| vec![not_held(&error, n)])?;
+            elements = elements.max(body.elements());
+            if of_stage.is_empty() {
+                continue;
+            }
+            let at: Vec<[f64; 3]> = of_stage.iter().map(|(number, _)| cuts[*number].place).collect();
+            let map = ComplianceMap::over(
+                &body,
+                &at,
+                &Accuracy { most_fields: FIELDS, ..Accuracy::default() },
+                before.take(),
+            );
+            places += map.places();
+            off = off.max(map.off());
+            let found: Vec<Matrix3<f64>> = at.par_iter().map(|place| map.at(&body, *place)).collect();
+            for ((number, share), found) in of_stage.iter().zip(found) {
+                most = most.max(found.symmetric_eigenvalues().max());
+                compliance[*number] += found * (*share * 1e-3);
+            }
+            before = Some(map);
+        }
+        for (cut, compliance) in cuts.iter().zip(&compliance) {
+            let wobj_from_stock = walk.stock_from_wobj(prepared, cut.target).rotation.inverse();
+            let turned = wobj_from_stock.matrix() * compliance * wobj_from_stock.matrix().transpose();
+            prepared.points[cut.target].part = Some(Arc::new(turned));
+        }
+        let message = format!(
+            "part: {elements} cells of {:.2} mm, {} stages of the stock, solved for at {places} places; it yields by up to {:.3} µm/N where it is cut, known to some {:.3} µm/N",
+            chosen[0].solid.grid().size.iter().fold(0.0_f64, |most, size| most.max(*size)),
+            chosen.len(),
+            1e3 * most,
+            1e3 * off,
+        );
+        let mut notes = vec![Diagnostic::error("stock.part", "", message).severity(Severity::Note)];
+        let thin = looks.last().map_or(0.0, |look| look.solid.thinner_than(THIN.0));
+        if thin > THIN.1 {
+            let message = format!(
+                "part: {:.0} % of it is in walls thinner than a cell, whose stiffness is uncertain",
+                (100.0 * thin).ceil()
+            );
+            let help = "give [part] cell_mm: half of the thinnest wall is a good choice";
+            notes.push(Diagnostic::error("stock.part-thin", "", message).severity(Severity::Warning).help(help));
+        }
+        Ok(notes)
+    }
+}
+
+/// The targets that are cut, in order.
+fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
+    let mut removed = 0.0;
+    let mut cuts = Vec::new();
+    for (target, point) in prepared.points.iter().enumerate() {
+        removed += point.milled.as_ref().map_or(0.0, |milled| milled.removed);
+        let on_the_way = point.milled.iter().flat_map(|milled| milled.forces.iter());
+        let is_cut = point.cuts() || on_the_way.into_iter().any(|(_, force)| *force != Vector3::zeros());
+        if point.unsolved.is_some() || !is_cut {
+            continue;
+        }
+        // Where the force does not follow from the stock, it acts at the tip.
+        let engaged = point.milled.as_ref().filter(|milled| milled.engaged.is_some_and(|[depth, _]| depth > 0.0));
+        let place = engaged.map_or_else(
+            || {
+                let stock_from_wobj = walk.stock_from_wobj(prepared, target);
+                stock_from_wobj.rotation * point.reference.translation.vector + stock_from_wobj.translation.vector
+            },
+            |milled| milled.place,
+        );
+        cuts.push(Cut { target, removed, place: (place * 1e3).into() });
+    }
+    cuts
+}
+
+fn not_held(error: &HoldError, stage: usize) -> Diagnostic {
+    let when = if stage == 0 { "" } else { " when material has gone" };
+    let help = match error {
+        HoldError::Untouched(_) => {
+            "box_mm of [[part.clamp]] is in the axes of [stock]: it has to reach into the material"
+        }
+        HoldError::Free { .. } => {
+            "add a clamp, or make one stiff along x, y and z: together they have to hold the part against every motion"
+        }
+        _ => "look at [stock]",
+    };
+    Diagnostic::error("stock.part-clamps", "", format!("[[part.clamp]]: {error}{when}")).help(help)
+}
