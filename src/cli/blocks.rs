@@ -40,9 +40,16 @@ impl Write for Blocks {
 
     #[inline]
     fn write_all(&mut self, mut bytes: &[u8]) -> io::Result<()> {
-        while bytes.len() > BLOCK - self.waiting.len() {
-            let len = self.write(bytes)?;
-            bytes = &bytes[len..];
+        if bytes.len() > BLOCK - self.waiting.len() {
+            let (first, rest) = bytes.split_at(BLOCK - self.waiting.len());
+            self.waiting.extend_from_slice(first);
+            self.flush()?;
+            // Whole blocks need not be collected.
+            let blocks = rest.chunks_exact(BLOCK);
+            bytes = blocks.remainder();
+            for block in blocks {
+                self.file.write_all(block)?;
+            }
         }
         self.waiting.extend_from_slice(bytes);
         Ok(())

@@ -4,6 +4,7 @@
 //! judged by the place of the original's path that is nearest to where the loaded tool lands: its error is a contour error,
 //! under the depth and the force of the original's cut there.
 
+use super::context::Context;
 use super::deviation::{self, Commanded, Deviations, Node, PathDeviation, WalkedPath};
 use super::inserted::{self, Inserted, segments};
 use super::mount::Moved;
@@ -11,7 +12,7 @@ use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{self, Kind, Segment, Start};
 use super::solve::Solver;
-use super::{Options, Prepared, free_turn, path};
+use super::{Prepared, free_turn, path};
 use crate::cell::Cell;
 use crate::equilibrium::{Arm, EquilibriumError, PredictedPose, WarmStart};
 use crate::program::alignment::{Fit, align};
@@ -43,27 +44,45 @@ pub(super) struct Subdivided<'a> {
     inserted: Vec<Inserted>,
 }
 
+/// What errors are counted from.
+pub(super) enum Original<'a> {
+    /// The program itself.
+    Itself,
+    /// A program with as many targets.
+    Alike,
+    /// One that has fewer.
+    Subdivided(Box<Subdivided<'a>>),
+}
+
+impl Original<'_> {
+    /// The same once the forces are those of a stock that the loaded tool has cut.
+    pub(super) fn settle(&mut self, points: &mut Prepared, arm: &Arm) {
+        if let Self::Subdivided(subdivided) = self {
+            let segments = segments(subdivided.original, &subdivided.prepared, &subdivided.starts);
+            inserted::settle(&mut subdivided.inserted, (points, &segments), arm);
+        }
+    }
+}
+
 /// The points of a corrected program with what they are judged by.
 ///
 /// # Errors
 /// What [`Prepared::new`] refuses; targets that are neither the original's nor on its path.
 pub(super) fn judged<'a>(
-    program: &Program,
+    context: Context<'_>,
     original: &'a Program,
-    cell: &Cell,
-    options: &Options,
-) -> Result<(Prepared, Option<Subdivided<'a>>), Vec<Diagnostic>> {
-    let mut carried = free_turn::carried(program, cell, options)?;
-    let mut prepared = path::prepare(program, cell, options, &mut carried)?;
+) -> Result<(Prepared, Original<'a>), Vec<Diagnostic>> {
+    let Context { program, cell, options, .. } = context;
+    let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
     let mut before = Prepared::new(original, cell, options)?;
     prepared.notes.append(&mut before.notes);
     if program.targets.len() <= original.targets.len() {
         prepared.judge_against(&before, (program, cell))?;
-        return Ok((prepared, None));
+        return Ok((prepared, Original::Alike));
     }
     segment::follow_arcs(original, &mut before);
     let subdivided = Subdivided::new((program, &mut prepared), (original, before), cell)?;
-    Ok((prepared, Some(subdivided)))
+    Ok((prepared, Original::Subdivided(Box::new(subdivided))))
 }
 
 impl<'a> Subdivided<'a> {
@@ -102,9 +121,7 @@ impl<'a> Subdivided<'a> {
         for (wanted, given) in same {
             points.judge_point(given, &prepared.points[wanted], (program, free_axes(cell)))?;
         }
-        points.settings.clone_from(&prepared.settings);
-        points.laws.clone_from(&prepared.laws);
-        points.fronts.clone_from(&prepared.fronts);
+        points.shared = Arc::clone(&prepared.shared);
         drop(segments);
         let mut subdivided = Self { original, prepared, starts, matched, inserted };
         subdivided.place(points, program, cell)?;
@@ -156,19 +173,12 @@ impl<'a> Subdivided<'a> {
         Ok(())
     }
 
-    /// The same once the forces at the inserted targets are those of a stock that the loaded tool has cut.
-    pub(super) fn settle(&mut self, points: &mut Prepared, arm: &Arm) {
-        let segments = segments(self.original, &self.prepared, &self.starts);
-        inserted::settle(&mut self.inserted, (points, &segments), arm);
-    }
-
     /// What is left on the way into each target of the corrected program, along the original's path.
     pub(super) fn measure(
         &self,
         points: &Prepared,
-        there: &[Result<PredictedPose, EquilibriumError>],
-        arm: &Arm,
-        parallelism: Parallelism,
+        landed: &[Result<PredictedPose, EquilibriumError>],
+        context: Context<'_>,
     ) -> Vec<Option<PathDeviation>> {
         let mut judged = self.prepared.with_points(self.prepared.points.clone());
         // Which target of the corrected program stands for each of the original's.
@@ -198,20 +208,17 @@ impl<'a> Subdivided<'a> {
                 moved: own.moved.clone(),
             }
         };
-        let nodes: Vec<Node> = ends.iter().map(node).collect();
-        let predicted_poses: Vec<_> = given.iter().map(|end| there[*end].clone()).collect();
+        let own = || given.iter().map(|end| &points.points[*end]);
         let commanded = Commanded {
-            poses: &|i| points.points[given[i]].wobj_from_tcp,
-            motors: &|i| {
-                let point = &points.points[given[i]];
-                point.unsolved.is_none().then_some((point.motor, point.travel))
-            },
-            predicted_poses: &predicted_poses,
-            near: &|_| WarmStart::default(),
-            nodes: &nodes,
+            poses: own().map(|point| point.wobj_from_tcp).collect(),
+            steps: own().map(Point::step).collect(),
+            is_known: own().map(|point| point.unsolved.is_none()).collect(),
+            landed: given.iter().map(|end| landed[*end].clone()).collect(),
+            nodes: ends.iter().map(node).collect(),
         };
-        let solver = Solver::new(arm, &judged, parallelism);
-        let Deviations { targets, nodes } = deviation::measure(self.original, &solver, &commanded, None);
+        let solver = Solver::new(&context.cell.arm, &judged, context.parallelism);
+        let way = WalkedPath { program: self.original, prepared: &judged, commanded: &commanded, last: None };
+        let Deviations { targets, nodes } = deviation::measure(&way, &solver, &|_| WarmStart::default());
         let mut out = vec![None; points.points.len()];
         for &(wanted, end) in &self.matched {
             out[end] = targets[wanted];
@@ -240,16 +247,8 @@ impl<'a> Subdivided<'a> {
 
 /// Where the way into each target begins, as programmed; `None` where it is no line and no arc.
 fn starts(program: &Program, prepared: &Prepared) -> Vec<Option<Start>> {
-    let commanded = Commanded {
-        poses: &|i| prepared.points[i].reference,
-        motors: &|i| {
-            let point = &prepared.points[i];
-            point.unsolved.is_none().then_some((point.motor, point.travel))
-        },
-        predicted_poses: &[],
-        near: &|_| WarmStart::default(),
-        nodes: &[],
-    };
+    let mut commanded = Commanded::as_programmed(prepared, Vec::new());
+    commanded.poses = prepared.points.iter().map(|point| point.reference).collect();
     let way = WalkedPath { program, prepared, commanded: &commanded, last: None };
     let start = |i: usize| {
         let is_path = matches!(Kind::of(program, i), Kind::Line | Kind::Arc) && prepared.points[i].unsolved.is_none();
@@ -326,13 +325,12 @@ impl Fit for Places<'_> {
 /// A target of the corrected program that the original has no place for.
 fn fits_nothing(program: &Program, i: usize, most: f64) -> Diagnostic {
     let target = &program.targets[i];
-    let source = &program.sources[usize::from(target.source)];
     let message = format!(
         "target {} fits neither a target of the original nor its way there: no more than {:.1} mm off, in order",
         target.ordinal,
         1e3 * most
     );
-    Diagnostic::error("against.path", "", message).on_line(source, target.span, target.line).help(HELP)
+    program.error_at(target, "against.path", message).help(HELP)
 }
 
 /// External axes whose positions may be chosen.
@@ -342,9 +340,8 @@ fn free_axes(cell: &Cell) -> [bool; EXTERNAL_AXES] {
 
 fn other_axes(program: &Program, i: usize) -> Diagnostic {
     let target = &program.targets[i];
-    let source = &program.sources[usize::from(target.source)];
     let message = format!("target {}: its external axes stand elsewhere in the original", target.ordinal);
-    Diagnostic::error("against.external", "", message).on_line(source, target.span, target.line).help(HELP)
+    program.error_at(target, "against.external", message).help(HELP)
 }
 
 /// The original of a program with so many targets has more of them.
@@ -368,9 +365,7 @@ impl Prepared {
         for (i, point) in original.points.iter().enumerate() {
             self.judge_point(i, point, (program, free))?;
         }
-        self.settings.clone_from(&original.settings);
-        self.laws.clone_from(&original.laws);
-        self.fronts.clone_from(&original.fronts);
+        self.shared = Arc::clone(&original.shared);
         Ok(())
     }
 

@@ -6,13 +6,13 @@
 //! by more than that is settled, any other is halved. What stays unseen is below [`UNSEEN`], whatever the length of the way. Most
 //! ways of a dense program are settled by the angles at their ends.
 
-use super::deviation::{Commanded, WalkedPath};
+use super::deviation::WalkedPath;
 use super::mount::is_entered_elsewhere;
-use super::segment::{Kind, Segment, Start};
-use super::{Point, Prepared};
+use super::segment::{Kind, Segment};
+use super::travel::moved;
 use crate::drive::Track;
-use crate::equilibrium::Setting;
-use crate::program::{Program, Target};
+use crate::equilibrium::{Dragged, Setting};
+use crate::program::Program;
 use crate::robot::{Excursion, Joints, Pose, Robot, Unreachable, turn_between};
 use crate::text::{Diagnostic, Severity};
 use std::f64::consts::PI;
@@ -125,7 +125,7 @@ impl WayFinding {
             ("value", self.value),
             ("limit", self.limit),
         ];
-        Diagnostic { figures, ..at(program, target, self.fault.code(), message).help(help) }
+        Diagnostic { figures, ..program.error_at(target, self.fault.code(), message).help(help) }
     }
 
     /// The same as a warning of which the first stands for all.
@@ -138,7 +138,7 @@ impl WayFinding {
             WayFault::Unreachable => "the path between two targets is out of the arm's reach",
         };
         let help = format!("target {}: {}; `deflex check` lists every such way", target.ordinal, self.text());
-        at(program, target, self.fault.code(), message.to_owned()).help(help).severity(Severity::Warning)
+        program.error_at(target, self.fault.code(), message).help(help).severity(Severity::Warning)
     }
 
     pub(super) fn text(&self) -> String {
@@ -162,11 +162,6 @@ impl WayFinding {
             WayFault::Unreachable => format!("{place} the path is {value:.2} mm out of reach"),
         }
     }
-}
-
-fn at(program: &Program, target: &Target, code: &'static str, message: String) -> Diagnostic {
-    let source = &program.sources[usize::from(target.source)];
-    Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
 }
 
 /// One way of the TCP.
@@ -264,6 +259,57 @@ impl Piece<'_> {
                 // Either bound holds.
                 most.min(axes[i]) <= speed[i] * time * known * (1.0 + UNSEEN_SPEED)
             })
+    }
+}
+
+/// A stretch of path, many pieces long, with nothing wrong on it but maybe the speed of an axis: far from axis limits and
+/// singular postures, which takes sines and cosines to know, the pieces on it take none.
+#[derive(Default)]
+struct Calm {
+    /// Length (m) and turn (rad) of the stretch.
+    size: [f64; 2],
+    /// See [`Excursion`], from the begin of the stretch.
+    axes: [f64; 6],
+    bend: f64,
+    /// Share of it that is not used up.
+    left: f64,
+}
+
+impl Calm {
+    /// A stretch is so many times as long as the piece that it begins with: of many more the bounds would be loose.
+    const PIECES: f64 = 32.0;
+
+    /// Whether nothing can be wrong on a piece that follows the ones before; false where that takes a closer look.
+    fn covers(&mut self, piece: &Piece<'_>, robot: &Robot) -> bool {
+        let size = [piece.length + piece.lever * piece.turn, piece.turn];
+        let share = |calm: &Self| (size[0] / calm.size[0]).max(size[1] / calm.size[1]);
+        // Not so where neither has a size.
+        let fits = |calm: &Self| share(calm) <= calm.left;
+        if !fits(self) {
+            *self = Self::from(piece.motors[0], size.map(|size| Self::PIECES * size), robot).unwrap_or_default();
+        }
+        if !fits(self) {
+            return false;
+        }
+        let share = share(self);
+        self.left -= share;
+        let (Some(speed), Some(time)) = (&robot.axis_speed, piece.time) else { return true };
+        let [from, to] = piece.motors;
+        (0..6).all(|i| {
+            // Bounds shrink with the share, and so does what speeds differ by.
+            let most = share * self.axes[i];
+            (to[i] - from[i]).abs() + share * self.bend * most <= speed[i] * time
+        })
+    }
+
+    /// A stretch of a length (m) and a turn (rad) from motor angles (rad), where it is calm.
+    fn from(motor: &Joints, size: [f64; 2], robot: &Robot) -> Option<Self> {
+        let Excursion { axes, left, bend, .. } = robot.excursion(motor, size[0], size[1])?;
+        let is_calm = robot.limit_excess(motor, &axes) <= 0.0
+            && left[0] >= SINGULAR
+            && left[1] >= SINGULAR
+            && left[2] >= SINGULAR_SHOULDER;
+        is_calm.then_some(Self { size, axes, bend, left: 1.0 })
     }
 }
 
@@ -417,63 +463,47 @@ fn time(length: f64, turn: f64, feed_mm_s: Option<f64>) -> Option<f64> {
     (time > 0.0).then_some(time)
 }
 
-/// What is wrong on the ways into a program's targets, as they are commanded; `last` is the end of the targets before.
-pub(super) fn look(
-    program: &Program,
-    prepared: &Prepared,
-    robot: &Robot,
-    commanded: &Commanded<'_>,
-    last: Option<&Start>,
-) -> Vec<WayFinding> {
-    let way = WalkedPath { program, prepared, commanded, last };
-    let (mut out, mut from) = (Vec::new(), None);
-    for (i, target) in program.targets.iter().enumerate() {
-        let kind = Kind::of(program, i);
+/// What is wrong on the ways into a program's targets, as they are commanded.
+pub(super) fn look(way: &WalkedPath<'_>, robot: &Robot) -> Vec<WayFinding> {
+    let (mut out, mut from, mut calm) = (Vec::new(), None, Calm::default());
+    for (i, target) in way.program.targets.iter().enumerate() {
+        let kind = Kind::of(way.program, i);
         if kind == Kind::Point {
             continue;
         }
         let before = from.replace(i);
-        let Some((motor, _)) = (commanded.motors)(i) else { continue };
-        if kind == Kind::Joint || is_entered_elsewhere(target) || is_clear(&way, i, (before, &motor), robot) {
+        let step = way.commanded.step(i).filter(|_| kind != Kind::Joint && !is_entered_elsewhere(target));
+        let Some(Dragged { motor, .. }) = step else {
+            calm = Calm::default();
             continue;
+        };
+        if !is_clear(way, i, (before, motor), robot, &mut calm) {
+            calm = Calm::default();
+            out.extend(faults(way, i, before, motor, robot).unwrap_or_default());
         }
-        out.extend(faults(&way, i, before, &motor, robot).unwrap_or_default());
     }
     out
 }
 
 /// Whether the angles at both ends of a line tell that nothing can be wrong on it.
-fn is_clear(way: &WalkedPath<'_>, i: usize, (before, motor): (Option<usize>, &Joints), robot: &Robot) -> bool {
-    let (prepared, commanded) = (way.prepared, way.commanded);
-    let (start, sent, at): (&Point, Pose, Joints) = match before {
-        Some(before) => match (commanded.motors)(before) {
-            Some((motor, _)) => (&prepared.points[before], (commanded.poses)(before), motor),
-            None => return true,
-        },
-        None => match way.last {
-            Some(last) => (&last.point, last.commanded, last.motor),
-            None => return true,
-        },
-    };
-    let point = &prepared.points[i];
-    let stands = match (&start.moved, &point.moved) {
-        (None, None) => true,
-        (Some(from), Some(to)) => from.setting == to.setting,
-        _ => false,
-    };
-    let setting = prepared.setting(i);
-    if Kind::of(way.program, i) != Kind::Line || start.setting != point.setting || !stands || setting.held {
-        return false;
-    }
-    let length = ((commanded.poses)(i).translation.vector - sent.translation.vector).norm();
+fn is_clear(
+    way: &WalkedPath<'_>,
+    i: usize,
+    (before, motor): (Option<usize>, &Joints),
+    robot: &Robot,
+    calm: &mut Calm,
+) -> bool {
+    let setting = way.prepared.setting(i);
+    let Some((_, sent, at)) = way.line_from(i, before).filter(|_| !setting.held) else { return false };
+    let length = (way.commanded.poses[i].translation.vector - sent.translation.vector).norm();
     // No more than all joints together.
-    let turn: f64 = (motor - at).iter().map(|step| step.abs()).sum();
+    let turn = moved(at, motor);
     let lever = setting.tool.flange_from_tcp.translation.vector.norm() + robot.wrist_lever();
     let time = time(length, 0.0, way.program.targets[i].feed_mm_s);
-    let motors = [&at, motor];
+    let piece = Piece { length, turn, time, lever, motors: [at, motor] };
     turn < STRAIGHT
         && (time.is_some() || robot.axis_speed.is_none() || way.program.targets[i].feed_mm_s.is_none())
-        && Piece { length, turn, time, lever, motors }.is_settled(robot, &Worst::default())
+        && (calm.covers(&piece, robot) || piece.is_settled(robot, &Worst::default()))
 }
 
 /// What is wrong on the way into one target.
@@ -486,9 +516,9 @@ fn faults(
 ) -> Option<Vec<WayFinding>> {
     let start = way.start(before)?;
     let segment = Segment::into(way.program, way.prepared, i, &start)?;
-    let (from, to) = (start.seen(&start.commanded, way.prepared, i)?, (way.commanded.poses)(i));
+    let (from, to) = (start.seen(&start.commanded, way.prepared, i)?, way.commanded.poses[i]);
     let track = match Kind::of(way.program, i) {
-        Kind::Arc => Track::arc(&from, &(way.commanded.poses)(i - 1), &to),
+        Kind::Arc => Track::arc(&from, &way.commanded.poses[i - 1], &to),
         _ => Track::line(&from, &to),
     };
     let setting = |share: f64| segment.setting(share);

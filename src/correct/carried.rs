@@ -1,5 +1,6 @@
 //! What the ordered pass over the targets takes along.
 
+use super::Shared;
 use super::laws::Laws;
 use super::mount::Mount;
 use super::point::Point;
@@ -82,6 +83,12 @@ impl<'a> Carried<'a> {
             (carried.free, carried.notes) = (Free::Chosen(Arc::clone(chosen)), notes.clone());
         }
         carried
+    }
+
+    /// What points refer to.
+    pub(super) fn shared(&self) -> Arc<Shared> {
+        let Laws { laws, fronts, .. } = &self.laws;
+        Arc::new(Shared { settings: self.settings.clone(), laws: laws.clone(), fronts: fronts.clone() })
     }
 
     /// Index of a mount: each stands once in `settings`.

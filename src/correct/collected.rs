@@ -1,19 +1,20 @@
 //! Rows and failures of a run as they come, and the limits that make a failure of a correction.
 
-use super::corrected::{Corrected, Posted};
-use super::row::{Row, RowNames};
+use super::context::Context;
+use super::corrected::Corrected;
+use super::correction::Correction;
+use super::deviation::Commanded;
+use super::row::{Row, RowNames, Status};
 use super::{PathDeviation, Prepared, spin};
-use crate::cell::Cell;
-use crate::equilibrium::{EquilibriumError, PredictedPose};
-use crate::program::{Change, Program, Rewritten, Role, Target, UnknownMotion};
-use crate::robot::{Joints, Robot};
+use crate::equilibrium::EquilibriumError;
+use crate::program::{Program, Role, Target, UnknownMotion};
 use crate::text::Diagnostic;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// Rows and failures as they come.
 pub(super) struct Collected<'a> {
-    pub(super) program: &'a Program,
+    context: Context<'a>,
     prepared: &'a Prepared,
     pub(super) rows: Vec<Row>,
     /// Of the file, tool and work object last met.
@@ -25,10 +26,10 @@ pub(super) struct Collected<'a> {
 }
 
 impl<'a> Collected<'a> {
-    pub(super) fn new(program: &'a Program, prepared: &'a Prepared) -> Self {
-        let failed = vec![false; program.targets.len()];
-        let rows = Vec::with_capacity(program.targets.len());
-        Self { program, prepared, rows, names: None, failures: Vec::new(), failed }
+    pub(super) fn new(context: Context<'a>, prepared: &'a Prepared) -> Self {
+        let failed = vec![false; prepared.points.len()];
+        let rows = Vec::with_capacity(prepared.points.len());
+        Self { context, prepared, rows, names: None, failures: Vec::new(), failed }
     }
 
     /// Names of file, tool and work object of a target.
@@ -39,7 +40,7 @@ impl<'a> Collected<'a> {
         {
             return Arc::clone(names);
         }
-        let program = self.program;
+        let program = self.context.program;
         let names = Arc::new(RowNames {
             file: program.sources[usize::from(target.source)].name.as_str().into(),
             tool: Arc::clone(&program.tools[usize::from(target.tool)].name),
@@ -49,40 +50,47 @@ impl<'a> Collected<'a> {
         names
     }
 
-    /// Whether it is not known where the controller goes.
-    pub(super) fn is_unsolved(&self, i: usize) -> bool {
-        self.prepared.points[i].unsolved.is_some()
-    }
-
-    /// The row of a target that is not solved.
-    pub(super) fn unsolved_row(&mut self, i: usize) {
-        let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
-        if let Some(why) = point.unsolved.filter(|_| target.is_end()) {
-            let names = Some(self.names(target));
-            self.rows.push(Row { names, ..Row::unsolved(target, why) });
+    /// Takes in target `i`: its row, and why it has no answer, where that is so.
+    pub(super) fn target(&mut self, i: usize, commanded: &Commanded, correction: Option<&Correction>) {
+        let Context { program, cell, .. } = self.context;
+        let (target, point) = (&program.targets[i], &self.prepared.points[i]);
+        if let Some(why) = point.unsolved {
+            if target.is_end() {
+                let names = Some(self.names(target));
+                self.rows.push(Row { names, ..Row::unsolved(target, why) });
+            }
+            return;
         }
-    }
-
-    pub(super) fn row(&mut self, i: usize, there: &PredictedPose) {
-        let (target, point) = (&self.program.targets[i], &self.prepared.points[i]);
+        if let Some(error) = correction.and_then(|correction| correction.error(self.context, i)) {
+            self.fail(i, &error);
+        }
+        let landed = &commanded.landed[i];
+        if let Err(error) = landed {
+            self.fail(i, error);
+        }
+        let Ok(uncorrected) = correction.map_or(landed, |correction| &correction.first[i].uncorrected) else { return };
         if !target.is_end() {
             return;
         }
-        let normal = point.normal_error(&self.prepared.laws, &there.shift, &there.axis);
         let names = self.names(target);
         // Filled where it stays.
         self.rows.push(Row::BLANK);
-        if let Some(row) = self.rows.last_mut() {
-            row.fill(target, point, there, normal);
-            row.names = Some(names);
-            row.spin_deg = self.prepared.turns_are_chosen.then(|| spin::turn_of(&point.wobj_from_tcp).to_degrees());
-        }
-    }
-
-    /// Motor angles (rad) that the controller is sent to at point `i`, whose row is the last one.
-    pub(super) fn joints(&mut self, i: usize, robot: &Robot, motor: &Joints) {
-        if let Some(row) = self.rows.last_mut().filter(|_| self.program.targets[i].is_end()) {
-            row.joints_deg = Some(robot.axes_deg_from_motor(motor));
+        let Some(row) = self.rows.last_mut() else { return };
+        let normal = point.normal_error(&self.prepared.shared.laws, &uncorrected.shift, &uncorrected.axis);
+        row.fill(target, point, uncorrected, normal);
+        row.names = Some(names);
+        row.spin_deg = self.prepared.turns_are_chosen.then(|| spin::turn_of(&point.wobj_from_tcp).to_degrees());
+        row.joints_deg = Some(cell.arm.robot.axes_deg_from_motor(&commanded.steps[i].motor));
+        if let (Some(correction), Ok(landed)) = (correction, landed) {
+            row.remaining_mm = (1e3 * landed.shift).into();
+            match (correction.kept(program, i), &correction.reached[i]) {
+                (Some(reason), _) => row.status = Status::Kept(reason),
+                (None, Ok(reached)) if correction.is_changed[i] => {
+                    row.correction_mm = (1e3 * correction.shift(self.prepared, i)).into();
+                    row.correction_deg = reached.turn.map(f64::to_degrees).into();
+                }
+                (None, _) => {}
+            }
         }
     }
 
@@ -90,7 +98,7 @@ impl<'a> Collected<'a> {
     pub(super) fn paths(&mut self, paths: &[Option<PathDeviation>]) {
         let mut rows = self.rows.iter_mut().peekable();
         let mut way: Option<Option<PathDeviation>> = None;
-        for (target, path) in self.program.targets.iter().zip(paths) {
+        for (target, path) in self.context.program.targets.iter().zip(paths) {
             if target.role != Role::Via {
                 way = Some(match way {
                     None => *path,
@@ -106,10 +114,7 @@ impl<'a> Collected<'a> {
         }
     }
 
-    pub(super) fn fail(&mut self, i: usize, error: &EquilibriumError) {
-        if self.is_unsolved(i) {
-            return;
-        }
+    fn fail(&mut self, i: usize, error: &EquilibriumError) {
         let help = match error {
             EquilibriumError::Unreachable(_) => "move the work object or the start branch, or change the program there",
             EquilibriumError::NoEquilibrium { .. } => {
@@ -120,36 +125,62 @@ impl<'a> Collected<'a> {
         self.refuse(i, "target.unsolved", error.to_string(), help);
     }
 
-    pub(super) fn refuse(&mut self, i: usize, code: &'static str, message: String, help: &str) {
+    fn refuse(&mut self, i: usize, code: &'static str, message: String, help: &str) {
         if std::mem::replace(&mut self.failed[i], true) {
             return;
         }
-        let target = &self.program.targets[i];
+        let program = self.context.program;
+        let target = &program.targets[i];
         let name = target.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
-        let source = &self.program.sources[usize::from(target.source)];
         let message = format!("target {}{name}: {message}", target.ordinal);
-        let failure = Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help);
-        self.failures.push((i, failure));
+        self.failures.push((i, program.error_at(target, code, message).help(help)));
+    }
+
+    /// Refuses corrections that would surprise the machine: too large, or too different from the neighbour's. `last` is the
+    /// correction at the target before, base axes, m.
+    pub(super) fn check_limits(&mut self, correction: &Correction, last: &mut Option<Vector3<f64>>) {
+        let limits = &self.context.cell.limits;
+        let above = |shift: &Vector3<f64>, limit: f64| shift.norm_squared() > limit * limit;
+        for i in 0..self.prepared.points.len() {
+            let shift = if correction.is_commanded[i] {
+                self.prepared.base_from_wobj(i).rotation * correction.shift(self.prepared, i)
+            } else {
+                Vector3::zeros()
+            };
+            if above(&shift, limits.max_correction) {
+                let [shift, most] = [shift.norm(), limits.max_correction].map(|m| 1e3 * m);
+                let message = format!("correction of {shift:.3} mm, more than max_correction_mm = {most}");
+                let help = "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant";
+                self.refuse(i, "limits.max-correction", message, help);
+            }
+            let step = last.map_or_else(Vector3::zeros, |last| shift - last);
+            if above(&step, limits.max_step) {
+                let [step, most] = [step.norm(), limits.max_step].map(|m| 1e3 * m);
+                let message = format!(
+                    "the correction steps by {step:.3} mm from the target before, more than max_step_mm = {most}"
+                );
+                let help =
+                    "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant";
+                self.refuse(i, "limits.max-step", message, help);
+            }
+            *last = Some(shift);
+        }
     }
 
     /// Rows and failures in the order of the motions.
-    pub(super) fn finish(
-        mut self,
-        notes: Vec<Diagnostic>,
-        rewritten: Option<Rewritten>,
-        posted: Vec<Posted>,
-    ) -> Corrected {
-        if !self.program.unknown.is_empty() {
+    pub(super) fn finish(mut self) -> Corrected {
+        let program = self.context.program;
+        if !program.unknown.is_empty() {
             let unknown = |motion: &UnknownMotion| {
-                let file = self.program.sources[usize::from(motion.source)].name.as_str().into();
+                let file = program.sources[usize::from(motion.source)].name.as_str().into();
                 Row { names: Some(Arc::new(RowNames { file, ..RowNames::default() })), ..Row::unknown(motion) }
             };
-            self.rows.extend(self.program.unknown.iter().map(unknown));
+            self.rows.extend(program.unknown.iter().map(unknown));
             self.rows.sort_by_key(|row| row.target);
         }
         self.failures.sort_by_key(|(i, _)| *i);
         let failures = self.failures.into_iter().map(|(_, failure)| failure).collect();
-        Corrected { rows: self.rows, failures, notes, rewritten, posted, ..Corrected::default() }
+        Corrected { rows: self.rows, failures, ..Corrected::default() }
     }
 }
 
@@ -157,52 +188,4 @@ impl<'a> Collected<'a> {
 pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
     let mut ends = program.targets.iter().enumerate().filter(|(_, target)| target.is_end());
     rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()
-}
-
-/// Corrections that would surprise the machine: too large, or too different from the neighbour's.
-pub(super) fn check_limits(
-    out: &mut Collected,
-    cell: &Cell,
-    prepared: &Prepared,
-    written: &[([f64; 3], [f64; 4])],
-    changes: &[Option<Change>],
-    last: &mut Option<Vector3<f64>>,
-) {
-    let limits = &cell.limits;
-    let above = |shift: &Vector3<f64>, limit: f64| shift.norm_squared() > limit * limit;
-    for (i, point) in prepared.points.iter().enumerate() {
-        let corrected = changes[i].is_some() || !out.program.language.is_edited();
-        let shift = if corrected {
-            let to = Vector3::from(written[i].0) * 1e-3;
-            prepared.base_from_wobj(i).rotation * (to - point.wobj_from_tcp.translation.vector)
-        } else {
-            Vector3::zeros()
-        };
-        if above(&shift, limits.max_correction) {
-            out.refuse(
-                i,
-                "limits.max-correction",
-                format!(
-                    "correction of {:.3} mm, more than max_correction_mm = {}",
-                    1e3 * shift.norm(),
-                    1e3 * limits.max_correction
-                ),
-                "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant",
-            );
-        }
-        let step = last.map_or_else(Vector3::zeros, |last| shift - last);
-        if above(&step, limits.max_step) {
-            out.refuse(
-                i,
-                "limits.max-step",
-                format!(
-                    "the correction steps by {:.3} mm from the target before, more than max_step_mm = {}",
-                    1e3 * step.norm(),
-                    1e3 * limits.max_step
-                ),
-                "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant",
-            );
-        }
-        *last = Some(shift);
-    }
 }

@@ -1,5 +1,6 @@
 //! The stock that a program leaves.
 
+use super::context::Context;
 use super::removal::{self, Cuts, Removal};
 use super::{Options, Prepared, against};
 use crate::cell::Cell;
@@ -17,11 +18,12 @@ pub fn cut_stock(
     original: Option<&Program>,
     cuts: Cuts,
 ) -> Result<Removal, Vec<Diagnostic>> {
+    let context = Context::whole(program, cell, options);
     let mut prepared = match original {
-        Some(original) => against::judged(program, original, cell, options)?.0,
+        Some(original) => against::judged(context, original)?.0,
         None => Prepared::new(program, cell, options)?,
     };
-    removal::run(program, (cell, options), &mut prepared, cuts)?.ok_or_else(|| {
+    removal::run(context, &mut prepared, cuts)?.ok_or_else(|| {
         let message = match &cell.stock {
             None => "the cell has no [stock] to cut",
             Some(_) => "nothing in the program cuts the stock",

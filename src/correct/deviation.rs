@@ -8,7 +8,7 @@ use super::Prepared;
 use super::mount::Moved;
 use super::point::Point;
 use super::segment::{Kind, SMOOTH, Segment, Start};
-use super::solve::{Solver, controller_motor};
+use super::solve::{Solved, Solver, controller_motor};
 use super::subdivide::JUMP_WITHIN;
 use super::travel;
 use crate::drive::Track;
@@ -95,17 +95,53 @@ pub(super) struct Node {
     pub(super) moved: Option<Arc<Moved>>,
 }
 
-/// A program as it is commanded, target by target.
-pub(super) struct Commanded<'a> {
-    pub(super) poses: &'a (dyn Fn(usize) -> Pose + Sync),
-    /// Motor angles, rad, and the direction of travel into them; `None` where the target has no answer.
-    pub(super) motors: &'a (dyn Fn(usize) -> Option<(Joints, Joints)> + Sync),
-    /// Where each target ends up.
-    pub(super) predicted_poses: &'a [Result<PredictedPose, EquilibriumError>],
-    /// About how the joints yield at each, to begin with.
-    pub(super) near: &'a (dyn Fn(usize) -> WarmStart + Sync),
-    /// Places besides the targets, in order.
-    pub(super) nodes: &'a [Node],
+/// A program as it is commanded, in columns of one value a target.
+pub(super) struct Commanded {
+    /// Where the controller is sent to, work object axes.
+    pub(super) poses: Vec<Pose>,
+    pub(super) steps: Vec<Dragged>,
+    /// Whether the target has an answer.
+    pub(super) is_known: Vec<bool>,
+    /// Where the loaded arm ends up; empty where that is not found yet.
+    pub(super) landed: Vec<Result<PredictedPose, EquilibriumError>>,
+    /// Places in addition to the targets, in order.
+    pub(super) nodes: Vec<Node>,
+}
+
+impl Commanded {
+    /// A program as it is.
+    pub(super) fn as_programmed(prepared: &Prepared, landed: Vec<Result<PredictedPose, EquilibriumError>>) -> Self {
+        let points = &prepared.points;
+        Self {
+            poses: points.iter().map(|point| point.wobj_from_tcp).collect(),
+            steps: points.iter().map(Point::step).collect(),
+            is_known: points.iter().map(|point| point.unsolved.is_none()).collect(),
+            landed,
+            nodes: Vec::new(),
+        }
+    }
+
+    /// Solved commands before they are written, with their directions of travel.
+    pub(super) fn as_solved(
+        prepared: &Prepared,
+        solved: &[Result<Solved, EquilibriumError>],
+        travels: &[Joints],
+    ) -> Self {
+        let mut commanded = Self::as_programmed(prepared, Vec::new());
+        for (i, solved) in solved.iter().enumerate() {
+            commanded.is_known[i] = solved.is_ok();
+            if let Ok(solved) = solved {
+                commanded.poses[i] = solved.wobj_from_tcp;
+                commanded.steps[i] = Dragged { motor: solved.motor, travel: travels[i] };
+            }
+        }
+        commanded
+    }
+
+    /// The step to a target that has an answer.
+    pub(super) fn step(&self, i: usize) -> Option<&Dragged> {
+        self.is_known[i].then(|| &self.steps[i])
+    }
 }
 
 /// Joints that move by less than this between two targets, all together (rad), change compliance and posture by no more than
@@ -146,7 +182,7 @@ struct Part {
 pub(super) fn pass_end(
     program: &Program,
     prepared: &Prepared,
-    commanded: &Commanded<'_>,
+    commanded: &Commanded,
     last: &mut Option<Start>,
 ) -> Option<Start> {
     let way = WalkedPath { program, prepared, commanded, last: last.as_ref() };
@@ -181,14 +217,10 @@ impl Deviations {
     }
 }
 
-/// What is left on the way into every target and node, in their order; `last` is the end of the targets before.
-pub(super) fn measure(
-    program: &Program,
-    solver: &Solver<'_>,
-    commanded: &Commanded<'_>,
-    last: Option<&Start>,
-) -> Deviations {
-    let way = WalkedPath { program, prepared: solver.prepared, commanded, last };
+/// What is left on the way into every target and node, in their order; `near` is about how the joints yield at each target, to
+/// begin with.
+pub(super) fn measure(way: &WalkedPath<'_>, solver: &Solver<'_>, near: &Near<'_>) -> Deviations {
+    let WalkedPath { program, commanded, .. } = *way;
     let count = solver.prepared.points.len();
     let mut out = Deviations { targets: vec![None; count], nodes: vec![None; commanded.nodes.len()] };
     let mut wanted = Vec::new();
@@ -199,18 +231,18 @@ pub(super) fn measure(
             continue;
         }
         let start = from.replace(i);
-        let (Ok(predicted), Some((motor, _))) = (&commanded.predicted_poses[i], (commanded.motors)(i)) else {
+        let (Ok(landed), Some(Dragged { motor, .. })) = (&commanded.landed[i], commanded.step(i)) else {
             before = None;
             continue;
         };
         // Behind a point that is not solved, also one of the chunk before, the way is not known.
         let is_first = start.is_none() && way.last.is_none() && solver.prepared.before.is_none();
         if kind == Kind::Joint || is_first {
-            out.targets[i] = Some(PathDeviation::at_end(&predicted.shift));
+            out.targets[i] = Some(PathDeviation::at_end(&landed.shift));
             before = None;
             continue;
         }
-        match way.known_from_ends(i, start, &motor, &mut before) {
+        match way.known_from_ends(i, start, motor, &mut before) {
             Some(known) => out.targets[i] = Some(known),
             None => wanted.push((i, start)),
         }
@@ -221,16 +253,19 @@ pub(super) fn measure(
             .iter()
             .filter_map(|(i, start)| Some((Segment::into(program, solver.prepared, *i, start)?, start)))
             .collect();
-        way.solve(solver, &segments, &mut out);
+        way.solve((solver, near), &segments, &mut out);
     }
     out
 }
+
+/// Where the equilibrium at a target begins.
+pub(super) type Near<'a> = dyn Fn(usize) -> WarmStart + Sync + 'a;
 
 /// A program on its way.
 pub(super) struct WalkedPath<'a> {
     pub(super) program: &'a Program,
     pub(super) prepared: &'a Prepared,
-    pub(super) commanded: &'a Commanded<'a>,
+    pub(super) commanded: &'a Commanded,
     /// End of the targets before.
     pub(super) last: Option<&'a Start>,
 }
@@ -245,7 +280,7 @@ impl WalkedPath<'_> {
     /// Target `from` as the start of the way behind it, else the end of the targets before.
     pub(super) fn start(&self, from: Option<usize>) -> Option<Start> {
         let Some(i) = from else { return self.last.cloned() };
-        let (motor, travel) = (self.commanded.motors)(i)?;
+        let Dragged { motor, travel } = *self.commanded.step(i)?;
         let setting = *self.prepared.setting(i);
         // Its own way, which may turn into the next one.
         let own = (0..i).rev().find(|before| Kind::of(self.program, *before) != Kind::Point);
@@ -253,15 +288,32 @@ impl WalkedPath<'_> {
         let before = before.filter(|before| before.setting == self.prepared.points[i].setting);
         let track = before.and_then(|before| Segment::track(self.program, self.prepared, i, &before.reference));
         let tangent = track.and_then(|track| track.tangent(1.0)).map(|along| setting.base_from_wobj.rotation * along);
-        let commanded = (self.commanded.poses)(i);
+        let commanded = self.commanded.poses[i];
         let left = self.left_at(i);
         Some(Start { left, point: self.prepared.points[i].clone(), setting, commanded, motor, travel, tangent })
     }
 
     /// How far the tip is off at target `i`, m; 0 where that is not known.
     fn left_at(&self, i: usize) -> f64 {
-        let predicted = self.commanded.predicted_poses.get(i).and_then(|predicted| predicted.as_ref().ok());
-        predicted.map_or(0.0, |predicted| predicted.shift.norm())
+        let landed = self.commanded.landed.get(i).and_then(|landed| landed.as_ref().ok());
+        landed.map_or(0.0, |landed| landed.shift.norm())
+    }
+
+    /// Where the way into target `i` begins, as it was prepared and as it is commanded: at target `from`, else at the end of the
+    /// targets before; `None` where that is not known, or the way is no line in one work object that stands still.
+    pub(super) fn line_from(&self, i: usize, from: Option<usize>) -> Option<(&Point, &Pose, &Joints)> {
+        let (commanded, point) = (self.commanded, &self.prepared.points[i]);
+        let (start, sent, at) = match from {
+            Some(from) => (&self.prepared.points[from], &commanded.poses[from], &commanded.step(from)?.motor),
+            None => self.last.map(|last| (&last.point, &last.commanded, &last.motor))?,
+        };
+        let stands = match (&start.moved, &point.moved) {
+            (None, None) => true,
+            (Some(from), Some(to)) => from.setting == to.setting,
+            _ => false,
+        };
+        let is_line = Kind::of(self.program, i) == Kind::Line && start.setting == point.setting && stands;
+        is_line.then_some((start, sent, at))
     }
 
     /// The deviation on a line so short that compliance and force hardly change along it: at its start, what is left at the
@@ -274,27 +326,16 @@ impl WalkedPath<'_> {
         direction: &mut Option<Vector3<f64>>,
     ) -> Option<PathDeviation> {
         let (commanded, point) = (self.commanded, &self.prepared.points[i]);
-        let (start, sent, at) = match from {
-            Some(from) => (&self.prepared.points[from], (commanded.poses)(from), (commanded.motors)(from)?.0),
-            None => self.last.map(|last| (&last.point, last.commanded, last.motor))?,
-        };
         let turned = direction.take();
-        let stand = match (&start.moved, &point.moved) {
-            (None, None) => true,
-            (Some(from), Some(to)) => from.setting == to.setting,
-            _ => false,
-        };
-        if Kind::of(self.program, i) != Kind::Line || start.setting != point.setting || !stand {
-            return None;
-        }
+        let (start, sent, at) = self.line_from(i, from)?;
         let chord = point.reference.translation.vector - start.reference.translation.vector;
         let along = chord.try_normalize(travel::CHORD);
         let rotation = &self.prepared.setting(i).base_from_wobj.rotation;
         *direction = along.map(|along| rotation * along).or(turned);
-        let moved: f64 = (motor - at).iter().map(|step| step.abs()).sum();
-        let left = commanded.predicted_poses[i].as_ref().ok()?.shift;
+        let moved = travel::moved(at, motor);
+        let left = commanded.landed[i].as_ref().ok()?.shift;
         let correction = |sent: &Pose, wanted: &Pose| sent.translation.vector - wanted.translation.vector;
-        let (first, here) = (correction(&sent, &start.reference), correction(&(commanded.poses)(i), &point.reference));
+        let (first, here) = (correction(sent, &start.reference), correction(&commanded.poses[i], &point.reference));
         let yields = here.norm() + left.norm();
         let node = commanded.nodes.partition_point(|node| node.before < i);
         let split = commanded.nodes.get(node).is_some_and(|node| node.before == i);
@@ -314,12 +355,17 @@ impl WalkedPath<'_> {
     }
 
     /// Cuts segments into parts at their nodes, and finds how far the tip is off on each.
-    fn solve(&self, solver: &Solver<'_>, segments: &[(Segment<'_>, &Start)], out: &mut Deviations) {
+    fn solve(
+        &self,
+        (solver, near): (&Solver<'_>, &Near<'_>),
+        segments: &[(Segment<'_>, &Start)],
+        out: &mut Deviations,
+    ) {
         let mut parts = Vec::new();
         for (at, (segment, start)) in segments.iter().enumerate() {
             self.parts(solver, (at, segment), start, &mut parts);
         }
-        let measured = Measure { way: self, solver, segments, parts: &parts }.all();
+        let measured = Measure { way: self, solver, near, segments, parts: &parts }.all();
         for (part, measured) in parts.iter().zip(measured) {
             match part.node {
                 Some(node) => out.nodes[node] = measured,
@@ -331,7 +377,7 @@ impl WalkedPath<'_> {
     fn parts(&self, solver: &Solver<'_>, (at, segment): (usize, &Segment<'_>), start: &Start, parts: &mut Vec<Part>) {
         let (i, commanded) = (segment.end, self.commanded);
         let Some(begins) = start.seen(&start.commanded, self.prepared, i) else { return };
-        let Some((motor, travel)) = (commanded.motors)(i) else { return };
+        let Some(&Dragged { motor, travel }) = commanded.step(i) else { return };
         let first = commanded.nodes.partition_point(|node| node.before < i);
         let nodes = commanded.nodes[first..].iter().take_while(|node| node.before == i);
         let (mut share, mut pose) = (0.0, begins);
@@ -348,9 +394,9 @@ impl WalkedPath<'_> {
             from = Dragged { motor: to, travel: solver.arm.travel(&from.motor, &to, &from.travel) };
             (share, pose) = (node.share, node.commanded);
         }
-        let to = (commanded.poses)(i);
+        let to = commanded.poses[i];
         let track = match Kind::of(self.program, i) {
-            Kind::Arc => Track::arc(&pose, &(commanded.poses)(i - 1), &to),
+            Kind::Arc => Track::arc(&pose, &commanded.poses[i - 1], &to),
             _ => Track::line(&pose, &to),
         };
         parts.push(Part::new(at, (share, 1.0), track, (from, motor), travel));
@@ -365,8 +411,7 @@ impl Part {
         (start, end): (Dragged, Joints),
         travel: Joints,
     ) -> Self {
-        let moved: f64 = (end - start.motor).iter().map(|step| step.abs()).sum();
-        let short = moved < SHORT && !commanded.is_arc();
+        let short = travel::moved(&start.motor, &end) < SHORT && !commanded.is_arc();
         Self { segment, node: None, from, to, commanded, start, end, travel, short }
     }
 
@@ -380,6 +425,7 @@ impl Part {
 struct Measure<'a, 's, 'p> {
     way: &'a WalkedPath<'a>,
     solver: &'a Solver<'s>,
+    near: &'a Near<'a>,
     segments: &'a [(Segment<'p>, &'p Start)],
     parts: &'a [Part],
 }
@@ -419,10 +465,10 @@ impl<'p> Measure<'_, '_, 'p> {
     fn begin(&self, part: &Part) -> Known {
         let mut known = Known::default();
         let segment = self.segment(part);
-        let predicted = self.way.commanded.predicted_poses[segment.end].as_ref().ok();
+        let landed = self.way.commanded.landed[segment.end].as_ref().ok();
         // At the end of a line acts what acts at the target itself.
-        if let Some(predicted) = predicted.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
-            known.off.insert(TICKS, Some(segment.track.across(1.0, &predicted.shift)));
+        if let Some(landed) = landed.filter(|_| part.to >= 1.0 && !segment.track.is_arc()) {
+            known.off.insert(TICKS, Some(segment.track.across(1.0, &landed.shift)));
         }
         if part.short {
             known.resolved.push((0, TICKS))
@@ -446,12 +492,12 @@ impl<'p> Measure<'_, '_, 'p> {
         });
         let batch = prepared.with_points(points.collect());
         let solver = Solver::new(self.solver.arm, &batch, self.solver.parallelism);
-        let near = |k: usize| (self.way.commanded.near)(self.segment(&self.parts[wanted[k].0]).end);
-        let predicted_poses = solver.forward(|k| batch.points[k].as_programmed(), near);
+        let near = |k: usize| (self.near)(self.segment(&self.parts[wanted[k].0]).end);
+        let landed = solver.forward(|k| batch.points[k].as_programmed(), near);
         let off = |k: usize| {
             let (part, tick) = (&self.parts[wanted[k].0], wanted[k].1);
             let (segment, share) = (self.segment(part), part.share(tick));
-            let shift = predicted_poses[k].as_ref().ok().filter(|_| reached[k])?.shift;
+            let shift = landed[k].as_ref().ok().filter(|_| reached[k])?.shift;
             let begins = segment.corner && tick == 0 && part.from <= 0.0;
             Some(if begins { segment.track.across_start(&shift) } else { segment.track.across(share, &shift) })
         };

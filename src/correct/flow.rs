@@ -1,10 +1,11 @@
 //! Chunks of a program from their reading to their writing, on several threads.
 //!
-//! A thread takes a chunk all the way; what depends on the chunks before stands in ordered passes (see [`OrderedStage`]), of which the
-//! last is the writing. So any number of threads gives the same bytes.
+//! A thread takes a chunk all the way; what depends on the chunks before goes through [`Ordered`] stages, of which the last is the
+//! writing. So any number of threads gives the same bytes.
 
+use super::line::Unsolved;
 use super::messages::{Messages, Repeated};
-use super::ordered::OrderedStage;
+use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::row::Tally;
 use super::{Corrected, Row, Summary};
 use crate::program::chunk::leaves_its_start;
@@ -70,43 +71,27 @@ pub enum StreamError {
 }
 
 /// How a language comes in, and what is made of it.
-pub(super) struct WalkedPath<'a, C, T> {
+pub(super) struct Source<'a, C, T> {
     /// The next chunk's number, and where it comes from.
     pub(super) chunks: Mutex<(usize, C)>,
-    /// What a chunk, of this number, comes to, and what is written of it; `None` where one before it died.
+    /// What a chunk comes to, and what is written of it.
     pub(super) solve: &'a Solve<'a, T>,
-    /// Lets no chunk wait for one that died.
-    pub(super) break_off: &'a (dyn Fn() + Sync),
     /// Where refusals go: none yet.
     pub(super) refusals: Messages,
 }
 
-type Solve<'a, T> = dyn Fn(usize, &StreamableChunk) -> Option<Result<(T, Corrected), Unsolved>> + Sync + 'a;
-
-/// Why a chunk comes to nothing.
-pub(super) enum Unsolved {
-    /// The program has no answer; the others are looked at all the same.
-    Refused(Vec<Diagnostic>),
-    /// All stop.
-    Stop(StreamError),
-}
-
-impl From<Vec<Diagnostic>> for Unsolved {
-    fn from(refused: Vec<Diagnostic>) -> Self {
-        Self::Refused(refused)
-    }
-}
+type Solve<'a, T> = dyn Fn(&Turn<'_>, &StreamableChunk) -> Result<(T, Corrected), Unsolved> + Sync + 'a;
 
 /// Takes all chunks through; what they come to is written in order.
 pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
-    way: &'a WalkedPath<'a, C, T>,
+    source: &'a Source<'a, C, T>,
     threads: usize,
     program: &'a mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &'a mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
     let (rows, progress) = (sinks.rows, sinks.progress);
-    let writer = Writer { refused: way.refusals.clone(), ..Writer::new(program, sinks) };
-    let run = Run { way, writer: OrderedStage::new(writer), stop: Mutex::new(None) };
+    let writer = Writer { refused: source.refusals.clone(), ..Writer::new(program, sinks) };
+    let run = Run { source, order: Order::default(), writer: Ordered::new(writer), stop: Mutex::new(None) };
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
             scope.spawn(|| run.work(rows, progress));
@@ -119,8 +104,9 @@ pub(super) fn run<'a, C: ChunkReader + Send, T: Send>(
 }
 
 struct Run<'a, C, T> {
-    way: &'a WalkedPath<'a, C, T>,
-    writer: OrderedStage<Writer<'a, T>>,
+    source: &'a Source<'a, C, T>,
+    order: Order,
+    writer: Ordered<Writer<'a, T>>,
     /// Why all stop.
     stop: Mutex<Option<StreamError>>,
 }
@@ -136,38 +122,37 @@ struct Done<T> {
 
 impl<C: ChunkReader, T> Run<'_, C, T> {
     fn work(&self, rows: &(dyn Fn(&[Row]) -> Vec<u8> + Sync), progress: &(dyn Fn(usize, u64) + Sync)) {
-        // Also where this thread dies: nobody is left waiting.
-        let _others = BreakOff(self);
-        while let Some((n, chunk)) = self.next() {
+        while let Some((turn, chunk)) = self.next() {
             // The feed out of the first target lies in the first chunk, or else what follows would have to be looked at.
-            let own_start = |chunk: &StreamableChunk| n > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
+            let own_start =
+                |chunk: &StreamableChunk| turn.number > 0 || chunk.last || leaves_its_start(&chunk.program.targets);
             let Some(chunk) = C::read(chunk).filter(own_start) else {
                 return self.stop(StreamError::NotStreamable);
             };
-            let Some(solved) = (self.way.solve)(n, &chunk) else { return };
-            let outcome = match solved {
+            let outcome = match (self.source.solve)(&turn, &chunk) {
                 Ok((program, corrected)) => Ok((program, rows(&corrected.rows), corrected)),
                 Err(Unsolved::Refused(refused)) => Err(refused),
-                Err(Unsolved::Stop(why)) => return self.stop(why),
+                Err(Unsolved::Failed(why)) => return self.stop(why),
+                Err(Unsolved::Stopped) => return,
             };
             let last = chunk.program.targets.last().map(|t| t.ordinal);
             let bytes = (chunk.own.len() + chunk.elsewhere.iter().map(|e| e.own.len()).sum::<usize>()) as u64;
             let done = Done { outcome, last, bytes };
-            match self.writer.take(n, |writer| writer.write(done, progress)) {
-                Some(Ok(())) => {}
-                Some(Err(error)) => return self.stop(StreamError::Write(error)),
-                None => return,
+            match turn.take(&self.writer, |writer| writer.write(done, progress)) {
+                Ok(Ok(())) => {}
+                Ok(Err(error)) => return self.stop(StreamError::Write(error)),
+                Err(Stopped) => return,
             }
         }
     }
 
-    fn next(&self) -> Option<(usize, C::Chunk)> {
-        let mut chunks = self.way.chunks.lock().unwrap_or_else(PoisonError::into_inner);
+    fn next(&self) -> Option<(Turn<'_>, C::Chunk)> {
+        let mut chunks = self.source.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let (n, chunks) = &mut *chunks;
         match chunks.take() {
             Ok(Next::Chunk(chunk)) => {
                 *n += 1;
-                return Some((*n - 1, chunk));
+                return Some((self.order.turn(*n - 1), chunk));
             }
             Ok(Next::End) => {}
             Ok(Next::NotStreamable) => self.stop(StreamError::NotStreamable),
@@ -178,23 +163,7 @@ impl<C: ChunkReader, T> Run<'_, C, T> {
 
     fn stop(&self, why: StreamError) {
         self.stop.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(why);
-        self.break_off();
-    }
-
-    fn break_off(&self) {
-        (self.way.break_off)();
-        self.writer.break_off();
-    }
-}
-
-/// Frees the other threads when one dies.
-struct BreakOff<'a, 'r, C: ChunkReader, T>(&'a Run<'r, C, T>);
-
-impl<C: ChunkReader, T> Drop for BreakOff<'_, '_, C, T> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.break_off();
-        }
+        self.order.stop();
     }
 }
 

@@ -177,8 +177,5 @@ fn first_use(
     uses: impl Fn(&crate::program::Target) -> bool,
 ) -> Option<impl Fn(&'static str, String, String) -> Diagnostic> {
     let target = program.targets.iter().find(|t| uses(t) && !matches!(t.editable, crate::program::Editable::No(_)))?;
-    let source = &program.sources[usize::from(target.source)];
-    Some(move |code, message, help| {
-        Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help)
-    })
+    Some(move |code, message, help| program.error_at(target, code, message).help(help))
 }

@@ -146,9 +146,12 @@ impl Stops {
         out
     }
 
-    /// Puts the nodes where the loaded tool lands on the path.
-    pub(super) fn place(&self, way: &WalkedPath<'_>, nodes: &mut [Node], arm: &Arm) {
-        let (program, prepared) = (way.program, way.prepared);
+    /// The nodes where the loaded tool lands on the path.
+    pub(super) fn place(&self, way: &WalkedPath<'_>, arm: &Arm) -> Vec<Node> {
+        let (program, prepared, mut nodes) = (way.program, way.prepared, way.commanded.nodes.clone());
+        if nodes.is_empty() {
+            return nodes;
+        }
         let mut starts = vec![None; prepared.points.len()];
         for node in nodes.iter() {
             if starts[node.before].is_none() {
@@ -170,5 +173,6 @@ impl Stops {
         for inserted in inserted.iter().filter(|inserted| inserted.role == Role::End) {
             nodes[self.all[inserted.target].node].share = inserted.share;
         }
+        nodes
     }
 }

@@ -1,13 +1,13 @@
 //! Long programs judged as they are, a chunk at a time: what [`predict`](super::predict) says of the whole.
 
-use super::against::other_count;
+use super::against::{Original, other_count};
 use super::along::WayFinding;
-use super::carried;
-use super::flow::{self, Sinks, StreamError, Streamed, Unsolved, WalkedPath};
-use super::line::{self, Carried, WithOriginal};
+use super::carried::Carried;
+use super::context::Context;
+use super::flow::{self, Sinks, Source, StreamError, Streamed};
+use super::line::{Stages, Unsolved};
 use super::messages::Messages;
-use super::ordered::OrderedStage;
-use super::parallelism::Parallelism;
+use super::ordered::{Ordered, Turn};
 use super::path;
 use super::point::Point;
 use super::{Corrected, Options, Prepared, Row};
@@ -64,63 +64,45 @@ pub fn predict_chunks<R: Read + Seek + Send>(
     if super::is_held_whole(cell, options) || (original.is_some() && options.turns.is_some()) {
         return Err(StreamError::NotStreamable);
     }
-    let path = OrderedStage::new(carried::Carried::with_turns(cell, options.turns.as_ref()));
-    let ends = OrderedStage::new(None);
-    let original = original.map(|chunks| OrderedStage::new(Original::new(chunks, carried::Carried::new(cell))));
-    let corrects = judge.as_ref().is_some_and(|judge| judge.corrects);
-    let carried = corrects.then(|| Carried::new(cell, options.turns.as_ref()));
+    let stages = || Stages::new(Carried::with_turns(cell, options.turns.as_ref()));
+    let prediction = stages();
+    let correction = judge.as_ref().filter(|judge| judge.corrects).map(|_| stages());
+    let original = original.map(|chunks| Ordered::new(OriginalChunks::new(chunks, Carried::new(cell))));
     let (refusals, findings, found) = match judge {
         Some(judge) => (Messages::with_room(judge.refusals), Some(judge.findings), Some(judge.found)),
         None => (Messages::default(), None, None),
     };
-    let solve = |n: usize, program: &Program| -> Option<Result<(Vec<Diagnostic>, Corrected), Unsolved>> {
-        let prepared = path.take(n, |path| path::prepare(program, cell, options, path))?;
-        let correction = carried.as_ref().map(|c| line::chunk(program, cell, options, c, n, Parallelism::Here));
-        let before = match &original {
-            Some(original) => Some(original.take(n, |o| o.next(program, cell, options))?),
+    let solve = |turn: &Turn<'_>, program: &Program| -> Result<(Vec<Diagnostic>, Corrected), Unsolved> {
+        let context = Context::chunk(program, cell, options);
+        let prepared = prediction.prepare(context, turn);
+        let corrected = correction.as_ref().map(|stages| stages.correct(context, turn));
+        let counted_from = match &original {
+            Some(chunks) => {
+                let original = turn.take(chunks, |chunks| chunks.next(context))?;
+                // Why it is refused is said when all has been looked at.
+                Some(original.map_err(Unsolved::Failed).and_then(|original| original.ok_or(Vec::new().into())))
+            }
             None => None,
         };
-        let judged = prepared.map_err(Unsolved::from).and_then(|mut prepared| match before {
-            None => Ok(prepared),
-            Some(Ok(Some(original))) => {
-                prepared.judge_against(&original, (program, cell))?;
-                Ok(prepared)
+        let mut prepared = prepared?;
+        let counted_from = match counted_from {
+            Some(original) => {
+                prepared.judge_against(&original?, (program, cell))?;
+                Original::Alike
             }
-            // Why is said when all has been looked at.
-            Some(Ok(None)) => Err(Vec::new().into()),
-            Some(Err(why)) => Err(Unsolved::Stop(why)),
-        });
-        let prepared = match judged {
-            Ok(prepared) => prepared,
-            Err(why) => {
-                ends.take(n, |_| ())?;
-                return Some(Err(why));
-            }
+            None => Original::Itself,
         };
-        let prepared = WithOriginal { prepared: &prepared, subdivided: None, is_judged: original.is_some() };
-        let mut predicted = line::warm_start(program, cell, options, (prepared, &ends), n, Parallelism::Here)?;
-        let Some(findings) = findings else { return Some(Ok((Vec::new(), predicted))) };
+        let mut predicted = prediction.predict(context, turn, &prepared, &counted_from)?;
+        let Some(findings) = findings else { return Ok((Vec::new(), predicted)) };
         let mut failures = std::mem::take(&mut predicted.failures);
-        if let Some(correction) = correction {
-            match correction? {
-                Ok(corrected) => failures.extend(corrected.failures),
-                Err(refused) => return Some(Err(refused.into())),
-            }
+        if let Some(corrected) = corrected {
+            failures.extend(corrected?.failures);
         }
         let Corrected { rows, moved_mm, on_the_way, .. } = &predicted;
-        Some(Ok((findings(Judged { program, rows, failures, moved_mm, on_the_way }), predicted)))
+        Ok((findings(Judged { program, rows, failures, moved_mm, on_the_way }), predicted))
     };
-    let way = WalkedPath {
-        chunks: Mutex::new((0, chunks)),
-        solve: &|n, chunk| solve(n, &chunk.program),
-        break_off: &|| {
-            path.break_off();
-            ends.break_off();
-            carried.iter().for_each(Carried::break_off);
-            original.iter().for_each(OrderedStage::break_off);
-        },
-        refusals,
-    };
+    let source =
+        Source { chunks: Mutex::new((0, chunks)), solve: &|turn, chunk| solve(turn, &chunk.program), refusals };
     let mut found = found;
     let mut told = |findings: Vec<Diagnostic>| {
         if let Some(found) = &mut found {
@@ -128,8 +110,8 @@ pub fn predict_chunks<R: Read + Seek + Send>(
         }
         Ok(())
     };
-    let mut streamed = flow::run(&way, threads, &mut told, sinks)?;
-    let warnings = way.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
+    let mut streamed = flow::run(&source, threads, &mut told, sinks)?;
+    let warnings = source.chunks.into_inner().map(|(_, chunks)| chunks.warnings()).unwrap_or_default();
     streamed.notes.splice(0..0, warnings);
     if streamed.refused.is_empty()
         && let Some(original) = original
@@ -140,9 +122,9 @@ pub fn predict_chunks<R: Read + Seek + Send>(
 }
 
 /// The original of a corrected program, read along with it.
-struct Original<'a, R> {
+struct OriginalChunks<'a, R> {
     chunks: AnyChunks<R>,
-    path: carried::Carried<'a>,
+    path: Carried<'a>,
     /// Read, and not yet asked for.
     points: VecDeque<Point>,
     /// The points' laws and the like.
@@ -157,8 +139,8 @@ struct Original<'a, R> {
     refused: Messages,
 }
 
-impl<'a, R: Read + Seek> Original<'a, R> {
-    fn new(chunks: AnyChunks<R>, path: carried::Carried<'a>) -> Self {
+impl<'a, R: Read + Seek> OriginalChunks<'a, R> {
+    fn new(chunks: AnyChunks<R>, path: Carried<'a>) -> Self {
         Self {
             chunks,
             path,
@@ -175,7 +157,8 @@ impl<'a, R: Read + Seek> Original<'a, R> {
 
     /// As many targets as the next chunk of the program has; `None` where one is refused. A program with more targets has some
     /// inserted: which, is told by the whole of it.
-    fn next(&mut self, program: &Program, cell: &Cell, options: &Options) -> Result<Option<Prepared>, StreamError> {
+    fn next(&mut self, context: Context<'_>) -> Result<Option<Prepared>, StreamError> {
+        let Context { program, cell, options, .. } = context;
         let count = program.targets.len();
         self.asked += count;
         if self.name.is_empty() {
@@ -188,17 +171,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
             return Err(StreamError::NotStreamable);
         }
         let Some(prepared) = self.prepared.as_ref().filter(|_| self.refused.is_empty()) else { return Ok(None) };
-        let prepared = Prepared {
-            points: self.points.drain(..count).collect(),
-            before: None,
-            started: prepared.started,
-            settings: prepared.settings.clone(),
-            laws: prepared.laws.clone(),
-            fronts: prepared.fronts.clone(),
-            turns_are_chosen: false,
-            notes: Vec::new(),
-        };
-        Ok(Some(prepared))
+        Ok(Some(prepared.with_points(self.points.drain(..count).collect())))
     }
 
     /// Reads its next chunk.
@@ -216,7 +189,7 @@ impl<'a, R: Read + Seek> Original<'a, R> {
             return Err(StreamError::NotStreamable);
         }
         self.came += chunk.program.targets.len();
-        match path::prepare(&chunk.program, cell, options, &mut self.path) {
+        match path::prepare(Context::chunk(&chunk.program, cell, options), &mut self.path) {
             Ok(mut prepared) => {
                 self.points.extend(prepared.points.drain(..));
                 self.prepared = Some(prepared);

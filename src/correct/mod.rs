@@ -14,8 +14,10 @@ mod along;
 mod asked;
 mod carried;
 mod collected;
+mod context;
 mod contradictions;
 mod corrected;
+mod correction;
 mod cut_stock;
 mod deviation;
 mod driven;
@@ -37,6 +39,7 @@ mod path;
 mod point;
 mod poses;
 mod post;
+mod remarks;
 mod removal;
 mod row;
 mod segment;
@@ -83,6 +86,7 @@ use crate::program::{Language, Program};
 use crate::robot::{External, Joints, Pose, Robot, StartedFrom};
 use crate::stock::Front;
 use crate::text::Diagnostic;
+use context::Context;
 use mount::Mount;
 use std::sync::Arc;
 
@@ -145,16 +149,22 @@ pub struct Prepared {
     before: Option<Point>,
     /// How the first target's branch was chosen.
     pub started: StartedFrom,
-    /// What the points are run with.
-    settings: Vec<Mount>,
-    /// Laws that the points' cuts refer to.
-    laws: Vec<laws::Law>,
-    /// Cutters that the points lead through the stock.
-    fronts: Vec<Arc<Front>>,
+    shared: Arc<Shared>,
     /// The turns about the tool axis are not the program's.
     turns_are_chosen: bool,
     /// What the stock has to say, once.
     notes: Vec<Diagnostic>,
+}
+
+/// What many points refer to by index.
+#[derive(Clone, Debug, Default)]
+struct Shared {
+    /// What they are run with.
+    settings: Vec<Mount>,
+    /// Laws of their cuts.
+    laws: Vec<laws::Law>,
+    /// Cutters that they lead through the stock.
+    fronts: Vec<Arc<Front>>,
 }
 
 impl Prepared {
@@ -163,9 +173,9 @@ impl Prepared {
     /// # Errors
     /// Undeclared tools or work objects, unreachable targets, forces missing: every reason found.
     pub fn new(program: &Program, cell: &Cell, options: &Options) -> Result<Self, Vec<Diagnostic>> {
-        let mut carried = free_turn::carried(program, cell, options)?;
-        let mut prepared = path::prepare(program, cell, options, &mut carried)?;
-        removal::run(program, (cell, options), &mut prepared, Cuts::Programmed)?;
+        let context = Context::whole(program, cell, options);
+        let mut prepared = path::prepare(context, &mut free_turn::carried(context)?)?;
+        removal::run(context, &mut prepared, Cuts::Programmed)?;
         Ok(prepared)
     }
 
@@ -177,16 +187,8 @@ impl Prepared {
     /// Points in one work object, without a program.
     pub(crate) fn of_points_in(base_from_wobj: Pose, points: Vec<Point>, robot: &Robot, tool: ToolFrame) -> Self {
         let base = Setting { base_from_wobj, gravity: robot.gravity(), tool, held: false };
-        Self {
-            points,
-            before: None,
-            started: StartedFrom::JointTarget,
-            settings: vec![Mount::fixed(base)],
-            laws: Vec::new(),
-            fronts: Vec::new(),
-            turns_are_chosen: false,
-            notes: Vec::new(),
-        }
+        let shared = Arc::new(Shared { settings: vec![Mount::fixed(base)], ..Shared::default() });
+        Self::sharing(shared, points, StartedFrom::JointTarget)
     }
 
     /// Travel into every point along the programmed motion, with friction that builds up over an angle (rad).
@@ -202,14 +204,15 @@ impl Prepared {
 
     /// Moves the work objects under points that stay where they are in the base.
     pub(crate) fn place_in(&mut self, base_from_wobj: impl Fn(&Pose) -> Pose) {
-        let before = self.settings.clone();
-        for Mount { setting, .. } in &mut self.settings {
+        let before = self.shared.settings.clone();
+        let settings = &mut Arc::make_mut(&mut self.shared).settings;
+        for Mount { setting, .. } in settings.iter_mut() {
             setting.base_from_wobj = base_from_wobj(&setting.base_from_wobj);
         }
         for point in &mut self.points {
             let at = point.setting as usize;
             let base_from_tcp = before[at].setting.base_from_wobj * point.wobj_from_tcp;
-            point.wobj_from_tcp = self.settings[at].setting.base_from_wobj.inv_mul(&base_from_tcp);
+            point.wobj_from_tcp = settings[at].setting.base_from_wobj.inv_mul(&base_from_tcp);
             point.reference = point.wobj_from_tcp;
         }
     }
@@ -238,16 +241,11 @@ impl Prepared {
 
     /// Other points with the same settings and laws.
     fn with_points(&self, points: Vec<Point>) -> Self {
-        Self {
-            points,
-            before: None,
-            started: self.started,
-            settings: self.settings.clone(),
-            laws: self.laws.clone(),
-            fronts: self.fronts.clone(),
-            turns_are_chosen: false,
-            notes: Vec::new(),
-        }
+        Self::sharing(Arc::clone(&self.shared), points, self.started)
+    }
+
+    fn sharing(shared: Arc<Shared>, points: Vec<Point>, started: StartedFrom) -> Self {
+        Self { points, before: None, started, shared, turns_are_chosen: false, notes: Vec::new() }
     }
 
     fn setting(&self, i: usize) -> &Setting {
@@ -257,7 +255,7 @@ impl Prepared {
 
     /// What point `i` is run with, wherever units stand.
     fn mount(&self, i: usize) -> &Mount {
-        &self.settings[self.points[i].setting as usize]
+        &self.shared.settings[self.points[i].setting as usize]
     }
 
     /// External axes at point `i`, mm or degrees, where there are any; NaN where one is not known.
@@ -276,17 +274,17 @@ impl Prepared {
     pub(crate) fn normal_error(&self, i: usize, actual: &Pose) -> f64 {
         let point = &self.points[i];
         let shift = actual.translation.vector - point.reference.translation.vector;
-        point.normal_error(&self.laws, &shift, &point::tool_axis(actual))
+        point.normal_error(&self.shared.laws, &shift, &point::tool_axis(actual))
     }
 
     /// The circumstances of point `i`, for [`Arm`](crate::equilibrium::Arm)'s two questions.
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
-        self.points[i].situation(self.setting(i), &self.laws)
+        self.points[i].situation(self.setting(i), &self.shared.laws)
     }
 
     /// As much of it as simple effects ask.
     pub(crate) fn site(&self, i: usize) -> Site<'_> {
-        self.points[i].site(self.setting(i), &self.laws)
+        self.points[i].site(self.setting(i), &self.shared.laws)
     }
 }

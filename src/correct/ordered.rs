@@ -1,94 +1,196 @@
-//! Ordered passes over the chunks of a program, whichever threads have them.
+//! Chunks of a program in their order, whichever threads have them.
+//!
+//! What one chunk leaves to the next stands in an [`Ordered`] value for each stage. A stage is free for a chunk when all chunks
+//! before have passed it or have ended, so a chunk that ends early, because it is refused, holds up none of those after it. A
+//! chunk whose thread panics stops all. Neither depends on which stages there are, so no list of them is kept.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, Thread};
 
-/// State that goes from chunk to chunk in their order.
-#[derive(Debug)]
-pub(super) struct OrderedStage<T> {
-    state: Mutex<State<T>>,
-    passed: Condvar,
+/// The order of a run's chunks.
+#[derive(Debug, Default)]
+pub(super) struct Order(Mutex<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    /// The run stops: no chunk waits any more.
+    is_stopped: bool,
+    /// Chunks that wait, and their threads.
+    waiting: Vec<(usize, Thread)>,
+    /// All chunks before this one have ended.
+    ended: usize,
+    /// Chunks after it that have ended.
+    ended_early: Vec<usize>,
 }
 
+/// A value that goes from chunk to chunk.
 #[derive(Debug)]
-struct State<T> {
-    /// The chunk whose turn it is.
-    next: usize,
-    /// A chunk died before its turn: nobody waits for it.
-    broken: bool,
-    /// Chunks that wait: telling nobody would take a call of the system all the same.
-    waiting: usize,
-    value: T,
+pub(super) struct Ordered<T> {
+    /// All chunks before this one have passed or have ended.
+    next: AtomicUsize,
+    value: Mutex<T>,
 }
 
-impl<T> OrderedStage<T> {
+/// A chunk on its way through the stages; it has ended when this is dropped.
+#[derive(Debug)]
+pub(super) struct Turn<'o> {
+    order: &'o Order,
+    /// Index of the chunk.
+    pub(super) number: usize,
+}
+
+/// The run stops: a chunk before has panicked, or an input or an output has failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stopped;
+
+impl Order {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Chunk `number`; each comes once.
+    pub(super) fn turn(&self, number: usize) -> Turn<'_> {
+        Turn { order: self, number }
+    }
+
+    /// Lets no chunk wait any more.
+    pub(super) fn stop(&self) {
+        self.lock().stop();
+    }
+}
+
+impl State {
+    fn stop(&mut self) {
+        self.is_stopped = true;
+        self.waiting.drain(..).for_each(|(_, thread)| thread.unpark());
+    }
+
+    /// Whether all chunks from `first` up to `last`, without it, have ended.
+    fn have_ended(&self, first: usize, last: usize) -> bool {
+        (first.max(self.ended)..last).all(|chunk| self.ended_early.contains(&chunk))
+    }
+
+    /// Wakes the chunk that may go on when chunk `number` has passed a stage or has ended: the next one that waits. Those after
+    /// it wait for it.
+    fn wake_after(&mut self, number: usize) {
+        let later = self.waiting.iter().enumerate().filter(|(_, (waits, _))| *waits > number);
+        if let Some(at) = later.min_by_key(|(_, (waits, _))| *waits).map(|(at, _)| at) {
+            self.waiting.swap_remove(at).1.unpark();
+        }
+    }
+}
+
+impl<T> Ordered<T> {
     pub(super) fn new(value: T) -> Self {
-        Self { state: Mutex::new(State { next: 0, broken: false, waiting: 0, value }), passed: Condvar::new() }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
-        // Whoever dies holding it says so by `broken`.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits for the turn of chunk `n`, works on what the chunks before it left, and passes it on; `None` where a chunk
-    /// before it died.
-    pub(super) fn take<R>(&self, n: usize, work: impl FnOnce(&mut T) -> R) -> Option<R> {
-        let mut state = self.lock();
-        state.waiting += 1;
-        let wait = |state: &mut State<T>| state.next != n && !state.broken;
-        let mut state = self.passed.wait_while(state, wait).unwrap_or_else(PoisonError::into_inner);
-        state.waiting -= 1;
-        if state.broken {
-            return None;
-        }
-        let done = work(&mut state.value);
-        state.next = n + 1;
-        let others = state.waiting > 0;
-        drop(state);
-        if others {
-            self.passed.notify_all();
-        }
-        Some(done)
-    }
-
-    /// Lets nobody wait any more.
-    pub(super) fn break_off(&self) {
-        self.lock().broken = true;
-        self.passed.notify_all();
+        Self { next: AtomicUsize::new(0), value: Mutex::new(value) }
     }
 
     pub(super) fn into_inner(self) -> T {
-        self.state.into_inner().unwrap_or_else(PoisonError::into_inner).value
+        self.value.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Turn<'_> {
+    /// Waits until the chunks before have passed a stage, works on what they left there, and passes it on.
+    ///
+    /// # Errors
+    /// The run stops.
+    pub(super) fn take<T, R>(&self, stage: &Ordered<T>, work: impl FnOnce(&mut T) -> R) -> Result<R, Stopped> {
+        loop {
+            let mut state = self.order.lock();
+            if state.is_stopped {
+                return Err(Stopped);
+            }
+            if state.have_ended(stage.next.load(Ordering::Relaxed), self.number) {
+                break;
+            }
+            // A thread may wake by itself and still stand there.
+            state.waiting.retain(|(waits, _)| *waits != self.number);
+            state.waiting.push((self.number, thread::current()));
+            drop(state);
+            thread::park();
+        }
+        let done = work(&mut stage.value.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut state = self.order.lock();
+        // The lock of the state orders it.
+        stage.next.store(self.number + 1, Ordering::Relaxed);
+        state.wake_after(self.number);
+        Ok(done)
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        let mut guard = self.order.lock();
+        let state = &mut *guard;
+        state.ended_early.push(self.number);
+        while let Some(at) = state.ended_early.iter().position(|ended| *ended == state.ended) {
+            state.ended_early.swap_remove(at);
+            state.ended += 1;
+        }
+        if thread::panicking() {
+            state.stop();
+        } else {
+            state.wake_after(self.number);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::OrderedStage;
+    use super::{Order, Ordered, Stopped};
 
     #[test]
-    fn chunks_take_turns_in_order_whatever_thread_has_them() {
-        let turns = OrderedStage::new(Vec::new());
+    fn chunks_pass_in_order_whichever_thread_has_them() {
+        let (order, seen) = (Order::default(), Ordered::new(Vec::new()));
         std::thread::scope(|scope| {
             for first in [3, 1, 0, 2] {
-                let turns = &turns;
+                let (order, seen) = (&order, &seen);
                 scope.spawn(move || {
                     for round in 0..50 {
-                        turns.take(4 * round + first, |seen| seen.push(4 * round + first));
+                        let turn = order.turn(4 * round + first);
+                        assert_eq!(turn.take(seen, |seen| seen.push(turn.number)), Ok(()));
                     }
                 });
             }
         });
-        assert_eq!(turns.into_inner(), (0..200).collect::<Vec<_>>());
+        assert_eq!(seen.into_inner(), (0..200).collect::<Vec<_>>());
     }
 
     #[test]
-    fn nobody_waits_for_a_chunk_that_died() {
-        let turns = OrderedStage::new(());
+    fn a_chunk_that_ends_before_a_stage_holds_up_none() {
+        let (order, first, second) = (Order::default(), Ordered::new(Vec::new()), Ordered::new(Vec::new()));
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| turns.take(1, |()| ()));
-            turns.break_off();
-            assert_eq!(waiting.join().ok(), Some(None));
+            for number in [5, 2, 4, 0, 3, 1] {
+                let (order, first, second) = (&order, &first, &second);
+                scope.spawn(move || {
+                    let turn = order.turn(number);
+                    turn.take(first, |seen| seen.push(number)).unwrap();
+                    // Every other chunk is refused between the stages.
+                    if number % 2 == 1 {
+                        turn.take(second, |seen| seen.push(number)).unwrap();
+                    }
+                });
+            }
         });
+        assert_eq!((first.into_inner(), second.into_inner()), (vec![0, 1, 2, 3, 4, 5], vec![1, 3, 5]));
+    }
+
+    #[test]
+    fn a_chunk_that_panics_and_a_run_that_stops_let_no_chunk_wait() {
+        for panics in [true, false] {
+            let (order, stage) = (Order::default(), Ordered::new(()));
+            std::thread::scope(|scope| {
+                let waiting = scope.spawn(|| order.turn(1).take(&stage, |()| ()));
+                let stopped = scope.spawn(|| {
+                    let _turn = order.turn(0);
+                    assert!(!panics, "this chunk panics, as the test wants it");
+                    order.stop();
+                });
+                assert_eq!(stopped.join().is_err(), panics);
+                assert_eq!(waiting.join().ok(), Some(Err(Stopped)));
+            });
+        }
     }
 }

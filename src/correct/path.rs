@@ -2,6 +2,7 @@
 
 use super::ahead::{Ahead, Approach};
 use super::carried::{Carried, Chosen, Free, RunWith};
+use super::context::Context;
 use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
 use super::mount::{MISFIT, Mount, Moved, PREDECESSOR_UNKNOWN, Stand, is_entered_elsewhere};
@@ -21,12 +22,8 @@ use smallvec::SmallVec;
 use std::sync::Arc;
 
 /// The ordered pass over a program, or over a chunk of one.
-pub(super) fn prepare(
-    program: &Program,
-    cell: &Cell,
-    options: &Options,
-    carried: &mut Carried<'_>,
-) -> Result<Prepared, Vec<Diagnostic>> {
+pub(super) fn prepare(context: Context<'_>, carried: &mut Carried<'_>) -> Result<Prepared, Vec<Diagnostic>> {
+    let Context { program, cell, options, .. } = context;
     let faults = program.faults();
     let tools = frames::tools(program, cell, options);
     let wobjs = frames::wobjs(program, cell);
@@ -129,9 +126,7 @@ pub(super) fn prepare(
             points,
             before,
             started: carried.started,
-            settings: carried.settings.clone(),
-            laws: carried.laws.laws.clone(),
-            fronts: carried.laws.fronts.clone(),
+            shared: carried.shared(),
             turns_are_chosen: matches!(carried.free, Free::Chosen(_)),
             notes: std::mem::take(&mut carried.notes),
         })
@@ -469,8 +464,7 @@ impl Walk<'_, '_> {
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
         self.ahead.forget_ways();
-        let source = &self.program.sources[usize::from(target.source)];
-        self.errors.push(Diagnostic::error(code, "", message).on_line(source, target.span, target.line).help(help));
+        self.errors.push(self.program.error_at(target, code, message).help(help));
     }
 
     /// Where the TCP was at the point before as the arm sees it, in the work object as it stands now, m; `None` where no unit has

@@ -4,7 +4,7 @@ use super::laws::Law;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::{Moved, PREDECESSOR_UNKNOWN};
 use crate::effects::{Cutting, Situation, ToolFrame, UnitAt};
-use crate::equilibrium::{PredictedPose, Setting, Site};
+use crate::equilibrium::{Dragged, PredictedPose, Setting, Site};
 use crate::robot::{Joints, Pose};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use std::sync::Arc;
@@ -86,6 +86,11 @@ impl Point {
     /// Nominal motor angles and the direction of travel into them.
     pub(super) fn as_programmed(&self) -> (&Joints, &Joints) {
         (&self.motor, &self.travel)
+    }
+
+    /// The same by value.
+    pub(super) fn step(&self) -> Dragged {
+        Dragged { motor: self.motor, travel: self.travel }
     }
 
     pub(super) fn site<'a>(&'a self, setting: &'a Setting, laws: &'a [Law]) -> Site<'a> {

@@ -106,7 +106,7 @@ impl<'p> Segment<'p> {
     pub(super) fn into(program: &Program, prepared: &'p Prepared, i: usize, start: &'p Start) -> Option<Self> {
         let to = &prepared.points[i];
         let track = Self::track(program, prepared, i, &start.seen(&start.point.reference, prepared, i)?)?;
-        let (mount, laws) = (prepared.mount(i), &prepared.laws);
+        let (mount, laws) = (prepared.mount(i), &prepared.shared.laws);
         let mut segment = Self { end: i, track, from: &start.point, to, mount, laws, corner: true };
         let rotation = segment.setting(0.0).base_from_wobj.rotation;
         let leaving = segment.track.tangent(0.0).map(|tangent| rotation * tangent);
@@ -210,7 +210,7 @@ pub(super) fn follow_arcs(program: &Program, prepared: &mut Prepared) {
         let Some(from) = before.filter(|before| before.setting == prepared.points[i].setting) else { continue };
         let Some(track) = Segment::track(program, prepared, i, &from.reference) else { continue };
         let Some(via) = track.via() else { continue };
-        let (to, mount, laws) = (&prepared.points[i], prepared.mount(i), &prepared.laws);
+        let (to, mount, laws) = (&prepared.points[i], prepared.mount(i), &prepared.shared.laws);
         let segment = Segment { end: i, track, from, to, mount, laws, corner: false };
         let [at_via, at_end] = [via, 1.0].map(|share| segment.at(share));
         for (i, there) in [(i - 1, at_via), (i, at_end)] {

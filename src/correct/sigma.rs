@@ -1,11 +1,11 @@
 //! Uncertainty of the predicted error from the covariance of the effects' parameters.
 
 use super::collected::points_of;
+use super::context::Context;
 use super::parallelism::Parallelism;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::equilibrium::Arm;
-use crate::program::Program;
 use crate::robot::Joints;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -17,7 +17,8 @@ type Direction = Vec<(usize, DVector<f64>)>;
 
 /// Fills `sigma_mm`: per axis, √(tr(J Σ Jᵀ)/3) with J the change of the predicted position with the parameters, and with each
 /// joint where an effect was not seen. Σ is a sum of directions: each is followed by itself, whatever the number of parameters.
-pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
+pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) {
+    let Context { program, cell, parallelism, .. } = context;
     let known: Vec<usize> = (0..cell.covariances.len()).filter(|&i| cell.covariances[i].is_some()).collect();
     if known.is_empty() {
         return;

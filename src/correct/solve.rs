@@ -214,13 +214,13 @@ impl<'a> Solver<'a> {
         self.parallelism.eights(self.prepared.points.len(), simple, &self.workspaces, many, one)
     }
 
-    /// What the controller reaches for what is written, near known motor angles (rad).
+    /// What the controller reaches for what is written, near the commands.
     pub(super) fn reached(
         &self,
         written: &[([f64; 3], [f64; 4])],
         (modes, first): (&[CorrectionMode], &[First]),
-        motors: &[Joints],
-        changed: impl Fn(usize) -> bool + Sync,
+        solved: &[Result<Solved, EquilibriumError>],
+        is_changed: &[bool],
     ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
         let many = |room: &mut Room<'a>, asked: &[usize], mut out: Answers<'_, _>| {
@@ -248,20 +248,21 @@ impl<'a> Solver<'a> {
             }
         };
         let one = |_: &mut Room<'a>, i: usize| {
-            if !changed(i) {
+            if !is_changed[i] {
                 return Ok(Reached { motor: points[i].motor, turn: Vector3::zeros() });
             }
             let rotation = frames::pose(written[i].0, written[i].1).rotation;
+            let near = solved[i].as_ref().map_or(&points[i].motor, |solved| &solved.motor);
             Ok(Reached {
-                motor: controller_joints(self.arm, self.prepared.setting(i), &written[i], &motors[i])?,
+                motor: controller_joints(self.arm, self.prepared.setting(i), &written[i], near)?,
                 turn: turn_between(&points[i].wobj_from_tcp.rotation, &rotation),
             })
         };
         let simple = |i: usize| {
             let held = self.prepared.setting(i).held;
-            changed(i) && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
+            is_changed[i] && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
         };
-        self.parallelism.eights(motors.len(), simple, &self.workspaces, many, one)
+        self.parallelism.eights(written.len(), simple, &self.workspaces, many, one)
     }
 }
 

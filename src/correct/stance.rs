@@ -1,9 +1,9 @@
 //! How the arm stands at a target: for pictures and for charts of its margins.
 
 use super::collected::points_of;
+use super::context::Context;
 use super::{Prepared, Row};
 use crate::cell::Cell;
-use crate::program::Program;
 use crate::robot::{EXTERNAL_AXES, External, Pose};
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub struct Stance {
 }
 
 /// Fills `stance`.
-pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared) {
+pub(super) fn fill(rows: &mut [Row], Context { program, cell, .. }: Context<'_>, prepared: &Prepared) {
     let at = points_of(rows, program);
     for (row, at) in rows.iter_mut().zip(at) {
         row.stance = at.and_then(|i| stance(cell, prepared, i)).map(Arc::new);

@@ -1,11 +1,10 @@
 //! How stiffly the cell holds the TCP at each target.
 
 use super::collected::points_of;
-use super::parallelism::Parallelism;
+use super::context::Context;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::effects::Cutting;
-use crate::program::Program;
 use nalgebra::{Matrix3, Vector3};
 
 /// Stiffness of the TCP against a force on the tool, N/mm, at the force that acts there.
@@ -40,7 +39,8 @@ impl Stiffness {
 const STEP: f64 = 50.0;
 
 /// Fills `stiffness` by differences of equilibria about the force that acts.
-pub(super) fn fill(rows: &mut [Row], program: &Program, cell: &Cell, prepared: &Prepared, parallelism: Parallelism) {
+pub(super) fn fill(rows: &mut [Row], context: Context<'_>, prepared: &Prepared) {
+    let Context { program, cell, parallelism, .. } = context;
     let at = points_of(rows, program);
     let of = |n: usize| at[n].and_then(|i| stiffness(cell, prepared, i, &rows[n].force_n.into()));
     let found = parallelism.map(rows.len(), of);

@@ -1,13 +1,15 @@
-//! Long programs in constant memory: chunks through the [line](line::chunk), and what their texts become. The same bytes as
+//! Long programs in constant memory: chunks through all [stages](Stages), and what their texts become. The same bytes as
 //! [`compensate`](super::compensate) gives on the whole.
 
-use super::flow::{Sinks, StreamError, Streamed, Unsolved, WalkedPath, run};
-use super::line::{self, Carried};
+use super::carried::Carried;
+use super::context::Context;
+use super::flow::{Sinks, Source, StreamError, Streamed, run};
+use super::line::Stages;
 use super::messages::Messages;
-use super::parallelism::Parallelism;
+use super::ordered::{Ordered, Stopped, Turn};
 use super::{Corrected, Options, Outline, Poster};
 use crate::cell::Cell;
-use crate::program::post::Text;
+use crate::program::post::{Place, Text};
 use crate::program::{ChunkReader, RewriteOptions, StreamableChunk, rapid};
 use crate::text::{Edit, Patch, apply_within};
 use std::collections::HashMap;
@@ -31,7 +33,8 @@ pub fn compensate_chunks<C: ChunkReader + Send>(
         return Err(StreamError::NotStreamable);
     }
     let mut write = |bytes: Vec<u8>| program.write_all(&bytes);
-    let streamed = walked(chunks, (cell, options, threads), &written, &mut write, sinks)?;
+    let streamed =
+        walked(chunks, (cell, options, threads), &|_, chunk, done| Ok(written(chunk, done)), &mut write, sinks)?;
     program.flush().map_err(StreamError::Write)?;
     Ok(streamed)
 }
@@ -65,7 +68,7 @@ pub fn compensate_declared<R: Read + Seek + Send, S: Read + Write + Seek + Send>
         }
         if disputed { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
     };
-    let done = walked(chunks, (cell, options, threads), &changed, &mut write, sinks);
+    let done = walked(chunks, (cell, options, threads), &|_, chunk, done| Ok(changed(chunk, done)), &mut write, sinks);
     // Whoever sees all uses of a target decides.
     if disputed { Err(StreamError::NotStreamable) } else { done }
 }
@@ -87,7 +90,7 @@ pub fn compensate_executed(
         return Err(StreamError::NotStreamable);
     }
     let pass = |chunks: rapid::ExecutedChunks, sinks: &mut Sinks<'_>| {
-        walked(chunks, (cell, options, threads), &|_, _| (), &mut |()| Ok(()), sinks)
+        walked(chunks, (cell, options, threads), &|_, _, _| Ok(()), &mut |()| Ok(()), sinks)
     };
     let (chunks, asking) = program.asked();
     let mut nowhere =
@@ -118,24 +121,13 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
     if super::is_held_whole(cell, options) {
         return Err(StreamError::NotStreamable);
     }
-    let carried = Carried::new(cell, options.turns.as_ref());
-    let way = WalkedPath {
-        chunks: Mutex::new((0, chunks)),
-        solve: &|n, chunk| {
-            let corrected = match line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)? {
-                Ok(corrected) => corrected,
-                Err(refused) => {
-                    carried.posted.take(n, |_| ())?;
-                    return Some(Err(refused.into()));
-                }
-            };
-            let points = poster.points(&chunk.program, &corrected);
-            let from = carried.posted.take(n, |place| std::mem::replace(place, place.behind(&points)))?;
-            let end = chunk.last.then(|| poster.end(&chunk.program));
-            Some(Ok((poster.post.chunk(&from, &points, end.as_deref()), corrected)))
-        },
-        break_off: &|| carried.break_off(),
-        refusals: Messages::default(),
+    // How far the program is posted.
+    let posted = Ordered::new(Place::default());
+    let made = |turn: &Turn<'_>, chunk: &StreamableChunk, corrected: &Corrected| {
+        let points = poster.points(&chunk.program, corrected);
+        let from = turn.take(&posted, |place| std::mem::replace(place, place.behind(&points)))?;
+        let end = chunk.last.then(|| poster.end(&chunk.program));
+        Ok(poster.post.chunk(&from, &points, end.as_deref()))
     };
     let mut file: Option<W> = None;
     let mut write = |text: &Text| {
@@ -151,7 +143,7 @@ pub fn post_chunks<C: ChunkReader + Send, W: Write + Send>(
         file.as_mut().map_or(Ok(()), |file| file.write_all(&text.bytes[from..]))
     };
     write(poster.post.head()).map_err(StreamError::Write)?;
-    let mut streamed = run(&way, threads, &mut |text| write(&text), sinks)?.answered()?;
+    let mut streamed = walked(chunks, (cell, options, threads), &made, &mut |text| write(&text), sinks)?;
     file.map_or(Ok(()), |mut file| file.flush()).map_err(StreamError::Write)?;
     streamed.notes = [&poster.warnings[..], &streamed.notes, &poster.notes].concat();
     Ok(streamed)
@@ -179,7 +171,7 @@ pub fn count_chunks<C: ChunkReader + Send>(
         Ok(())
     };
     let mut sinks = Sinks { report: &mut io::sink(), rows: &|_| Vec::new(), each: &mut |_| (), progress };
-    let posted = |_: &StreamableChunk, corrected: &Corrected| corrected.posted.len();
+    let posted = |_: &Turn<'_>, _: &StreamableChunk, corrected: &Corrected| Ok(corrected.posted.len());
     walked(chunks, (cell, options, threads), &posted, &mut count, &mut sinks)?;
     outline.points = points;
     Ok(())
@@ -189,21 +181,20 @@ pub fn count_chunks<C: ChunkReader + Send>(
 fn walked<C: ChunkReader + Send, T: Send>(
     chunks: C,
     (cell, options, threads): (&Cell, &Options, usize),
-    made: &(dyn Fn(&StreamableChunk, &Corrected) -> T + Sync),
+    made: &(dyn Fn(&Turn<'_>, &StreamableChunk, &Corrected) -> Result<T, Stopped> + Sync),
     write: &mut (dyn FnMut(T) -> io::Result<()> + Send),
     sinks: &mut Sinks<'_>,
 ) -> Result<Streamed, StreamError> {
-    let carried = Carried::new(cell, options.turns.as_ref());
-    let way = WalkedPath {
+    let stages = Stages::new(Carried::with_turns(cell, options.turns.as_ref()));
+    let source = Source {
         chunks: Mutex::new((0, chunks)),
-        solve: &|n, chunk| {
-            let corrected = line::chunk(&chunk.program, cell, options, &carried, n, Parallelism::Here)?;
-            Some(corrected.map(|corrected| (made(chunk, &corrected), corrected)).map_err(Unsolved::from))
+        solve: &|turn, chunk| {
+            let corrected = stages.correct(Context::chunk(&chunk.program, cell, options), turn)?;
+            Ok((made(turn, chunk, &corrected)?, corrected))
         },
-        break_off: &|| carried.break_off(),
         refusals: Messages::default(),
     };
-    run(&way, threads, write, sinks)?.answered()
+    run(&source, threads, write, sinks)?.answered()
 }
 
 /// The chunk's own bytes with its edits.

@@ -72,7 +72,7 @@ struct Plan<'p> {
 pub(super) fn subdivide(
     program: &Program,
     solver: &Solver<'_>,
-    commanded: &Commanded<'_>,
+    commanded: &Commanded,
     modes: &[CorrectionMode],
     last: Option<&Start>,
     tolerance: f64,
@@ -138,11 +138,11 @@ fn solve(solver: &Solver<'_>, plans: &[Plan<'_>], places: &[(usize, f64)]) -> Ve
 impl<'p> Plan<'p> {
     fn new(way: &WalkedPath<'p>, i: usize, start: &'p Start, mode: CorrectionMode) -> Option<Self> {
         let segment = Segment::into(way.program, way.prepared, i, start)?;
-        let (motor, _) = (way.commanded.motors)(i)?;
+        let motor = way.commanded.step(i)?.motor;
         let length = segment.track.length();
         let begins = start.seen(&start.commanded, way.prepared, i)?;
         let from = Solved { motor: start.motor, wobj_from_tcp: begins };
-        let to = Solved { motor, wobj_from_tcp: (way.commanded.poses)(i) };
+        let to = Solved { motor, wobj_from_tcp: way.commanded.poses[i] };
         let plan = Self {
             segment,
             from,

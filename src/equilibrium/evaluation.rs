@@ -234,7 +234,6 @@ impl<R: Number> Evaluation<R> {
 #[inline(always)]
 pub(super) fn nominal<R: Number>(model: &Model<'_>, block: &Block<'_, R>, motor: &Six<R>) -> Frame<R> {
     let rows = model.robot.rows::<R>();
-    let mut chain = Chain::default();
-    rows.chain(&model.robot.joints(&rows.theta, motor), None, &mut chain);
-    block.site.base_from_wobj.back_to(&chain.links[5].then(&block.flange_from_tcp))
+    let base_from_flange = rows.end(&model.robot.joints(&rows.theta, motor));
+    block.site.base_from_wobj.back_to(&base_from_flange.then(&block.flange_from_tcp))
 }

@@ -385,6 +385,12 @@ impl Program {
         Some(self.sources[usize::from(target.source)].line_at(target.span.start as usize).into_owned())
     }
 
+    /// An error at a target, with its file and line.
+    pub(crate) fn error_at(&self, target: &Target, code: &'static str, message: impl Into<String>) -> Diagnostic {
+        let source = &self.sources[usize::from(target.source)];
+        Diagnostic::error(code, "", message).on_line(source, target.span, target.line)
+    }
+
     /// Why no program may be written from this one: every statement whose motion is not what its text says.
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {

@@ -168,8 +168,11 @@ mod tests {
                 };
                 prop_assert!(pose_gap(&robot.forward(&motor), &pose).norm() < 1e-9);
                 for i in 0..6 {
-                    let off = (motor[i] - from[i]).abs();
-                    prop_assert!(off <= bounds.axes[i] + 1e-9, "axis {}: {off} beyond {}", i + 1, bounds.axes[i]);
+                    let (off, most) = ((motor[i] - from[i]).abs(), bounds.axes[i]);
+                    prop_assert!(off <= most + 1e-9, "axis {}: {off} beyond {most}", i + 1);
+                    // A part of the piece, wherever it is, has that part of the bound.
+                    let (step, most) = ((motor[i] - near[i]).abs(), most / f64::from(steps));
+                    prop_assert!(step <= most + 1e-9, "axis {}: {step} beyond {most} in a step", i + 1);
                 }
                 let clearance = robot.clearance(&motor).unwrap();
                 for k in 0..3 {

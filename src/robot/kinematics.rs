@@ -11,7 +11,8 @@ pub(crate) type Six<R> = [R; 6];
 /// Puts one target's into a lane.
 #[inline(always)]
 pub(crate) fn set<R: Real>(all: &mut Six<R>, lane: usize, one: &Joints) {
-    for (all, one) in all.iter_mut().zip(one.iter()) {
+    // A slice: the matrix's own iterator counts strides.
+    for (all, one) in all.iter_mut().zip(one.as_slice()) {
         all.set(lane, *one);
     }
 }
@@ -51,6 +52,23 @@ impl<R: Real> Rows<R> {
     /// each link about x and y of its own frame, rad.
     #[inline(always)]
     pub(crate) fn chain(&self, joints: &[SinCos<R>; 6], tilt: Option<&[[R; 2]; 6]>, chain: &mut Chain<R>) {
+        self.links(joints, tilt, |i, link, axis| (chain.links[i], chain.axes[i]) = (link, axis));
+    }
+
+    /// The frame of the last link alone.
+    #[inline(always)]
+    pub(crate) fn end(&self, joints: &[SinCos<R>; 6]) -> Frame<R> {
+        self.links(joints, None, |_, _, _| ())
+    }
+
+    /// Gives each link's frame and the axis of its joint, and returns the last frame.
+    #[inline(always)]
+    fn links(
+        &self,
+        joints: &[SinCos<R>; 6],
+        tilt: Option<&[[R; 2]; 6]>,
+        mut give: impl FnMut(usize, Frame<R>, Vector<R>),
+    ) -> Frame<R> {
         let mut link = Frame::identity();
         for i in 0..6 {
             let (SinCos { sin: sa, cos: ca }, SinCos { sin, cos }) = (self.alpha[i], joints[i]);
@@ -59,12 +77,12 @@ impl<R: Real> Rows<R> {
             let z = link.z * ca - link.y * sa;
             let origin = link.origin + (link.x * self.a[i] + z * self.d[i]);
             link = Frame { x: link.x * cos + across * sin, y: across * cos - link.x * sin, z, origin };
-            chain.axes[i] = z;
             if let Some(tilt) = tilt {
                 link = link.turned_by(Vector::new(tilt[i][0], tilt[i][1], R::ZERO));
             }
-            chain.links[i] = link;
+            give(i, link, z);
         }
+        link
     }
 }
 

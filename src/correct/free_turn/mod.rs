@@ -15,13 +15,14 @@ mod states;
 mod ways;
 
 use super::carried::{Carried, Chosen, ChosenTurns, Free};
+use super::context::Context;
 use super::flow::StreamError;
 use super::messages::Messages;
 use super::point::Point;
 use super::{Cuts, Options, removal};
 use crate::cell::{Cell, SpinRule};
 use crate::program::chunk::leaves_its_start;
-use crate::program::{ChunkReader, Language, Next, Program, StreamableChunk};
+use crate::program::{ChunkReader, Language, Next, StreamableChunk};
 use crate::text::{Diagnostic, Severity};
 use axes::{Grid, Position};
 use path::{Path, Refusal};
@@ -41,13 +42,10 @@ const ROUNDS: usize = 12;
 ///
 /// # Errors
 /// See [`choose`].
-pub(super) fn carried<'a>(
-    program: &Program,
-    cell: &'a Cell,
-    options: &Options,
-) -> Result<Carried<'a>, Vec<Diagnostic>> {
+pub(super) fn carried(context: Context<'_>) -> Result<Carried<'_>, Vec<Diagnostic>> {
+    let Context { program, cell, options, .. } = context;
     if options.turns.is_none() && has_free_turns(program.language, cell, options) {
-        return Ok(Carried::with_turns(cell, Some(&choose(program, cell, options)?)));
+        return Ok(Carried::with_turns(cell, Some(&choose(context)?)));
     }
     Ok(Carried::with_turns(cell, options.turns.as_ref()))
 }
@@ -66,12 +64,12 @@ pub fn has_free_turns(language: Language, cell: &Cell, options: &Options) -> boo
 /// # Errors
 /// What [`Prepared::new`](super::Prepared::new) refuses, but for targets out of reach; a target or a move at which no turn can be
 /// taken.
-fn choose(program: &Program, cell: &Cell, options: &Options) -> Result<ChosenTurns, Vec<Diagnostic>> {
-    let mut carried = Carried::new(cell);
+fn choose(context: Context<'_>) -> Result<ChosenTurns, Vec<Diagnostic>> {
+    let mut carried = Carried::new(context.cell);
     carried.free = Free::Sought;
-    let mut prepared = super::path::prepare(program, cell, options, &mut carried)?;
-    removal::run(program, (cell, options), &mut prepared, Cuts::Programmed)?;
-    let mut path = Path::of_program(program, cell, prepared);
+    let mut prepared = super::path::prepare(context, &mut carried)?;
+    removal::run(context, &mut prepared, Cuts::Programmed)?;
+    let mut path = Path::of_program(context.program, context.cell, prepared);
     path.unreached = carried.unreached;
     path.choose()
 }
@@ -107,7 +105,7 @@ pub fn choose_turns<C: ChunkReader>(
         if !leaves || program.targets.iter().any(path::has_moved_alone) {
             return Err(StreamError::NotStreamable);
         }
-        match super::path::prepare(&program, cell, options, &mut carried) {
+        match super::path::prepare(Context::chunk(&program, cell, options), &mut carried) {
             Ok(prepared) => path.get_or_insert_with(|| Path::new(&program, cell)).extend(&program, prepared),
             Err(why) => refused.add_once(why),
         }

@@ -171,7 +171,7 @@ impl<'a> Path<'a> {
     }
 
     pub(super) fn mount(&self, i: usize) -> &Mount {
-        &self.prepared.settings[self.sites[i].setting as usize]
+        &self.prepared.shared.settings[self.sites[i].setting as usize]
     }
 
     /// What a target is run with as it is written.
@@ -400,7 +400,7 @@ impl<'a> Path<'a> {
         let predicted = solver.forward(|k| with.points[k].as_programmed(), |_| WarmStart::default());
         let square = |(k, predicted): (usize, &Result<PredictedPose, _>)| match predicted {
             Ok(there) if self.sites[at[k]].has_normal => {
-                with.points[k].normal_error(&with.laws, &there.shift, &there.axis).powi(2)
+                with.points[k].normal_error(&with.shared.laws, &there.shift, &there.axis).powi(2)
             }
             Ok(there) => there.shift.norm_squared(),
             Err(_) => f64::INFINITY,

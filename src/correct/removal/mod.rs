@@ -6,13 +6,14 @@ mod programmed;
 mod progress;
 mod yielding;
 
+use super::Prepared;
+use super::context::Context;
 use super::frames;
 use super::load::{Follows, PointLoad, Through};
 use super::mount::Mount;
 use super::point::{Milled, Point};
 use super::segment::Kind;
 use super::travel::CHORD;
-use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::limits::STOCK_LINES;
 use crate::program::{Program, Role};
@@ -57,8 +58,7 @@ const RESOLUTION: std::ops::RangeInclusive<f64> = 0.1e-3..=1e-3;
 /// # Errors
 /// A stock in a work object that nobody declares; moves that do not cut and run through material; `run.called-off`.
 pub(super) fn run(
-    program: &Program,
-    (cell, options): (&Cell, &Options),
+    Context { program, cell, options, .. }: Context<'_>,
     prepared: &mut Prepared,
     cuts: Cuts,
 ) -> Result<Option<Removal>, Vec<Diagnostic>> {
@@ -69,7 +69,7 @@ pub(super) fn run(
         let unread = Diagnostic::error("cell.stock", "", format!("[stock] stl = \"{name}\" has not been read"));
         return Err(vec![unread.help("call Cell::take_meshes before the cell is used")]);
     };
-    let smallest = prepared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
+    let smallest = prepared.shared.fronts.iter().map(|front| 2.0 * front.solid().radius).fold(f64::INFINITY, f64::min);
     let resolution = spacing(blank, section.resolution, smallest)?;
     // Once: where the part yields already, that was found on the path that it is judged by.
     let is_known = prepared.points.iter().any(|point| point.part.is_some());
@@ -80,7 +80,7 @@ pub(super) fn run(
         cuts,
         stock: Stock::new(blank.clone(), resolution),
         mount,
-        fronts: prepared.fronts.clone(),
+        fronts: prepared.shared.fronts.clone(),
         progress: &options.cut_progress,
         called_off: false,
         errors: Vec::new(),
@@ -343,7 +343,6 @@ impl Walk<'_> {
 
     fn collision(&mut self, i: usize, removed: f64) {
         let target = &self.program.targets[i];
-        let source = &self.program.sources[usize::from(target.source)];
         let kind = match (Kind::of(self.program, i), target.feed_mm_s) {
             (Kind::Joint, _) => "a joint move",
             (_, None) if !target.rapid => "a move without a known speed, which counts as one that does not cut,",
@@ -354,7 +353,7 @@ impl Walk<'_> {
             target.ordinal,
             1e9 * removed
         );
-        self.errors.push(Diagnostic::error("stock.rapid", "", message).on_line(source, target.span, target.line).help(
+        self.errors.push(self.program.error_at(target, "stock.rapid", message).help(
             "retract above the material first, or check [stock]: its box, its work object, and `max_cutting_feed_mm_s`",
         ));
     }
@@ -371,18 +370,13 @@ impl Walk<'_> {
         notes.push(Diagnostic::error("stock.resolution", "", message).severity(Severity::Note));
         if let Some(i) = self.first_bottom {
             let target = &self.program.targets[i];
-            let source = &self.program.sources[usize::from(target.source)];
             let message = format!(
                 "target {}: the flat bottom goes down into material{}: its own force is not in the model, only that of corner and side",
                 target.ordinal,
                 if self.bottoms > 1 { format!(" (and at {} targets more)", self.bottoms - 1) } else { String::new() }
             );
-            notes.push(
-                Diagnostic::error("stock.bottom", "", message)
-                    .on_line(source, target.span, target.line)
-                    .severity(Severity::Warning)
-                    .help("ramp in gently, and count on more force there"),
-            );
+            let said = self.program.error_at(target, "stock.bottom", message).severity(Severity::Warning);
+            notes.push(said.help("ramp in gently, and count on more force there"));
         }
         notes
     }

@@ -1,0 +1,129 @@
+//! What a run says of a program besides its rows.
+
+use super::context::Context;
+use super::contradictions::contradictions;
+use super::correction::Correction;
+use super::laws::Laws;
+use super::messages::Repeated;
+use super::{Prepared, mount};
+use crate::program::{Language, Mark, Target};
+use crate::robot::StartedFrom;
+use crate::text::{Diagnostic, Severity};
+
+/// What is said of chunk `number` of a run. Frames may be met in any chunk: what was said of one is not said again.
+pub(super) fn notes(context: Context<'_>, prepared: &Prepared, number: usize) -> Vec<Diagnostic> {
+    let mut notes = if number == 0 { notes_of_all(context, prepared) } else { Vec::new() };
+    notes.extend(contradictions(context.program, context.cell));
+    notes
+}
+
+/// What is said of a run, once.
+fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared) -> Vec<Diagnostic> {
+    let mut notes = program.diagnostics.clone();
+    notes.extend(prepared.notes.iter().cloned());
+    if let (StartedFrom::NearestHome, Some(first)) = (prepared.started, program.targets.first()) {
+        let said_by = match program.language {
+            Language::Rapid => "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
+            Language::Krl => "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
+            Language::Ls => "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
+            Language::Cl => "CL data cannot say, and no `[robot] start_deg` says",
+        };
+        let how = format!("{said_by} how the arm stands at the first target: the branch nearest home is taken");
+        let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
+        notes.push(said.help("give `[robot] start_deg` in the cell"));
+    }
+    for kind in &cell.controller.left_out {
+        let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");
+        notes.push(Diagnostic::error("cell.controller", "", message).severity(Severity::Note));
+    }
+    notes
+}
+
+/// What many targets may give reason to say, once for all of them.
+pub(super) fn repeated(context: Context<'_>, prepared: &Prepared) -> Repeated {
+    let mut repeated = Repeated::default();
+    doubtful_cuts(context, prepared, &mut repeated);
+    unweighed_loads(context, &mut repeated);
+    unsolved(context, prepared, &mut repeated);
+    repeated
+}
+
+/// Moves of which neither program nor cell says how they cut.
+fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
+    if options.forces.is_some() {
+        return;
+    }
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
+        if Laws::is_cut_unknown(cell, target) {
+            let why = match program.language {
+                Language::Cl => "no FEDRAT gives a feed here",
+                _ => "the speed is known only at run time",
+            };
+            let message = format!("{why}: `max_cutting_feed_mm_s` cannot tell whether this cuts, and it counts as air");
+            let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| program.language.mark(mark));
+            let said = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
+            repeated.say(said.help(format!("mark the motion `{cut}` or `{air}`")));
+        }
+        if point.plunges {
+            let message = "this motion feeds along the tool axis, and [cut] does not know its force: the force of the cut \
+                           before it is used, or none";
+            let air = program.language.mark(Mark::Air);
+            let help = format!("[stock] with `mode = \"stock\"` finds what it cuts; `{air}` says that it cuts nothing");
+            repeated.say(program.error_at(target, "cut.plunge", message).severity(Severity::Note).help(help));
+        }
+    }
+}
+
+/// Loads that gravity does not act on, where it acts on any.
+fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Repeated) {
+    if !cell.arm.weighs_payload() {
+        return;
+    }
+    for target in program.targets.iter().filter(|target| target.is_end() && target.extra_load) {
+        let message = "a load besides that of the tool (`GripLoad`, `\\TLoad`) is not weighed: gravity acts on the mass of \
+                       the tool's own tooldata";
+        let said = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
+        repeated.say(said.help("give the tool's tooldata the whole load where it holds for all of the program"));
+    }
+}
+
+/// Why targets are not solved, where that can be corrected.
+fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
+    for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
+        if let Some((why, help)) = point.unsolved.and_then(|why| Some((why, mount::help(why, program.language)?))) {
+            let message = format!("{why}: the target stays unchanged and is not solved");
+            repeated.say(program.error_at(target, "target.kept", message).severity(Severity::Warning).help(help));
+        }
+    }
+}
+
+/// Warnings about what was to be inserted; `before` is the zone of the target before the program's first, mm.
+pub(super) fn insertions(
+    Context { program, .. }: Context<'_>,
+    correction: &Correction,
+    before: Option<f64>,
+    repeated: &mut Repeated,
+) {
+    let Some(rewritten) = &correction.rewritten else { return };
+    let mut say = |i: usize, code, message: String, help: &str| {
+        repeated.say(program.error_at(&program.targets[i], code, message).severity(Severity::Warning).help(help));
+    };
+    for &(i, reason) in &rewritten.not_inserted {
+        let message = format!("no target can be inserted here: {reason}");
+        say(i, "subdivide.not-inserted", message, "what is left on the way stays: see remaining_path_mm");
+    }
+    let zones = |i: usize| {
+        let start = program.targets[..i].iter().rposition(Target::is_end);
+        [program.zone_mm(i), start.map_or(before, |start| program.zone_mm(start))]
+    };
+    let inserted = correction.inserts.iter().zip(&rewritten.inserted).filter(|(_, inserted)| inserted.is_some());
+    for together in inserted.map(|(insert, _)| insert).collect::<Vec<_>>().chunk_by(|a, b| a.before == b.before) {
+        let i = together[0].before;
+        let widest = zones(i).into_iter().flatten().fold(0.0, f64::max);
+        if together.iter().any(|insert| widest > insert.room_mm) {
+            let message = "the zone here, or at the target before, is wider than the distance to the inserted target";
+            let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
+            say(i, "subdivide.zone", message.to_owned(), help);
+        }
+    }
+}
