@@ -194,6 +194,16 @@ impl<'a> Runner<'a> {
             return Ok(self.not_followed(id, arguments, store));
         }
         let function = &self.program.functions[id.0 as usize];
+        // What the routine has no parameter for may still be used by it.
+        for (at, (name, value)) in arguments.iter().enumerate() {
+            let is_taken = match name {
+                Some(name) => function.parameters.iter().any(|parameter| parameter.name == *name),
+                None => at < function.parameters.len(),
+            };
+            if !is_taken {
+                self.use_up(&value.all_reads());
+            }
+        }
         let mut locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
         for (at, parameter) in function.parameters.iter().enumerate() {
             locals[at] = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {

@@ -19,6 +19,8 @@ const DEEPEST: usize = 64;
 struct Names<'a> {
     /// The routines with this name, in the order of the text.
     functions: BTreeMap<&'a [u8], Vec<FunctionId>>,
+    /// Routines of files that are only read, which may vouch for others.
+    context: BTreeSet<FunctionId>,
     /// Each routine by the place of the word that begins it.
     begins: BTreeMap<Place, FunctionId>,
     globals: BTreeMap<&'a [u8], Slot>,
@@ -30,7 +32,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     let all: Vec<Vec<Lexeme<'_>>> = sources.iter().map(|bytes| lexemes(bytes)).collect();
     let mut unclear = BTreeSet::new();
     loop {
-        let names = survey(&all, std::mem::take(&mut unclear));
+        let names = survey(&all, written, std::mem::take(&mut unclear));
         let mut parser = Parser::new(&names, all.len());
         for (source, lexemes) in all.iter().enumerate() {
             parser.file(source, lexemes)?;
@@ -44,7 +46,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
 }
 
 /// Finds the routines and the globals.
-fn survey<'a>(all: &[Vec<Lexeme<'a>>], unclear: BTreeSet<&'a [u8]>) -> Names<'a> {
+fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8]>) -> Names<'a> {
     let mut names = Names { unclear, ..Names::default() };
     let mut count = all.len() as u32;
     let mut globals: Vec<&[u8]> = names.unclear.iter().copied().collect();
@@ -58,6 +60,7 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], unclear: BTreeSet<&'a [u8]>) -> Names<'a>
                 if let Some(name) = next {
                     names.functions.entry(name.text).or_default().push(FunctionId(count));
                 }
+                names.context.extend((source >= written).then_some(FunctionId(count)));
                 names.begins.insert(Place { source: source as u16, span: lexeme.span }, FunctionId(count));
                 count += 1;
                 open.push(true);
@@ -675,7 +678,7 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     fn call(&mut self, name: &Lexeme<'a>) -> Option<Is> {
         let arguments = self.arguments()?;
-        let callee = match self.names.functions.get(name.text).map(Vec::as_slice) {
+        let callee = match self.functions(name.text) {
             Some(&[one]) => {
                 self.called.insert(one);
                 Callee::Function(one)
@@ -691,6 +694,16 @@ impl<'a, 'n> Parser<'a, 'n> {
             },
         };
         Some(Is::Call(callee, arguments))
+    }
+
+    /// The routines with a name. Those of files that are only read may have it in capitals, as a cell has names.
+    fn functions(&self, name: &[u8]) -> Option<&'n [FunctionId]> {
+        let functions = &self.names.functions;
+        let capital = || functions.get(&name.to_ascii_uppercase()[..]);
+        let vouched = || capital().filter(|ids| ids.iter().all(|id| self.names.context.contains(id)));
+        let known = functions.get(name).map(Vec::as_slice);
+        // A routine of the language itself is no one's to define.
+        known.or_else(|| if builtins::find(name).is_some() { None } else { vouched().map(Vec::as_slice) })
     }
 
     fn unknown_routine(&mut self, name: &Lexeme<'a>) -> Callee {
