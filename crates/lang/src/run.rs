@@ -232,12 +232,17 @@ impl<'a> Runner<'a> {
 
     fn walk(&mut self, id: FunctionId, mut store: Store) -> Result<Store, Stop> {
         let (mut node, exit) = self.flow.routine(id);
+        let mut rounds: BTreeMap<usize, Rounds> = BTreeMap::new();
         while node != exit {
             if self.flow.endless[node] {
                 self.region(node, None, exit, store)?;
                 return Err(Stop::Ends);
             }
-            node = match self.step(node, exit, &mut store)? {
+            let goes = self.step(node, exit, &mut store)?;
+            let is_round = self.flow.repeats[node] && matches!(self.flow.nodes[node], Node::Branch { .. });
+            node = match goes {
+                // What holds has held before: the rounds repeat forever, and all of their motions are noted.
+                Goes::To(_) if is_round && rounds.entry(node).or_default().repeat(&store) => return Err(Stop::Ends),
                 Goes::To(to) => to,
                 Goes::Either(..) => {
                     let meets = self.flow.meets[node];
@@ -640,6 +645,27 @@ impl<'a> Runner<'a> {
             }
             None => Value::unknown(index.reason().unwrap_or(Reason::Computed)).reading([whole, index]),
         }
+    }
+}
+
+/// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).
+#[derive(Default)]
+struct Rounds {
+    count: u64,
+    saved: Store,
+}
+
+impl Rounds {
+    /// Counts a round; whether all that holds in it held in an earlier one.
+    fn repeat(&mut self, store: &Store) -> bool {
+        if self.count > 0 && self.saved == *store {
+            return true;
+        }
+        self.count += 1;
+        if self.count.is_power_of_two() {
+            self.saved = store.clone();
+        }
+        false
     }
 }
 
