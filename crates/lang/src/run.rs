@@ -40,7 +40,7 @@ pub struct Moved {
     /// How far from the end it is left, in the language's unit; `None` where it is not known.
     pub blend: Option<f64>,
     /// What each [`Switch`] holds.
-    pub switches: [Value; Switch::ALL.len()],
+    pub switches: Arc<[Value; Switch::ALL.len()]>,
     /// Where its way begins.
     pub from: From,
     /// Whether a thread makes it.
@@ -63,9 +63,9 @@ pub enum From {
 pub struct TooLong;
 
 /// Most statements of a run with loops followed round by round: some seconds. Beyond it, loops are joined.
-const MOST_STEPS: u64 = 20_000_000;
-/// Most motions that are held: a gigabyte or two of them.
-const MOST_MOTIONS: usize = 2_000_000;
+const MOST_STEPS: u64 = 5_000_000;
+/// Most motions that loops and calls may add to those of the text: a fifth of a gigabyte.
+const MOST_REPEATED: usize = 200_000;
 /// Most calls within each other; controllers allow fewer.
 const DEEPEST: usize = 32;
 
@@ -108,11 +108,15 @@ struct Runner<'a> {
     last: Option<u32>,
     node: usize,
     steps: u64,
+    most_motions: usize,
+    /// What the switches held at the last motion: mostly they hold the same at the next.
+    switches: Arc<[Value; Switch::ALL.len()]>,
     out: Outcome,
 }
 
 impl<'a> Runner<'a> {
     fn new(program: &'a Program, flow: &'a Flow<'a>, dialect: &'a dyn Dialect, unrolls: bool) -> Self {
+        let moves = flow.nodes.iter().filter(|node| is_motion(node)).count();
         let mut runner = Self {
             program,
             flow,
@@ -129,6 +133,8 @@ impl<'a> Runner<'a> {
             last: None,
             node: 0,
             steps: 0,
+            most_motions: moves + MOST_REPEATED,
+            switches: Arc::new(Switch::ALL.map(|_| Content::Nothing.into())),
             out: Outcome::default(),
         };
         for &thread in &program.threads {
@@ -258,7 +264,7 @@ impl<'a> Runner<'a> {
     /// Runs a node.
     fn step(&mut self, node: usize, exit: usize, store: &mut Store) -> Result<Goes, Stop> {
         self.steps += 1;
-        if self.steps > MOST_STEPS || self.out.motions.len() > MOST_MOTIONS {
+        if self.steps > MOST_STEPS || self.out.motions.len() > self.most_motions {
             return Err(Stop::TooLong);
         }
         self.node = node;
@@ -438,7 +444,11 @@ impl<'a> Runner<'a> {
             Stands::At(_) | Stands::Unknown => From::Unknown,
         };
         let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
-        for used in speed.iter().chain(&blend).chain(&switches) {
+        if *self.switches != switches {
+            self.switches = Arc::new(switches);
+        }
+        let switches = Arc::clone(&self.switches);
+        for used in speed.iter().chain(&blend).chain(&*switches) {
             self.use_up(&used.all_reads());
         }
         store.stands = if matches!(motion.path, Path::Unknown(_)) { Stands::Unknown } else { Stands::At(site) };
@@ -499,7 +509,7 @@ impl<'a> Runner<'a> {
         effects.writes.into_iter().for_each(|slot| store.lose(slot, Reason::Recursion));
         store.stands = Stands::Unknown;
         if effects.moves && self.notes {
-            let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
+            let switches = Arc::new(Switch::ALL.map(|switch| self.read(switch.slot(), store)));
             self.out.motions.push(Moved {
                 place: self.program.functions[id.0 as usize].place,
                 path: Path::Unknown(Reason::Recursion),
@@ -646,6 +656,10 @@ impl<'a> Runner<'a> {
             None => Value::unknown(index.reason().unwrap_or(Reason::Computed)).reading([whole, index]),
         }
     }
+}
+
+fn is_motion(node: &Node<'_>) -> bool {
+    matches!(node, Node::Do(Statement { kind: StatementKind::Move(_), .. }))
 }
 
 /// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).

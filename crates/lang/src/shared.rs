@@ -2,7 +2,7 @@
 
 use crate::ir::{Path, Switch, TokenId};
 use crate::run::{Moved, Outcome};
-use crate::value::{Content, Reason, Value};
+use crate::value::{Content, Pose, Reason, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What of a point may be edited in the text.
@@ -45,6 +45,17 @@ pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit>
             }
         }
     }
+    // Numbers that are read as different things cannot be edited for all of them.
+    let mut read_as: BTreeMap<TokenId, (&Pose, usize)> = BTreeMap::new();
+    for pose in outcome.motions.iter().flat_map(points).filter_map(Value::pose) {
+        for at in 0..pose.numbers.len() {
+            let Some(affine) = pose.affine(at) else { continue };
+            let (other, place) = *read_as.entry(affine.token).or_insert((pose, at));
+            if place != at || !is_same(pose, other) {
+                used.entry(affine.token).or_insert(Reason::Shared);
+            }
+        }
+    }
     let edited: Vec<Vec<TokenId>> = outcome.motions.iter().map(edited_tokens).collect();
     let arc_of = |i: usize| arcs.iter().find(|arc| arc.contains(&i)).cloned().unwrap_or(i..i + 1);
     loop {
@@ -82,6 +93,12 @@ fn points(motion: &Moved) -> impl Iterator<Item = &Value> {
 /// Tokens that the points of a motion depend on.
 fn tokens(motion: &Moved) -> BTreeSet<TokenId> {
     points(motion).flat_map(|value| value.all_reads().tokens().to_vec()).collect()
+}
+
+/// Whether two poses come from the same tokens by the same steps.
+fn is_same(a: &Pose, b: &Pose) -> bool {
+    let affine = |pose: &Pose| (0..pose.numbers.len()).map(|at| pose.affine(at)).collect::<Vec<_>>();
+    std::ptr::eq(a, b) || a.left == b.left && a.right == b.right && affine(a) == affine(b)
 }
 
 /// Tokens that a correction of the motion edits.

@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 const SAME_QUAT: f64 = 1e-12;
 
 const SHARED: &str = "numbers used by motions whose corrections differ";
-const SIGN: &str = "the number would get a sign after an operator";
 const POSITION_ONLY: &str = "the numbers of the orientation cannot be edited";
 
 /// What becomes of the tokens of one target.
@@ -162,13 +161,6 @@ pub(super) fn print(
         let place = layout.place(affine.token);
         let bytes = &program.sources[usize::from(place.source)].bytes;
         let new = New::of(&bytes[place.span.range()], (values[at] - affine.offset) / affine.scale, decimals);
-        if let Some(text) = &new.token
-            && text.first() == Some(&b'-')
-            && !bytes[place.span.range()].starts_with(b"-")
-            && !may_have_sign(&bytes[..place.span.start as usize])
-        {
-            return Err(SIGN);
-        }
         if let (Some(_), Some(value)) = (&new.token, new.value) {
             printed[at] = affine.scale * value + affine.offset;
         }
@@ -177,11 +169,6 @@ pub(super) fn print(
     let own = style.dialect.pose(&printed.map(single)).unwrap_or(site.own);
     let (position_mm, turn) = layout.millimetres(&(site.left * own * site.right));
     Ok(Print { tokens, written: (position_mm, if quat.is_some() { turn } else { was }) })
-}
-
-/// Whether a number that is negative may stand after this text: not directly after an operator.
-fn may_have_sign(before: &[u8]) -> bool {
-    before.trim_ascii_end().last().is_none_or(|b| matches!(b, b'[' | b'(' | b',' | b'='))
 }
 
 /// Whether a change asks for anything else than what is there.

@@ -13,7 +13,7 @@ use deflex_lang::value::{Content, Pose, Reason, Value};
 use std::ops::Range;
 use std::sync::Arc;
 
-const ENDLESS: &str = "the program does not end within 20 million statements, or has more than 2 million motions";
+const ENDLESS: &str = "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
 const NO_CIRCLE: &str = "circle through axis angles";
 const NO_VIA: &str = "circle without a point on the way";
 
@@ -41,8 +41,11 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
     };
     // What stands in a file that is only read is never edited.
     for (at, token) in program.tokens.iter().enumerate() {
+        let before = &lowered.sources[usize::from(token.source)].bytes[..token.span.start as usize];
         if usize::from(token.source) >= lowered.written {
             outcome.used.insert(ir::TokenId(at as u32), Reason::Foreign);
+        } else if !may_have_sign(before) {
+            outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
         }
     }
     let arcs = (lowered.arcs)(&outcome.motions);
@@ -107,6 +110,11 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
         }),
         sources: lowered.sources.into(),
     })
+}
+
+/// Whether a number that is negative may stand after this text: not directly after an operator.
+fn may_have_sign(before: &[u8]) -> bool {
+    before.trim_ascii_end().last().is_none_or(|b| matches!(b, b'[' | b'(' | b',' | b'=' | b'\n' | b';' | b':'))
 }
 
 /// A warning for routines that are called and not given, at the first of them.

@@ -52,10 +52,10 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
     let mut globals: Vec<&[u8]> = names.unclear.iter().copied().collect();
     for (source, lexemes) in all.iter().enumerate() {
         // Blocks that are open, and how many of them are routines.
-        let (mut open, mut begins): (Vec<bool>, bool) = (Vec::new(), true);
+        let (mut open, mut routines, mut begins): (Vec<bool>, usize, bool) = (Vec::new(), 0, true);
         for (at, lexeme) in lexemes.iter().enumerate() {
             let next = lexemes.get(at + 1).filter(|next| next.kind == Kind::Name);
-            let outside = !open.contains(&true);
+            let outside = routines == 0;
             if begins && (lexeme.is("def") || lexeme.is("thread") || lexeme.is("sec")) {
                 if let Some(name) = next {
                     names.functions.entry(name.text).or_default().push(FunctionId(count));
@@ -63,11 +63,12 @@ fn survey<'a>(all: &[Vec<Lexeme<'a>>], written: usize, unclear: BTreeSet<&'a [u8
                 names.context.extend((source >= written).then_some(FunctionId(count)));
                 names.begins.insert(Place { source: source as u16, span: lexeme.span }, FunctionId(count));
                 count += 1;
+                routines += 1;
                 open.push(true);
             } else if begins && (lexeme.is("if") || lexeme.is("while")) {
                 open.push(false);
             } else if begins && lexeme.is("end") {
-                open.pop();
+                routines -= usize::from(open.pop() == Some(true));
             } else if begins && lexeme.is("global") {
                 globals.extend(next.map(|name| name.text));
             } else if begins && outside && lexeme.kind == Kind::Name && lexemes.get(at + 1).is_some_and(|l| l.is("=")) {
