@@ -105,7 +105,9 @@ impl<'a, T: LongText> LongProgram<'a, T> {
                 Some(options) => AnyChunks::cl(name, open()?, options),
                 None => Ok(None),
             },
-            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, Reading::Indexed | Reading::Executed) => Ok(None),
+            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, Reading::Indexed | Reading::Executed) => {
+                Ok(None)
+            }
         };
         chunks.map_err(|error| cannot_read(name, &error))
     }

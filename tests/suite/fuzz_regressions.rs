@@ -68,7 +68,8 @@ fn measured() {
 
 #[test]
 fn compensate() {
-    let seeds = ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp", "tests/fixtures/ur"];
+    let seeds =
+        ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp", "tests/fixtures/ur"];
     hold("compensate", &seeds, invariants::compensate);
 }
 

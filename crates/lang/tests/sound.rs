@@ -121,7 +121,11 @@ impl Generator {
     }
 
     fn var(&mut self) -> Var {
-        if self.random.one_in(2) { Var::Global(self.random.below(GLOBALS)) } else { Var::Local(self.random.below(LOCALS)) }
+        if self.random.one_in(2) {
+            Var::Global(self.random.below(GLOBALS))
+        } else {
+            Var::Local(self.random.below(LOCALS))
+        }
     }
 
     fn number(&mut self, depth: usize) -> Num {
@@ -784,7 +788,13 @@ fn hold(seed: u64, seen: &mut Seen) {
             let tool = |wish: &Wish| !wish.edited || wish.tool.is_none_or(|tool| is_near(&tool, &a.tool));
             let same = is_near(&a.to, &b.to);
             let moved = of_line().any(|wish| right(wish) && tool(wish));
-            assert!(same && !of_line().any(|wish| wish.edited && is_near(&wish.was, &a.to)) || moved, "{seed}/{input}: statement {} goes from {:?} to {:?}\n{shown}", a.line, a.to, b.to);
+            assert!(
+                same && !of_line().any(|wish| wish.edited && is_near(&wish.was, &a.to)) || moved,
+                "{seed}/{input}: statement {} goes from {:?} to {:?}\n{shown}",
+                a.line,
+                a.to,
+                b.to
+            );
             seen.moved += usize::from(!same);
         }
     }
@@ -798,6 +808,5 @@ fn what_is_edited_is_right_in_every_run() {
         hold(seed, &mut seen);
     }
     // The test looks at what it is there for.
-    println!("{} edited, {} kept, {} corrected motions run", seen.edited, seen.kept, seen.moved);
     assert!(seen.edited * 10 > seen.kept, "{} edited, {} kept", seen.edited, seen.kept);
 }

@@ -32,7 +32,7 @@ impl Ran {
         let token = |motion: &Moved| {
             let id = motion.to.pose().and_then(|pose| pose.affine(0)).expect("a token").token;
             let span = self.program.tokens[id.0 as usize].span;
-            std::str::from_utf8(&self.text[span.range()]).unwrap()
+            std::str::from_utf8(&self.text[span.range()]).expect("a number is text")
         };
         self.motions.iter().map(token).collect()
     }
@@ -40,11 +40,10 @@ impl Ran {
 
 #[test]
 fn a_pose_in_a_frame_is_edited_in_its_own_numbers() {
-    let ran = ran(
-        "def Prog():\n  global speed_ms = 0.25\n  ref_frame = p[0.1,0,0,0,0,0]\n  set_tcp(p[0,0,0.1,0,0,0])\n\
+    let ran =
+        ran("def Prog():\n  global speed_ms = 0.25\n  ref_frame = p[0.1,0,0,0,0,0]\n  set_tcp(p[0,0,0.1,0,0,0])\n\
          \x20 movej([0,-1.5,1.5,-1.5,-1.5,0],1.2,0.75,0,0)\n\
-         \x20 movel(pose_trans(ref_frame,p[.5,-0.2,0.3,0,3.14,0]),1.2,speed_ms,0,0.001)\nend\nProg()\n",
-    );
+         \x20 movel(pose_trans(ref_frame,p[.5,-0.2,0.3,0,3.14,0]),1.2,speed_ms,0,0.001)\nend\nProg()\n");
     assert_eq!(ran.xs(), [None, Some(0.6)]);
     assert_eq!(ran.edits, [Edit::No(Reason::Joints), Edit::Pose]);
     assert_eq!(ran.motions[1].speed, Some(0.25));

@@ -1,7 +1,7 @@
 //! Points between two targets: the statement of the second once more, with other numbers.
 
-use super::rewrite::print;
 use super::Layout;
+use super::rewrite::print;
 use crate::program::{Change, Editable, Insert, Motion, Passing, Program, RewriteOptions, Rewritten, Role};
 use crate::text::{Content, Edit, Span};
 
@@ -19,9 +19,8 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     let within = |at: usize| {
         let affine = layout.sites[before].as_ref()?.affine[at]?;
         let place = layout.place(affine.token);
-        let inside = place.source == target.source
-            && target.span.start <= place.span.start
-            && place.span.end <= target.span.end;
+        let inside =
+            place.source == target.source && target.span.start <= place.span.start && place.span.end <= target.span.end;
         inside.then_some(())
     };
     if target.editable != Editable::Pose || (0..6).any(|at| within(at).is_none()) {
@@ -29,7 +28,8 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     }
     let bytes = &program.sources[usize::from(target.source)].bytes;
     let begins = |at: usize| bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
-    let blank = bytes[begins(target.span.start as usize)..target.span.start as usize].iter().all(u8::is_ascii_whitespace);
+    let blank =
+        bytes[begins(target.span.start as usize)..target.span.start as usize].iter().all(u8::is_ascii_whitespace);
     (!blank).then_some(ALONE)
 }
 
@@ -87,16 +87,13 @@ fn statement(
     {
         return Err(WIDE);
     }
-    let change =
-        Change { position_mm: insert.position_mm, quat: Some(insert.quat), conf: None, external: None };
+    let change = Change { position_mm: insert.position_mm, quat: Some(insert.quat), conf: None, external: None };
     let printed = print(program, layout, insert.before, site, &change, false, options)?;
     let bytes = &program.sources[usize::from(target.source)].bytes;
     let mut edits: Vec<Edit> = printed
         .tokens
         .into_iter()
-        .filter_map(|(token, text)| {
-            Some(Edit { span: layout.place(token).span, content: Content::from_slice(&text?) })
-        })
+        .filter_map(|(token, text)| Some(Edit { span: layout.place(token).span, content: Content::from_slice(&text?) }))
         .collect();
     edits.sort_by_key(|edit| edit.span);
     let mut text = Vec::new();

@@ -184,4 +184,3 @@ fn turned(a: [f64; 4], b: [f64; 4]) -> bool {
     let same = |sign: f64| a.iter().zip(&b).all(|(a, b)| (a - sign * b).abs() <= SAME_QUAT);
     !same(1.0) && !same(-1.0)
 }
-

@@ -13,7 +13,8 @@ use deflex_lang::value::{Content, Pose, Reason, Value};
 use std::ops::Range;
 use std::sync::Arc;
 
-const ENDLESS: &str = "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
+const ENDLESS: &str =
+    "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
 const NO_CIRCLE: &str = "circle through axis angles";
 const NO_VIA: &str = "circle without a point on the way";
 
@@ -183,7 +184,9 @@ impl Builder<'_> {
                 return Err(why.text());
             }
         }
-        for (of, why) in [(Switch::Tool, Some(Reason::Tool)), (Switch::Frame, Some(Reason::Frame)), (Switch::Shift, None)] {
+        for (of, why) in
+            [(Switch::Tool, Some(Reason::Tool)), (Switch::Frame, Some(Reason::Frame)), (Switch::Shift, None)]
+        {
             if let Some(reason) = switch(of).reason() {
                 return Err(why.unwrap_or(reason).text());
             }
@@ -340,7 +343,8 @@ impl Builder<'_> {
     fn without_mass(&self, language: Language) -> Option<Diagnostic> {
         let light = self.tools.iter().find(|tool| tool.data.is_some_and(|data| data.mass_kg == 0.0))?;
         let message = format!("the program does not say the mass of `{}`: taken as 0 kg", light.name);
-        let help = format!("{} programs say it with set_payload; it counts only with a `gravity` effect", language.name());
+        let help =
+            format!("{} programs say it with set_payload; it counts only with a `gravity` effect", language.name());
         Some(Diagnostic::error("program.no-mass", "", message).severity(Severity::Note).help(help))
     }
 

@@ -35,7 +35,8 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
         Vec::from(error.help("a controller does not run this; get the file again from its source"))
     })?;
     let literal_targets = literals(&program, written);
-    let made = |text: &[u8]| sources[..written].iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
+    let made =
+        |text: &[u8]| sources[..written].iter().any(|source| memchr::memmem::find(&source.bytes, text).is_some());
     let makers: [(&[u8], &str); 5] = [
         (b"RoboDK", "robodk"),
         (b"$ 1 \"", "polyscope"),

@@ -36,7 +36,8 @@ fn listed(program: &Program) -> String {
     let mut out = String::new();
     let round = |values: &[f64]| values.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" ");
     for (i, target) in program.targets.iter().enumerate() {
-        let (tool, wobj) = (&program.tools[usize::from(target.tool)].name, &program.wobjs[usize::from(target.wobj)].name);
+        let (tool, wobj) =
+            (&program.tools[usize::from(target.tool)].name, &program.wobjs[usize::from(target.wobj)].name);
         let goal = match target.goal {
             Goal::Pose { position_mm, quat, conf } => {
                 format!("{} / {}{}", round(&position_mm), round(&quat), if conf.is_some() { " near" } else { "" })
@@ -196,7 +197,9 @@ fn what_is_corrected_lands_and_is_what_rapid_gets() {
     assert!(after.rows.iter().skip(1).all(|row| row.error_norm_mm() < 0.002), "{:?}", after.rows);
     assert!(corrected.rows.iter().skip(1).all(|row| row.error_norm_mm() > 0.1));
     // The same arm, tool and poses in RAPID: the same corrections.
-    let mut module = "MODULE M\nPERS tooldata t:=[TRUE,[[0,0,150],[1,0,0,0]],[1.5,[0,0,50],[1,0,0,0],0,0,0]];\nPROC main()\n".to_owned();
+    let mut module =
+        "MODULE M\nPERS tooldata t:=[TRUE,[[0,0,150],[1,0,0,0]],[1.5,[0,0,50],[1,0,0,0],0,0,0]];\nPROC main()\n"
+            .to_owned();
     let start = "MoveAbsJ [[0,-91.673,108.862,-108.862,-89.954,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,t;\n";
     module += start;
     for target in &program.targets {
@@ -223,7 +226,11 @@ fn what_is_corrected_lands_and_is_what_rapid_gets() {
 fn poses_count_from_the_base_wherever_it_stands() {
     let moved = "base_mm = [300.0, 100.0, 800.0]\nbase_quat = [0.0, 0.0, 0.0, 1.0]\n";
     let at = |base: &str| {
-        let cell = Cell::read(&Source::new("cell.toml", ROBOT.replace("[robot.stiffness]", &format!("{base}[robot.stiffness]")))).unwrap();
+        let cell = Cell::read(&Source::new(
+            "cell.toml",
+            ROBOT.replace("[robot.stiffness]", &format!("{base}[robot.stiffness]")),
+        ))
+        .unwrap();
         let corrected = compensate(&read(PATH), &cell, &Options::default()).unwrap();
         corrected.rows.iter().map(|row| row.correction_mm).collect::<Vec<_>>()
     };

@@ -108,10 +108,14 @@ impl Dialect for UrScript {
                 Content::Nothing.into()
             }
             Builtin::SetPayload => {
-                let both: Option<Vec<Value>> = [given("m", 0), given("cog", 1)].into_iter().map(Option::<&_>::cloned).collect();
+                let both: Option<Vec<Value>> =
+                    [given("m", 0), given("cog", 1)].into_iter().map(Option::<&_>::cloned).collect();
                 let known = both.filter(|both| both[0].number().is_some() && both[1].numbers().is_some());
                 // Without a centre of gravity, or a mass, the other one is what it was before.
-                store.set(Switch::Load, known.map_or_else(|| Content::Nothing.into(), |both| Content::List(both.into()).into()));
+                store.set(
+                    Switch::Load,
+                    known.map_or_else(|| Content::Nothing.into(), |both| Content::List(both.into()).into()),
+                );
                 Content::Nothing.into()
             }
             Builtin::Shifts => {

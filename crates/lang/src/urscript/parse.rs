@@ -607,7 +607,8 @@ impl<'a, 'n> Parser<'a, 'n> {
                 let method = self.peek().filter(|lexeme| lexeme.kind == Kind::Name)?;
                 self.at += 1;
                 let arguments = if self.next_is("(") { self.arguments()? } else { Vec::new() };
-                let changes = [&b"append"[..], b"clear", b"extend", b"insert", b"pop", b"remove"].contains(&method.text);
+                let changes =
+                    [&b"append"[..], b"clear", b"extend", b"insert", b"pop", b"remove"].contains(&method.text);
                 let object = Argument { name: None, value };
                 let all = [object].into_iter().chain(arguments);
                 // A method that changes its object may change any variable that holds it.
