@@ -567,7 +567,10 @@ impl<'a, 'n> Parser<'a, 'n> {
             _ => return self.item(),
         };
         self.at += 1;
-        if let (Some(Unary::Negate), Some(number)) = (operator, self.peek().filter(|l| l.kind == Kind::Number)) {
+        // A sign belongs to its number, where that is an operand by itself.
+        let is_whole = !self.lexemes.get(self.at + 1).is_some_and(|next| next.is("[") || next.is("."));
+        let number = self.peek().filter(|lexeme| lexeme.kind == Kind::Number && is_whole);
+        if let (Some(Unary::Negate), Some(number)) = (operator, number) {
             self.at += 1;
             return Some(self.number(Some(start), number));
         }
