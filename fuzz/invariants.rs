@@ -8,7 +8,7 @@ use deflex::cli::held::write;
 use deflex::correct::{self, Options};
 use deflex::measured::Table;
 use deflex::program::cl::{self, ClOptions, Units};
-use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, krl, rapid, read, tp};
+use deflex::program::{Goal, Language, Program, ReadOptions, RewriteOptions, Target, detect, krl, rapid, read, tp, ur};
 use deflex::robot::BUILTIN;
 use deflex::stock::{ClosedMesh, read_stl};
 use deflex::text::{Diagnostic, Source, apply};
@@ -54,6 +54,11 @@ pub(crate) fn krl(bytes: &[u8]) {
 /// A FANUC TP program: what holds for any program holds for it.
 pub(crate) fn tp(bytes: &[u8]) {
     judge(bytes, tp::read(vec![Source::new("part.ls", bytes)], Vec::new()));
+}
+
+/// A URScript program: what holds for any program holds for it.
+pub(crate) fn ur(bytes: &[u8]) {
+    judge(bytes, ur::read(vec![Source::new("part.script", bytes)], Vec::new()));
 }
 
 /// A cell file: read, or refused in words.

@@ -27,6 +27,11 @@ echo "== fanuc/contour.ls"
 "$deflex" check out/contour.corrected.ls --cell fanuc/cell.toml --against fanuc/contour.ls --at-targets --max-error 0.005
 
 echo
+echo "== ur/contour.script: URScript, with arcs and a feature"
+"$deflex" compensate ur/contour.script --cell ur/cell.toml -o out/contour.corrected.script --report out/contour_ur.report.csv
+"$deflex" check out/contour.corrected.script --cell ur/cell.toml --against ur/contour.script --at-targets --max-error 0.001
+
+echo
 echo "== kuka/ring.src: KRL, with the points of ring.dat"
 "$deflex" compensate kuka/ring.src --cell kuka/cell.toml --out-dir out/kuka --report out/kuka.report.csv
 "$deflex" check out/kuka/ring.src --cell kuka/cell.toml --against kuka/ring.src --at-targets --max-error 0.002

@@ -148,6 +148,7 @@ impl Controller {
                     |name: &String| Source::new(name.clone(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
                 self.harmless.iter().map(program).collect()
             }
+            Language::Ur => one(all(&|name| format!("def {name}():\nend\n"))),
             // CL data call nothing.
             Language::Cl => Vec::new(),
         }

@@ -129,12 +129,23 @@ const FANUC: Speech = Speech {
     unit: ["GP2", "eax_a", "the motion group"],
 };
 
+const UR: Speech = Speech {
+    tool: "TCP",
+    wobj: "wPart",
+    upright: "quat = [1.0, 0.0, 0.0, 0.0]",
+    places: ["TCP, X Y Z", "TCP, RX RY RZ as a quaternion", "payload", "payload, CX CY CZ", "a feature, in the world"],
+    object: "",
+    post: ["tool_change({number})", "spindle({rpm})"],
+    unit: ["TRACK1", "eax_a", "of the cell"],
+};
+
 impl Speech {
     /// That of a language; RAPID's for controllers that deflex does not write for.
     fn of(language: Option<Language>) -> &'static Self {
         match language {
             Some(Language::Krl) => &KUKA,
             Some(Language::Ls) => &FANUC,
+            Some(Language::Ur) => &UR,
             _ => &RAPID,
         }
     }

@@ -230,7 +230,7 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
     let what = if head.bytes.iter().all(u8::is_ascii_whitespace) {
         "the file is empty"
     } else {
-        "neither RAPID, CL/APT, KRL nor FANUC TP was recognised"
+        "neither RAPID, CL/APT, KRL, FANUC TP nor URScript was recognised"
     };
     let expected = "expected a RAPID MODULE, GOTO/ records, a KRL DEF or DEFDAT, or /PROG";
     let words = Language::ALL.map(Language::word).join(" | ");

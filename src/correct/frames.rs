@@ -46,7 +46,7 @@ fn or_context(language: Language) -> &'static str {
     match language {
         Language::Rapid => ", or give the module that declares it with --context",
         Language::Krl => ", or give the file that sets it with --context",
-        Language::Cl | Language::Ls => "",
+        Language::Cl | Language::Ls | Language::Ur => "",
     }
 }
 
@@ -126,9 +126,12 @@ pub(super) fn of_cell(cell: &Cell, name: &str) -> Option<WobjFrame> {
 }
 
 /// A work object of the program, as program or cell declare it.
-fn declared(wobj: &Wobj, cell: &Cell) -> Option<Declared> {
+fn declared(wobj: &Wobj, cell: &Cell, language: Language) -> Option<Declared> {
     let Some(data) = &wobj.data else {
-        return of_cell(cell, &wobj.name).map(Ok);
+        // Where the controller counts from the robot's base, the cell says where that stands.
+        let is_base = language.robot_base().is_some_and(|base| wobj.name.eq_ignore_ascii_case(base));
+        let base = || is_base.then(|| WobjFrame::fixed(cell.arm.robot.world_from_base));
+        return of_cell(cell, &wobj.name).or_else(base).map(Ok);
     };
     Some(match &wobj.unit {
         None => Ok(WobjFrame::fixed(object_frame(data))),
@@ -143,7 +146,7 @@ fn declared(wobj: &Wobj, cell: &Cell) -> Option<Declared> {
 pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declared>>, Vec<Diagnostic>> {
     let mut errors = Vec::new();
     let wobjs = program.wobjs.iter().enumerate().map(|(i, wobj)| {
-        let frame = declared(wobj, cell);
+        let frame = declared(wobj, cell, program.language);
         if frame.is_none() {
             errors.extend(first_use(program, |t| usize::from(t.wobj) == i).map(|diagnostic| {
                 diagnostic(
@@ -167,7 +170,7 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
 /// A work object by its name.
 pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<WobjFrame> {
     let of_program = program.wobjs.iter().find(|wobj| wobj.name.eq_ignore_ascii_case(name));
-    let of_program = of_program.and_then(|wobj| declared(wobj, cell)?.ok());
+    let of_program = of_program.and_then(|wobj| declared(wobj, cell, program.language)?.ok());
     of_program.or_else(|| of_cell(cell, name))
 }
 

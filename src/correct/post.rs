@@ -30,7 +30,7 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
-    /// Language of the program: RAPID, KRL, FANUC TP, or CL as it was.
+    /// Language of the program: RAPID, KRL, FANUC TP, URScript, or CL as it was.
     pub language: Language,
 }
 
@@ -173,6 +173,14 @@ pub fn post(
         let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
         return Ok(PostedProgram { files: poster.post.krl(&points, &axes, &poster.end(program)), notes: poster.notes });
     }
+    if options.language == Language::Ur {
+        if options.max_targets.is_some() {
+            let message = "a URScript program is one routine in one file: it is not split";
+            return Err(Diagnostic::error("post.ur", "", message).help("leave out --max-targets").into());
+        }
+        let axes: Vec<[f64; 6]> = corrected.posted.iter().map(|posted| posted.motor_deg).collect();
+        return Ok(PostedProgram { files: poster.post.ur(&points, &axes, &poster.end(program)), notes: poster.notes });
+    }
     let body = poster.post.chunk(&Place::default(), &points, Some(&poster.end(program)));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for Text { bytes, files: starts } in [poster.post.head(), &body] {
@@ -255,7 +263,11 @@ impl Poster {
             name: options.name.clone(),
             title: options.title.clone(),
             tools: outline.tools.iter().map(|tool| (tool.name.to_string(), tool_data(cell, &tool.name))).collect(),
-            wobjs: outline.wobjs.iter().map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name))).collect(),
+            wobjs: outline
+                .wobjs
+                .iter()
+                .map(|wobj| (wobj.name.to_string(), wobj_data(cell, &wobj.name, options.language)))
+                .collect(),
             units: outline.wobjs.iter().map(|wobj| unit_of(cell, &wobj.name).map(str::to_owned)).collect(),
             external: outline.external,
             speeds: outline.feeds,
@@ -366,8 +378,14 @@ fn moved(outline: &Outline, cell: &Cell, language: Language) -> Result<(), Vec<D
         Language::Ls if outline.external.iter().any(Option::is_some) || are_chosen(cell) => {
             "FANUC TP is posted without external axes: their motion group is not known".to_owned()
         }
-        Language::Krl => match outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some()) {
-            Some(wobj) => format!("KRL is posted with bases that stand still: `{}` is on a mechanical unit", wobj.name),
+        Language::Ur if outline.external.iter().any(Option::is_some) || are_chosen(cell) => {
+            "URScript is posted without external axes: the controller has none".to_owned()
+        }
+        Language::Krl | Language::Ur => match outline.wobjs.iter().find(|wobj| unit_of(cell, &wobj.name).is_some()) {
+            Some(wobj) => {
+                let (name, wobj) = (language.name(), &wobj.name);
+                format!("{name} is posted with bases that stand still: `{wobj}` is on a mechanical unit")
+            }
             None => return Ok(()),
         },
         _ => return Ok(()),
@@ -382,10 +400,12 @@ fn are_chosen(cell: &Cell) -> bool {
     stiffest && cell.units.all().iter().any(|unit| unit.free)
 }
 
-fn wobj_data(cell: &Cell, name: &str) -> WobjData {
+fn wobj_data(cell: &Cell, name: &str, language: Language) -> WobjData {
     const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
     let pose = cell.wobjs.get(&name.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
-    let (mm, quat) = frames::millimetres(&pose);
+    // A controller that counts from the robot's base knows nothing of a world.
+    let in_base = || cell.arm.robot.world_from_base.inverse() * pose;
+    let (mm, quat) = frames::millimetres(&if language.robot_base().is_some() { in_base() } else { pose });
     if unit_of(cell, name).is_some() {
         // The user frame is the unit's own.
         return WobjData {

@@ -26,6 +26,7 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
             Language::Rapid => "no MoveAbsJ, no `[robot] start_deg` and no fitting confdata say",
             Language::Krl => "no PTP to axis angles, no `[robot] start_deg` and no fitting S and T say",
             Language::Ls => "no joint position, no `[robot] start_deg` and no fitting CONFIG say",
+            Language::Ur => "no movej to axis angles, no `[robot] start_deg` and no qnear say",
             Language::Cl => "CL data cannot say, and no `[robot] start_deg` says",
         };
         let how = format!("{said_by} how the arm stands at the first target: the branch nearest home is taken");

@@ -7,7 +7,7 @@ use crate::equilibrium::{
     Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Start,
     WarmStart,
 };
-use crate::program::post::tp;
+use crate::program::post::{tp, ur};
 use crate::program::{Editable, Language};
 use crate::robot::{BatchArm, Joints, Place, Pose, Robot, Unreachable, turn_between};
 use crate::text::number;
@@ -312,6 +312,10 @@ pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64;
     if post == Some(Language::Ls) {
         let (position, quat) = frames::millimetres(pose);
         return tp::held_pose(position, quat);
+    }
+    if post == Some(Language::Ur) {
+        let (position, quat) = frames::millimetres(pose);
+        return ur::held_pose(position, quat);
     }
     as_printed(pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
 }

@@ -6,7 +6,7 @@ use crate::text::lines;
 /// Finds the language from the content, with the file's ending as a hint for what the content leaves open.
 ///
 /// RAPID has a `MODULE` header (behind `%%%` lines or comments); CL has `GOTO/`-like major words with a slash; KRL begins with
-/// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`.
+/// `&` lines or `DEF`, `DEFFCT`, `DEFDAT`; FANUC TP with `/PROG`; URScript has `def name():` or calls like `movel(`.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     // Enough to see a header and the first statements.
@@ -14,6 +14,10 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     let head = &bytes[..bytes.len().min(LOOK)];
     if trim(head).starts_with(b"%%%") || lines(head).any(begins_a_module) {
         return Some(Language::Rapid);
+    }
+    // Before KRL: `def part():` is none of its DEF lines.
+    if lines(head).any(|line| is_ur(trim(line))) {
+        return Some(Language::Ur);
     }
     if let Some(language) = first(head, |line| begins(line, b"/PROG").then_some(Language::Ls)) {
         return Some(language);
@@ -53,6 +57,19 @@ pub(super) fn no_text(bytes: &[u8]) -> Option<usize> {
 /// What the first line that is not blank says.
 fn first<T>(head: &[u8], of: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
     of(lines(head).map(trim).find(|line| !line.is_empty())?)
+}
+
+/// `def name():`, `movel(p[…`, `set_tcp(p[…`, `global name = p[…`. Case counts: URScript tells it apart.
+fn is_ur(line: &[u8]) -> bool {
+    let code = line.split(|b| *b == b'#').next().unwrap_or_default().trim_ascii_end();
+    let routine = [&b"def "[..], b"thread ", b"sec "].iter().any(|word| code.starts_with(word));
+    if routine && code.ends_with(b":") && code.contains(&b'(') {
+        return true;
+    }
+    let joined: Vec<u8> = code.iter().copied().filter(|b| !b.is_ascii_whitespace()).take(256).collect();
+    let motion = [&b"movej("[..], b"movel(", b"movep(", b"movec(", b"set_tcp("];
+    motion.iter().any(|word| joined.starts_with(word))
+        || joined.starts_with(b"global") && memchr::memmem::find(&joined, b"=p[").is_some()
 }
 
 /// `&ACCESS RVP`, `DEF name(`, `GLOBAL DEFFCT INT name(`, `DEFDAT name`.
@@ -113,5 +130,9 @@ mod tests {
         assert_eq!(detect("x.dat", b"DEFDAT A PUBLIC\nENDDAT\n"), Some(Language::Krl));
         assert_eq!(detect("x.src", b"LIN {X 1}\n"), Some(Language::Krl));
         assert_eq!(detect("x.dat", b"1 2 3\n"), None);
+        assert_eq!(detect("x", b"# by hand\ndef part():\n  sleep(1)\nend\n"), Some(Language::Ur));
+        assert_eq!(detect("x", b" movel(p[0.1,0,0,0,0,0])\n"), Some(Language::Ur));
+        assert_eq!(detect("x", b"DEF part( )\nEND\n"), Some(Language::Krl));
+        assert_eq!(detect("x.script", b"sleep(1)\n"), Some(Language::Ur));
     }
 }

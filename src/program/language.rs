@@ -2,7 +2,7 @@
 
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
-use super::{Mark, Program, krl, rapid, tp};
+use super::{Mark, Program, krl, lowered, rapid, tp, ur};
 use crate::text::{Diagnostic, Source};
 
 /// Which language a program is written in.
@@ -17,11 +17,13 @@ pub enum Language {
     Krl,
     /// FANUC TP as text: `.ls`.
     Ls,
+    /// Universal Robots' URScript: `.script`.
+    Ur,
 }
 
 impl Language {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls];
+    pub const ALL: [Self; 5] = [Self::Rapid, Self::Cl, Self::Krl, Self::Ls, Self::Ur];
 
     /// Its word, as in `--input-format`.
     #[must_use]
@@ -31,6 +33,7 @@ impl Language {
             Self::Cl => "cl",
             Self::Krl => "krl",
             Self::Ls => "ls",
+            Self::Ur => "ur",
         }
     }
 
@@ -42,6 +45,7 @@ impl Language {
             Self::Cl => "CL/APT",
             Self::Krl => "KRL",
             Self::Ls => "FANUC TP",
+            Self::Ur => "URScript",
         }
     }
 
@@ -67,6 +71,7 @@ impl Language {
             ],
             Self::Krl => &["src"],
             Self::Ls => &["ls"],
+            Self::Ur => &["script", "urscript"],
         }
     }
 
@@ -83,6 +88,7 @@ impl Language {
             Self::Cl => ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
             Self::Krl => ("krl.motion", "write the numbers of the position; a controller does not load this"),
             Self::Ls => ("ls.motion", "write the numbers of the position; a controller does not load this"),
+            Self::Ur => ("ur.motion", "write the numbers of the pose; a controller does not run this"),
         }
     }
 
@@ -99,12 +105,21 @@ impl Language {
         }
     }
 
+    /// The name of the work object that is the robot's base, which no cell has to declare.
+    pub(crate) fn robot_base(self) -> Option<&'static str> {
+        match self {
+            Self::Ur => Some(ur::STYLE.frame),
+            Self::Rapid | Self::Cl | Self::Krl | Self::Ls => None,
+        }
+    }
+
     /// The character that begins a comment; CL data have a statement for it.
     pub(super) fn comment(self) -> Option<u8> {
         match self {
             Self::Rapid | Self::Ls => Some(b'!'),
             Self::Cl => None,
             Self::Krl => Some(b';'),
+            Self::Ur => Some(b'#'),
         }
     }
 }
@@ -139,6 +154,7 @@ pub fn read(
         Language::Krl if options.look => krl::look(sources, context),
         Language::Krl => krl::read(sources, context),
         Language::Ls => tp::read(sources, context),
+        Language::Ur => ur::read(sources, context),
     }
 }
 
@@ -153,6 +169,8 @@ pub(crate) enum Layout {
     Ls(tp::Layout),
     /// KRL.
     Krl(krl::Layout),
+    /// What `deflex-lang` reads.
+    Lowered(lowered::Layout),
 }
 
 impl Layout {
@@ -162,6 +180,7 @@ impl Layout {
             Self::Cl(layout) => layout,
             Self::Ls(layout) => layout,
             Self::Krl(layout) => layout,
+            Self::Lowered(layout) => layout,
         }
     }
 }

@@ -14,6 +14,7 @@ mod front_end;
 pub mod krl;
 mod language;
 mod long;
+mod lowered;
 mod marks;
 mod modules;
 pub mod orientation;
@@ -23,6 +24,7 @@ mod round_trip;
 mod target;
 pub(crate) mod token;
 pub mod tp;
+pub mod ur;
 
 pub use action::{Action, ActionKind};
 pub use detect::detect;

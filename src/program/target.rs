@@ -214,6 +214,17 @@ pub enum Conf {
     Turns(Config),
     /// KUKA KRL.
     Status(Status),
+    /// The solution that is nearest to these axis angles, ten-thousandths of a degree (URScript `qnear`).
+    Near([i32; 6]),
+}
+
+impl Conf {
+    /// The solution that is nearest to axis angles, degrees.
+    #[must_use]
+    pub fn near(deg: [f64; 6]) -> Self {
+        #[allow(clippy::cast_possible_truncation)] // a cast of a float saturates
+        Self::Near(deg.map(|deg| (deg * 1e4).round() as i32))
+    }
 }
 
 /// KUKA `S` and `T` of a position, which joint motions go by.

@@ -150,6 +150,7 @@ fn list(conf: Conf) -> [i32; 4] {
         Conf::Quarters(conf) => [conf.cf1, conf.cf4, conf.cf6, conf.cfx],
         Conf::Turns(Config { turns: [one, four, six], posture }) => [one, four, six, posture],
         Conf::Status(Status { status, turn }) => [turn & 1, turn >> 3 & 1, turn >> 5 & 1, status],
+        Conf::Near([one, _, _, four, _, six]) => [one, four, six, 0].map(|angle| angle / 10_000),
     }
 }
 

@@ -73,6 +73,7 @@ impl Builtin {
             "ABB" => Some(Language::Rapid),
             "KUKA" => Some(Language::Krl),
             "FANUC" => Some(Language::Ls),
+            "Universal Robots" => Some(Language::Ur),
             _ => None,
         }
     }

@@ -83,6 +83,7 @@ pub fn conf_like(robot: &Robot, motor: &Joints, like: Conf) -> Conf {
         Conf::Quarters(_) => Conf::Quarters(confdata_of(robot, motor)),
         Conf::Turns(_) => Conf::Turns(config_of(robot, motor)),
         Conf::Status(like) => Conf::Status(status_like(robot, motor, like)),
+        Conf::Near(_) => like,
     }
 }
 
@@ -95,7 +96,7 @@ pub fn conf_is(robot: &Robot, motor: &Joints, conf: Conf) -> bool {
     let turned = match conf {
         Conf::Quarters(conf) => turned(quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
         Conf::Turns(conf) => turned(whole_turn, conf.turns),
-        Conf::Status(_) => true,
+        Conf::Status(_) | Conf::Near(_) => true,
     };
     turned && conf_like(robot, motor, conf) == conf
 }
@@ -109,6 +110,7 @@ pub(super) fn turned_to(motor: &Joints, conf: Conf) -> Joints {
         Conf::Quarters(conf) => (quarter_turn, [conf.cf1, conf.cf4, conf.cf6]),
         Conf::Turns(conf) => (whole_turn, conf.turns),
         Conf::Status(conf) => (below_zero, [0, 3, 5].map(|axis| conf.turn >> axis & 1)),
+        Conf::Near(_) => return *motor,
     };
     let mut turned = *motor;
     for (axis, wanted) in [0, 3, 5].into_iter().zip(wanted) {
@@ -127,6 +129,8 @@ pub(super) fn branch_index(robot: &Robot, conf: Conf) -> Option<usize> {
             let below = (status & 4 != 0) == (robot.axes.sign[4] > 0.0);
             4 * (status & 1) + 2 * i32::from(status & 2 == 0) + i32::from(below)
         }
+        // It names no branch, but angles.
+        Conf::Near(_) => return None,
     };
     usize::try_from(posture).ok()
 }

@@ -68,6 +68,10 @@ impl Robot {
 
     /// The branch that a configuration names, if its quarter turns fit it and it lies inside the limits.
     fn branch_of_conf(&self, base_from_flange: &Pose, conf: Conf, near: &Joints) -> Option<Joints> {
+        if let Conf::Near(angles) = conf {
+            let near = self.motor_from_axes_deg(&angles.map(|angle| 1e-4 * f64::from(angle)));
+            return self.inverse_near(base_from_flange, &near).ok();
+        }
         let index = branch_index(self, conf).filter(|index| *index < Branch::ALL.len())?;
         let motor = self.inverse(base_from_flange, near).ok()?[index]?;
         let turned = turned_to(&motor, conf);

@@ -8,7 +8,7 @@ pub(crate) mod number;
 mod patch;
 mod printable;
 mod source;
-mod span;
+pub use deflex_lang::Span;
 
 pub use diagnostic::{Diagnostic, Severity};
 pub use diagnostics::Diagnostics;
@@ -20,4 +20,3 @@ pub use patch::Patch;
 pub use printable::{printable, printable_line};
 pub(crate) use source::decode;
 pub use source::{LineColumn, Source};
-pub use span::Span;

@@ -52,6 +52,11 @@ fn tp() {
 }
 
 #[test]
+fn ur() {
+    hold("ur", &["tests/fixtures/ur"], invariants::ur);
+}
+
+#[test]
 fn cell() {
     hold("cell", &["tests/fixtures/rapid/invalid"], invariants::cell);
 }
@@ -63,7 +68,8 @@ fn measured() {
 
 #[test]
 fn compensate() {
-    let seeds = ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp"];
+    let seeds =
+        ["tests/fixtures/rapid", "tests/fixtures/cl", "tests/fixtures/krl", "tests/fixtures/tp", "tests/fixtures/ur"];
     hold("compensate", &seeds, invariants::compensate);
 }
 

@@ -113,7 +113,7 @@ impl From<AskWhen> for Ask {
 
 /// A language of controllers.
 fn posted(word: &str) -> Result<Language, String> {
-    let known = [Language::Rapid, Language::Krl, Language::Ls];
+    let known = [Language::Rapid, Language::Krl, Language::Ls, Language::Ur];
     let found = known.into_iter().find(|language| language.word() == word);
     found.ok_or_else(|| format!("expected one of {}", known.map(Language::word).join(", ")))
 }

@@ -438,7 +438,7 @@ impl<'a> Path<'a> {
 fn free_axes(program: &Program, cell: &Cell) -> (SmallVec<[FreeAxis; MOST_FREE]>, Vec<String>) {
     let axes = FreeAxis::of(cell);
     let why = match program.language {
-        Language::Krl | Language::Ls => "external axes are chosen for RAPID and CL data",
+        Language::Krl | Language::Ls | Language::Ur => "external axes are chosen for RAPID and CL data",
         Language::Rapid if program.targets.iter().any(has_moved_alone) => "external axes move by themselves (MoveExtJ)",
         _ => return (axes, Vec::new()),
     };

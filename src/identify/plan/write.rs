@@ -86,6 +86,10 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
     let mut speeds: Vec<f64> = posted.iter().map(|point| point.speed_mm_s).collect();
     speeds.sort_by(f64::total_cmp);
     speeds.dedup();
+    // A controller that counts from the robot's base knows nothing of a world.
+    let world_from_wobj = bench.frames.world_from_wobj;
+    let in_base = how.language.robot_base().is_some();
+    let frame = if in_base { robot.world_from_base.inverse() * world_from_wobj } else { world_from_wobj };
     let plan = RapidPlan {
         units: Vec::new(),
         external: [None; crate::robot::EXTERNAL_AXES],
@@ -95,7 +99,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
             "Row n of the table belongs to the n-th motion.".to_owned(),
         ],
         tools: vec![(section.tool.clone(), tool(bench))],
-        wobjs: vec![(section.wobj.clone(), wobj(&bench.frames.world_from_wobj))],
+        wobjs: vec![(section.wobj.clone(), wobj(&frame))],
         speeds,
         points: posted.len(),
         max_points: None,
@@ -111,6 +115,10 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
             one(post.krl(&posted, &axes.collect::<Vec<_>>(), &end))
         }
         Language::Ls => one(tp::programs(post.plan(), &posted, &end)?),
+        Language::Ur => {
+            let axes = sheet.rows.iter().map(|row| robot.axes_deg_from_motor(&bench.spots[row.spot].motor));
+            one(post.ur(&posted, &axes.collect::<Vec<_>>(), &end))
+        }
         _ => {
             let body = post.chunk(&Place::default(), &posted, Some(&end));
             [&post.head().bytes[..], &body.bytes[..]].concat()
@@ -137,7 +145,11 @@ struct Said {
 
 impl Said {
     fn remark(&self, text: &str) -> String {
-        let sign = if self.language == Language::Krl { ';' } else { '!' };
+        let sign = match self.language {
+            Language::Krl => ';',
+            Language::Ur => '#',
+            _ => '!',
+        };
         format!("{sign} {text}")
     }
 
@@ -158,6 +170,7 @@ impl Said {
                 let short: String = text.replace(',', "").chars().take(MESSAGE).collect();
                 vec![format!("MESSAGE[{short}]"), "PAUSE".to_owned()]
             }
+            Language::Ur => vec![format!("popup(\"{text}\", blocking=True)")],
             _ => vec![format!("UIMsgBox \"{text}\";")],
         }
     }

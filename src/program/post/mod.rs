@@ -9,12 +9,14 @@
 //! | `writer` | RAPID modules, written chunk by chunk |
 //! | `tp` | FANUC TP programs |
 //! | `krl` | the same points as KRL |
+//! | `ur` | the same points as URScript |
 
 mod data;
 pub(crate) mod krl;
 mod names;
 mod template;
 pub(crate) mod tp;
+pub(crate) mod ur;
 mod writer;
 mod zone;
 

@@ -111,7 +111,7 @@ pub(crate) fn refuse(plan: &RapidPlan, language: Language) -> Result<(), Vec<Dia
     let fits = |name: &str, (prefix, predefined): (&str, &str)| match language {
         Language::Rapid => name.eq_ignore_ascii_case(predefined) || identifier(name, 0) == name,
         Language::Ls => number(name, prefix).is_some(),
-        Language::Krl | Language::Cl => true,
+        Language::Krl | Language::Cl | Language::Ur => true,
     };
     let expected = |prefix: &str| match language {
         Language::Ls => format!("a FANUC TP program knows it by its number alone: expected a name like `{prefix} 1`"),

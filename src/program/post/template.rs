@@ -67,6 +67,7 @@ impl Templates {
         if let ActionKind::Dwell { seconds } = kind {
             return Some(match language {
                 Language::Krl => format!("WAIT SEC {}", decimal(*seconds)),
+                Language::Ur => format!("sleep({})", decimal(*seconds)),
                 _ => format!("WaitTime {};", decimal(*seconds)),
             });
         }

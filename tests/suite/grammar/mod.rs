@@ -26,6 +26,7 @@ fn known(language: Language) -> Known {
         Language::Rapid => ("rapid", "parse"),
         Language::Cl => ("cl", "file"),
         Language::Krl => ("krl", "file"),
+        Language::Ur => ("ur", "file"),
         _ => ("tp", "sections"),
     };
     let text = fs::read_to_string(root().join(format!("grammars/{file}.ebnf"))).unwrap();
@@ -53,7 +54,10 @@ fn rules_are_names_in_the_code() {
     let mut missing = Vec::new();
     for language in Language::ALL {
         let known = known(language);
-        let source = root().join("src/program").join(folder(language));
+        let source = match language {
+            Language::Ur => root().join("crates/lang/src/urscript"),
+            _ => root().join("src/program").join(folder(language)),
+        };
         for (name, rule) in known.grammar.rules.iter().filter(|(_, rule)| !rule.lexical) {
             let mut code = String::new();
             for file in &rule.files {
@@ -106,7 +110,8 @@ fn without_card_numbers(text: &[u8]) -> Vec<u8> {
 }
 
 /// Reasons that say that a text is not understood, where one of the grammar is.
-const NOT_UNDERSTOOD: [&str; 9] = [
+const NOT_UNDERSTOOD: [&str; 10] = [
+    "ur.syntax",
     "rapid.truncated",
     "rapid.no-module",
     "rapid.not-read",
@@ -157,6 +162,11 @@ proptest! {
     #[test]
     fn what_the_krl_grammar_derives_is_read(seed in any::<u64>()) {
         reads(&known(Language::Krl), seed)?;
+    }
+
+    #[test]
+    fn what_the_ur_grammar_derives_is_read(seed in any::<u64>()) {
+        reads(&known(Language::Ur), seed)?;
     }
 
     #[test]

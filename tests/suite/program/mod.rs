@@ -18,3 +18,4 @@ mod tp;
 mod tp_hard;
 mod tp_insert;
 mod tp_sound;
+mod ur;

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// A half-open range of byte offsets into one [`Source`](super::Source).
+/// A half-open range of byte offsets into one source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
     /// Offset of the first byte.

@@ -1,0 +1,42 @@
+//! What a language means where languages differ.
+
+use crate::ir::Slot;
+use crate::store::Store;
+use crate::value::Value;
+use nalgebra::Isometry3;
+use std::sync::Arc;
+
+/// The semantics of a language.
+pub trait Dialect {
+    /// The pose that these numbers are, lengths in the language's unit; `None` where they are no pose.
+    fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>>;
+
+    /// The numbers of a pose, those of the ways to write it that are nearest to others.
+    fn numbers(&self, pose: &Isometry3<f64>, near: &[f64]) -> Vec<f64>;
+
+    /// The value of a call of the language's own routine, which may set switches.
+    ///
+    /// Tokens that the arguments depend on and the value does not count as used for something else.
+    fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value;
+
+    /// The variables that a call of the language's own routine may change.
+    fn writes(&self, builtin: u16) -> &[Slot];
+}
+
+/// Arguments of a call.
+#[derive(Clone, Copy, Debug)]
+pub struct Arguments<'a>(pub &'a [(Option<Arc<str>>, Value)]);
+
+impl<'a> Arguments<'a> {
+    /// The argument with this name, else the one at this place among those without a name.
+    #[must_use]
+    pub fn get(self, name: &str, at: usize) -> Option<&'a Value> {
+        let named = self.0.iter().find(|(given, _)| given.as_deref() == Some(name));
+        named.or_else(|| self.0.iter().filter(|(given, _)| given.is_none()).nth(at)).map(|(_, value)| value)
+    }
+
+    /// All values.
+    pub fn values(self) -> impl Iterator<Item = &'a Value> {
+        self.0.iter().map(|(_, value)| value)
+    }
+}

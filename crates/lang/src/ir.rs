@@ -1,0 +1,367 @@
+//! The intermediate representation that every front end lowers to.
+
+use crate::Span;
+use crate::value::Reason;
+use std::sync::Arc;
+
+/// A program: functions, and where it begins.
+#[derive(Clone, Debug, Default)]
+pub struct Program {
+    /// All functions of all sources.
+    pub functions: Vec<Function>,
+    /// The functions that a run begins with, one after the other. Where there are several, each may run by itself.
+    pub entries: Vec<FunctionId>,
+    /// Number literals of the text.
+    pub tokens: Vec<Token>,
+    /// Names of the global variables, those of [`Switch`] first.
+    pub globals: Vec<Arc<str>>,
+    /// Globals that something outside the program may change at any moment, with the reason.
+    pub volatile: Vec<(Slot, Reason)>,
+    /// Functions that run at the same time as the rest, from some moment on.
+    pub threads: Vec<FunctionId>,
+    /// Statements that no front end rule covers.
+    pub not_understood: Vec<Place>,
+    /// Names of called routines that no source has and the language does not define, each at its first call.
+    pub foreign: Vec<(Arc<str>, Place)>,
+}
+
+/// Where something stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Place {
+    /// Index of the source.
+    pub source: u16,
+    /// Its bytes.
+    pub span: Span,
+}
+
+/// A number literal: index into [`Program::tokens`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TokenId(pub u32);
+
+/// A number literal in the text; its sign belongs to it.
+pub type Token = Place;
+
+/// Index into [`Program::functions`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FunctionId(pub u32);
+
+/// A variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Slot {
+    /// Index into [`Program::globals`].
+    Global(u32),
+    /// Index into the variables of the function that runs.
+    Local(u32),
+}
+
+/// What the controller holds besides the program's variables: the first globals of each program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switch {
+    /// Pose of the tool in the flange.
+    Tool,
+    /// Mass that the arm carries, and its centre of gravity.
+    Load,
+    /// The frame that positions count from.
+    Frame,
+    /// Known while nothing moves positions aside.
+    Shift,
+    /// The `deflex` mark in force.
+    Mark,
+}
+
+impl Switch {
+    /// All of them, in the order of their globals.
+    pub const ALL: [Self; 5] = [Self::Tool, Self::Load, Self::Frame, Self::Shift, Self::Mark];
+
+    /// Its variable.
+    #[must_use]
+    pub const fn slot(self) -> Slot {
+        Slot::Global(self as u32)
+    }
+}
+
+/// A routine.
+#[derive(Clone, Debug, Default)]
+pub struct Function {
+    /// As it is written; empty for the statements of a file that stand in no routine.
+    pub name: Arc<str>,
+    /// Its parameters, which are its first local variables, with their default values.
+    pub parameters: Vec<Parameter>,
+    /// How many local variables it has.
+    pub locals: u32,
+    /// What it does.
+    pub body: Vec<Statement>,
+    /// Where it begins.
+    pub place: Place,
+}
+
+/// A parameter of a routine.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// As it is written.
+    pub name: Arc<str>,
+    /// What it is where a call does not give it.
+    pub default: Option<Expression>,
+}
+
+/// A statement with its place in the text.
+#[derive(Clone, Debug)]
+pub struct Statement {
+    /// What it does.
+    pub kind: StatementKind,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// What a statement does.
+#[derive(Clone, Debug)]
+pub enum StatementKind {
+    /// A variable, or an item of one, gets a value.
+    Assign {
+        /// The variable.
+        slot: Slot,
+        /// Indices into it, outermost first; empty for the whole of it.
+        path: Vec<Expression>,
+        /// What it gets.
+        value: Expression,
+    },
+    /// An expression whose value is not used: a call.
+    Evaluate(Expression),
+    /// The arm moves.
+    Move(Box<Motion>),
+    /// The first arm whose condition holds runs.
+    If {
+        /// Conditions and what runs under each.
+        arms: Vec<(Expression, Vec<Statement>)>,
+        /// What runs where none holds.
+        otherwise: Vec<Statement>,
+    },
+    /// Runs as long as its condition holds; without one until it is left.
+    Loop {
+        /// Looked at before each round.
+        condition: Option<Expression>,
+        /// A round.
+        body: Vec<Statement>,
+    },
+    /// Leaves the innermost loop.
+    Break,
+    /// Goes on with the next round of the innermost loop.
+    Continue,
+    /// A place to jump to, in the same routine.
+    Label(Arc<str>),
+    /// Goes on at a label where the condition holds.
+    Jump {
+        /// The label.
+        to: Arc<str>,
+        /// Whether it jumps; without one it always does.
+        condition: Option<Expression>,
+    },
+    /// Leaves the routine.
+    Return(Option<Expression>),
+    /// Ends the program.
+    Halt,
+    /// Something that is not understood and may change these variables, or every global.
+    Opaque {
+        /// `None`: every global.
+        writes: Option<Vec<Slot>>,
+        /// What it may use.
+        reads: Vec<Expression>,
+        /// What is said of it.
+        reason: Reason,
+    },
+}
+
+/// How the arm goes to a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Path {
+    /// On a line.
+    Linear,
+    /// As its axes go.
+    Joint,
+    /// On a circle.
+    Circular,
+    /// In a way that only the controller knows, to a point that is known.
+    Other(Reason),
+    /// To nowhere that the text says.
+    Unknown(Reason),
+}
+
+/// A motion: one statement, one end.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// How it goes.
+    pub path: Path,
+    /// The point on the way, of a circle.
+    pub via: Option<Expression>,
+    /// Where to.
+    pub to: Option<Expression>,
+    /// Speed, in the language's unit.
+    pub speed: Option<Expression>,
+    /// How far from the end it is left, in the language's unit.
+    pub blend: Option<Expression>,
+    /// What else it is given, none of which says where it goes.
+    pub others: Vec<Expression>,
+}
+
+/// An expression with its place in the text.
+#[derive(Clone, Debug)]
+pub struct Expression {
+    /// What it is.
+    pub kind: ExpressionKind,
+    /// Where it stands.
+    pub place: Place,
+}
+
+/// What an expression is.
+#[derive(Clone, Debug)]
+pub enum ExpressionKind {
+    /// A number literal with its sign.
+    Number(f64, TokenId),
+    /// A number without a token of its own.
+    Constant(f64),
+    /// A truth value.
+    Truth(bool),
+    /// A text.
+    Text(Arc<[u8]>),
+    /// What a variable holds.
+    Read(Slot),
+    /// An item of a list or of a pose.
+    Item(Box<[Expression; 2]>),
+    /// A list.
+    List(Vec<Expression>),
+    /// A pose, by the numbers that the dialect writes it with.
+    Pose(Vec<Expression>),
+    /// An operator and its operand.
+    Unary(Unary, Box<Expression>),
+    /// An operator and its operands.
+    Binary(Binary, Box<[Expression; 2]>),
+    /// A call with its arguments in order, and those that are named.
+    Call(Callee, Vec<Argument>),
+    /// Something that only a run tells, with what it may use.
+    Unknown(Reason, Vec<Expression>),
+}
+
+/// What is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Callee {
+    /// A routine of the program.
+    Function(FunctionId),
+    /// The language's own, by the dialect's number.
+    Builtin(u16),
+    /// A routine that is not given.
+    Foreign,
+}
+
+/// An argument of a call.
+#[derive(Clone, Debug)]
+pub struct Argument {
+    /// The parameter that it names.
+    pub name: Option<Arc<str>>,
+    /// Its value.
+    pub value: Expression,
+}
+
+/// Operators of one operand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unary {
+    /// `-`
+    Negate,
+    /// `not`
+    Not,
+}
+
+/// Operators of two operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binary {
+    /// `+`
+    Add,
+    /// `-`
+    Subtract,
+    /// `*`
+    Multiply,
+    /// `/`
+    Divide,
+    /// Remainder.
+    Remainder,
+    /// `==`
+    Equal,
+    /// `!=`
+    NotEqual,
+    /// `<`
+    Less,
+    /// `<=`
+    AtMost,
+    /// `>`
+    Greater,
+    /// `>=`
+    AtLeast,
+    /// `and`
+    And,
+    /// `or`
+    Or,
+    /// Either and not both.
+    Xor,
+}
+
+impl Expression {
+    /// Calls `of` with this expression and all within it.
+    pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
+        of(self);
+        match &self.kind {
+            ExpressionKind::Item(two) | ExpressionKind::Binary(_, two) => two.iter().for_each(|e| e.each(of)),
+            ExpressionKind::List(all) | ExpressionKind::Pose(all) | ExpressionKind::Unknown(_, all) => {
+                all.iter().for_each(|e| e.each(of));
+            }
+            ExpressionKind::Unary(_, one) => one.each(of),
+            ExpressionKind::Call(_, arguments) => arguments.iter().for_each(|a| a.value.each(of)),
+            ExpressionKind::Number(..)
+            | ExpressionKind::Constant(_)
+            | ExpressionKind::Truth(_)
+            | ExpressionKind::Text(_)
+            | ExpressionKind::Read(_) => {}
+        }
+    }
+}
+
+impl Statement {
+    /// Calls `of` with this statement and all within it.
+    pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
+        of(self);
+        match &self.kind {
+            StatementKind::If { arms, otherwise } => {
+                arms.iter().flat_map(|(_, body)| body).chain(otherwise).for_each(|s| s.each(of));
+            }
+            StatementKind::Loop { body, .. } => body.iter().for_each(|s| s.each(of)),
+            _ => {}
+        }
+    }
+
+    /// The expressions of this statement alone.
+    #[must_use]
+    pub fn expressions(&self) -> Vec<&Expression> {
+        match &self.kind {
+            StatementKind::Assign { path, value, .. } => path.iter().chain([value]).collect(),
+            StatementKind::Evaluate(value) => vec![value],
+            StatementKind::Move(motion) => {
+                let parts = [&motion.via, &motion.to, &motion.speed, &motion.blend];
+                parts.into_iter().flatten().chain(&motion.others).collect()
+            }
+            StatementKind::If { arms, .. } => arms.iter().map(|(condition, _)| condition).collect(),
+            StatementKind::Loop { condition, .. } | StatementKind::Jump { condition, .. } => condition.iter().collect(),
+            StatementKind::Return(value) => value.iter().collect(),
+            StatementKind::Opaque { reads, .. } => reads.iter().collect(),
+            StatementKind::Break | StatementKind::Continue | StatementKind::Label(_) | StatementKind::Halt => {
+                Vec::new()
+            }
+        }
+    }
+}
+
+/// Why a text as a whole is not read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Where reading ends.
+    pub place: Place,
+    /// What was expected.
+    pub message: &'static str,
+}

@@ -1,0 +1,786 @@
+//! The abstract run: what holds at each motion in every run that a controller could make.
+//!
+//! Conditions that are known are followed, loops round by round. From a condition that is not known on, all ways are followed to where they
+//! meet again, and what they leave is joined, until it stays; what holds there holds in every run, and each motion on the way counts once,
+//! in the order of the text. A loop that nothing leaves is run so from its beginning.
+
+use crate::dialect::{Arguments, Dialect};
+use crate::flow::{Flow, Node};
+use crate::ir::{
+    Argument, Binary, Callee, Expression, ExpressionKind, FunctionId, Motion, Path, Place, Program, Slot, Statement,
+    StatementKind, Switch, TokenId, Unary,
+};
+use crate::store::{Stands, Store};
+use crate::value::{Affine, Content, Number, Pose, Reads, Reason, Value, is_whole};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// What a run comes to.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Motions, in running order.
+    pub motions: Vec<Moved>,
+    /// Tokens that decide something besides where a motion goes.
+    pub used: BTreeMap<TokenId, Reason>,
+}
+
+/// A motion that runs, with what is known at it.
+#[derive(Clone, Debug)]
+pub struct Moved {
+    /// Its statement.
+    pub place: Place,
+    /// How it goes.
+    pub path: Path,
+    /// The point on the way, of a circle.
+    pub via: Option<Value>,
+    /// Where to.
+    pub to: Value,
+    /// Speed, in the language's unit.
+    pub speed: Option<f64>,
+    /// How far from the end it is left, in the language's unit; `None` where it is not known.
+    pub blend: Option<f64>,
+    /// What each [`Switch`] holds.
+    pub switches: Arc<[Value; Switch::ALL.len()]>,
+    /// Where its way begins.
+    pub from: From,
+    /// Whether a thread makes it.
+    pub in_thread: bool,
+}
+
+/// Where the way into a motion's end begins, in every run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum From {
+    /// Where the program found the arm.
+    Start,
+    /// At the end of the motion before in the outcome.
+    Previous,
+    /// It is known only at run time.
+    Unknown,
+}
+
+/// A program that does not end within the bounds of a run: statements, motions or calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooLong;
+
+/// Most statements of a run with loops followed round by round: some seconds. Beyond it, loops are joined.
+const MOST_STEPS: u64 = 5_000_000;
+/// Most motions that loops and calls may add to those of the text: a fifth of a gigabyte.
+const MOST_REPEATED: usize = 200_000;
+/// Most calls within each other; controllers allow fewer.
+const DEEPEST: usize = 32;
+
+/// Runs a program.
+///
+/// # Errors
+/// It is too long, with its loops joined too.
+pub fn run(program: &Program, dialect: &dyn Dialect) -> Result<Outcome, TooLong> {
+    let flow = Flow::new(program);
+    Runner::new(program, &flow, dialect, true)
+        .run()
+        .or_else(|TooLong| Runner::new(program, &flow, dialect, false).run())
+}
+
+/// Why a run does not go on.
+enum Stop {
+    /// The program ends, or goes on forever.
+    Ends,
+    TooLong,
+}
+
+struct Runner<'a> {
+    program: &'a Program,
+    flow: &'a Flow<'a>,
+    dialect: &'a dyn Dialect,
+    /// Whether loops with known conditions are followed round by round.
+    unrolls: bool,
+    /// Whether motions are noted: not while a region's states are still growing.
+    notes: bool,
+    in_thread: bool,
+    thread_moves: bool,
+    volatile: BTreeMap<Slot, Reason>,
+    /// Variables that threads read.
+    watched: BTreeSet<Slot>,
+    calls: Vec<FunctionId>,
+    /// The chain of calls that runs, and all that have run.
+    context: u32,
+    sites: BTreeMap<(u32, usize), u32>,
+    /// Site of the last noted motion.
+    last: Option<u32>,
+    node: usize,
+    steps: u64,
+    most_motions: usize,
+    /// What the switches held at the last motion: mostly they hold the same at the next.
+    switches: Arc<[Value; Switch::ALL.len()]>,
+    out: Outcome,
+}
+
+impl<'a> Runner<'a> {
+    fn new(program: &'a Program, flow: &'a Flow<'a>, dialect: &'a dyn Dialect, unrolls: bool) -> Self {
+        let moves = flow.nodes.iter().filter(|node| is_motion(node)).count();
+        let mut runner = Self {
+            program,
+            flow,
+            dialect,
+            unrolls,
+            notes: true,
+            in_thread: false,
+            thread_moves: false,
+            volatile: program.volatile.iter().copied().collect(),
+            watched: BTreeSet::new(),
+            calls: Vec::new(),
+            context: 0,
+            sites: BTreeMap::new(),
+            last: None,
+            node: 0,
+            steps: 0,
+            most_motions: moves + MOST_REPEATED,
+            switches: Arc::new(Switch::ALL.map(|_| Content::Nothing.into())),
+            out: Outcome::default(),
+        };
+        for &thread in &program.threads {
+            let effects = runner.effects(thread);
+            runner.thread_moves |= effects.moves;
+            runner.volatile.extend(effects.writes.into_iter().map(|slot| (slot, Reason::Thread)));
+            runner.watched.extend(effects.reads);
+        }
+        runner
+    }
+
+    fn run(mut self) -> Result<Outcome, TooLong> {
+        let globals = self.program.globals.len();
+        let fresh = Store::new(globals);
+        let mut store = fresh.clone();
+        let is_routine = |entry: &&FunctionId| !self.program.functions[entry.0 as usize].name.is_empty();
+        let several = self.program.entries.iter().filter(is_routine).count() > 1;
+        for entry in &self.program.entries {
+            if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
+                // Whatever has run before it.
+                store = fresh.clone();
+                (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Argument));
+                store.set(Switch::Shift, Content::Nothing.into());
+                store.set(Switch::Mark, Content::Nothing.into());
+            }
+            self.begin(*entry, &mut store)?;
+            if store.globals.len() < globals {
+                store = fresh.clone();
+                if !several {
+                    break;
+                }
+            }
+            if !self.out.motions.is_empty() {
+                store.lose_place();
+            }
+        }
+        self.in_thread = true;
+        for &thread in &self.program.threads {
+            let mut store = fresh.clone();
+            (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Thread));
+            store.set(Switch::Shift, Content::Nothing.into());
+            store.lose_place();
+            self.begin(thread, &mut store)?;
+        }
+        Ok(self.out)
+    }
+
+    fn begin(&mut self, function: FunctionId, store: &mut Store) -> Result<(), TooLong> {
+        match self.call(function, &[], store) {
+            Ok(_) | Err(Stop::Ends) => Ok(()),
+            Err(Stop::TooLong) => Err(TooLong),
+        }
+    }
+
+    /// Runs a routine.
+    fn call(
+        &mut self,
+        id: FunctionId,
+        arguments: &[(Option<Arc<str>>, Value)],
+        store: &mut Store,
+    ) -> Result<Value, Stop> {
+        if self.calls.len() >= DEEPEST || self.calls.contains(&id) {
+            return Ok(self.not_followed(id, arguments, store));
+        }
+        let function = &self.program.functions[id.0 as usize];
+        // What the routine has no parameter for may still be used by it.
+        for (at, (name, value)) in arguments.iter().enumerate() {
+            let is_taken = match name {
+                Some(name) => function.parameters.iter().any(|parameter| parameter.name == *name),
+                None => at < function.parameters.len(),
+            };
+            if !is_taken {
+                self.use_up(&value.all_reads());
+            }
+        }
+        let mut locals = vec![Value::unknown(Reason::Unset); function.locals as usize];
+        for (at, parameter) in function.parameters.iter().enumerate() {
+            locals[at] = match (Arguments(arguments).get(&parameter.name, at), &parameter.default) {
+                (Some(value), _) => value.clone(),
+                (None, Some(default)) => self.evaluate(default, store)?,
+                (None, None) => Value::unknown(Reason::Argument),
+            };
+        }
+        let saved = (std::mem::replace(&mut store.locals, locals), store.result.take(), self.context, self.node);
+        self.context = self.site();
+        self.calls.push(id);
+        let after = self.walk(id, std::mem::take(store));
+        self.calls.pop();
+        (self.context, self.node) = (saved.2, saved.3);
+        *store = after?;
+        let result = std::mem::replace(&mut store.result, saved.1);
+        store.locals = saved.0;
+        Ok(result.unwrap_or_else(|| Content::Nothing.into()))
+    }
+
+    /// The number of the node that runs, in its chain of calls.
+    fn site(&mut self) -> u32 {
+        let next = self.sites.len() as u32 + 1;
+        *self.sites.entry((self.context, self.node)).or_insert(next)
+    }
+
+    fn walk(&mut self, id: FunctionId, mut store: Store) -> Result<Store, Stop> {
+        let (mut node, exit) = self.flow.routine(id);
+        let mut rounds: BTreeMap<usize, Rounds> = BTreeMap::new();
+        while node != exit {
+            if self.flow.endless[node] {
+                self.region(node, None, exit, store)?;
+                return Err(Stop::Ends);
+            }
+            let goes = self.step(node, exit, &mut store)?;
+            let is_round = self.flow.repeats[node] && matches!(self.flow.nodes[node], Node::Branch { .. });
+            node = match goes {
+                // What holds has held before: the rounds repeat forever, and all of their motions are noted.
+                Goes::To(_) if is_round && rounds.entry(node).or_default().repeat(&store) => return Err(Stop::Ends),
+                Goes::To(to) => to,
+                Goes::Either(..) => {
+                    let meets = self.flow.meets[node];
+                    store = self.region(node, meets, exit, store)?.ok_or(Stop::Ends)?;
+                    let Some(meets) = meets else { return Err(Stop::Ends) };
+                    meets
+                }
+            };
+        }
+        Ok(store)
+    }
+
+    /// Runs a node.
+    fn step(&mut self, node: usize, exit: usize, store: &mut Store) -> Result<Goes, Stop> {
+        self.steps += 1;
+        if self.steps > MOST_STEPS || self.out.motions.len() > self.most_motions {
+            return Err(Stop::TooLong);
+        }
+        self.node = node;
+        Ok(Goes::To(match self.flow.nodes[node] {
+            Node::Do(statement) => {
+                self.statement(statement, store)?;
+                node + 1
+            }
+            Node::Jump(to) => to,
+            Node::Return(value) => {
+                store.result = value.map(|value| self.evaluate(value, store)).transpose()?;
+                exit
+            }
+            Node::Halt => return Err(Stop::Ends),
+            Node::Exit => exit,
+            Node::Branch { condition, yes, no } => {
+                let value = self.evaluate(condition, store)?;
+                self.use_up(&value.all_reads());
+                match value.truth().filter(|_| self.unrolls || !self.flow.repeats[node]) {
+                    Some(true) => yes,
+                    Some(false) => no,
+                    None => return Ok(Goes::Either(yes, no)),
+                }
+            }
+        }))
+    }
+
+    /// Follows all ways from a node to where they meet; what holds there, if any gets there.
+    fn region(&mut self, from: usize, meets: Option<usize>, exit: usize, store: Store) -> Result<Option<Store>, Stop> {
+        let mut states = BTreeMap::from([(from, store)]);
+        let mut work = BTreeSet::from([from]);
+        let notes = std::mem::replace(&mut self.notes, false);
+        while let Some(node) = work.pop_first() {
+            let Some(state) = states.get(&node).cloned() else { continue };
+            for (to, state) in self.stretch(node, meets, exit, state)? {
+                match states.get_mut(&to) {
+                    None => drop(states.insert(to, state)),
+                    Some(known) => {
+                        let before = known.clone();
+                        known.join(&state);
+                        if *known == before {
+                            continue;
+                        }
+                    }
+                }
+                if Some(to) != meets {
+                    work.insert(to);
+                }
+            }
+        }
+        self.notes = notes;
+        let end = meets.and_then(|meets| states.remove(&meets));
+        if self.notes {
+            for (node, state) in states {
+                self.stretch(node, meets, exit, state)?;
+            }
+        }
+        Ok(end)
+    }
+
+    /// Runs from a node to the next ones that others lead to as well; what holds there.
+    fn stretch(
+        &mut self,
+        from: usize,
+        meets: Option<usize>,
+        exit: usize,
+        mut state: Store,
+    ) -> Result<Vec<(usize, Store)>, Stop> {
+        let mut node = from;
+        loop {
+            let goes = match self.step(node, exit, &mut state) {
+                Err(Stop::Ends) => return Ok(Vec::new()),
+                goes => goes?,
+            };
+            match goes {
+                Goes::To(to) if self.flow.leads[to] || Some(to) == meets || to == from => return Ok(vec![(to, state)]),
+                Goes::To(to) => node = to,
+                Goes::Either(yes, no) => return Ok(vec![(yes, state.clone()), (no, state)]),
+            }
+        }
+    }
+
+    fn statement(&mut self, statement: &Statement, store: &mut Store) -> Result<(), Stop> {
+        match &statement.kind {
+            StatementKind::Assign { slot, path, value } => {
+                let value = self.evaluate(value, store)?;
+                self.assign(*slot, path, value, store)?;
+            }
+            StatementKind::Evaluate(expression) => drop(self.evaluate(expression, store)?),
+            StatementKind::Move(motion) => self.motion(motion, statement.place, store)?,
+            StatementKind::Opaque { writes, reads, reason } => {
+                for read in reads {
+                    let value = self.evaluate(read, store)?;
+                    self.use_up(&value.all_reads());
+                }
+                match writes {
+                    Some(slots) => slots.iter().for_each(|slot| store.lose(*slot, *reason)),
+                    None => {
+                        self.anything(*reason, store);
+                        (0..store.locals.len() as u32).for_each(|at| store.lose(Slot::Local(at), *reason));
+                    }
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn assign(&mut self, slot: Slot, path: &[Expression], value: Value, store: &mut Store) -> Result<(), Stop> {
+        if self.watched.contains(&slot) {
+            self.use_up(&value.all_reads());
+        }
+        let mut indices = Vec::new();
+        for index in path {
+            let index = self.evaluate(index, store)?;
+            self.use_up(&index.all_reads());
+            indices.push(index.number().filter(|at| is_whole(*at) && *at >= 0.0).map(|at| at as usize));
+        }
+        let known = self.read(slot, store);
+        *store.get_mut(slot) = self.put(known, &indices, value);
+        Ok(())
+    }
+
+    /// A value with one item replaced.
+    fn put(&self, whole: Value, indices: &[Option<usize>], value: Value) -> Value {
+        let Some((index, rest)) = indices.split_first() else { return value };
+        let lost = |reason| Value::unknown(reason).reading([&whole, &value]);
+        match (&whole.content, *index) {
+            (Content::List(items), Some(at)) if at < items.len() => {
+                let mut items = items.to_vec();
+                items[at] = self.put(items[at].clone(), rest, value);
+                Value { content: Content::List(items.into()), reads: whole.reads.clone() }
+            }
+            (Content::Pose(pose), Some(at)) if rest.is_empty() => {
+                let mut numbers = self.numbers_of(pose, &whole);
+                if at >= numbers.len() {
+                    return lost(Reason::Computed);
+                }
+                numbers[at] = value;
+                let mut changed = Value::pose_of(numbers, self.dialect);
+                changed.reads = changed.reads.with(&whole.reads);
+                changed
+            }
+            (Content::Unknown(reason), _) => lost(*reason),
+            _ => lost(Reason::Computed),
+        }
+    }
+
+    /// The numbers that a pose is written with.
+    fn numbers_of(&self, pose: &Pose, whole: &Value) -> Vec<Value> {
+        if pose.is_plain() {
+            return pose.numbers.to_vec();
+        }
+        let numbers = self.dialect.numbers(&pose.pose(), &[]);
+        let computed = |value: f64| {
+            let number = Number { value, exact: false, affine: None };
+            Value { content: Content::Number(number), reads: whole.all_reads() }
+        };
+        numbers.into_iter().map(computed).collect()
+    }
+
+    fn motion(&mut self, motion: &Motion, place: Place, store: &mut Store) -> Result<(), Stop> {
+        let mut value = |expression: &Option<Expression>| {
+            expression.as_ref().map(|expression| self.evaluate(expression, store)).transpose()
+        };
+        let (via, to) = (value(&motion.via)?, value(&motion.to)?);
+        let (speed, blend) = (value(&motion.speed)?, value(&motion.blend)?);
+        for other in &motion.others {
+            let value = self.evaluate(other, store)?;
+            self.use_up(&value.all_reads());
+        }
+        let site = self.site();
+        let from = match store.stands {
+            _ if self.thread_moves || self.in_thread => From::Unknown,
+            Stands::Start => From::Start,
+            Stands::At(before) if self.last == Some(before) => From::Previous,
+            Stands::At(_) | Stands::Unknown => From::Unknown,
+        };
+        let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
+        if *self.switches != switches {
+            self.switches = Arc::new(switches);
+        }
+        let switches = Arc::clone(&self.switches);
+        for used in speed.iter().chain(&blend).chain(&*switches) {
+            self.use_up(&used.all_reads());
+        }
+        store.stands = if matches!(motion.path, Path::Unknown(_)) { Stands::Unknown } else { Stands::At(site) };
+        let to = to.unwrap_or_else(|| Content::Nothing.into());
+        if self.in_thread {
+            let all = via.iter().chain([&to]);
+            all.for_each(|value| self.use_up(&value.all_reads()));
+        }
+        if self.notes {
+            self.last = Some(site);
+            let (path, in_thread) = (motion.path, self.in_thread);
+            let number = |value: &Option<Value>| value.as_ref().and_then(Value::number);
+            let (speed, blend) = (number(&speed), blend.map_or(Some(0.0), |blend| blend.number()));
+            self.out.motions.push(Moved { place, path, via, to, speed, blend, switches, from, in_thread });
+        }
+        Ok(())
+    }
+
+    /// Tokens that decide something besides where a motion goes.
+    fn use_up(&mut self, reads: &Reads) {
+        for token in reads.tokens() {
+            self.out.used.entry(*token).or_insert(Reason::Shared);
+        }
+    }
+
+    fn read(&self, slot: Slot, store: &Store) -> Value {
+        let value = store.get(slot);
+        match self.volatile.get(&slot) {
+            Some(reason) => Value { content: Content::Unknown(*reason), reads: value.all_reads() },
+            None => value.clone(),
+        }
+    }
+
+    /// Whatever a routine that is not given may do to the program's variables and to the tool. That it leaves the load, the mark
+    /// and what moves positions aside as they are is assumed (`docs/soundness.md`); of a line that is not understood it is not.
+    fn anything(&mut self, reason: Reason, store: &mut Store) {
+        for at in 0..self.program.globals.len() as u32 {
+            let slot = Slot::Global(at);
+            let reads = store.get(slot).all_reads();
+            self.use_up(&reads);
+            let is_left = [Switch::Mark, Switch::Frame].map(Switch::slot).contains(&slot)
+                || reason == Reason::Foreign && [Switch::Load, Switch::Shift].map(Switch::slot).contains(&slot);
+            if !is_left {
+                store.lose(slot, reason);
+            }
+        }
+        store.stands = Stands::Unknown;
+    }
+
+    /// A call that is not followed: what it could change is unknown, and all that it names is used.
+    fn not_followed(&mut self, id: FunctionId, arguments: &[(Option<Arc<str>>, Value)], store: &mut Store) -> Value {
+        let effects = self.effects(id);
+        effects.tokens.into_iter().for_each(|token| self.use_up(&Reads::One(token)));
+        for slot in effects.reads {
+            let reads = store.get(slot).all_reads();
+            self.use_up(&reads);
+        }
+        effects.writes.into_iter().for_each(|slot| store.lose(slot, Reason::Recursion));
+        store.stands = Stands::Unknown;
+        if effects.moves && self.notes {
+            let switches = Arc::new(Switch::ALL.map(|switch| self.read(switch.slot(), store)));
+            self.out.motions.push(Moved {
+                place: self.program.functions[id.0 as usize].place,
+                path: Path::Unknown(Reason::Recursion),
+                via: None,
+                to: Value::unknown(Reason::Recursion),
+                speed: None,
+                blend: None,
+                switches,
+                from: From::Unknown,
+                in_thread: self.in_thread,
+            });
+            self.last = None;
+        }
+        let value = Value::unknown(Reason::Recursion).reading(arguments.iter().map(|(_, value)| value));
+        self.use_up(&value.reads);
+        value
+    }
+
+    /// What a routine and those that it calls may do.
+    fn effects(&self, id: FunctionId) -> Effects {
+        let mut effects = Effects::default();
+        let mut seen = BTreeSet::from([id]);
+        let mut work = vec![id];
+        let all = || (0..self.program.globals.len() as u32).map(Slot::Global);
+        let global = |slot: &Slot| matches!(slot, Slot::Global(_));
+        while let Some(id) = work.pop() {
+            let mut expression = |expression: &Expression| match &expression.kind {
+                ExpressionKind::Number(_, token) => drop(effects.tokens.insert(*token)),
+                ExpressionKind::Read(slot) if global(slot) => drop(effects.reads.insert(*slot)),
+                ExpressionKind::Call(Callee::Function(id), _) if seen.insert(*id) => work.push(*id),
+                ExpressionKind::Call(Callee::Builtin(builtin), _) => {
+                    effects.writes.extend(self.dialect.writes(*builtin));
+                }
+                ExpressionKind::Call(Callee::Foreign, _) => {
+                    effects.writes.extend(all());
+                    effects.reads.extend(all());
+                }
+                _ => {}
+            };
+            let function = &self.program.functions[id.0 as usize];
+            let defaults = function.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
+            defaults.for_each(|default| default.each(&mut expression));
+            let (mut moves, mut writes) = (false, Vec::new());
+            for statement in &function.body {
+                statement.each(&mut |statement| {
+                    statement.expressions().into_iter().for_each(|part| part.each(&mut expression));
+                    match &statement.kind {
+                        StatementKind::Assign { slot, .. } if global(slot) => writes.push(*slot),
+                        StatementKind::Opaque { writes: Some(slots), .. } => {
+                            writes.extend(slots.iter().filter(|slot| global(slot)));
+                        }
+                        StatementKind::Opaque { writes: None, .. } => writes.extend(all()),
+                        StatementKind::Move(_) => moves = true,
+                        _ => {}
+                    }
+                });
+            }
+            effects.moves |= moves;
+            effects.writes.extend(writes);
+        }
+        effects
+    }
+
+    fn evaluate(&mut self, expression: &Expression, store: &mut Store) -> Result<Value, Stop> {
+        Ok(match &expression.kind {
+            ExpressionKind::Number(value, token) => Value::literal(*value, *token),
+            ExpressionKind::Constant(value) => Content::Number(Number::constant(*value)).into(),
+            ExpressionKind::Truth(truth) => Content::Truth(*truth).into(),
+            ExpressionKind::Text(text) => Content::Text(Arc::clone(text)).into(),
+            ExpressionKind::Read(slot) => self.read(*slot, store),
+            ExpressionKind::List(items) => Content::List(self.all(items, store)?.into()).into(),
+            ExpressionKind::Pose(items) => Value::pose_of(self.all(items, store)?, self.dialect),
+            ExpressionKind::Unknown(reason, parts) => {
+                let value = Value::unknown(*reason).reading(&self.all(parts, store)?);
+                self.use_up(&value.reads);
+                value
+            }
+            ExpressionKind::Item(two) => {
+                let (whole, index) = (self.evaluate(&two[0], store)?, self.evaluate(&two[1], store)?);
+                self.use_up(&index.all_reads());
+                self.item(&whole, &index)
+            }
+            ExpressionKind::Unary(operator, operand) => unary(*operator, &self.evaluate(operand, store)?),
+            ExpressionKind::Binary(operator, two) => {
+                let left = self.evaluate(&two[0], store)?;
+                // Whether the right side runs at all is not known: what it may change is.
+                let (perhaps, mut calls) = (matches!(operator, Binary::And | Binary::Or), false);
+                two[1].each(&mut |part| calls |= matches!(part.kind, ExpressionKind::Call(..)));
+                let before = (perhaps && calls).then(|| store.clone());
+                let right = self.evaluate(&two[1], store)?;
+                if let Some(before) = before {
+                    store.join(&before);
+                }
+                binary(*operator, &left, &right)
+            }
+            ExpressionKind::Call(callee, arguments) => self.calls(*callee, arguments, store)?,
+        })
+    }
+
+    fn all(&mut self, parts: &[Expression], store: &mut Store) -> Result<Vec<Value>, Stop> {
+        parts.iter().map(|part| self.evaluate(part, store)).collect()
+    }
+
+    fn calls(&mut self, callee: Callee, arguments: &[Argument], store: &mut Store) -> Result<Value, Stop> {
+        let mut values = Vec::with_capacity(arguments.len());
+        for argument in arguments {
+            values.push((argument.name.clone(), self.evaluate(&argument.value, store)?));
+        }
+        let given = || values.iter().map(|(_, value)| value);
+        match callee {
+            Callee::Function(id) => self.call(id, &values, store),
+            Callee::Builtin(builtin) => {
+                let value = self.dialect.call(builtin, &Arguments(&values), store);
+                let kept = value.all_reads();
+                for lost in given().flat_map(|value| value.all_reads().tokens().to_vec()) {
+                    if kept.tokens().binary_search(&lost).is_err() {
+                        self.use_up(&Reads::One(lost));
+                    }
+                }
+                Ok(value)
+            }
+            Callee::Foreign => {
+                let value = Value::unknown(Reason::Foreign).reading(given());
+                self.use_up(&value.reads);
+                self.anything(Reason::Foreign, store);
+                Ok(value)
+            }
+        }
+    }
+
+    fn item(&self, whole: &Value, index: &Value) -> Value {
+        let at = index.number().filter(|at| is_whole(*at) && *at >= 0.0).map(|at| at as usize);
+        let item = match (&whole.content, at) {
+            (Content::Unknown(reason), _) => return Value::unknown(*reason).reading([whole, index]),
+            (Content::List(items), Some(at)) => items.get(at).cloned(),
+            (Content::Pose(pose), Some(at)) => self.numbers_of(pose, whole).get(at).cloned(),
+            _ => None,
+        };
+        match item {
+            Some(mut item) => {
+                item.reads = item.reads.with(&whole.reads).with(&index.reads);
+                item
+            }
+            None => Value::unknown(index.reason().unwrap_or(Reason::Computed)).reading([whole, index]),
+        }
+    }
+}
+
+fn is_motion(node: &Node<'_>) -> bool {
+    matches!(node, Node::Do(Statement { kind: StatementKind::Move(_), .. }))
+}
+
+/// The rounds of a loop, watched for one that is like another (Brent 1980, *An improved Monte Carlo factorization algorithm*).
+#[derive(Default)]
+struct Rounds {
+    count: u64,
+    saved: Store,
+}
+
+impl Rounds {
+    /// Counts a round; whether all that holds in it held in an earlier one.
+    fn repeat(&mut self, store: &Store) -> bool {
+        if self.count > 0 && self.saved == *store {
+            return true;
+        }
+        self.count += 1;
+        if self.count.is_power_of_two() {
+            self.saved = store.clone();
+        }
+        false
+    }
+}
+
+/// Where a step goes on.
+enum Goes {
+    To(usize),
+    /// A condition that is not known: here or there.
+    Either(usize, usize),
+}
+
+/// What a routine may do.
+#[derive(Default)]
+struct Effects {
+    writes: BTreeSet<Slot>,
+    reads: BTreeSet<Slot>,
+    tokens: BTreeSet<TokenId>,
+    moves: bool,
+}
+
+fn unary(operator: Unary, operand: &Value) -> Value {
+    let content = match (operator, &operand.content) {
+        (Unary::Negate, Content::Number(number)) => {
+            let exact = number.exact;
+            Content::Number(Number { exact, ..steps(*number, -1.0, 0.0, -number.value) })
+        }
+        (Unary::Not, Content::Truth(truth)) => Content::Truth(!truth),
+        _ => Content::Unknown(operand.reason().unwrap_or(Reason::Computed)),
+    };
+    Value { content, reads: operand.all_reads() }
+}
+
+/// A number after a step `scale · number + offset`.
+fn steps(number: Number, scale: f64, offset: f64, value: f64) -> Number {
+    let affine = number.affine.filter(|_| scale != 0.0);
+    let affine = affine.map(|of| Affine { scale: of.scale * scale, offset: of.offset * scale + offset, ..of });
+    Number { value, exact: is_whole(number.value) && is_whole(value), affine }
+}
+
+fn binary(operator: Binary, left: &Value, right: &Value) -> Value {
+    let decides = |truth: bool| [left, right].iter().any(|side| side.truth() == Some(truth));
+    let content = match (&left.content, &right.content) {
+        _ if operator == Binary::And && decides(false) => Content::Truth(false),
+        _ if operator == Binary::Or && decides(true) => Content::Truth(true),
+        (Content::Number(a), Content::Number(b)) => arithmetic(operator, *a, *b),
+        (Content::Truth(a), Content::Truth(b)) => match operator {
+            Binary::And => Content::Truth(a & b),
+            Binary::Or => Content::Truth(a | b),
+            Binary::Xor | Binary::NotEqual => Content::Truth(a ^ b),
+            Binary::Equal => Content::Truth(a == b),
+            _ => Content::Unknown(Reason::Computed),
+        },
+        (Content::Text(a), Content::Text(b)) => match operator {
+            Binary::Equal => Content::Truth(a == b),
+            Binary::NotEqual => Content::Truth(a != b),
+            _ => Content::Unknown(Reason::Computed),
+        },
+        _ => Content::Unknown(left.reason().into_iter().chain(right.reason()).min().unwrap_or(Reason::Computed)),
+    };
+    Value { content, reads: Reads::None }.reading([left, right])
+}
+
+fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
+    let exact = |value: f64| a.exact && b.exact && is_whole(a.value) && is_whole(b.value) && is_whole(value);
+    let number = |value: f64, affine: Option<Affine>| {
+        if value.is_finite() {
+            Content::Number(Number { value, exact: exact(value), affine })
+        } else {
+            Content::Unknown(Reason::Computed)
+        }
+    };
+    let (x, y) = (a.value, b.value);
+    let of = |own: Number, other: Number, scale: f64, offset: f64, value: f64| {
+        steps(own, scale, offset, value).affine.filter(|_| other.affine.is_none())
+    };
+    match operator {
+        Binary::Add => number(x + y, of(a, b, 1.0, y, x + y).or_else(|| of(b, a, 1.0, x, x + y))),
+        Binary::Subtract => number(x - y, of(a, b, 1.0, -y, x - y).or_else(|| of(b, a, -1.0, x, x - y))),
+        Binary::Multiply => number(x * y, of(a, b, y, 0.0, x * y).or_else(|| of(b, a, x, 0.0, x * y))),
+        // Whether two whole numbers divide as whole numbers is the language's affair.
+        Binary::Divide if exact(x / y) || !is_whole(x) || !is_whole(y) => number(x / y, of(a, b, 1.0 / y, 0.0, x / y)),
+        Binary::Divide => Content::Unknown(Reason::Rounding),
+        Binary::Remainder if exact(x % y) && x >= 0.0 && y > 0.0 => number(x % y, None),
+        Binary::Remainder => Content::Unknown(Reason::Rounding),
+        Binary::And | Binary::Or | Binary::Xor => Content::Unknown(Reason::Computed),
+        compare => compares(compare, a, b),
+    }
+}
+
+/// A comparison that comes out the same in single and in double precision.
+#[allow(clippy::float_cmp, clippy::cast_possible_truncation)]
+fn compares(operator: Binary, a: Number, b: Number) -> Content {
+    let (x, y) = (a.value, b.value);
+    if !(a.exact && b.exact) || (x == y) != (x as f32 == y as f32) {
+        return Content::Unknown(Reason::Rounding);
+    }
+    Content::Truth(match operator {
+        Binary::Equal => x == y,
+        Binary::NotEqual => x != y,
+        Binary::Less => x < y,
+        Binary::AtMost => x <= y,
+        Binary::Greater => x > y,
+        _ => x >= y,
+    })
+}

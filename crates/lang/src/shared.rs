@@ -1,0 +1,187 @@
+//! Who else reads a number: which motions may be edited, and which texts all users of a number agree on.
+
+use crate::ir::{Path, Switch, TokenId};
+use crate::run::{Moved, Outcome};
+use crate::value::{Content, Pose, Reason, Value};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What of a point may be edited in the text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edit {
+    /// All of its numbers.
+    Pose,
+    /// Those of its position.
+    Position,
+    /// None, for this reason.
+    No(Reason),
+}
+
+/// Numbers of a position.
+const POSITION: usize = 3;
+
+/// What of each motion may be edited; a circle goes with its point on the way.
+///
+/// `arcs` are runs of motions that are edited all or not at all.
+#[must_use]
+pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit> {
+    let mut edits: Vec<Edit> = outcome.motions.iter().map(own).collect();
+    let mut used = outcome.used.clone();
+    // What a pose depends on besides the tokens that are edited.
+    for motion in &outcome.motions {
+        for value in points(motion) {
+            for token in value.reads.tokens() {
+                used.entry(*token).or_insert(Reason::Shared);
+            }
+            if let Content::AxesOf(..) | Content::Pose(_) = value.content {
+                let mut seen = BTreeSet::new();
+                for number in value.pose().into_iter().flat_map(|pose| &*pose.numbers) {
+                    let own = matches!(&number.content, Content::Number(n) if n.affine.is_some());
+                    for token in number.reads.tokens() {
+                        if !seen.insert(*token) || !own || number.reads.tokens().len() > 1 && !is_own(number, *token) {
+                            used.entry(*token).or_insert(Reason::Shared);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    // Numbers that are read as different things cannot be edited for all of them.
+    let mut read_as: BTreeMap<TokenId, (&Pose, usize)> = BTreeMap::new();
+    for pose in outcome.motions.iter().flat_map(points).filter_map(Value::pose) {
+        for at in 0..pose.numbers.len() {
+            let Some(affine) = pose.affine(at) else { continue };
+            let (other, place) = *read_as.entry(affine.token).or_insert((pose, at));
+            if place != at || !is_same(pose, other) {
+                used.entry(affine.token).or_insert(Reason::Shared);
+            }
+        }
+    }
+    let edited: Vec<Vec<TokenId>> = outcome.motions.iter().map(edited_tokens).collect();
+    let arc_of = |i: usize| arcs.iter().find(|arc| arc.contains(&i)).cloned().unwrap_or(i..i + 1);
+    loop {
+        let mut changed = false;
+        for i in 0..edits.len() {
+            let refused = |edit: &Edit| matches!(edit, Edit::No(_));
+            if !refused(&edits[i]) {
+                let why = edited[i].iter().find_map(|token| used.get(token));
+                let arc = arc_of(i).any(|other| refused(&edits[other])).then_some(&Reason::Arc);
+                if let Some(why) = why.or(arc) {
+                    edits[i] = Edit::No(*why);
+                    changed = true;
+                }
+            }
+            if refused(&edits[i]) {
+                for token in tokens(&outcome.motions[i]) {
+                    changed |= used.insert(token, *used.get(&token).unwrap_or(&Reason::SharedWithKept)).is_none();
+                }
+            }
+        }
+        if !changed {
+            return edits;
+        }
+    }
+}
+
+fn is_own(number: &Value, token: TokenId) -> bool {
+    matches!(&number.content, Content::Number(n) if n.affine.is_some_and(|affine| affine.token == token))
+}
+
+fn points(motion: &Moved) -> impl Iterator<Item = &Value> {
+    motion.via.iter().chain([&motion.to])
+}
+
+/// Tokens that the points of a motion depend on.
+fn tokens(motion: &Moved) -> BTreeSet<TokenId> {
+    points(motion).flat_map(|value| value.all_reads().tokens().to_vec()).collect()
+}
+
+/// Whether two poses come from the same tokens by the same steps.
+fn is_same(a: &Pose, b: &Pose) -> bool {
+    let affine = |pose: &Pose| (0..pose.numbers.len()).map(|at| pose.affine(at)).collect::<Vec<_>>();
+    std::ptr::eq(a, b) || a.left == b.left && a.right == b.right && affine(a) == affine(b)
+}
+
+/// Tokens that a correction of the motion edits.
+fn edited_tokens(motion: &Moved) -> Vec<TokenId> {
+    let poses = points(motion).filter_map(Value::pose);
+    poses.flat_map(|pose| (0..pose.numbers.len()).filter_map(|at| Some(pose.affine(at)?.token))).collect()
+}
+
+/// What of a motion may be edited, were it the only user of its numbers.
+fn own(motion: &Moved) -> Edit {
+    let switch = |switch: Switch| &motion.switches[switch as usize];
+    if motion.in_thread {
+        return Edit::No(Reason::InThread);
+    }
+    if let Path::Unknown(why) | Path::Other(why) = motion.path {
+        return Edit::No(why);
+    }
+    let mut edit = Edit::Pose;
+    for value in points(motion) {
+        let this = match &value.content {
+            Content::Unknown(why) => Edit::No(*why),
+            Content::Pose(pose) | Content::AxesOf(pose, _) => match pose.affine_numbers() {
+                all if all > POSITION && all == pose.numbers.len() => Edit::Pose,
+                some if some >= POSITION => Edit::Position,
+                _ => Edit::No(Reason::Computed),
+            },
+            Content::List(_) => Edit::No(Reason::Joints),
+            _ => Edit::No(Reason::Computed),
+        };
+        edit = match (edit, this) {
+            (Edit::No(why), _) | (_, Edit::No(why)) => Edit::No(why),
+            (Edit::Pose, Edit::Pose) => Edit::Pose,
+            _ => Edit::Position,
+        };
+    }
+    if let Edit::No(_) = edit {
+        return edit;
+    }
+    for (of, why) in [(Switch::Tool, Reason::Tool), (Switch::Frame, Reason::Frame)] {
+        if switch(of).reason().is_some() {
+            return Edit::No(why);
+        }
+    }
+    let rest = [Switch::Shift, Switch::Load, Switch::Mark];
+    if let Some(why) = rest.into_iter().find_map(|of| switch(of).reason()) {
+        return Edit::No(why);
+    }
+    edit
+}
+
+/// Which users get the texts that they want for their tokens: all users of a token have to want the same text, and a user gets all
+/// of its texts or none.
+///
+/// A text of `None` leaves the token as it is, which is also what a user wants that does not change anything.
+///
+/// ```
+/// use deflex_lang::ir::TokenId;
+/// let wants = |token: u32, text: &'static str| vec![(TokenId(token), Some(text))];
+/// // The first two share a token and differ; the third has its own.
+/// let agreed = deflex_lang::shared::agree(&[wants(0, "1"), wants(0, "2"), wants(1, "3")]);
+/// assert_eq!(agreed, [false, false, true]);
+/// ```
+#[must_use]
+pub fn agree<T: PartialEq>(wishes: &[Vec<(TokenId, Option<T>)>]) -> Vec<bool> {
+    let mut users: BTreeMap<TokenId, Vec<usize>> = BTreeMap::new();
+    let mut texts: BTreeMap<TokenId, &Option<T>> = BTreeMap::new();
+    let mut refused: BTreeSet<TokenId> = BTreeSet::new();
+    for (user, wish) in wishes.iter().enumerate() {
+        for (token, text) in wish {
+            users.entry(*token).or_default().push(user);
+            if *texts.entry(*token).or_insert(text) != text {
+                refused.insert(*token);
+            }
+        }
+    }
+    let mut agreed = vec![true; wishes.len()];
+    let mut work: Vec<TokenId> = refused.into_iter().collect();
+    while let Some(token) = work.pop() {
+        for user in users.remove(&token).unwrap_or_default() {
+            if std::mem::replace(&mut agreed[user], false) {
+                work.extend(wishes[user].iter().map(|(token, _)| *token));
+            }
+        }
+    }
+    agreed
+}

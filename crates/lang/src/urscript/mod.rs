@@ -1,0 +1,196 @@
+//! Universal Robots' URScript (`.script`).
+//!
+//! Lengths are metres, angles radians, orientations rotation vectors. Names belong to a routine unless the program declares them
+//! `global` or gives them a value outside all routines; a name that a routine and one around it both use without a declaration is
+//! not followed.
+
+mod builtins;
+mod lex;
+mod parse;
+
+use crate::dialect::{Arguments, Dialect};
+use crate::ir::{Fault, Program, Slot, Switch};
+use crate::store::Store;
+use crate::value::{Affine, Content, Number, Pose, Reason, Value};
+use builtins::Builtin;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// What URScript means.
+#[derive(Clone, Copy, Debug)]
+pub struct UrScript;
+
+/// Routines of the controller that change nothing on which a motion depends.
+#[must_use]
+pub fn routines_that_change_nothing() -> Vec<&'static str> {
+    builtins::names(|builtin| matches!(builtin, Builtin::Quiet | Builtin::Asks | Builtin::Computes))
+}
+
+/// Reads a program; `sources` beyond the first `written` only define routines.
+///
+/// # Errors
+/// The text is no URScript: its blocks do not close, or a line begins one that is not known.
+pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
+    parse::read(sources, written)
+}
+
+impl Dialect for UrScript {
+    fn pose(&self, numbers: &[f64]) -> Option<Isometry3<f64>> {
+        let [x, y, z, rx, ry, rz] = *numbers else { return None };
+        Some(Isometry3::new(Vector3::new(x, y, z), Vector3::new(rx, ry, rz)))
+    }
+
+    fn numbers(&self, pose: &Isometry3<f64>, near: &[f64]) -> Vec<f64> {
+        let mut turn = pose.rotation.scaled_axis();
+        // The same orientation is a turn by a whole one more or less, about the same axis.
+        if let [_, _, _, rx, ry, rz] = *near {
+            let near = Vector3::new(rx, ry, rz);
+            let axis = turn.try_normalize(1e-9).or_else(|| near.try_normalize(1e-9)).unwrap_or_else(Vector3::x);
+            let rounds = ((near - turn).dot(&axis) / (2.0 * PI)).round();
+            turn += axis * (2.0 * PI * rounds);
+        }
+        pose.translation.vector.iter().chain(turn.iter()).copied().collect()
+    }
+
+    fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value {
+        let unknown = |reason| Value::unknown(reason).reading(arguments.values());
+        let given = |name: &str, at: usize| arguments.get(name, at);
+        match builtins::of(builtin) {
+            Builtin::Quiet => Content::Nothing.into(),
+            Builtin::Asks => unknown(Reason::Input),
+            Builtin::Computes => unknown(Reason::Computed),
+            Builtin::PoseTrans => match (given("p_from", 0), given("p_from_to", 1)) {
+                (Some(from), Some(to)) => trans(from, to),
+                _ => unknown(Reason::Computed),
+            },
+            Builtin::PoseAdd => match (given("p_1", 0), given("p_2", 1)) {
+                (Some(one), Some(two)) => add(one, two),
+                _ => unknown(Reason::Computed),
+            },
+            Builtin::PoseInv => match given("p_from", 0).and_then(Value::pose) {
+                Some(pose) => constant(pose.pose().inverse()).reading(arguments.values()),
+                None => unknown(reason(arguments.values())),
+            },
+            Builtin::InverseKin => match given("x", 0) {
+                Some(Value { content: Content::Pose(pose), reads }) => {
+                    let near = given("qnear", 1);
+                    let angles = near.and_then(Value::numbers);
+                    if near.is_some() != angles.is_some() {
+                        return unknown(reason(near));
+                    }
+                    let content = Content::AxesOf(Arc::clone(pose), angles.map(Into::into));
+                    Value { content, reads: reads.clone() }.reading(near)
+                }
+                other => unknown(reason(other)),
+            },
+            Builtin::Degrees => scaled(given("r", 0), 180.0 / PI),
+            Builtin::Radians => scaled(given("d", 0), PI / 180.0),
+            Builtin::Length => match arguments.0.first().map(|(_, value)| &value.content) {
+                Some(Content::List(items)) => Value::from(Content::Number(Number::constant(items.len() as f64))),
+                _ => unknown(Reason::Computed),
+            },
+            Builtin::Rpy => match arguments.0.first().and_then(|(_, value)| value.numbers()).as_deref() {
+                Some(&[roll, pitch, yaw]) => {
+                    let turn = UnitQuaternion::from_euler_angles(roll, pitch, yaw).scaled_axis();
+                    let items: Vec<Value> = turn.iter().map(|value| computed(*value)).collect();
+                    Value::from(Content::List(items.into())).reading(arguments.values())
+                }
+                _ => unknown(reason(arguments.values())),
+            },
+            Builtin::Number(of) => match arguments.0.first().and_then(|(_, value)| value.number()) {
+                Some(value) if of(value).is_finite() => computed(of(value)).reading(arguments.values()),
+                _ => unknown(reason(arguments.values())),
+            },
+            Builtin::SetTcp => {
+                let tool = given("pose", 0).cloned().filter(|tool| tool.pose().is_some() || tool.reason().is_some());
+                store.set(Switch::Tool, tool.unwrap_or_else(|| unknown(Reason::Computed)));
+                Content::Nothing.into()
+            }
+            Builtin::SetPayload => {
+                let both: Option<Vec<Value>> =
+                    [given("m", 0), given("cog", 1)].into_iter().map(Option::<&_>::cloned).collect();
+                let known = both.filter(|both| both[0].number().is_some() && both[1].numbers().is_some());
+                // Without a centre of gravity, or a mass, the other one is what it was before.
+                store.set(
+                    Switch::Load,
+                    known.map_or_else(|| Content::Nothing.into(), |both| Content::List(both.into()).into()),
+                );
+                Content::Nothing.into()
+            }
+            Builtin::Shifts => {
+                store.set(Switch::Shift, Value::unknown(Reason::Follows));
+                store.lose_place();
+                Content::Nothing.into()
+            }
+            Builtin::Unshifts => {
+                store.set(Switch::Shift, Content::Nothing.into());
+                store.lose_place();
+                Content::Nothing.into()
+            }
+            Builtin::Stops => {
+                store.lose_place();
+                Content::Nothing.into()
+            }
+        }
+    }
+
+    fn writes(&self, builtin: u16) -> &[Slot] {
+        const TOOL: [Slot; 1] = [Switch::Tool.slot()];
+        const LOAD: [Slot; 1] = [Switch::Load.slot()];
+        const SHIFT: [Slot; 1] = [Switch::Shift.slot()];
+        match builtins::of(builtin) {
+            Builtin::SetTcp => &TOOL,
+            Builtin::SetPayload => &LOAD,
+            Builtin::Shifts | Builtin::Unshifts => &SHIFT,
+            _ => &[],
+        }
+    }
+}
+
+/// Why one of these is not known; computed where all are.
+fn reason<'a>(values: impl IntoIterator<Item = &'a Value>) -> Reason {
+    values.into_iter().find_map(Value::reason).unwrap_or(Reason::Computed)
+}
+
+fn computed(value: f64) -> Value {
+    Content::Number(Number { value, exact: false, affine: None }).into()
+}
+
+fn constant(pose: Isometry3<f64>) -> Value {
+    Content::Pose(Arc::new(Pose::constant(pose))).into()
+}
+
+fn scaled(value: Option<&Value>, factor: f64) -> Value {
+    let Some(Value { content: Content::Number(number), reads }) = value else {
+        return Value::unknown(reason(value)).reading(value);
+    };
+    let affine = number.affine.map(|of| Affine { scale: of.scale * factor, offset: of.offset * factor, ..of });
+    let content = Content::Number(Number { value: number.value * factor, exact: false, affine });
+    Value { content, reads: reads.clone() }
+}
+
+/// `pose_trans`: one pose after the other. The inner one's numbers stay its own; where it has none, the outer one's.
+fn trans(from: &Value, to: &Value) -> Value {
+    let (Content::Pose(outer), Content::Pose(inner)) = (&from.content, &to.content) else {
+        return Value::unknown(reason([from, to])).reading([from, to]);
+    };
+    let (pose, reads) = if inner.affine_numbers() > 0 || outer.affine_numbers() == 0 {
+        (Pose { left: outer.pose() * inner.left, ..(**inner).clone() }, to.reads.with(&from.all_reads()))
+    } else {
+        (Pose { right: outer.right * inner.pose(), ..(**outer).clone() }, from.reads.with(&to.all_reads()))
+    };
+    Value { content: Content::Pose(Arc::new(pose)), reads }
+}
+
+/// `pose_add`: the sum of the positions, the product of the turns.
+fn add(one: &Value, two: &Value) -> Value {
+    let (Content::Pose(first), Content::Pose(second)) = (&one.content, &two.content) else {
+        return Value::unknown(reason([one, two])).reading([one, two]);
+    };
+    let added = second.pose();
+    let shift = Isometry3::from_parts(added.translation, UnitQuaternion::identity());
+    let turn = Isometry3::from_parts(Translation3::identity(), added.rotation);
+    let pose = Pose { left: shift * first.left, right: first.right * turn, ..(**first).clone() };
+    Value { content: Content::Pose(Arc::new(pose)), reads: one.reads.with(&two.all_reads()) }
+}

@@ -1,0 +1,392 @@
+//! Values that are known with where they come from, or unknown with the reason.
+
+use crate::dialect::Dialect;
+use crate::ir::TokenId;
+use nalgebra::Isometry3;
+use std::fmt;
+use std::sync::Arc;
+
+/// Why something is not known, or not edited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Reason {
+    /// Branches leave different values.
+    Branches,
+    /// A signal, a sensor, another machine or an operator decides.
+    Input,
+    /// A routine that no file has may have changed it.
+    Foreign,
+    /// A thread may change it at any moment.
+    Thread,
+    /// Nothing has given it a value.
+    Unset,
+    /// The controller's precision decides.
+    Rounding,
+    /// Arithmetic that is not followed.
+    Computed,
+    /// A routine calls itself, or calls are nested too deep.
+    Recursion,
+    /// Whoever calls the routine says.
+    Argument,
+    /// A name that a routine around this one has too.
+    Scope,
+    /// A statement that is not understood.
+    NotUnderstood,
+    /// Goes to axis angles.
+    Joints,
+    /// Motor pulses, and nothing says how many a degree has.
+    Pulses,
+    /// Relative to where the robot stands.
+    Relative,
+    /// Follows a sensor, a force or a conveyor.
+    Follows,
+    /// The controller plans a spline through it.
+    Spline,
+    /// A motion that runs in a thread.
+    InThread,
+    /// Something else uses the numbers, too.
+    Shared,
+    /// A motion that stays uses the numbers, too.
+    SharedWithKept,
+    /// The tool is known only at run time.
+    Tool,
+    /// The frame is known only at run time.
+    Frame,
+    /// Another point of the same arc stays.
+    Arc,
+    /// A circle along which the orientation follows the tangent.
+    Tangent,
+    /// Positions that the program itself holds in a variable of the controller.
+    Variable,
+}
+
+impl Reason {
+    /// In words, as a report prints it.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Branches => "target differs between branches",
+            Self::Input => "target known only at run time",
+            Self::Foreign => "may be changed by a routine that is not given",
+            Self::Thread => "may be changed by a thread at any moment",
+            Self::Unset => "variable without a value",
+            Self::Rounding => "depends on the controller's rounding",
+            Self::Computed => "target computed at run time",
+            Self::Recursion => "routine that calls itself, or calls nested too deep",
+            Self::Argument => "argument of a routine that the files do not call",
+            Self::Scope => "variable whose name an enclosing routine uses too",
+            Self::NotUnderstood => "statement that is not understood",
+            Self::Joints => "joint target",
+            Self::Pulses => "position in motor pulses: pulses per degree are not declared",
+            Self::Relative => "relative to where the robot stands",
+            Self::Follows => "follows a sensor, a force or a conveyor",
+            Self::Spline => "spline motion",
+            Self::InThread => "motion of a thread",
+            Self::Shared => "numbers that the program uses for something else too",
+            Self::SharedWithKept => "numbers that a motion which stays uses too",
+            Self::Tool => "tool known only at run time",
+            Self::Frame => "frame known only at run time",
+            Self::Arc => "other point of an arc that is not edited",
+            Self::Tangent => "circle whose orientation follows its tangent",
+            Self::Variable => "position that is a variable of the controller",
+        }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(self.text())
+    }
+}
+
+/// Literal tokens that a value depends on, sorted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Reads {
+    /// None.
+    #[default]
+    None,
+    /// One.
+    One(TokenId),
+    /// Several.
+    Many(Arc<[TokenId]>),
+}
+
+impl Reads {
+    /// The tokens.
+    #[must_use]
+    pub fn tokens(&self) -> &[TokenId] {
+        match self {
+            Self::None => &[],
+            Self::One(token) => std::slice::from_ref(token),
+            Self::Many(tokens) => tokens,
+        }
+    }
+
+    /// These and others.
+    #[must_use]
+    pub fn with(&self, others: &Self) -> Self {
+        let (a, b) = (self.tokens(), others.tokens());
+        let within = |inner: &[TokenId], outer: &[TokenId]| inner.iter().all(|t| outer.binary_search(t).is_ok());
+        if within(b, a) {
+            return self.clone();
+        }
+        if within(a, b) {
+            return others.clone();
+        }
+        let mut all: Vec<TokenId> = a.iter().chain(b).copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        Self::Many(all.into())
+    }
+}
+
+/// A value and what of the text it depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Value {
+    /// What is known of it.
+    pub content: Content,
+    /// Tokens that it depends on besides those of its parts.
+    pub reads: Reads,
+}
+
+/// What is known of a value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Content {
+    /// Nothing, for this reason.
+    Unknown(Reason),
+    /// No value.
+    Nothing,
+    /// A truth value.
+    Truth(bool),
+    /// A number.
+    Number(Number),
+    /// A text.
+    Text(Arc<[u8]>),
+    /// A list.
+    List(Arc<[Value]>),
+    /// A pose.
+    Pose(Arc<Pose>),
+    /// Axis angles that reach a pose, the solution next to these angles where they are given.
+    AxesOf(Arc<Pose>, Option<Arc<[f64]>>),
+}
+
+/// A known number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Number {
+    /// Its value.
+    pub value: f64,
+    /// Whether every arithmetic of at least single precision gives just this number.
+    pub exact: bool,
+    /// The token that it comes from, and how.
+    pub affine: Option<Affine>,
+}
+
+/// A number that is `scale · token + offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Affine {
+    /// The literal.
+    pub token: TokenId,
+    /// Factor; not zero.
+    pub scale: f64,
+    /// Summand.
+    pub offset: f64,
+}
+
+/// A pose: the one that the numbers are in the dialect, with known poses multiplied to its left and right.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// Multiplied on the left.
+    pub left: Isometry3<f64>,
+    /// As the dialect writes a pose; empty for the identity.
+    pub numbers: Box<[Value]>,
+    /// The pose of the numbers.
+    pub own: Isometry3<f64>,
+    /// Multiplied on the right.
+    pub right: Isometry3<f64>,
+}
+
+/// Largest whole number up to which single precision has all.
+const WHOLE: f64 = 16_777_216.0;
+
+impl Number {
+    /// A number that no token decides.
+    #[must_use]
+    pub fn constant(value: f64) -> Self {
+        Self { value, exact: is_whole(value), affine: None }
+    }
+
+    /// A literal.
+    #[must_use]
+    pub fn literal(value: f64, token: TokenId) -> Self {
+        Self { value, exact: true, affine: Some(Affine { token, scale: 1.0, offset: 0.0 }) }
+    }
+}
+
+/// Whether a number is whole and single precision has all its neighbours.
+#[must_use]
+#[allow(clippy::float_cmp)] // just the whole numbers
+pub fn is_whole(value: f64) -> bool {
+    value.abs() < WHOLE && value.trunc() == value
+}
+
+impl Pose {
+    /// A known pose that no tokens decide.
+    #[must_use]
+    pub fn constant(pose: Isometry3<f64>) -> Self {
+        let (identity, numbers) = (Isometry3::identity(), Box::default());
+        Self { left: pose, numbers, own: identity, right: identity }
+    }
+
+    /// The pose itself.
+    #[must_use]
+    pub fn pose(&self) -> Isometry3<f64> {
+        self.left * self.own * self.right
+    }
+
+    /// The token of one of its numbers; none where something else decides it.
+    #[must_use]
+    pub fn affine(&self, at: usize) -> Option<Affine> {
+        match &self.numbers.get(at)?.content {
+            Content::Number(number) => number.affine,
+            _ => None,
+        }
+    }
+
+    /// Whether nothing is multiplied to it: its numbers are those of the pose.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        !self.numbers.is_empty() && self.left == Isometry3::identity() && self.right == Isometry3::identity()
+    }
+
+    /// The first so many numbers that tokens decide.
+    #[must_use]
+    pub fn affine_numbers(&self) -> usize {
+        (0..self.numbers.len()).take_while(|at| self.affine(*at).is_some()).count()
+    }
+}
+
+impl Value {
+    /// Not known.
+    #[must_use]
+    pub fn unknown(reason: Reason) -> Self {
+        Content::Unknown(reason).into()
+    }
+
+    /// A literal.
+    #[must_use]
+    pub fn literal(value: f64, token: TokenId) -> Self {
+        Self { content: Content::Number(Number::literal(value, token)), reads: Reads::One(token) }
+    }
+
+    /// The pose of these numbers, as far as they are known.
+    #[must_use]
+    pub fn pose_of(numbers: Vec<Self>, dialect: &dyn Dialect) -> Self {
+        let mut known = Vec::with_capacity(numbers.len());
+        for value in &numbers {
+            match &value.content {
+                Content::Number(number) => known.push(number.value),
+                Content::Unknown(reason) => return Self::unknown(*reason).reading(&numbers),
+                _ => return Self::unknown(Reason::Computed).reading(&numbers),
+            }
+        }
+        let Some(own) = dialect.pose(&known) else { return Self::unknown(Reason::Computed).reading(&numbers) };
+        let identity = Isometry3::identity();
+        Content::Pose(Arc::new(Pose { left: identity, numbers: numbers.into(), own, right: identity })).into()
+    }
+
+    /// Depending on others too.
+    #[must_use]
+    pub fn reading<'a>(mut self, others: impl IntoIterator<Item = &'a Self>) -> Self {
+        for other in others {
+            self.reads = self.reads.with(&other.all_reads());
+        }
+        self
+    }
+
+    /// Every token that it depends on.
+    #[must_use]
+    pub fn all_reads(&self) -> Reads {
+        let parts: &[Self] = match &self.content {
+            Content::List(items) => items,
+            Content::Pose(pose) | Content::AxesOf(pose, _) => &pose.numbers,
+            _ => &[],
+        };
+        let mut all: Vec<TokenId> = Vec::new();
+        for part in parts {
+            match &part.content {
+                Content::List(_) | Content::Pose(_) => all.extend(part.all_reads().tokens()),
+                _ => all.extend(part.reads.tokens()),
+            }
+        }
+        if all.is_empty() {
+            return self.reads.clone();
+        }
+        all.extend(self.reads.tokens());
+        all.sort_unstable();
+        all.dedup();
+        Reads::Many(all.into())
+    }
+
+    /// The number, where it is a known one.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        match &self.content {
+            Content::Number(number) => Some(number.value),
+            _ => None,
+        }
+    }
+
+    /// The pose, where it is a known one, or axis angles that reach one.
+    #[must_use]
+    pub fn pose(&self) -> Option<&Pose> {
+        match &self.content {
+            Content::Pose(pose) | Content::AxesOf(pose, _) => Some(pose),
+            _ => None,
+        }
+    }
+
+    /// The numbers of a list of known numbers.
+    #[must_use]
+    pub fn numbers(&self) -> Option<Vec<f64>> {
+        match &self.content {
+            Content::List(items) => items.iter().map(Self::number).collect(),
+            _ => None,
+        }
+    }
+
+    /// The truth value, where it is known.
+    #[must_use]
+    pub fn truth(&self) -> Option<bool> {
+        match &self.content {
+            Content::Truth(truth) => Some(*truth),
+            _ => None,
+        }
+    }
+
+    /// Why it is not known.
+    #[must_use]
+    pub fn reason(&self) -> Option<Reason> {
+        match &self.content {
+            Content::Unknown(reason) => Some(*reason),
+            _ => None,
+        }
+    }
+
+    /// What holds where either of two values may.
+    #[must_use]
+    pub fn join(&self, other: &Self) -> Self {
+        if self == other {
+            return self.clone();
+        }
+        if let (Content::Unknown(a), Content::Unknown(b)) = (&self.content, &other.content) {
+            return Self { content: Content::Unknown(*a.min(b)), reads: self.reads.with(&other.reads) };
+        }
+        let reason = self.reason().into_iter().chain(other.reason()).min();
+        Self::unknown(reason.unwrap_or(Reason::Branches)).reading([self, other])
+    }
+}
+
+impl From<Content> for Value {
+    fn from(content: Content) -> Self {
+        Self { content, reads: Reads::None }
+    }
+}

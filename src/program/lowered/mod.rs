@@ -1,0 +1,120 @@
+//! Programs that `deflex-lang` reads and runs: its motions as targets, and corrected poses as edits on the tokens that it names.
+//!
+//! | file | from | to |
+//! |---|---|---|
+//! | `targets` | motions of a run | targets, and where their numbers stand |
+//! | `rewrite` | wanted poses | edits on number tokens |
+//! | `insert` | points between | statements of their own |
+
+mod insert;
+mod rewrite;
+mod targets;
+
+pub(super) use targets::{Lowered, build};
+
+use super::front_end::FrontEnd;
+use super::{Change, Insert, Passing, Program, RewriteOptions, Rewritten};
+use crate::program::orientation::quaternion;
+use deflex_lang::dialect::Dialect;
+use deflex_lang::ir::{Place, TokenId};
+use deflex_lang::value::Affine;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use std::ops::Range;
+
+/// What of a language the writing of its numbers depends on.
+pub(super) struct Style {
+    pub(super) dialect: &'static (dyn Dialect + Sync),
+    /// Millimetres of its unit of length.
+    pub(super) mm: f64,
+    /// Decimals that its unit of length has more than millimetres have.
+    pub(super) more_decimals: usize,
+    /// Degrees of its unit of angles.
+    pub(super) deg: f64,
+    /// Least decimals of a number of an orientation.
+    pub(super) turn_decimals: usize,
+    /// What the controller calls the tool that the program does not set, and begins the names of those that it does with.
+    pub(super) tool: &'static str,
+    /// What the axes of poses are called.
+    pub(in crate::program) frame: &'static str,
+}
+
+impl std::fmt::Debug for Style {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "Style({})", self.tool)
+    }
+}
+
+/// Where the numbers of targets stand.
+#[derive(Debug)]
+pub(crate) struct Layout {
+    style: &'static Style,
+    tokens: Vec<Place>,
+    /// One a target.
+    sites: Vec<Option<Site>>,
+    /// Targets that are edited all or not at all.
+    arcs: Vec<Range<usize>>,
+    passings: Vec<Passing>,
+    motions: usize,
+}
+
+/// How a target's pose comes from numbers: `left · (pose of the numbers) · right`, lengths in the language's unit.
+#[derive(Debug)]
+struct Site {
+    left: Isometry3<f64>,
+    right: Isometry3<f64>,
+    own: Isometry3<f64>,
+    numbers: [f64; 6],
+    /// The token of each number that has one.
+    affine: [Option<Affine>; 6],
+}
+
+impl Layout {
+    fn place(&self, token: TokenId) -> Place {
+        self.tokens[token.0 as usize]
+    }
+
+    /// Millimetres and a quaternion of a pose in the language's unit.
+    fn millimetres(&self, pose: &Isometry3<f64>) -> ([f64; 3], [f64; 4]) {
+        let position = pose.translation.vector * self.style.mm;
+        (position.into(), quaternion(&pose.rotation.to_rotation_matrix()))
+    }
+
+    fn pose(&self, position_mm: [f64; 3], quat: [f64; 4]) -> Isometry3<f64> {
+        let [x, y, z] = position_mm.map(|mm| mm / self.style.mm);
+        let [w, i, j, k] = quat;
+        let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+        Isometry3::from_parts(Translation3::new(x, y, z), turn)
+    }
+}
+
+impl FrontEnd for Layout {
+    fn rewrite(
+        &self,
+        program: &Program,
+        changes: &[Option<Change>],
+        inserts: &[Insert],
+        options: &RewriteOptions,
+    ) -> Rewritten {
+        let mut out = rewrite::rewrite(program, self, changes, options);
+        insert::write(program, self, inserts, options, &mut out);
+        out
+    }
+
+    fn passing(&self, _: &Program, target: usize) -> Passing {
+        self.passings[target]
+    }
+
+    fn insertion_refused(&self, program: &Program, before: usize) -> Option<&'static str> {
+        insert::refusal(program, self, before)
+    }
+
+    fn motion_targets(&self, _: &Program) -> usize {
+        self.motions
+    }
+}
+
+/// The controller's reals are IEEE singles.
+#[allow(clippy::cast_possible_truncation)]
+fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}

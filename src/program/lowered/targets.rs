@@ -1,0 +1,386 @@
+//! Motions of a run as targets.
+
+use super::{Layout, Site, Style};
+use crate::program::{
+    Conf, Editable, Goal, Kept, Language, Mark, Motion, Passing, Predecessor, Program, Role, Target, Tool, ToolData,
+    UnknownMotion, Wobj,
+};
+use crate::text::{Diagnostic, Severity, Source, Span};
+use deflex_lang::ir::{self, Path, Place, Switch};
+use deflex_lang::run::{From, Moved, run};
+use deflex_lang::shared::{Edit, editable};
+use deflex_lang::value::{Content, Pose, Reason, Value};
+use std::ops::Range;
+use std::sync::Arc;
+
+const ENDLESS: &str =
+    "the program does not end within 5 million statements, or its loops make more than 200,000 motions";
+const NO_CIRCLE: &str = "circle through axis angles";
+const NO_VIA: &str = "circle without a point on the way";
+
+/// A program as its front end lowered it.
+pub(in crate::program) struct Lowered<'a> {
+    pub(in crate::program) language: Language,
+    pub(in crate::program) dialect: &'static str,
+    pub(in crate::program) style: &'static Style,
+    pub(in crate::program) program: &'a ir::Program,
+    /// The files, and how many of them are written.
+    pub(in crate::program) sources: Vec<Source>,
+    pub(in crate::program) written: usize,
+    pub(in crate::program) literal_targets: usize,
+    /// Motions that make one arc each, of those that run.
+    pub(in crate::program) arcs: fn(&[Moved]) -> Vec<Range<usize>>,
+    pub(in crate::program) diagnostics: Vec<Diagnostic>,
+}
+
+/// Runs a program and takes its motions as targets.
+pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Diagnostic>> {
+    let (style, program) = (lowered.style, lowered.program);
+    let Ok(mut outcome) = run(program, style.dialect) else {
+        let error = Diagnostic::error("program.endless", &lowered.sources[0].name, ENDLESS);
+        return Err(error.help("split it into several programs").into());
+    };
+    // What stands in a file that is only read is never edited.
+    for (at, token) in program.tokens.iter().enumerate() {
+        let before = &lowered.sources[usize::from(token.source)].bytes[..token.span.start as usize];
+        if usize::from(token.source) >= lowered.written {
+            outcome.used.insert(ir::TokenId(at as u32), Reason::Foreign);
+        } else if !may_have_sign(before) {
+            outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
+        }
+    }
+    let arcs = (lowered.arcs)(&outcome.motions);
+    let edits = editable(&outcome, &arcs);
+    let mut builder = Builder {
+        style,
+        sources: &lowered.sources,
+        tools: Vec::new(),
+        wobjs: Vec::new(),
+        set: Vec::new(),
+        targets: Vec::new(),
+        sites: Vec::new(),
+        passings: Vec::new(),
+        unknown: Vec::new(),
+        kept: Vec::new(),
+        arcs: Vec::new(),
+        circles: 0,
+        ordinal: 0,
+        last: None,
+    };
+    let mut together: Vec<Range<usize>> = Vec::new();
+    let mut firsts = Vec::with_capacity(outcome.motions.len() + 1);
+    for (i, (motion, edit)) in outcome.motions.iter().zip(edits).enumerate() {
+        firsts.push(builder.targets.len());
+        let previous = i.checked_sub(1).filter(|before| builder.last == Some(*before)).is_some();
+        if builder.motion(motion, edit, previous) {
+            builder.last = Some(i);
+        }
+    }
+    firsts.push(builder.targets.len());
+    together.extend(arcs.iter().map(|arc| firsts[arc.start]..firsts[arc.end]));
+    together.append(&mut builder.arcs);
+    for place in &program.not_understood {
+        builder.keep(*place, Reason::NotUnderstood.text());
+    }
+    let mut diagnostics = lowered.diagnostics;
+    diagnostics.extend(not_given(program, &lowered.sources));
+    diagnostics.extend(builder.without_mass(lowered.language));
+    let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, circles, ordinal, .. } = builder;
+    kept.sort_by_key(|kept| (kept.source, kept.span));
+    Ok(Program {
+        written: lowered.written,
+        language: lowered.language,
+        dialect: lowered.dialect,
+        tools,
+        wobjs,
+        targets,
+        unknown,
+        actions: Vec::new(),
+        kept,
+        literal_targets: lowered.literal_targets,
+        arcs: circles + arcs.len(),
+        cutter: None,
+        diagnostics,
+        layout: crate::program::Layout::Lowered(Layout {
+            style,
+            tokens: program.tokens.clone(),
+            sites,
+            arcs: together,
+            passings,
+            motions: ordinal as usize,
+        }),
+        sources: lowered.sources.into(),
+    })
+}
+
+/// Whether a number that is negative may stand after this text: not directly after an operator.
+fn may_have_sign(before: &[u8]) -> bool {
+    before.trim_ascii_end().last().is_none_or(|b| matches!(b, b'[' | b'(' | b',' | b'=' | b'\n' | b';' | b':'))
+}
+
+/// A warning for routines that are called and not given, at the first of them.
+fn not_given(program: &ir::Program, sources: &[Source]) -> Option<Diagnostic> {
+    /// Of so many names the rest is only counted.
+    const SHOWN: usize = 8;
+    let (_, first) = program.foreign.first()?;
+    let mut listed: Vec<&str> = program.foreign.iter().take(SHOWN).map(|(name, _)| &**name).collect();
+    let more = format!("{} more", program.foreign.len().saturating_sub(SHOWN));
+    if program.foreign.len() > SHOWN {
+        listed.push(&more);
+    }
+    let source = &sources[usize::from(first.source)];
+    let message = format!("not given, so taken to change the tool and every global variable: {}", listed.join(", "));
+    let help = "give the files that define them with --context; or name those that change neither in `[controller] harmless` of the cell";
+    let warning = Diagnostic::error("program.called", &source.name, message).at(source, first.span);
+    Some(warning.severity(Severity::Warning).help(help))
+}
+
+struct Builder<'a> {
+    style: &'static Style,
+    sources: &'a [Source],
+    tools: Vec<Tool>,
+    wobjs: Vec<Wobj>,
+    /// What each tool was set to.
+    set: Vec<(Content, Content)>,
+    targets: Vec<Target>,
+    sites: Vec<Option<Site>>,
+    passings: Vec<Passing>,
+    unknown: Vec<UnknownMotion>,
+    kept: Vec<Kept>,
+    /// Targets of one circle.
+    arcs: Vec<Range<usize>>,
+    circles: usize,
+    ordinal: u32,
+    /// The last motion that gave a target.
+    last: Option<usize>,
+}
+
+impl Builder<'_> {
+    /// Takes a motion; whether it gives a target.
+    fn motion(&mut self, motion: &Moved, edit: Edit, follows: bool) -> bool {
+        self.ordinal += 1;
+        match self.points(motion, edit, follows) {
+            Ok(()) => true,
+            Err(reason) => {
+                let Place { source, span } = motion.place;
+                let line = self.line(motion.place);
+                self.unknown.push(UnknownMotion { ordinal: self.ordinal, reason, source, span, line });
+                self.keep(motion.place, reason);
+                false
+            }
+        }
+    }
+
+    fn points(&mut self, motion: &Moved, edit: Edit, follows: bool) -> Result<(), &'static str> {
+        let switch = |switch: Switch| &motion.switches[switch as usize];
+        if motion.in_thread {
+            return Err(Reason::InThread.text());
+        }
+        if let Path::Unknown(why) = motion.path {
+            return Err(why.text());
+        }
+        for value in motion.via.iter().chain([&motion.to]) {
+            if let Some(why) = value.reason() {
+                return Err(why.text());
+            }
+        }
+        for (of, why) in
+            [(Switch::Tool, Some(Reason::Tool)), (Switch::Frame, Some(Reason::Frame)), (Switch::Shift, None)]
+        {
+            if let Some(reason) = switch(of).reason() {
+                return Err(why.unwrap_or(reason).text());
+            }
+        }
+        let (to, joints) = self.goal(&motion.to).ok_or(Reason::Computed.text())?;
+        let path = match (motion.path, joints) {
+            (Path::Joint, true) => Motion::AbsoluteJoint,
+            (Path::Joint, false) => Motion::Joint,
+            (Path::Circular, true) => return Err(NO_CIRCLE),
+            (Path::Circular, false) => Motion::Circular,
+            _ => Motion::Linear,
+        };
+        let via = match (&motion.via, path) {
+            (Some(via), Motion::Circular) => match self.goal(via) {
+                Some((goal, false)) => Some(goal),
+                _ => return Err(NO_CIRCLE),
+            },
+            (None, Motion::Circular) if matches!(motion.path, Path::Circular) && self.style.tool == "TCP" => {
+                return Err(NO_VIA);
+            }
+            _ => None,
+        };
+        let (tool, wobj) = self.frames(motion)?;
+        let first = self.targets.len();
+        let mark = match &switch(Switch::Mark).content {
+            Content::Text(word) if **word == *b"air" => Some(Mark::Air),
+            Content::Text(word) if **word == *b"cut" => Some(Mark::Cut),
+            _ => None,
+        };
+        let editable = match edit {
+            Edit::Pose => Editable::Pose,
+            Edit::Position => Editable::Position,
+            Edit::No(why) => Editable::No(why.text()),
+        };
+        let is_path = matches!(path, Motion::Linear | Motion::Circular);
+        let end = Target {
+            ordinal: self.ordinal,
+            role: Role::End,
+            motion: path,
+            goal: to,
+            tool,
+            wobj,
+            feed_mm_s: motion.speed.filter(|_| is_path).map(|speed| speed * self.style.mm),
+            spindle_rpm: None,
+            rapid: false,
+            mark,
+            editable,
+            located: true,
+            extra_load: switch(Switch::Load).reason().is_some(),
+            external: None,
+            name: None,
+            source: motion.place.source,
+            span: motion.place.span,
+            line: self.line(motion.place),
+            predecessor: match motion.from {
+                From::Start => Predecessor::Start,
+                From::Previous if follows => Predecessor::Previous,
+                From::Previous | From::Unknown => Predecessor::Unknown,
+            },
+        };
+        if let Some(goal) = via {
+            let via = Target { role: Role::Via, goal, ..end.clone() };
+            self.put(via, motion.via.as_ref(), Passing::Unstated);
+        }
+        let circle = path == Motion::Circular && motion.via.is_some();
+        let end = if circle { Target { predecessor: Predecessor::Previous, ..end } } else { end };
+        let passing = match motion.blend {
+            Some(radius) if radius <= 0.0 => Passing::Stop,
+            Some(radius) => Passing::Zone(radius * self.style.mm),
+            None => Passing::Unstated,
+        };
+        self.put(end, Some(&motion.to), passing);
+        if circle {
+            self.circles += 1;
+            self.arcs.push(first..self.targets.len());
+        }
+        if let (Editable::No(why), false) = (editable, path == Motion::AbsoluteJoint) {
+            self.keep(motion.place, why);
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, target: Target, value: Option<&Value>, passing: Passing) {
+        let site = value.and_then(Value::pose).filter(|_| !matches!(target.editable, Editable::No(_))).and_then(site);
+        self.targets.push(target);
+        self.sites.push(site);
+        self.passings.push(passing);
+    }
+
+    /// A value as a goal, and whether it is axis angles.
+    fn goal(&self, value: &Value) -> Option<(Goal, bool)> {
+        let deg = |angles: &[f64]| <[f64; 6]>::try_from(angles).ok().map(|angles| angles.map(|a| a * self.style.deg));
+        let posed = |pose: &Pose, conf| {
+            let pose = pose.pose();
+            let position_mm = (pose.translation.vector * self.style.mm).into();
+            let quat = crate::program::orientation::quaternion(&pose.rotation.to_rotation_matrix());
+            (Goal::Pose { position_mm, quat, conf }, false)
+        };
+        Some(match &value.content {
+            Content::Pose(pose) => posed(pose, None),
+            Content::AxesOf(pose, near) => {
+                let near = near.as_ref().map(|near| deg(near).ok_or(())).transpose().ok()?;
+                posed(pose, near.map(Conf::near))
+            }
+            Content::List(_) => (Goal::Joints { deg: deg(&value.numbers()?)? }, true),
+            _ => return None,
+        })
+    }
+
+    /// Indices of tool and work object.
+    fn frames(&mut self, motion: &Moved) -> Result<(u16, u16), &'static str> {
+        let [tool, load, frame] =
+            [Switch::Tool, Switch::Load, Switch::Frame].map(|switch| &motion.switches[switch as usize]);
+        let named = |value: &Value| match &value.content {
+            Content::Text(name) => Some(String::from_utf8_lossy(name).into_owned()),
+            _ => None,
+        };
+        let tool = match (tool.pose(), named(tool)) {
+            (_, Some(name)) => intern(&mut self.tools, Tool { name: name.into(), data: None }),
+            (None, None) => intern(&mut self.tools, Tool { name: self.style.tool.into(), data: None }),
+            (Some(pose), None) => {
+                let known = (content_of(pose), load.content.clone());
+                let at = self.set.iter().position(|set| *set == known).unwrap_or_else(|| {
+                    self.set.push(known);
+                    self.set.len() - 1
+                });
+                let name = Arc::from(format!("{} {}", self.style.tool, at + 1));
+                let tool = Tool { name, data: Some(self.tool_data(pose, load)) };
+                intern(&mut self.tools, tool)
+            }
+        };
+        let name = named(frame).map_or_else(|| self.style.frame.into(), Arc::from);
+        Ok((tool, intern(&mut self.wobjs, Wobj { name, data: None, unit: None })))
+    }
+
+    fn tool_data(&self, pose: &Pose, load: &Value) -> ToolData {
+        let pose = pose.pose();
+        let held = match &load.content {
+            Content::List(two) => two.first().and_then(Value::number).zip(two.get(1).and_then(Value::numbers)),
+            _ => None,
+        };
+        let (mass_kg, cog) = held.unwrap_or_default();
+        let cog = <[f64; 3]>::try_from(cog).unwrap_or_default();
+        ToolData {
+            robhold: true,
+            tcp_mm: (pose.translation.vector * self.style.mm).into(),
+            tcp_quat: crate::program::orientation::quaternion(&pose.rotation.to_rotation_matrix()),
+            mass_kg,
+            cog_mm: cog.map(|c| c * self.style.mm),
+        }
+    }
+
+    /// A note for tools of which the program says where they are and not how heavy.
+    fn without_mass(&self, language: Language) -> Option<Diagnostic> {
+        let light = self.tools.iter().find(|tool| tool.data.is_some_and(|data| data.mass_kg == 0.0))?;
+        let message = format!("the program does not say the mass of `{}`: taken as 0 kg", light.name);
+        let help =
+            format!("{} programs say it with set_payload; it counts only with a `gravity` effect", language.name());
+        Some(Diagnostic::error("program.no-mass", "", message).severity(Severity::Note).help(help))
+    }
+
+    fn line(&self, place: Place) -> u32 {
+        let source = &self.sources[usize::from(place.source)];
+        u32::try_from(source.line_column(place.span.start as usize).line).unwrap_or(u32::MAX)
+    }
+
+    fn keep(&mut self, place: Place, reason: &'static str) {
+        let (source, span) = (usize::from(place.source), Span { start: place.span.start, end: place.span.end });
+        let line = self.line(place) as usize;
+        let known = |kept: &Kept| (kept.source, kept.span, kept.reason) == (source, span, reason);
+        if !self.kept.iter().rev().take(KEPT_NEAR).any(known) {
+            self.kept.push(Kept { source, span, line, reason, fault: false, help: "" });
+        }
+    }
+}
+
+/// Rounds of a loop repeat what was kept: so many are looked back for it.
+const KEPT_NEAR: usize = 64;
+
+fn content_of(pose: &Pose) -> Content {
+    Content::Pose(Arc::new(Pose::constant(pose.pose())))
+}
+
+fn intern<T: PartialEq>(known: &mut Vec<T>, wanted: T) -> u16 {
+    let at = known.iter().position(|known| *known == wanted).unwrap_or_else(|| {
+        known.push(wanted);
+        known.len() - 1
+    });
+    u16::try_from(at).unwrap_or(u16::MAX)
+}
+
+/// Where the numbers of a pose stand.
+fn site(pose: &Pose) -> Option<Site> {
+    let numbers: Vec<f64> = pose.numbers.iter().map(|value| value.number()).collect::<Option<_>>()?;
+    let affine = std::array::from_fn(|at| pose.affine(at));
+    Some(Site { left: pose.left, right: pose.right, own: pose.own, numbers: numbers.try_into().ok()?, affine })
+}
