@@ -19,6 +19,9 @@
 //! # Ok::<(), deflex_elastic::HoldError>(())
 //! ```
 //!
+//! Against CalculiX with quadratic elements (`cargo test -p deflex-elastic --test calculix -- --nocapture`), a wall of 60 × 40 × 2 mm that is
+//! cut out of 6 mm in five stages, in cells of 1 × 1 × 0.75 mm: within 2.2 % at 200 places, 0.8 % in the mean.
+//!
 //! The same input gives the same numbers for any number of threads.
 
 mod body;

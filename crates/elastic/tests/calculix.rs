@@ -1,7 +1,8 @@
 //! A wall through five stages of removal against CalculiX (`ccx`, Debian's package `calculix-ccx`): quadratic elements, that
 //! share nothing with ours. Without `ccx` the test says so and passes.
 
-#![allow(clippy::unwrap_used)] // of a test
+// What a test finds, or why it is skipped, is printed.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use deflex_elastic::{Body, Clamp, Grid, Material, Solid};
 use std::collections::{BTreeMap, BTreeSet};

@@ -71,7 +71,8 @@ impl Stages {
         let message =
             format!("[part] cell_mm makes {cells:.0} cells of the blank; deflex computes with up to {MOST_CELLS:.0}");
         Err(vec![
-            Diagnostic::error("stock.part-cells", "", message).help(format!("give at least {least:.2} mm, or leave it out")),
+            Diagnostic::error("stock.part-cells", "", message)
+                .help(format!("give at least {least:.2} mm, or leave it out")),
         ])
     }
 
