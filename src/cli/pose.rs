@@ -5,7 +5,7 @@ use super::input::CellFile;
 use super::output::{Outputs, is_stdout, print};
 use super::{Answer, Outcome};
 use deflex::cell::{Cell, nearest};
-use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, xyz_deg, zyx_deg};
+use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, Status};
 use deflex::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of,
@@ -160,7 +160,7 @@ impl Frames<'_> {
         let mut text = String::new();
         let mm: [f64; 3] = (tcp.translation.vector * 1e3).into();
         let (quat, zyx, xyz) = (quaternion(&tcp.rotation), zyx_deg(&tcp.rotation), xyz_deg(&tcp.rotation));
-        let vector: [f64; 3] = tcp.rotation.scaled_axis().into();
+        let vector: [f64; 3] = rotation_vector(&tcp.rotation).into();
         // Writing to a String cannot fail.
         let _ = writeln!(text, "position                      {}   mm", fixed(&mm, 4));
         let _ = writeln!(text, "quaternion q1…q4              {}", fixed(&quat, 8));

@@ -22,7 +22,8 @@ use super::ordered::{Order, Ordered, Stopped, Turn};
 use super::segment::Start;
 use super::solve::{Last, Solver};
 use super::{
-    Cuts, Options, PathDeviation, Prepared, along, carried, driven, free_turn, path, remarks, removal, sigma, stance, stiffness,
+    Cuts, Options, PathDeviation, Prepared, along, carried, driven, free_turn, path, remarks, removal, sigma, stance,
+    stiffness,
 };
 use crate::cell::Cell;
 use crate::equilibrium::WarmStart;
@@ -57,7 +58,13 @@ pub fn predict(
         Original::Subdivided(subdivided) => Some(subdivided.motions(program)),
         Original::Itself | Original::Alike => None,
     };
-    driven::follow_law(&mut predicted, program, cell, options, against.map(|program| driven::Original { program, motions }));
+    driven::follow_law(
+        &mut predicted,
+        program,
+        cell,
+        options,
+        against.map(|program| driven::Original { program, motions }),
+    );
     Ok(predicted)
 }
 

@@ -25,6 +25,8 @@ struct End {
     is_arc: bool,
     /// What a correction leaves as it is; `None` where the original is of another language.
     written: Option<Written>,
+    /// How far from it the controller leaves the path, mm; 0 of a stop.
+    zone_mm: f64,
     /// Of the corrected program: as far as its name tells.
     may_be_inserted: bool,
 }
@@ -34,7 +36,6 @@ struct End {
 struct Written {
     motion: Motion,
     name: Named,
-    zone_mm: Option<f64>,
 }
 
 /// What its name tells of a target.
@@ -121,17 +122,19 @@ fn ends(program: &Program, same_text: bool) -> Vec<End> {
             Some(_) => Named::Yes,
             None => Named::No,
         };
-        let written = same_text.then(|| Written { motion, name, zone_mm: program.zone_mm(i) });
-        End { target: i, motion, is_arc: is_arc(i), written, may_be_inserted: true }
+        let written = same_text.then(|| Written { motion, name });
+        let zone_mm = program.zone_mm(i).unwrap_or(0.0);
+        End { target: i, motion, is_arc: is_arc(i), written, zone_mm, may_be_inserted: true }
     };
     let ends = (0..program.targets.len()).filter(|i| program.targets[*i].role != Role::Via);
     ends.map(end).collect()
 }
 
 impl End {
-    /// Whether the instruction is the same but for its numbers.
-    fn is_written_like(&self, other: &Self) -> bool {
-        self.is_arc == other.is_arc && self.written == other.written
+    /// Whether the instruction is one of the original but for its numbers: a correction may make its zone smaller.
+    fn is_written_like(&self, original: &Self) -> bool {
+        let fits = self.written.is_none() || self.zone_mm <= original.zone_mm;
+        fits && self.is_arc == original.is_arc && self.written == original.written
     }
 
     /// Whether a target may have been inserted on the way into this one.

@@ -21,6 +21,13 @@ pub fn quaternion(rotation: &Rotation3<f64>) -> [f64; 4] {
     [sign * q.w, sign * q.i, sign * q.j, sign * q.k]
 }
 
+/// The rotation vector of a rotation, rad: by its quaternion, since the matrix of half a turn does not show its axis to
+/// [`Rotation3::scaled_axis`].
+#[must_use]
+pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
+}
+
 /// Half the turn from one orientation to another, unit quaternions, scalar first.
 pub(crate) fn halfway(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
@@ -87,6 +94,12 @@ mod tests {
             let same = |sign: f64| a.iter().zip(b).all(|(a, b)| (a - sign * b).abs() < 1e-14);
             prop_assert!(same(1.0) || a[0] < 1e-12 && same(-1.0), "{a:?} {b:?}");
         }
+    }
+
+    #[test]
+    fn half_a_turn_has_its_axis() {
+        let down = rotation_vector(&rotation([0.0, 1.0, 0.0, 0.0]));
+        assert!((down.norm() - std::f64::consts::PI).abs() < 1e-12 && down.x.abs() > 3.14, "{down:?}");
     }
 
     #[test]

@@ -35,7 +35,7 @@ fn row(i: usize) -> Row {
         spin_deg: None,
         joints_deg: None,
         feed_mm_s: None,
-        error_part_mm: None,
+        error_part_mm: Some(0.02 * wave(4.0).abs()),
         names: None,
         stance: Some(stance(t)),
         stiffness: Some(Stiffness { normal_n_per_mm: 1500.0, least_n_per_mm: 300.0 + t * 1e-3, most_n_per_mm: 4000.0 }),

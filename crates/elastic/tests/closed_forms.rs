@@ -187,7 +187,8 @@ fn a_stage_goes_on_from_the_one_before() {
     assert!(on.rounds() < anew.rounds(), "{} rounds, {} anew", on.rounds(), anew.rounds());
     for place in &places {
         let (a, b) = (on.at(&thin, *place)[(2, 2)], anew.at(&thin, *place)[(2, 2)]);
-        assert!((a - b).abs() < (0.05 * b).max(6e-5), "{place:?}: {a} {b}");
+        // Each map is off by what it states.
+        assert!((a - b).abs() < ((on.error() + anew.error()) * b).max(6e-5), "{place:?}: {a} {b}");
     }
 }
 

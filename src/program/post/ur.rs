@@ -3,10 +3,10 @@
 use super::names::identifier;
 use super::writer::{Place, PostedPoint, RapidPost};
 use super::zone::radius;
-use crate::program::orientation::{quaternion, rotation};
+use crate::program::orientation::{quaternion, rotation, rotation_vector};
 use crate::program::{Mark, ToolData};
 use crate::text::number::{printed, write_fixed};
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::Rotation3;
 
 /// Decimals of metres: a tenth of a micrometre.
 const M: usize = 7;
@@ -23,7 +23,7 @@ const SHORTER: usize = 0;
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
     #[allow(clippy::cast_possible_truncation)]
     let held = |value: f64, decimals: usize| f64::from(printed(value, decimals) as f32);
-    let turn = rotation(quat).scaled_axis().map(|value| held(value, RAD));
+    let turn = rotation_vector(&rotation(quat)).map(|value| held(value, RAD));
     (mm.map(|mm| 1e3 * held(1e-3 * mm, M)), quaternion(&Rotation3::new(turn)))
 }
 
@@ -118,7 +118,7 @@ fn list(text: &mut Vec<u8>, values: &[f64], decimals: usize) {
 
 /// `p[x, y, z, rx, ry, rz]`
 fn pose(text: &mut Vec<u8>, mm: &[f64; 3], quat: [f64; 4]) {
-    let turn: Vector3<f64> = rotation(quat).scaled_axis();
+    let turn = rotation_vector(&rotation(quat));
     text.extend_from_slice(b"p[");
     list(text, &mm.map(|mm| 1e-3 * mm), M);
     text.extend_from_slice(b", ");

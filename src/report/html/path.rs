@@ -42,6 +42,7 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "stiffness_least_n_per_mm", decimals: 1 },
     Channel { key: "stiffness_most_n_per_mm", decimals: 1 },
     Channel { key: "remaining_path_mm", decimals: 6 },
+    Channel { key: "error_part_mm", decimals: 6 },
     Channel { key: "spin_deg", decimals: 4 },
     Channel { key: "axis_1_deg", decimals: 3 },
     Channel { key: "axis_2_deg", decimals: 3 },
@@ -100,6 +101,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
     let stiffness = row.stiffness.map(|s| [s.normal_n_per_mm, s.least_n_per_mm, s.most_n_per_mm]);
     values.extend(stiffness.unwrap_or([f64::NAN; 3]));
     values.push(row.remaining_path_mm().unwrap_or(f64::NAN));
+    values.push(row.error_part_mm.unwrap_or(f64::NAN));
     values.push(row.spin_deg.unwrap_or(f64::NAN));
     match &row.stance {
         Some(stance) => {

@@ -117,7 +117,7 @@ fn several_programs_go_to_a_folder_with_their_reports() {
     bench.run("compensate part.mod two.mod --cell cell.toml --out-dir out --report all.csv").exits(0);
     assert_eq!(bench.names("out"), ["part.mod", "part.report.csv", "two.mod", "two.report.csv"]);
     let all = bench.read("all.csv");
-    assert!(all.lines().next().unwrap().ends_with(",feed_mm_s,file"));
+    assert!(all.lines().next().unwrap().ends_with(",feed_mm_s,error_part_mm,file"));
     assert_eq!(all.lines().filter(|line| line.ends_with(",two.mod")).count(), 4);
 }
 

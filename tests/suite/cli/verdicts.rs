@@ -77,7 +77,11 @@ fn a_motion_that_goes_nowhere_known_has_a_row() {
     // Others have their joints, tool, work object and feed, and no reason.
     assert_eq!((rows[4][at("tool")], rows[4][at("wobj")], rows[4][at("feed_mm_s")]), ("tMill", "wPart", "20.000"));
     assert!(rows[4][at("q6_deg")].parse::<f64>().is_ok() && rows[4][at("reason")].is_empty());
-    assert!(rows[0].join(",").ends_with("reason,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,tool,wobj,feed_mm_s"));
+    assert!(
+        rows[0]
+            .join(",")
+            .ends_with("reason,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,tool,wobj,feed_mm_s,error_part_mm")
+    );
 }
 
 /// Ways of a raster with turns at full depth, 80 mm long.

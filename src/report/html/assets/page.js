@@ -22,6 +22,7 @@ const FIGURES = [
   ["Error, mm", triple("error_", "_mm")],
   ["size", ["error_mm"]],
   ["along the normal", ["error_normal_mm"]],
+  ["of the part", ["error_part_mm"]],
   ["uncertainty an axis", ["sigma_mm"]],
   ["Error, °", triple("error_r", "_deg")],
   ["Correction, mm", triple("correction_", "_mm")],
@@ -51,7 +52,7 @@ const FIGURES = [
 const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
 const HIDDEN = [...BASE, ...TABLE, "target", "line", "status", "name", "quote"];
 const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
-const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis" };
+const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis", error_part_mm: "Error of the part" };
 const nameOf = (key) => {
   const words = key.replace(/_(mm|deg|n|n_per_mm)$/, "").replaceAll("_", " ");
   return NAMES[key] ?? words[0].toUpperCase() + words.slice(1);
