@@ -122,7 +122,7 @@ fn ends(program: &Program, same_text: bool) -> Vec<End> {
             Some(_) => Named::Yes,
             None => Named::No,
         };
-        let written = same_text.then(|| Written { motion, name });
+        let written = same_text.then_some(Written { motion, name });
         let zone_mm = program.zone_mm(i).unwrap_or(0.0);
         End { target: i, motion, is_arc: is_arc(i), written, zone_mm, may_be_inserted: true }
     };
