@@ -6,9 +6,7 @@
 pub(super) use super::discrepancy::Discrepancy;
 pub(super) use super::empirical_field::EmpiricalField;
 use super::empirical_field::NAME;
-use super::{
-    ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Situation, Survey, checked, indexed, table_of,
-};
+use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Situation, checked, indexed, table_of};
 use crate::lanes::{Mask, Real, Vector, six};
 use crate::robot::Joints;
 use serde::de::Error;
@@ -25,7 +23,6 @@ pub(super) const KIND: Kind = Kind {
     ],
     shape: super::Shape::Map,
     read,
-    candidates,
     ..Kind::PLAIN
 };
 
@@ -45,9 +42,6 @@ const RAD_TO_DEG: f64 = 180.0 / std::f64::consts::PI;
 
 /// Share of the half range, from the middle, where the map acts in full.
 const FULL: f64 = 0.9;
-
-/// A map over a domain narrower than this would only fit noise: mm, or degrees.
-const LEAST_WIDTH: f64 = 1.0;
 
 /// Highest total degree: beyond it a polynomial follows noise between the data.
 const MAX_DEGREE: usize = 5;
@@ -122,28 +116,6 @@ fn exponents(variables: usize, degree: usize) -> Vec<Vec<usize>> {
         exponents(variables - 1, degree - first).into_iter().map(move |rest| [vec![first], rest].concat())
     };
     (0..=degree).flat_map(with).collect()
-}
-
-/// A map of size 0 that acts in full between `min` and `max`.
-fn flat(over: Over, min: &[f64], max: &[f64], degree: usize) -> Box<dyn Effect> {
-    let padded = |(&min, &max): (&f64, &f64)| {
-        let (middle, half) = (0.5 * (min + max), 0.5 * (max - min).max(LEAST_WIDTH) / FULL);
-        [middle - half, middle + half]
-    };
-    let terms = exponents(min.len(), degree);
-    let domain = min.iter().zip(max).map(padded).collect();
-    let shift_mm = std::array::from_fn(|_| vec![0.0; terms.len()]);
-    Box::new(Empirical { over, domain, degree, terms, shift_mm })
-}
-
-fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
-    let (low, high) = (1e3 * survey.position_min, 1e3 * survey.position_max);
-    let (least, most) = (survey.motor_min.map(f64::to_degrees), survey.motor_max.map(f64::to_degrees));
-    vec![
-        flat(Over::Position, low.as_slice(), high.as_slice(), 2),
-        flat(Over::Position, low.as_slice(), high.as_slice(), 4),
-        flat(Over::Motor, least.as_slice(), most.as_slice(), 2),
-    ]
 }
 
 impl Empirical {

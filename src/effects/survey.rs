@@ -1,5 +1,4 @@
 use crate::robot::{Joints, Robot};
-use nalgebra::Vector3;
 
 /// What measured data offer: which effects they can show at all, and over which range.
 #[derive(Clone, Debug)]
@@ -26,10 +25,6 @@ pub struct Survey<'a> {
     pub motor_min: Joints,
     /// Largest commanded motor angles, rad.
     pub motor_max: Joints,
-    /// Least wanted position in the work object, m.
-    pub position_min: Vector3<f64>,
-    /// Largest wanted position in the work object, m.
-    pub position_max: Vector3<f64>,
 }
 
 impl Survey<'_> {

@@ -38,10 +38,9 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     }
     for kind in KINDS {
         let declared = arm.effects.iter().any(|effect| effect.kind() == kind.name);
-        // A map is what patterns stand for here: it names no effect.
         // A device frame of its own swallows the work object's; curves over the whole robot are made below.
         let other = kind.like_device_frame || kind.shape == Follows::Curve;
-        if declared || kind.shape == Follows::Map || problem.free_device && other {
+        if declared || problem.free_device && other {
             continue;
         }
         let mut variants = (kind.candidates)(&survey);
@@ -167,8 +166,6 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
         moving_units: moving_units(problem),
         motor_min: Joints::repeat(big),
         motor_max: Joints::repeat(-big),
-        position_min: Vector3::repeat(big),
-        position_max: Vector3::repeat(-big),
     };
     let widen = |range: &mut Option<(f64, f64)>, value: f64| {
         *range = Some(range.map_or((value, value), |(a, b)| (a.min(value), b.max(value))));
@@ -188,8 +185,6 @@ pub(super) fn survey<'a>(arm: &'a Arm, problem: &Problem) -> Survey<'a> {
             survey.motor_min = survey.motor_min.inf(&row.motor);
             survey.motor_max = survey.motor_max.sup(&row.motor);
         }
-        survey.position_min = survey.position_min.inf(&point.reference.translation.vector);
-        survey.position_max = survey.position_max.sup(&point.reference.translation.vector);
     }
     survey.time = survey.time.filter(|(from, to)| to > from);
     survey
