@@ -55,7 +55,6 @@ fn positions(arm: &Arm, run: &Run) -> Vec<Vector3<f64>> {
 fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
     let points = &run.prepared.points;
     let motors = || points.iter().map(|point| point.motor);
-    let places = || points.iter().map(|point| point.reference.translation.vector);
     let times = || points.iter().map(|point| point.time);
     Survey {
         robot: &cell.arm.robot,
@@ -69,8 +68,6 @@ fn survey<'a>(cell: &'a Cell, run: &Run) -> Survey<'a> {
         moving_units: Vec::new(),
         motor_min: motors().reduce(|a, b| a.inf(&b)).unwrap(),
         motor_max: motors().reduce(|a, b| a.sup(&b)).unwrap_or_else(Joints::zeros),
-        position_min: places().reduce(|a, b| a.inf(&b)).unwrap(),
-        position_max: places().reduce(|a, b| a.sup(&b)).unwrap(),
     }
 }
 
