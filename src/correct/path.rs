@@ -12,7 +12,7 @@ use super::travel::CHORD;
 use super::{Options, Prepared};
 use crate::cell::Cell;
 use crate::effects::{Parts, ToolFrame};
-use crate::equilibrium::Setting;
+use crate::equilibrium::{Dragged, Setting};
 use crate::lanes::WIDTH;
 use crate::program::{Editable, Goal, Language, Mark, Motion, Predecessor, Program, Role, Target};
 use crate::robot::{BatchArm, BatchSolutions, EXTERNAL_AXES, External, Joints, Place, Pose, StartedFrom};
@@ -278,7 +278,7 @@ impl Walk<'_, '_> {
         };
         // Where the arm comes from is not known before the first target: not a number.
         let motor = self.carried.near.unwrap_or_else(|| Joints::repeat(f64::NAN));
-        let point = Point::unsolved(why, at, (motor, travel), setting, self.last());
+        let point = Point::unsolved(why, at, Dragged { motor, travel }, setting, self.last());
         self.points.push(point);
     }
 
@@ -369,7 +369,13 @@ impl Walk<'_, '_> {
         let unlocated =
             target.predecessor == Predecessor::Previous && previous.is_some_and(|previous| !previous.is_located());
         if (unlocated || target.predecessor == Predecessor::Unknown) && self.rests_on_predecessor(target) {
-            return self.leave(target, PREDECESSOR_UNKNOWN, (wobj_from_tcp, (motor, travel)), run_with, stand);
+            return self.leave(
+                target,
+                PREDECESSOR_UNKNOWN,
+                (wobj_from_tcp, Dragged { motor, travel }),
+                run_with,
+                stand,
+            );
         }
         let load = match self.carried.laws.load(
             (target, tool),
@@ -440,7 +446,7 @@ impl Walk<'_, '_> {
         &mut self,
         target: &Target,
         why: &'static str,
-        (wobj_from_tcp, on_joints): (Pose, (Joints, Joints)),
+        (wobj_from_tcp, dragged): (Pose, Dragged),
         RunWith { setting, tool }: RunWith,
         stand: &Stand,
     ) {
@@ -449,7 +455,7 @@ impl Walk<'_, '_> {
             let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
             return self.refuse(target, "cell.stock", &message, &help);
         }
-        let point = Point::unsolved(why, wobj_from_tcp, on_joints, setting, self.last());
+        let point = Point::unsolved(why, wobj_from_tcp, dragged, setting, self.last());
         self.points.push(Point { moved: stand.moved.clone(), ..point });
     }
 

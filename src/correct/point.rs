@@ -209,7 +209,7 @@ impl Point {
     pub(super) fn unsolved(
         why: &'static str,
         at: Pose,
-        (motor, travel): (Joints, Joints),
+        Dragged { motor, travel }: Dragged,
         setting: u32,
         previous: Option<&Self>,
     ) -> Self {

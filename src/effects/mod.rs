@@ -246,7 +246,7 @@ pub fn declared_part() -> Box<dyn Effect> {
     Box::new(part_stiffness::PartStiffness::declared())
 }
 
-/// Effects of a cell file, with the declared part behind them where they do not say it; whether it was added.
+/// Effects of a cell file, with the declared part after them where they do not say it; whether it was added.
 pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
     let missing = !effects.iter().any(|effect| kind(effect.kind()).is_some_and(|kind| kind.implied_by_part));
     if missing {

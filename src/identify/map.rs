@@ -10,6 +10,7 @@ use super::found::Map;
 use super::noise::{self, Field, Over, Places, Series, whiten};
 use super::pattern::Standing;
 use super::score::in_standard_errors;
+use super::whole_arm::VARIANCES;
 use crate::effects::{Bell, Effect, discrepancy};
 use nalgebra::{Cholesky, DMatrix, Dyn, Vector3};
 use rayon::prelude::*;
@@ -24,9 +25,7 @@ const WORSE: f64 = -1.0;
 const CENTRES: usize = 200;
 /// Reaches that are tried, in spreads.
 const REACHES: [f64; 6] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0];
-/// Variances of the process over that of the white noise that are tried.
-const SHARES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
-/// Share of the largest number of a matrix that is added to its diagonal, so that centres close to one another can be told apart.
+/// Share of the largest number of a matrix that is added to its diagonal, so that centres close to one another can be distinguished.
 const RIDGE: f64 = 1e-9;
 
 /// What is left at a row, base axes, mm.
@@ -52,7 +51,7 @@ impl Engine {
     pub(super) fn field_map(&self) -> Option<Map> {
         let left = self.left()?;
         let rows: Vec<&Left> = left.iter().collect();
-        let process = self.likeliest(&rows)?;
+        let (process, products) = self.likeliest(&rows)?;
         let mut blocks: Vec<(usize, usize)> = left.iter().map(|left| left.block).collect();
         blocks.sort_unstable();
         blocks.dedup();
@@ -69,7 +68,7 @@ impl Engine {
         };
         let gains: Vec<f64> = blocks.par_iter().map(gain).collect::<Option<_>>()?;
         let gain = in_standard_errors(&gains);
-        let effect = self.mean(&rows, &process)?;
+        let effect = products.mean(&process)?;
         (gain > WORSE).then(|| Map { effect, likely: 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2)) })
     }
 
@@ -77,11 +76,12 @@ impl Engine {
     pub(super) fn renewed_map(&self, map: Map) -> Option<Map> {
         let left = self.left()?;
         let rows: Vec<&Left> = left.iter().collect();
-        Some(Map { effect: self.mean(&rows, &self.likeliest(&rows)?)?, ..map })
+        let (process, products) = self.likeliest(&rows)?;
+        Some(Map { effect: products.mean(&process)?, ..map })
     }
 
-    /// The process of most evidence: over place, posture and force, or over the place alone.
-    fn likeliest(&self, rows: &[&Left]) -> Option<Process> {
+    /// The process of most evidence, with its products: over place, posture and force, or over the place alone.
+    fn likeliest(&self, rows: &[&Left]) -> Option<(Process, Products)> {
         let Field { over: Over::Everything(spreads), .. } = self.shape.field? else { return None };
         let tried = [spreads, [spreads[0], 0.0, 0.0]].into_iter().flat_map(|spreads| {
             let field = Field { over: Over::Everything(spreads), share: 1.0, reach: 1.0 };
@@ -90,21 +90,13 @@ impl Engine {
         });
         let of_size = |process: Process| {
             let products = self.products(rows, &process);
-            let weighed = SHARES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
+            let weighed = VARIANCES.into_iter().filter_map(|share| Some((products.evidence(share)?, share)));
             let (evidence, share) = weighed.max_by(|a, b| a.0.total_cmp(&b.0))?;
-            Some((evidence, Process { field: Field { share, ..process.field }, ..process }))
+            Some((evidence, (Process { field: Field { share, ..process.field }, ..process }, products)))
         };
         let tried: Vec<Process> = tried.collect();
-        let weighed: Vec<(f64, Process)> = tried.into_par_iter().filter_map(of_size).collect();
-        weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, process)| process)
-    }
-
-    /// The effect that is a process's mean.
-    fn mean(&self, rows: &[&Left], process: &Process) -> Option<Box<dyn Effect>> {
-        let heights = self.products(rows, process).heights(process)?;
-        let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
-        let bells: Vec<Bell> = process.centres.iter().zip(&heights).map(bell).collect();
-        Some(discrepancy(process.field.reach, process.spreads, &bells))
+        let weighed: Vec<(f64, (Process, Products))> = tried.into_par_iter().filter_map(of_size).collect();
+        weighed.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, likeliest)| likeliest)
     }
 
     /// What the chosen effects leave of the fitted rows; `None` where rows are no positions.
@@ -182,6 +174,14 @@ impl Products {
         let [_, sum] = self.factors(process.field.share)?;
         let heights = sum.solve(&self.cross);
         Some(heights.row_iter().map(|row| Vector3::new(row[0], row[1], row[2])).collect())
+    }
+
+    /// The effect that is the mean of the process.
+    fn mean(&self, process: &Process) -> Option<Box<dyn Effect>> {
+        let heights = self.heights(process)?;
+        let bell = |(&[at, wrist, force], &shift): (&Places, &Vector3<f64>)| Bell { at, wrist, force, shift };
+        let bells: Vec<Bell> = process.centres.iter().zip(&heights).map(bell).collect();
+        Some(discrepancy(process.field.reach, process.spreads, &bells))
     }
 
     /// Log evidence but for a constant, σ at its best, nats.

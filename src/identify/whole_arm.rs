@@ -31,7 +31,7 @@ const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 /// Reaches of the discrepancy, in standard deviations of place, posture and force over the table.
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Its variance over that of the white noise: from half of its size to eight times.
-const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
+pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 /// Groups of rows near one another in place, posture and load: each is left out in turn.
 const GROUPS: usize = 8;
 

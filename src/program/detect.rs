@@ -59,7 +59,7 @@ fn first<T>(head: &[u8], of: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
     of(lines(head).map(trim).find(|line| !line.is_empty())?)
 }
 
-/// `def name():`, `movel(p[…`, `set_tcp(p[…`, `global name = p[…`. Case counts: URScript tells it apart.
+/// `def name():`, `movel(p[…`, `set_tcp(p[…`, `global name = p[…`. URScript distinguishes upper and lower case.
 fn is_ur(line: &[u8]) -> bool {
     let code = line.split(|b| *b == b'#').next().unwrap_or_default().trim_ascii_end();
     let routine = [&b"def "[..], b"thread ", b"sec "].iter().any(|word| code.starts_with(word));

@@ -70,7 +70,7 @@ struct Place {
 }
 
 impl ComplianceMap {
-    /// The map over places on the surface of a body (mm): any of these, and others between them, can be asked for after it.
+    /// The map over places on the surface of a body (mm): any of these, and others between them, can be looked up in it.
     ///
     /// `before` is the map of the same grid with more material or other clamps.
     #[must_use]
@@ -138,7 +138,7 @@ impl ComplianceMap {
     }
 
     /// Largest error of the map at the last places that were solved for, before their fields were added, as a share of the
-    /// compliance there, where it is more than the accuracy's absolute bound: it tells, about, the error between places.
+    /// compliance there, where it is more than the accuracy's absolute bound: it is about the error between places.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.error

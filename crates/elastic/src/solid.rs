@@ -85,7 +85,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The cells that a body fills, wholly or in part. `depth` tells how far (mm) a point is inside it: near the surface the
+    /// The cells that a body fills, wholly or in part. `depth` is how far (mm) a point is inside it: near the surface the
     /// distance from it, below zero outside.
     ///
     /// A cell whose corners and middle are all inside is taken as full: a slot that is narrower than a cell may pass between them

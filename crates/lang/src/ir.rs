@@ -54,7 +54,7 @@ pub enum Slot {
     Local(u32),
 }
 
-/// What the controller holds besides the program's variables: the first globals of each program.
+/// What the controller holds apart from the program's variables: the first globals of each program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// Pose of the tool in the flange.
@@ -237,7 +237,7 @@ pub enum ExpressionKind {
     Binary(Binary, Box<[Expression; 2]>),
     /// A call with its arguments in order, and those that are named.
     Call(Callee, Vec<Argument>),
-    /// Something that only a run tells, with what it may use.
+    /// Something that is known at run time only, with what it may use.
     Unknown(Reason, Vec<Expression>),
 }
 

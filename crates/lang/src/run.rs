@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub struct Outcome {
     /// Motions, in running order.
     pub motions: Vec<Moved>,
-    /// Tokens that decide something besides where a motion goes.
+    /// Tokens that decide something other than where a motion goes.
     pub used: BTreeMap<TokenId, Reason>,
 }
 
@@ -467,7 +467,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Tokens that decide something besides where a motion goes.
+    /// Tokens that decide something other than where a motion goes.
     fn use_up(&mut self, reads: &Reads) {
         for token in reads.tokens() {
             self.out.used.entry(*token).or_insert(Reason::Shared);

@@ -26,7 +26,7 @@ const POSITION: usize = 3;
 pub fn editable(outcome: &Outcome, arcs: &[std::ops::Range<usize>]) -> Vec<Edit> {
     let mut edits: Vec<Edit> = outcome.motions.iter().map(own).collect();
     let mut used = outcome.used.clone();
-    // What a pose depends on besides the tokens that are edited.
+    // What a pose depends on apart from the tokens that are edited.
     for motion in &outcome.motions {
         for value in points(motion) {
             for token in value.reads.tokens() {

@@ -144,7 +144,7 @@ impl Reads {
 pub struct Value {
     /// What is known of it.
     pub content: Content,
-    /// Tokens that it depends on besides those of its parts.
+    /// Tokens that it depends on, apart from those of its parts.
     pub reads: Reads,
 }
 

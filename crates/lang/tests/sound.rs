@@ -93,7 +93,7 @@ struct Line(usize, Does);
 
 const GLOBALS: usize = 3;
 const LOCALS: usize = 3;
-/// Counters of loops are locals behind the others.
+/// Counters of loops are locals after the others.
 const COUNTERS: usize = 4;
 
 struct Program {
@@ -710,7 +710,7 @@ fn is_near(a: &Place, b: &Place) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() < 1e-7) && turn.min(std::f64::consts::TAU - turn) < 1e-7
 }
 
-/// What a program tells of how well the test looks.
+/// What a program contributes to the count of what the test has looked at.
 #[derive(Default)]
 struct Seen {
     edited: usize,

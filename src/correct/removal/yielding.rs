@@ -110,7 +110,7 @@ impl Stages {
         } else {
             (0..MOST_STAGES).map(|n| &looks[n * (count - 1) / (MOST_STAGES - 1)]).collect()
         };
-        // Shares of the stages at each cut: it is between two of them, or behind the last.
+        // Shares of the stages at each cut: it is between two of them, or after the last.
         let after = |cut: &Cut| chosen.partition_point(|look| look.removed <= cut.removed).clamp(1, chosen.len());
         let mut compliance = vec![Matrix3::zeros(); cuts.len()];
         let (mut before, mut most, mut places, mut elements, mut off) = (None, 0.0_f64, 0, 0, 0.0_f64);

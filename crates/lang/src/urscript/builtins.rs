@@ -6,9 +6,9 @@
 /// What a routine of the controller does.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Builtin {
-    /// Changes nothing that a motion depends on, and tells nothing.
+    /// Changes nothing that a motion depends on, and has no value.
     Quiet,
-    /// Tells what only a run knows.
+    /// Gives a value that is known at run time only.
     Asks,
     /// A value of its arguments that is not computed here.
     Computes,
