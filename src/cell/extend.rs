@@ -70,7 +70,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         let numbers = |values: &[f64]| Item::Value(Value::Array(values.iter().map(|v| float(rounded(*v))).collect()));
         path.insert("zone_share", Item::Value(float(rounded(law.zone_share))));
         path.insert("smoothing_s", numbers(&law.smoothing));
-        path.insert("axis_smoothing", numbers(law.axis_smoothing.as_slice()));
+        path.insert("axis_lead_s2", numbers(law.axis_lead.as_slice()));
         path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
         path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
         path.insert("lag_s", numbers(law.lag.as_slice()));

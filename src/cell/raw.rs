@@ -102,9 +102,10 @@ pub(super) struct Controller {
 pub(super) struct ControllerPath {
     pub(super) zone_share: f64,
     pub(super) smoothing_s: [f64; 2],
-    pub(super) axis_smoothing: Option<[f64; 6]>,
     pub(super) acceleration_mm_s2: f64,
     pub(super) corner_acceleration_mm_s2: f64,
+    #[serde(default)]
+    pub(super) axis_lead_s2: [f64; 6],
     #[serde(default)]
     pub(super) lag_s: [f64; 6],
     pub(super) zone_mm: Option<f64>,

@@ -411,7 +411,6 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     let positive = [
         ("controller.path.zone_share", &[keys.zone_share][..]),
         ("controller.path.smoothing_s", &keys.smoothing_s),
-        ("controller.path.axis_smoothing", keys.axis_smoothing.as_ref().map_or(&[], |factors| &factors[..])),
         ("controller.path.acceleration_mm_s2", &[keys.acceleration_mm_s2]),
         ("controller.path.corner_acceleration_mm_s2", &[keys.corner_acceleration_mm_s2]),
     ];
@@ -423,6 +422,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
         let message = format!("[controller.path] smoothing_s and lag_s are at most {SLOWEST_S} s");
         check.error("controller.path", message, "these are seconds: 58 ms are 0.058");
     }
+    check.finite("controller.path.axis_lead_s2", &keys.axis_lead_s2);
     check.finite("controller.path.lag_s", &keys.lag_s);
     if let Some(zone) = keys.zone_mm {
         check.positive("controller.path.zone_mm", &[zone]);
@@ -435,7 +435,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
         law: PathLaw {
             zone_share: keys.zone_share,
             smoothing: keys.smoothing_s,
-            axis_smoothing: keys.axis_smoothing.map_or(PathLaw::TYPICAL.axis_smoothing, Into::into),
+            axis_lead: keys.axis_lead_s2.into(),
             acceleration: 1e-3 * keys.acceleration_mm_s2,
             corner_acceleration: 1e-3 * keys.corner_acceleration_mm_s2,
             lag: keys.lag_s.into(),

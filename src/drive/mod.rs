@@ -7,9 +7,9 @@
 //! 1. *Route*: the programmed lines and arcs, with a parabola over each corner that is passed in a zone ([`PathLaw::zone_share`]).
 //! 2. *Speed*: the largest speed along the route that keeps the programmed feed, the acceleration along the path, and the
 //!    acceleration across corners and bends.
-//! 3. *Smoothing*: two moving averages of the motor angles over time ([`PathLaw::smoothing`]), which may be of another width for
-//!    each axis ([`PathLaw::axis_smoothing`]).
-//! 4. *Lag*: each axis trails its command by a time of its own ([`PathLaw::lag`]).
+//! 3. *Smoothing*: two moving averages of the motor angles over time ([`PathLaw::smoothing`]).
+//! 4. *Axes*: each motor leads its axis by a share of the acceleration ([`PathLaw::axis_lead`]), and trails its command by a time
+//!    of its own ([`PathLaw::lag`]).
 //!
 //! The deflection of the arm is no part of it: these are the angles of the motors, as the controller's own signals show them.
 //!
@@ -51,9 +51,10 @@ pub struct PathLaw {
     pub zone_share: f64,
     /// Widths of the two moving averages over time, s.
     pub smoothing: [f64; 2],
-    /// Factor on these widths for each axis. Axes that are smoothed over different times leave the path together wherever the
-    /// motion speeds up or slows down.
-    pub axis_smoothing: Joints,
+    /// By what each motor leads its axis for a unit of the axis's acceleration, s²: inertia over stiffness. Controllers twist the
+    /// gears ahead of the torque that accelerates the arm, so that the motors leave the path wherever the motion speeds up or slows
+    /// down.
+    pub axis_lead: Joints,
     /// Largest acceleration along the path, m/s².
     pub acceleration: f64,
     /// Largest acceleration across the path, in corners and bends, m/s².
@@ -67,7 +68,7 @@ impl PathLaw {
     pub const TYPICAL: Self = Self {
         zone_share: 0.87,
         smoothing: [0.058, 0.058],
-        axis_smoothing: Joints::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+        axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: 8.0,
         corner_acceleration: 4.0,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -77,7 +78,7 @@ impl PathLaw {
     pub const AS_WRITTEN: Self = Self {
         zone_share: 0.0,
         smoothing: [0.0; 2],
-        axis_smoothing: Joints::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+        axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: f64::INFINITY,
         corner_acceleration: f64::INFINITY,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -86,7 +87,7 @@ impl PathLaw {
     /// How long the controller goes on moving the axes after its path has ended, s.
     #[must_use]
     pub fn settling(&self) -> f64 {
-        (self.smoothing[0] + self.smoothing[1]) * self.axis_smoothing.max().max(1.0)
+        self.smoothing[0] + self.smoothing[1]
     }
 
     /// Standard deviation in time of what the two moving averages spread a command over, s.

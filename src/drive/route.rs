@@ -9,6 +9,8 @@ use nalgebra::{Translation3, Vector3};
 const STEP: f64 = 2e-3;
 /// Least number of intervals of a corner or of a motion; a parabola of 16 chords is off by 1/512 of its height.
 const LEAST: usize = 16;
+/// Least length of a rounding over that of the ways that it rounds: the middle of a turn back has no length, and still takes time.
+const LEAST_SHARE: f64 = 0.05;
 /// A way shorter than this is none, m: below what any controller resolves.
 const NO_WAY: f64 = 1e-9;
 
@@ -107,7 +109,8 @@ impl Route {
         for i in 1..ways.len() {
             let room = 0.5 * ways[i - 1].length.min(ways[i].length);
             let Some(radius) = ways[i - 1].to.zone else { continue };
-            ways[i - 1].radius = (law.zone_share * radius).min(room);
+            // A controller cuts a zone to half of the shorter way, and rounds a share of what is left.
+            ways[i - 1].radius = law.zone_share * radius.min(room);
         }
         #[allow(clippy::cast_precision_loss)]
         let start = Knot { motor: first.motor, length: 0.0, speed: first.feed, stops: true, progress: 0.0 };
@@ -184,9 +187,17 @@ impl Route {
     /// begun, so that their sum is a parabola where both are straight.
     fn corner(&mut self, robot: &Robot, law: &PathLaw, way: &Way<'_>, next: &Way<'_>) -> Result<(), DriveError> {
         let radius = way.radius;
-        let turn = (next.direction(0.0) - way.direction(1.0)).norm();
+        let directions = [way.direction(1.0), next.direction(0.0)];
+        let turn = (directions[1] - directions[0]).norm();
         let speed = way.speed(law).min(next.speed(law)).min(law.corner_speed(turn, radius));
         let count = intervals(2.0 * radius);
+        // A parabola is shorter than the two ways that it rounds; a reorientation is as long as it was counted.
+        let shorter = |passed: f64| match &directions {
+            [first, second] if *first != Vector3::zeros() && *second != Vector3::zeros() => {
+                first.lerp(second, passed).norm().max(LEAST_SHARE)
+            }
+            _ => 1.0,
+        };
         let before = way.motor(robot, 1.0 - radius / way.length, &self.near())?;
         let (mut near_way, mut near_next) = (before, way.to.motor);
         for k in 1..=count {
@@ -212,7 +223,8 @@ impl Route {
             } else {
                 progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
             };
-            self.knots.push(Knot { motor, length: 2.0 * radius * part(1, count), speed, stops: false, progress });
+            let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
+            self.knots.push(Knot { motor, length, speed, stops: false, progress });
         }
         Ok(())
     }

@@ -22,22 +22,20 @@ pub(super) fn smoothed(law: &PathLaw, route: &Route, times: &[f64]) -> Vec<Drive
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let cells = (end / STEP_S).ceil() as usize + 2;
     let mut means = cell_means(route, &along, times, law.settling(), cells);
-    let factors = state(&law.axis_smoothing, 1.0);
     for width in law.smoothing {
-        // A controller knows what it is sent to before the axes go there: the longest average looks back, the others lie in its middle.
-        let delay = width * law.axis_smoothing.max().max(1.0);
-        means = moving_average(&means, width, delay, &factors, &from);
+        means = moving_average(&means, width, &from);
     }
     let samples = cells / 2;
     (0..samples)
         .map(|k| {
             let (at, before) = (means[2 * k], if k > 0 { means[2 * k - 1] } else { from });
             let rate = (at - before) / STEP_S;
-            let trailing = Joints::from_fn(|joint, _| at[joint] - law.lag[joint] * rate[joint]);
+            let acceleration = (means[2 * k + 1] - 2.0 * at + before) / STEP_S.powi(2);
+            let motor = |joint| at[joint] - law.lag[joint] * rate[joint] + law.axis_lead[joint] * acceleration[joint];
             let (waypoint, share) = place(progress_at(route, &along, at[6]));
             #[allow(clippy::cast_precision_loss)]
             let time = (2 * k) as f64 * STEP_S;
-            DrivenSample { time, motor: trailing, waypoint, share }
+            DrivenSample { time, motor: Joints::from_fn(|joint, _| motor(joint)), waypoint, share }
         })
         .collect()
 }
@@ -108,9 +106,9 @@ fn cell_means(route: &Route, along: &[f64], times: &[f64], rest: f64, cells: usi
     means
 }
 
-/// The mean over a window of `width` s times the factor of each number, about the middle of each step less half of `delay`;
-/// before the first step stands the given state, after the last one the last.
-fn moving_average(means: &[State], width: f64, delay: f64, factors: &State, before: &State) -> Vec<State> {
+/// The mean over the `width` s before the middle of each step; before the first step stands the given state, after the last one the
+/// last.
+fn moving_average(means: &[State], width: f64, before: &State) -> Vec<State> {
     if width <= 0.0 {
         return means.to_vec();
     }
@@ -126,22 +124,20 @@ fn moving_average(means: &[State], width: f64, delay: f64, factors: &State, befo
     #[allow(clippy::cast_precision_loss)]
     let end = means.len() as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let up_to = |at: f64, i: usize| {
+    let up_to = |at: f64| {
         if at >= end {
-            return sums[means.len()][i] + (at - end) * last[i];
+            return sums[means.len()] + (at - end) * last;
         }
         let cell = at.max(0.0).floor();
         let low = cell as usize;
-        sums[low][i] + (sums[low + 1][i] - sums[low][i]) * (at.max(0.0) - cell)
+        sums[low] + (sums[low + 1] - sums[low]) * (at.max(0.0) - cell)
     };
+    let window = width / STEP_S;
     (0..means.len())
         .map(|cell| {
             #[allow(clippy::cast_precision_loss)]
-            let middle = cell as f64 + 0.5 - 0.5 * delay / STEP_S;
-            State::from_fn(|i, _| {
-                let half = 0.5 * width * factors[i] / STEP_S;
-                before[i] + (up_to(middle + half, i) - up_to(middle - half, i)) / (2.0 * half)
-            })
+            let middle = cell as f64 + 0.5;
+            before + (up_to(middle) - up_to(middle - window)) / window
         })
         .collect()
 }
@@ -172,7 +168,6 @@ pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f6
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let cells = (end / STEP_S).ceil() as usize + 2;
     let progress = progress_in_cells(route, times, law.settling(), cells);
-    let slowest = law.axis_smoothing.max().max(1.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let margin = (law.settling() / STEP_S).ceil() as usize + 2;
     hats.par_iter()
@@ -185,7 +180,7 @@ pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f6
             let last = (progress.partition_point(|p| p < to) + margin).min(cells);
             let mut values: Vec<f64> = progress[first..last].iter().map(|p| hat(*p)).collect();
             for width in law.smoothing {
-                values = scalar_average(&values, width, 0.5 * width * slowest + 0.5 * law.lag.mean());
+                values = scalar_average(&values, width, 0.5 * width + 0.5 * law.lag.mean());
             }
             let sample = first.div_ceil(2);
             let values = values.iter().skip(2 * sample - first).step_by(2).copied().collect();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::robot::BUILTIN;
-use approx::assert_relative_eq;
+use approx::{assert_abs_diff_eq, assert_relative_eq};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
 /// A controller that smooths nothing and knows no inertia, to which each test adds what it is about.
@@ -132,7 +132,7 @@ fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
 }
 
 #[test]
-fn axes_that_are_smoothed_alike_keep_a_line_and_others_leave_it_where_it_speeds_up() {
+fn axes_keep_a_line_and_a_motor_that_leads_leaves_it_where_it_speeds_up() {
     let bench = Bench::new();
     let waypoints =
         [bench.waypoint([-100.0, -50.0], Lead::Line, None), bench.waypoint([100.0, 50.0], Lead::Line, None)];
@@ -143,7 +143,7 @@ fn axes_that_are_smoothed_alike_keep_a_line_and_others_leave_it_where_it_speeds_
     let alike = PathLaw { smoothing: [0.06, 0.06], acceleration: 4.0, ..PLAIN };
     // A line is no straight line of motor angles: what its bend leaves is some micrometres.
     assert!(off(&alike) < 0.01, "{}", off(&alike));
-    let apart = PathLaw { axis_smoothing: Joints::new(1.5, 1.0, 1.0, 1.0, 1.0, 1.0), ..alike };
+    let apart = PathLaw { axis_lead: Joints::new(4e-4, 0.0, 0.0, 0.0, 0.0, 0.0), ..alike };
     assert!(off(&apart) > 0.05, "{}", off(&apart));
 }
 
@@ -183,7 +183,7 @@ fn a_law_is_found_again_in_logs_that_it_made() {
     let truth = PathLaw {
         zone_share: 0.8,
         smoothing: [0.07, 0.05],
-        axis_smoothing: Joints::new(1.3, 1.1, 0.9, 0.7, 0.7, 1.2),
+        axis_lead: Joints::new(4e-4, 3e-4, 1e-4, 0.0, -1e-4, 2e-4),
         acceleration: 5.0,
         corner_acceleration: 2.0,
         ..PathLaw::TYPICAL
@@ -376,4 +376,25 @@ fn a_law_that_is_not_known_well_enough_stops_at_corners_that_it_cuts_by_much() {
     };
     // The corner is missed by 0.74 mm: 1 % of that is little of 0.05 mm, 10 % is more than all of it.
     assert_eq!((zone(0.01), zone(0.1)), (Some(3e-4), None));
+}
+
+/// A motor that leads its axis by c times the acceleration: on a ramp of speed that takes as long as the one moving average is wide,
+/// q̈ is v/width, so that the motor is c·v/width ahead; at an even speed it is where it would be.
+#[test]
+fn a_motor_leads_its_axis_by_its_share_of_the_acceleration() {
+    let bench = Bench::new();
+    let mut waypoints =
+        [bench.waypoint([-100.0, 0.0], Lead::Line, None), bench.waypoint([100.0, 0.0], Lead::Joints, None)];
+    waypoints[1].feed = 0.05;
+    let plain = PathLaw { smoothing: [0.06, 0.0], ..PLAIN };
+    let leading = PathLaw { axis_lead: Joints::new(5e-4, 0.0, 0.0, 0.0, 0.0, 0.0), ..plain };
+    let motors = |law: &PathLaw| -> Vec<f64> {
+        let driven = drive(&bench.robot, law, &waypoints).expect("within reach");
+        driven.iter().map(|sample| sample.motor[0]).collect()
+    };
+    let (plain, leading) = (motors(&plain), motors(&leading));
+    let rate = (plain[200] - plain[100]) / (100.0 * SAMPLE_S);
+    // 32 ms into the ramp, and long after it.
+    assert_relative_eq!(leading[8] - plain[8], 5e-4 * rate / 0.06, max_relative = 1e-6);
+    assert_abs_diff_eq!(leading[150], plain[150], epsilon = 1e-12);
 }

@@ -64,7 +64,11 @@ pub fn path_law_text(found: &FittedLaw) -> String {
         values.iter().map(|value| format!("{value:.decimals$}")).collect::<Vec<_>>().join(", ")
     };
     if law.lag == Joints::zeros() {
-        let _ = writeln!(text, "  axes 1 to 6 are smoothed over {} times as long", list(&law.axis_smoothing, 2));
+        let _ = writeln!(
+            text,
+            "  motors 1 to 6 lead their axes by {} ms² of acceleration",
+            list(&(law.axis_lead * 1e6), 0)
+        );
     } else {
         let _ = writeln!(text, "  lag of axes 1 to 6: {} ms", list(&(law.lag * 1e3), 1));
     }

@@ -139,7 +139,8 @@ fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
     assert!(said.contains("comes to rest at 1 corner") && said.contains("`--subdivide MM` may add"), "{said}");
     let time = |json: &Value, which: &str| json["driven_path"][which]["run_time_s"].as_f64().unwrap();
     let stop = time(&json, "corrected") - time(&json, "programmed");
-    assert!((0.1..0.2).contains(&stop), "{stop}");
+    // The axes come to rest (2 · 58 ms), and the controller no longer cuts the corner.
+    assert!((0.116..0.25).contains(&stop), "{stop}");
     assert!(json["driven_path"]["programmed"]["max_mm"].as_f64().unwrap() > 0.5, "{json}");
     // With them, it takes less time.
     let (said, json, path, out) = run("--max-path-error 0.05 --subdivide 0.05");
