@@ -84,7 +84,13 @@ pub(super) fn run(args: &Check) -> Outcome {
     if let Some(path) = &args.reports.html {
         let cell = setup.cell.origin();
         let scene = Some(&setup.cell.cell);
-        let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths, scene };
+        let page = PathPage {
+            kind: PathKind::Check,
+            cell: &cell,
+            programs: &paths,
+            scene,
+            tolerance_mm: Some(args.max_error),
+        };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;

@@ -179,7 +179,7 @@ pub(super) fn finish(
     }
     if let Some(path) = &reports.html {
         let cell = setup.cell.origin();
-        let page = PathPage { kind, cell: &cell, programs: &paths, scene: Some(&setup.cell.cell) };
+        let page = PathPage { kind, cell: &cell, programs: &paths, scene: Some(&setup.cell.cell), tolerance_mm: None };
         outputs.add_report(path, page.html().as_bytes())?;
     }
     outputs.commit()?;

@@ -75,6 +75,7 @@ pub use removal::{CutProgress, Cuts, Removal};
 pub use row::{Row, RowNames, Status, Summary};
 pub use shaped::{DrivenCompensation, DrivenFigures, DrivenSummary, compensate_driven};
 pub use stance::Stance;
+pub(crate) use stance::millimetres_and_degrees;
 pub use stiffness::Stiffness;
 pub use stream::{compensate_chunks, compensate_declared, compensate_executed, count_chunks, post_chunks};
 

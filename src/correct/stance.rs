@@ -2,6 +2,7 @@
 
 use super::collected::points_of;
 use super::context::Context;
+use super::segment::Kind;
 use super::{Prepared, Row};
 use crate::cell::Cell;
 use crate::robot::{EXTERNAL_AXES, External, Pose};
@@ -22,17 +23,19 @@ pub struct Stance {
     pub external: External,
     /// The unit that the work object is on, in the work object: a point of its axis, mm, and the axis' direction.
     pub table: Option<[f64; 6]>,
+    /// Circle point of the arc that leads to the target, work object axes, mm.
+    pub circle_point: Option<[f64; 3]>,
 }
 
 /// Fills `stance`.
 pub(super) fn fill(rows: &mut [Row], Context { program, cell, .. }: Context<'_>, prepared: &Prepared) {
     let at = points_of(rows, program);
     for (row, at) in rows.iter_mut().zip(at) {
-        row.stance = at.and_then(|i| stance(cell, prepared, i)).map(Arc::new);
+        row.stance = at.and_then(|i| stance(cell, prepared, i, Kind::of(program, i))).map(Arc::new);
     }
 }
 
-fn stance(cell: &Cell, prepared: &Prepared, i: usize) -> Option<Stance> {
+fn stance(cell: &Cell, prepared: &Prepared, i: usize, kind: Kind) -> Option<Stance> {
     let (robot, point) = (&cell.arm.robot, &prepared.points[i]);
     if point.unsolved.is_some() {
         return None;
@@ -47,13 +50,16 @@ fn stance(cell: &Cell, prepared: &Prepared, i: usize) -> Option<Stance> {
         axes_deg: robot.axes_deg_from_motor(&point.motor),
         limit_margin_deg: robot.limit_margin(&point.motor).to_degrees(),
         singular_margin_deg: wrist.sin().abs().asin().to_degrees(),
-        base: base(&wobj_from_base),
+        base: millimetres_and_degrees(&wobj_from_base),
         external: prepared.external(i).copied().unwrap_or([f64::NAN; EXTERNAL_AXES]),
         table,
+        circle_point: (kind == Kind::Arc)
+            .then(|| (1e3 * prepared.points[i - 1].wobj_from_tcp.translation.vector).into()),
     })
 }
 
-fn base(pose: &Pose) -> [f64; 6] {
+/// Position, mm, and rotation vector, degrees.
+pub(crate) fn millimetres_and_degrees(pose: &Pose) -> [f64; 6] {
     // Through the quaternion: the matrix form loses digits near the identity and half a turn.
     let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&pose.rotation).scaled_axis();
     six(&(pose.translation.vector * 1e3), &turn.map(f64::to_degrees))

@@ -51,6 +51,7 @@ fn stance(t: f64) -> std::sync::Arc<Stance> {
         base: [-1000.0, 400.0, -700.0, 0.0, 0.0, 180.0],
         external: [t * 0.01, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN],
         table: None,
+        circle_point: None,
     })
 }
 
@@ -66,6 +67,7 @@ fn page(rows: &[Row]) -> String {
         cell: &Origin::of("cell.toml", b""),
         programs: &[(summary, path)],
         scene: None,
+        tolerance_mm: None,
     }
     .html()
 }

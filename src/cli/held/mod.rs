@@ -151,7 +151,8 @@ impl Run {
     fn page(&self, kind: PathKind, done: Done) -> String {
         let cell = self.setup.cell.origin();
         let programs = done.path.map(|path| (done.summary, path));
-        PathPage { kind, cell: &cell, programs: programs.as_slice(), scene: Some(&self.setup.cell.cell) }.html()
+        let scene = Some(&self.setup.cell.cell);
+        PathPage { kind, cell: &cell, programs: programs.as_slice(), scene, tolerance_mm: None }.html()
     }
 
     /// Parses a program and checks that the forces are its own.

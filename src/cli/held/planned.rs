@@ -2,7 +2,7 @@ use super::{CellFile, ProgramFiles};
 use crate::cli::files::all;
 use crate::cli::report::pretty;
 use deflex::identify::{self, Plan, PlanInput, PlanProgram};
-use deflex::report::html::plan_page;
+use deflex::report::html::{DrawnArm, plan_page};
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
 use serde_json::Value;
@@ -18,6 +18,7 @@ pub struct Planned {
     pub found: Plan,
     name: String,
     cell: Origin,
+    arm: DrawnArm,
 }
 
 impl Planned {
@@ -39,7 +40,7 @@ impl Planned {
     /// The page that `--html` writes.
     #[must_use]
     pub fn page(&self) -> String {
-        plan_page(&self.found, &self.name, &self.cell)
+        plan_page(&self.found, &self.name, &self.cell, &self.arm)
     }
 }
 
@@ -64,7 +65,8 @@ pub fn plan(
     if undecided.as_ref().is_some_and(Vec::is_empty) {
         found.notes.push("the identification left nothing undecided: the plan is for every pair of effects".to_owned());
     }
-    Ok(Planned { found, name: program.name.to_owned(), cell: cell.origin() })
+    let arm = DrawnArm::of(&cell.cell);
+    Ok(Planned { found, name: program.name.to_owned(), cell: cell.origin(), arm })
 }
 
 /// Pairs of kinds that an identification (its JSON) left undecided.

@@ -16,7 +16,7 @@ mod write;
 use super::candidate::{Candidate, with};
 use super::candidates;
 use crate::cell::{Cell, PlanSection};
-use crate::correct::named_tool;
+use crate::correct::{millimetres_and_degrees, named_tool};
 use crate::effects::{Shape, ToolFrame, kind};
 use crate::program::{Language, Program};
 use crate::robot::Pose;
@@ -101,6 +101,9 @@ pub struct Plan {
     pub duration_s: f64,
     /// What should be known of it.
     pub notes: Vec<String>,
+    /// The robot's base in the work object: position, mm, and rotation vector, degrees.
+    #[serde(skip)]
+    pub wobj_from_base: [f64; 6],
     /// The program.
     #[serde(skip)]
     pub program: String,
@@ -229,6 +232,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
     })?;
     let load_changes = sheet.loads.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let duration_s = rows.last().map_or(0.0, |row| row.time_s);
+    let wobj_from_base = millimetres_and_degrees(&bench.frames.base_from_wobj.inverse());
     Ok(Plan {
         rows,
         weakest: judged.pairs.first().cloned(),
@@ -240,6 +244,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
         load_changes,
         duration_s,
         notes,
+        wobj_from_base,
         program,
         table,
     })

@@ -2,7 +2,7 @@
 
 use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
-use crate::identify::{Identification, ResidualRow, Separation, SetShare};
+use crate::identify::{FittedParameter, Identification, ResidualRow, Separation, SetShare};
 use crate::report::identification::elsewhere;
 use crate::report::{Origin, identify_answer};
 use serde_json::json;
@@ -133,17 +133,15 @@ fn added(found: &Identification) -> String {
         let head = [("parameter", false), ("value", true), ("95 % interval", true), ("unit", false)];
         let mut table = Table::new("parameters", &head);
         for p in &effect.parameters {
-            let [low, high] = p.ci95;
-            let interval = format!("[{low:.3e}, {high:.3e}]");
-            table.row([
-                format!("<code>{}</code>", escape(&p.name)),
-                format!("{:.4e}", p.value),
-                interval,
-                escape(p.unit),
-            ]);
+            let (unit, size) = workshop_unit(p.unit);
+            let [value, low, high] = [p.value, p.ci95[0], p.ci95[1]].map(|number| significant(number * size));
+            table.row([named(&effect.parameters, p), value, format!("[{low}, {high}]"), escape(unit)]);
         }
         // A curve has dozens of numbers: they are there for who wants them.
         const SHOWN: usize = 12;
+        if effect.parameters.is_empty() {
+            continue;
+        }
         if effect.parameters.len() > SHOWN {
             let _ = writeln!(
                 out,
@@ -207,14 +205,18 @@ fn ranking(found: &Identification) -> String {
     table.html()
 }
 
+/// Pairs that are shown: those that follow are told apart better.
+const MOST_PAIRS: usize = 10;
+
 /// Pairs of effects that these rows hold close together, closest first.
 fn separability(pairs: &[Separation]) -> String {
     /// d′ below the first is not told apart, from the second on it is.
     const TOLD_APART: [f64; 2] = [3.0, 5.0];
-    let most = pairs.iter().map(|pair| pair.d_prime).fold(TOLD_APART[1], f64::max);
+    let shown = &pairs[..pairs.len().min(MOST_PAIRS)];
+    let most = shown.iter().map(|pair| pair.d_prime).fold(TOLD_APART[1], f64::max);
     let head = [("effect that is there", false), ("may be taken for", false), ("d′", true), ("told apart", false)];
     let mut table = Table::new("apart", &head);
-    for Separation { of, from, d_prime } in pairs {
+    for Separation { of, from, d_prime } in shown {
         let verdict = match d_prime {
             d if *d < TOLD_APART[0] => "<strong>no</strong>",
             d if *d < TOLD_APART[1] => "hardly",
@@ -223,7 +225,52 @@ fn separability(pairs: &[Separation]) -> String {
         let [of, from] = [of, from].map(|kind| format!("<code>{}</code>", escape(kind)));
         table.row([of, from, bar(&decimals(*d_prime, 2), d_prime / most), verdict.to_owned()]);
     }
-    table.html()
+    let more = match pairs.len() - shown.len() {
+        0 => String::new(),
+        more => {
+            format!("<p class=\"note\">… and {more} more, further apart: <code>--json</code> has all of them.</p>\n")
+        }
+    };
+    table.html() + &more
+}
+
+/// A unit that a workshop reads, and its size in the given one: micrometres and arc seconds in place of metres and radians.
+fn workshop_unit(unit: &str) -> (&str, f64) {
+    match unit {
+        "rad" => ("″", 3600.0_f64.to_degrees()),
+        "mm" => ("µm", 1e3),
+        "m" => ("µm", 1e6),
+        other => (other, 1.0),
+    }
+}
+
+/// Four significant digits; powers of ten only where a number would have more than seven digits.
+fn significant(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || !(1e-3..1e7).contains(&size) {
+        return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    decimals(value, (3.0 - size.log10().floor()).max(0.0) as usize)
+}
+
+/// A parameter's name, with the axis or the direction that its index means: a list of six has a number for each axis, a list of three
+/// alike ones for X, Y and Z.
+fn named(all: &[FittedParameter], parameter: &FittedParameter) -> String {
+    let list = |name: &str| -> Option<(String, usize)> {
+        let (list, index) = name.strip_suffix(']')?.split_once('[')?;
+        Some((list.to_owned(), index.parse().ok()?))
+    };
+    let code = |name: &str| format!("<code>{}</code>", escape(name));
+    let Some((own, index)) = list(&parameter.name) else { return code(&parameter.name) };
+    let alike = |other: &&FittedParameter| {
+        other.unit == parameter.unit && list(&other.name).is_some_and(|(other, _)| other == own)
+    };
+    match all.iter().filter(alike).count() {
+        6 => format!("{}, axis {}", code(&own), index + 1),
+        3 => format!("{}, {}", code(&own), ["X", "Y", "Z"][index % 3]),
+        _ => code(&parameter.name),
+    }
 }
 
 fn left(found: &Identification) -> String {

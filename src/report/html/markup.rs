@@ -169,7 +169,7 @@ impl Table {
 
     pub(super) fn html(&self) -> String {
         let class = |number: bool| if number { " class=\"number\"" } else { "" };
-        let mut out = format!("<div class=\"scroll\"><table id=\"{}\"><thead><tr>", self.id);
+        let mut out = format!("<div class=\"scroll\" tabindex=\"0\"><table id=\"{}\"><thead><tr>", self.id);
         for (heading, number) in &self.head {
             // Writing to a String cannot fail.
             let _ = write!(out, "<th{}>{heading}</th>", class(*number));

@@ -20,5 +20,5 @@ mod trace;
 pub use diff::diff_page;
 pub use identification::identification_page;
 pub use path::{PathKind, PathPage, PathTrace};
-pub use plan::plan_page;
+pub use plan::{DrawnArm, plan_page};
 pub use simulation::simulation_page;

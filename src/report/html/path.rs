@@ -5,9 +5,10 @@ use super::scene;
 use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
 use crate::cell::Cell;
 use crate::correct::{Row, Status};
-use crate::report::summary::parts_text;
+use crate::report::summary::{FailureLine, parts_text};
 use crate::report::{FileSummary, KeptCount, Origin};
 use serde_json::json;
+use std::collections::BTreeSet;
 
 /// What a page is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +71,9 @@ const CHANNELS: &[Channel] = &[
     Channel { key: "table_i", decimals: 6 },
     Channel { key: "table_j", decimals: 6 },
     Channel { key: "table_k", decimals: 6 },
+    Channel { key: "circle_x_mm", decimals: 4 },
+    Channel { key: "circle_y_mm", decimals: 4 },
+    Channel { key: "circle_z_mm", decimals: 4 },
     Channel { key: "correction_x_mm", decimals: 6 },
     Channel { key: "correction_y_mm", decimals: 6 },
     Channel { key: "correction_z_mm", decimals: 6 },
@@ -84,7 +88,7 @@ const CHANNELS: &[Channel] = &[
 ];
 
 /// Those of how the arm stands.
-const STANCE: usize = 26;
+const STANCE: usize = 29;
 
 /// Those that a correction adds.
 const CORRECTED: usize = 11;
@@ -110,6 +114,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
             values.extend(stance.base);
             values.extend(stance.external);
             values.extend(stance.table.unwrap_or([f64::NAN; 6]));
+            values.extend(stance.circle_point.unwrap_or([f64::NAN; 3]));
         }
         None => values.extend([f64::NAN; STANCE]),
     }
@@ -192,6 +197,8 @@ pub struct PathPage<'a> {
     pub programs: &'a [(FileSummary, PathTrace)],
     /// The cell, where its arm is to be drawn.
     pub scene: Option<&'a Cell>,
+    /// Largest error that a check allows at a target, mm: a line in its chart.
+    pub tolerance_mm: Option<f64>,
 }
 
 impl PathPage<'_> {
@@ -225,7 +232,12 @@ impl PathPage<'_> {
             .flat_map(|(sum, path)| {
                 path.parts.iter().map(|(file, trace)| {
                     let mut path = trace.json();
-                    path["title"] = json!(file.as_ref().unwrap_or(&sum.path));
+                    let title = file.as_ref().unwrap_or(&sum.path);
+                    path["title"] = json!(title);
+                    let here =
+                        |failure: &&FailureLine| failure.file.is_empty() || file.is_none() || failure.file == *title;
+                    let lines: BTreeSet<usize> = sum.failures.iter().filter(here).map(|failure| failure.line).collect();
+                    path["findings"] = json!(lines);
                     path
                 })
             })
@@ -236,7 +248,7 @@ impl PathPage<'_> {
             PathKind::Check => "check",
         };
         let scene = self.scene.map(scene::scene);
-        let data = json!({ "kind": kicker, "paths": programs, "scene": scene });
+        let data = json!({ "kind": kicker, "paths": programs, "scene": scene, "tolerance_mm": self.tolerance_mm });
         let subtitle = format!("cell {}", self.cell.path);
         let sources = self.programs.iter().flat_map(|(sum, _)| &sum.sources);
         let origins: Vec<&Origin> = [self.cell].into_iter().chain(sources).collect();
@@ -314,14 +326,25 @@ impl PathPage<'_> {
                     _ => format!("kept targets stay off by up to {} mm", decimals(most(|sum| sum.max_kept_mm), 4)),
                 },
             });
-            all.push(Tile {
-                key: "max_remaining_mm",
-                value: mm(most(|sum| sum.max_remaining_mm)),
-                unit: "mm",
-                label: "Largest remaining error",
-                aside: "of corrected targets that cut, on the numbers as written".to_owned(),
-            });
         }
+        let rms = match self.programs {
+            [(one, _)] => format!("rms {} mm along the way", mm(one.remaining_path_rms_mm)),
+            _ => "along the way".to_owned(),
+        };
+        let (label, aside) = match self.kind {
+            PathKind::Compensate => {
+                let at_targets = mm(most(|sum| sum.max_remaining_mm));
+                ("Largest remaining error", format!("{rms}; at the targets up to {at_targets} mm"))
+            }
+            PathKind::Predict | PathKind::Check => ("Largest error along the way", rms),
+        };
+        all.push(Tile {
+            key: "remaining_path_max_mm",
+            value: mm(most(|sum| sum.remaining_path_max_mm)),
+            unit: "mm",
+            label,
+            aside,
+        });
         tiles(&all)
     }
 

@@ -1,13 +1,50 @@
 //! The page of `plan`.
 
-use super::markup::{Document, Table, Tile, bar, decimals, escape, section, tiles};
+use super::markup::{Document, STAGE, Table, Tile, bar, decimals, escape, section, tiles};
+use super::scene;
+use super::trace::{Channel, MOST_STRETCHES, Sample, Trace};
+use crate::cell::Cell;
 use crate::identify::Plan;
 use crate::report::Origin;
-use serde_json::json;
+use nalgebra::Vector3;
+use serde_json::{Value, json};
 
-/// The page of a plan called `name`, made for a cell.
+/// What the picture of a plan shows of each row: the place, the load, and how the arm stands.
+const CHANNELS: &[Channel] = &[
+    Channel { key: "x_mm", decimals: 4 },
+    Channel { key: "y_mm", decimals: 4 },
+    Channel { key: "z_mm", decimals: 4 },
+    Channel { key: "time_s", decimals: 0 },
+    Channel { key: "load_n", decimals: 1 },
+    Channel { key: "axis_1_deg", decimals: 3 },
+    Channel { key: "axis_2_deg", decimals: 3 },
+    Channel { key: "axis_3_deg", decimals: 3 },
+    Channel { key: "axis_4_deg", decimals: 3 },
+    Channel { key: "axis_5_deg", decimals: 3 },
+    Channel { key: "axis_6_deg", decimals: 3 },
+    Channel { key: "base_x_mm", decimals: 3 },
+    Channel { key: "base_y_mm", decimals: 3 },
+    Channel { key: "base_z_mm", decimals: 3 },
+    Channel { key: "base_rx_deg", decimals: 6 },
+    Channel { key: "base_ry_deg", decimals: 6 },
+    Channel { key: "base_rz_deg", decimals: 6 },
+];
+
+/// The arm of a cell, ready to be drawn.
+#[derive(Clone, Debug)]
+pub struct DrawnArm(Value);
+
+impl DrawnArm {
+    /// Of a cell.
+    #[must_use]
+    pub fn of(cell: &Cell) -> Self {
+        Self(scene::scene(cell))
+    }
+}
+
+/// The page of a plan called `name`, made for a cell with this arm.
 #[must_use]
-pub fn plan_page(plan: &Plan, name: &str, cell: &Origin) -> String {
+pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &DrawnArm) -> String {
     let percent = |share: f64| decimals(100.0 * share, 0);
     let weakest = plan.weakest.as_ref();
     let mut body = tiles(&[
@@ -40,6 +77,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin) -> String {
             aside: "ten seconds a row, two minutes a change of the load".to_owned(),
         },
     ]);
+    body += STAGE;
     body += &format!(
         "<div class=\"pair\">\n<div>{}</div>\n<div>{}</div>\n</div>\n",
         section("kinds", "Each effect alone", kinds(plan)),
@@ -51,10 +89,30 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin) -> String {
         let items: String = plan.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
         body += &section("notes", "Notes", format!("<ul>\n{items}</ul>\n"));
     }
-    let data = json!({ "kind": "plan", "paths": [] });
+    let mut path = postures(plan).json();
+    path["title"] = json!(name);
+    let data = json!({ "kind": "plan", "paths": [path], "scene": scene });
     let subtitle = format!("what to measure on cell {}", cell.path);
-    Document { kicker: "plan", title: name, subtitle: &subtitle, body: &body, data: &data, origins: &[cell] }
-        .html_with("")
+    Document { kicker: "plan", title: name, subtitle: &subtitle, body: &body, data: &data, origins: &[cell] }.html()
+}
+
+/// The rows in their order, with how the arm stands at each.
+fn postures(plan: &Plan) -> Trace {
+    let mut trace = Trace::new(CHANNELS, MOST_STRETCHES);
+    for row in &plan.rows {
+        let load = Vector3::from(row.load_n).norm();
+        let values =
+            row.position_mm.into_iter().chain([row.time_s, load]).chain(row.axes_deg).chain(plan.wobj_from_base);
+        trace.push(Sample {
+            target: row.target,
+            line: row.target,
+            name: None,
+            status: if row.held_out { "held out" } else { "ok" },
+            values: values.collect(),
+            peaks: [load, row.time_s],
+        });
+    }
+    trace
 }
 
 fn kinds(plan: &Plan) -> String {
@@ -70,8 +128,8 @@ fn kinds(plan: &Plan) -> String {
 }
 
 fn pairs(plan: &Plan) -> String {
-    /// Pairs beyond are apart, or as many more of the same.
-    const SHOWN: usize = 40;
+    /// Pairs that are shown: those that follow are further apart.
+    const SHOWN: usize = 10;
     let mut table = Table::new("separations", &[("effect", false), ("taken for", false), ("d′", true), ("why", false)]);
     for pair in plan.pairs.iter().take(SHOWN) {
         table.row([
@@ -81,7 +139,13 @@ fn pairs(plan: &Plan) -> String {
             escape(pair.why.unwrap_or_default()),
         ]);
     }
-    table.html()
+    let more = match plan.pairs.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        more => {
+            format!("<p class=\"note\">… and {more} more, further apart: <code>--json</code> has all of them.</p>\n")
+        }
+    };
+    table.html() + &more
 }
 
 fn rows(plan: &Plan) -> String {

@@ -102,14 +102,24 @@ fn stage(maps: &[(&str, DeviationMap)]) -> String {
         )
     };
     let views: String = maps.iter().map(view).collect();
+    let histogram = |(name, _): &(&str, DeviationMap)| {
+        format!(
+            "<figure><canvas class=\"bars\" role=\"img\" aria-label=\"Histogram of the deviations, {name}\" style=\"height:11rem\"></canvas>\
+             <figcaption>{name}</figcaption></figure>"
+        )
+    };
+    let bars: String = maps.iter().map(histogram).collect();
     let columns = maps.len().clamp(1, 2);
     format!(
         r#"<section class="stage" id="part-stage" style="grid-template-columns:minmax(0,1fr)"><div class="view">
-<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span></div>
+<div class="toolbar" role="toolbar" aria-label="View"><span class="buttons"><label>Full colour at <input id="limit" type="number" min="0.001" step="0.01" style="width:6em"> mm</label></span>
+<span class="buttons"><button type="button" data-view="iso">3-D</button><button type="button" data-view="top">Top</button><button type="button" data-view="front">Front</button><button type="button" data-view="side">Side</button><button type="button" data-view="fit">Fit</button><button type="button" id="worst">Worst place</button></span></div>
 <div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{views}</div>
 <div class="legend"><span id="low"></span><span id="ramp"></span><span id="high"></span><span id="uncut" style="width:24px;height:11px;border-radius:3px;margin-left:16px"></span><span>not cut</span></div>
-<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. <span id="there" role="status"></span></p>
+<p class="hint">Grey: as programmed. Drag turns, shift-drag moves, wheel zooms, a click tells the deviation. Keys: arrows turn, + − zoom, <kbd>0</kbd> fits. The ring marks the worst place. <span id="there" role="status"></span></p>
 </div></section>
+<section id="charts"><div class="heading"><h2>How much of the surface deviates by how much</h2><p class="key"><span class="swatch limit">as far as the full colour above</span></p></div>
+<div class="views" style="grid-template-columns:repeat({columns},minmax(0,1fr))">{bars}</div></section>
 "#
     )
 }

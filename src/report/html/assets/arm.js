@@ -35,6 +35,7 @@ const joints = (scene, axes) => {
 
 const AXES = [1, 2, 3, 4, 5, 6].map((axis) => `axis_${axis}_deg`);
 const BASE = ["base_x_mm", "base_y_mm", "base_z_mm", "base_rx_deg", "base_ry_deg", "base_rz_deg"];
+const CIRCLE = ["circle_x_mm", "circle_y_mm", "circle_z_mm"];
 const TABLE = ["table_x_mm", "table_y_mm", "table_z_mm", "table_i", "table_j", "table_k"];
 
 // Whether a path tells how the arm stands at a target.

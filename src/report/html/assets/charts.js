@@ -19,8 +19,8 @@ class Charts {
     new ResizeObserver(() => this.resize()).observe(root);
   }
 
-  // panels: [{ heading, title, unit, digits, series: [{ label, values, style }] }] over common x values; a panel with a
-  // heading starts a group, whose key it shows.
+  // panels: [{ heading, title, unit, digits, limit, series: [{ label, values, style }] }] over common x values; a panel with a
+  // heading starts a group, whose key it shows; a limit is a line across the chart.
   show(x, xLabel, panels, points) {
     this.plots.forEach((plot) => plot.destroy());
     this.root.replaceChildren();
@@ -33,7 +33,8 @@ class Charts {
     if (panel.heading) {
       const form = points ? { before: " ring", after: " dot" } : {};
       const entry = ({ style, label }) => element("span", { className: `swatch ${style}${form[style] ?? ""}`, textContent: label });
-      const key = element("p", { className: "key" }, ...panel.series.map(entry));
+      const limit = panel.limit ? [{ style: "limit", label: `tolerance ${panel.limit} ${panel.unit}` }] : [];
+      const key = element("p", { className: "key" }, ...[...panel.series, ...limit].map(entry));
       this.root.append(element("div", { className: "heading" }, element("h2", { textContent: panel.heading }), key));
     }
     const host = element("div", { className: "plot" });
@@ -63,11 +64,27 @@ class Charts {
       plot.ctx.fillRect(at, top, Math.max(1, uPlot.pxRatio), height);
       plot.ctx.restore();
     };
+    const limited = (plot) => {
+      if (!panel.limit) return;
+      const at = Math.round(plot.valToPos(panel.limit, "y", true));
+      const { left, width } = plot.bbox;
+      plot.ctx.save();
+      plot.ctx.strokeStyle = theme("--chosen");
+      plot.ctx.lineWidth = uPlot.pxRatio;
+      plot.ctx.setLineDash([6 * uPlot.pxRatio, 4 * uPlot.pxRatio]);
+      plot.ctx.beginPath();
+      plot.ctx.moveTo(left, at);
+      plot.ctx.lineTo(left + width, at);
+      plot.ctx.stroke();
+      plot.ctx.restore();
+    };
+    // The tolerance is in sight, and so is zero, from which it counts.
+    const range = panel.limit ? { range: (_, low, high) => [Math.min(0, low), 1.08 * Math.max(panel.limit, high)] } : {};
     const options = {
       width: Math.max(280, this.root.clientWidth),
       height: last ? 172 : 128,
       padding: [12, 8, 0, 0],
-      scales: { x: { time: false } },
+      scales: { x: { time: false }, y: range },
       cursor: {
         sync: { key: "path" },
         drag: { x: true, y: false },
@@ -80,7 +97,7 @@ class Charts {
       ],
       series: [{ label: xLabel, value: (_, value) => (value == null ? "" : grouped(value)) }, ...series],
       hooks: {
-        draw: [mark],
+        draw: [mark, limited],
         setScale: [(plot, key) => key === "x" && this.follow(plot)],
         ready: [(plot) => plot.over.addEventListener("click", () => {
           const i = plot.cursor.idx;

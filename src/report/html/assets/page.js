@@ -2,7 +2,7 @@
 
 const page = JSON.parse(byId("data").textContent);
 
-// Colourings of the 3-D view: the column, what it is called, its unit.
+// Colourings of the 3-D view that come first: the column, what it is called, its unit.
 const COLOURS = [
   { key: "error_mm", label: "Predicted error", unit: "mm" },
   { key: "correction_mm", label: "Correction", unit: "mm" },
@@ -42,6 +42,8 @@ const FIGURES = [
   ...["a", "b", "c", "d", "e", "f"].map((axis) => [`eax_${axis}, mm or °`, [`eax_${axis}`]]),
   ["Turn about the tool, °", ["spin_deg"]],
   ["Force, N", triple("f", "_n")],
+  ["Load, N", ["load_n"]],
+  ["Time, s", ["time_s"]],
   ["Stiffness, N/mm", []],
   ["along the normal", ["stiffness_normal_n_per_mm"]],
   ["softest direction", ["stiffness_least_n_per_mm"]],
@@ -50,11 +52,11 @@ const FIGURES = [
 
 // What else a column can be called, for columns that are in no list above.
 const AXIS_STYLES = AXES.map((_, i) => `axis${i + 1}`);
-const HIDDEN = [...BASE, ...TABLE, "target", "line", "status", "name", "quote"];
-const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
+const HIDDEN = [...BASE, ...TABLE, ...CIRCLE, "target", "line", "status", "name", "quote"];
+const unitOf = (key) => ({ mm: "mm", deg: "°", n: "N", s: "s", "n/mm": "N/mm" })[key.endsWith("_n_per_mm") ? "n/mm" : key.split("_").at(-1)] ?? (key.startsWith("eax_") ? "mm or °" : "");
 const NAMES = { limit_margin_deg: "Margin to an axis limit", singular_margin_deg: "Margin to a singular wrist", spin_deg: "Turn about the tool axis", sigma_mm: "Uncertainty an axis", error_part_mm: "Error of the part" };
 const nameOf = (key) => {
-  const words = key.replace(/_(mm|deg|n|n_per_mm)$/, "").replaceAll("_", " ");
+  const words = key.replace(/_(mm|deg|n|s|n_per_mm)$/, "").replaceAll("_", " ");
   return NAMES[key] ?? words[0].toUpperCase() + words.slice(1);
 };
 
@@ -64,6 +66,30 @@ const coloursOf = (path) => {
   const known = new Set([...HIDDEN, ...named.map(({ key }) => key)]);
   const others = Object.keys(path.columns).filter((key) => !known.has(key) && !path.column(key).isConstant());
   return [...named, ...others.map((key) => ({ key, label: nameOf(key), unit: unitOf(key) }))];
+};
+
+// Groups of colourings, by what a column's name begins with.
+const GROUPS = [
+  ["Error", /^(error|sigma|prefit)/],
+  ["Correction", /^correction/],
+  ["What remains", /^(remaining|postfit)/],
+  ["Difference", /^(shift|turn|step)/],
+  ["Force and stiffness", /^(f[xyz]_n|load|stiffness)/],
+  ["Arm", /^(axis|limit|singular|eax|spin)/],
+  ["Other", /./],
+];
+const optionsOf = (colours) => GROUPS.flatMap(([group, begins], at) => {
+  const own = colours.filter(({ key }) => GROUPS.findIndex(([, other]) => other.test(key)) === at);
+  const option = ({ key, label, unit }) => element("option", { value: key, textContent: unit ? `${label}, ${unit}` : label });
+  return own.length ? [element("optgroup", { label: group }, ...own.map(option))] : [];
+});
+
+// Digits that a figure deserves: tenths of a micrometre and of an arc second's order. The CSV report has all of them.
+const DIGITS = { mm: 4, "°": 4, N: 1, "N/mm": 0 };
+const rounded = (path, key, i) => {
+  const column = path.column(key);
+  const digits = Math.min(column.decimals, DIGITS[unitOf(key)] ?? column.decimals);
+  return column.has(i) ? column.at(i).toFixed(digits).replace(/^-(0\.?0*)$/, "$1") : "";
 };
 
 const paths = page.paths.map((json) => new Path(json));
@@ -129,15 +155,18 @@ class PathPage {
     const before = byId("colour").value;
     const colours = coloursOf(path);
     this.colours = colours;
-    byId("colour").replaceChildren(...colours.map(({ key, label }) => element("option", { value: key, textContent: label })));
+    byId("colour").replaceChildren(...optionsOf(colours));
     if (colours.some(({ key }) => key === before)) byId("colour").value = before;
     byId("detail").textContent = path.length ? detail(path, "targets") : "No target has a position to show.";
     if (!path.length) return;
     this.view.setPath(path);
+    const found = new Set(path.findings);
+    this.view.found = Array.from(path.column("line").raw, (line, i) => (found.has(line) ? i : -1)).filter((i) => i >= 0);
     this.colour();
     this.plot();
     const sizes = numbers(path, byId("colour").value);
-    this.choose(sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
+    // A plan is looked at in its order, everything else where it is worst.
+    this.choose(page.kind === "plan" ? 0 : sizes.reduce((best, size, i) => (size > sizes[best] ? i : best), 0));
   }
 
   colour() {
@@ -152,7 +181,7 @@ class PathPage {
     if (byId("zero").checked) low = 0;
     this.view.setColours(values, low, high);
     legend(low, high);
-    const air = this.view.air.length ? "; grey: no cutting force" : "";
+    const air = (this.view.air.length ? "; grey: no cutting force" : "") + (this.view.found.length ? "; triangles: findings" : "");
     byId("what").textContent = `${label}, ${unit}${page.kind === "diff" ? "" : air}`;
   }
 
@@ -163,20 +192,22 @@ class PathPage {
     const panels = [];
     if (page.kind === "diff") {
       ["x", "y", "z"].forEach((axis, i) =>
-        panels.push({ heading: i ? "" : "Shift along the path", title: axis.toUpperCase(), unit: "mm", digits: 6, series: line("shift", `shift_${axis}_mm`, "after") }));
-      panels.push({ title: "Turn", unit: "°", digits: 6, series: line("turn", "turn_deg", "after") });
+        panels.push({ heading: i ? "" : "Shift along the path", title: axis.toUpperCase(), unit: "mm", digits: 4, series: line("shift", `shift_${axis}_mm`, "after") }));
+      panels.push({ title: "Turn", unit: "°", digits: 4, series: line("turn", "turn_deg", "after") });
     } else {
       const corrected = path.has("remaining_x_mm");
       const heading = corrected ? "Error along the path, before and after" : "Predicted error along the path";
+      const limit = page.tolerance_mm;
+      if (limit) panels.push({ heading, title: "Size", unit: "mm", digits: 4, limit, series: line("error", "error_mm", "before") });
       ["x", "y", "z"].forEach((axis, i) =>
         panels.push({
-          heading: i ? "" : heading,
+          heading: i || limit ? "" : heading,
           title: axis.toUpperCase(),
           unit: "mm",
-          digits: 6,
+          digits: 4,
           series: [...line(corrected ? "before" : "error", `error_${axis}_mm`, "before"), ...line("after", `remaining_${axis}_mm`, "after")],
         }));
-      if (!corrected) panels.push({ title: "Normal", unit: "mm", digits: 6, series: line("error", "error_normal_mm", "before") });
+      if (!corrected) panels.push({ title: "Normal", unit: "mm", digits: 4, series: line("error", "error_normal_mm", "before") });
       if (path.has("stiffness_normal_n_per_mm")) {
         const series = [
           ...line("along the normal", "stiffness_normal_n_per_mm", "normal"),
@@ -192,7 +223,7 @@ class PathPage {
         panels.push({ heading: "Margins along the path", title: "Margin", unit: "°", digits: 3, series: margins });
       }
     }
-    this.charts.show(x, "target", panels, false);
+    this.charts.show(x, "target", panels.filter(({ series }) => series.length), false);
   }
 
   choose(i) {
@@ -225,7 +256,7 @@ class PathPage {
   }
 
   cell([key], i, span = 3) {
-    const cell = element("td", { className: "number", colSpan: span, textContent: this.path.column(key).text(i) });
+    const cell = element("td", { className: "number", colSpan: span, textContent: rounded(this.path, key, i), title: this.path.column(key).text(i) });
     cell.dataset.key = key;
     return cell;
   }
@@ -235,7 +266,7 @@ class PathPage {
     const { path } = this;
     const { key, label, unit } = this.colours.find((colour) => colour.key === byId("colour").value);
     const name = path.name(i) ? ` ${path.name(i)}` : "";
-    const text = `target ${path.column("target").raw[i]}${name} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${path.column(key).text(i)} ${unit}`;
+    const text = `target ${path.column("target").raw[i]}${name} · line ${path.column("line").raw[i]} · ${label.toLowerCase()} ${rounded(path, key, i)} ${unit}`;
     tipAt(this.view.canvas, x, y, text);
   }
 
@@ -307,7 +338,7 @@ class ResidualPage {
       heading,
       title,
       unit: "mm",
-      digits: 6,
+      digits: 4,
       series: [{ label: "declared cell", values: pick(before), style: "before" }, { label: "extended cell", values: pick(after), style: "after" }],
     });
     const panels = [panel("Size", "prefit_mm", "postfit_mm", "Residuals before and after")];

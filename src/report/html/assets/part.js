@@ -2,6 +2,7 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 // A canvas a map, all seen from the same side.
 const canvases = [...document.querySelectorAll("canvas.part")];
+const bars = [...document.querySelectorAll("canvas.bars")];
 if (canvases.length && data.points) {
   const { points, triangles, maps } = data;
   const count = points.length / 3;
@@ -18,7 +19,11 @@ if (canvases.length && data.points) {
   }
   const centre = low.map((v, k) => (v + high[k]) / 2);
   const size = Math.hypot(...high.map((v, k) => v - low[k])) || 1;
-  const view = { turn: -0.6, tilt: 0.9, zoom: 1, x: 0, y: 0 };
+  const VIEWS = { iso: [-0.6, 0.9], top: [0, 0], front: [0, 1.57], side: [-1.57, 1.57] };
+  const view = { turn: VIEWS.iso[0], tilt: VIEWS.iso[1], zoom: 1, x: 0, y: 0 };
+  const theme = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  // Where each map deviates most.
+  const worst = maps.map((map) => map.values.reduce((best, v, i) => (v !== null && (best < 0 || Math.abs(v) > Math.abs(map.values[best])) ? i : best), -1));
   const seen = new Float64Array(points.length);
   const order = Array.from({ length: triangles.length / 3 }, (_, i) => i);
   const depth = new Float64Array(order.length);
@@ -38,8 +43,10 @@ if (canvases.length && data.points) {
   const draw = () => {
     legend();
     canvases.forEach(drawMap);
+    bars.forEach(drawBars);
   };
-  const drawMap = (canvas, which) => {
+  // A canvas cleared and scaled to the screen's pixels, with its context and its size.
+  const cleared = (canvas) => {
     const context = canvas.getContext("2d");
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const ratio = window.devicePixelRatio || 1;
@@ -47,6 +54,45 @@ if (canvases.length && data.points) {
     canvas.height = height * ratio;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
+    return [context, width, height];
+  };
+  const drawBars = (canvas, which) => {
+    const [context, width, height] = cleared(canvas);
+    const values = maps[which].values.filter((v) => v !== null).map((v) => v / 1e4);
+    if (!values.length) return;
+    const reach = 2 * limit.value;
+    const BINS = 61;
+    const counts = new Array(BINS).fill(0);
+    // What is beyond the chart stands in its last bars.
+    values.forEach((v) => { counts[Math.min(BINS - 1, Math.max(0, Math.floor(((v + reach) / (2 * reach)) * BINS)))] += 1; });
+    const most = Math.max(...counts);
+    const [left, right, top, bottom] = [8, width - 8, 8, height - 24];
+    const x = (v) => left + ((right - left) * (v + reach)) / (2 * reach);
+    counts.forEach((count, k) => {
+      const middle = -reach + ((k + 0.5) * 2 * reach) / BINS;
+      context.fillStyle = colour(middle * 1e4, 1);
+      const tall = ((bottom - top) * count) / most;
+      context.fillRect(x(-reach + (k * 2 * reach) / BINS) + 0.5, bottom - tall, (right - left) / BINS - 1, tall);
+    });
+    context.strokeStyle = theme("--chosen");
+    context.setLineDash([6, 4]);
+    for (const v of [-limit.value, +limit.value]) {
+      context.beginPath();
+      context.moveTo(x(v), top);
+      context.lineTo(x(v), bottom);
+      context.stroke();
+    }
+    context.setLineDash([]);
+    context.fillStyle = theme("--muted");
+    context.font = `12px ${theme("--font")}`;
+    context.textAlign = "center";
+    for (const v of [-limit.value, 0, +limit.value]) context.fillText(`${v} mm`, x(v), height - 6);
+    const within = values.filter((v) => Math.abs(v) <= limit.value).length / values.length;
+    context.textAlign = "left";
+    [`${(100 * within).toFixed(1)} %`, "within"].forEach((text, k) => context.fillText(text, left, top + 12 + 16 * k));
+  };
+  const drawMap = (canvas, which) => {
+    const [context, width, height] = cleared(canvas);
     const scale = (0.9 * view.zoom * Math.min(width, height)) / size;
     const [ct, st, cl, sl] = [Math.cos(view.turn), Math.sin(view.turn), Math.cos(view.tilt), Math.sin(view.tilt)];
     for (let i = 0; i < count; i++) {
@@ -81,7 +127,53 @@ if (canvases.length && data.points) {
       context.fill();
       context.stroke();
     }
+    const axes = [[ct, st * cl], [-st, ct * cl], [0, sl]].map(([u, v]) => [u, -v]);
+    drawTriad(context, height, axes);
+    drawSizes(context, width);
+    if (worst[which] >= 0) ring(context, seen[3 * worst[which]], seen[3 * worst[which] + 1]);
   };
+  const ring = (context, x, y) => {
+    for (const [colour, line] of [[theme("--stage"), 5], [theme("--chosen"), 2.5]]) {
+      context.beginPath();
+      context.arc(x, y, 9, 0, 2 * Math.PI);
+      context.strokeStyle = colour;
+      context.lineWidth = line;
+      context.stroke();
+    }
+    context.lineWidth = 1;
+  };
+  // The axes of the stock, as they are seen.
+  const drawTriad = (context, height, axes) => {
+    const [x0, y0, length] = [40, height - 40, 24];
+    context.font = `600 12px ${theme("--font")}`;
+    [context.textAlign, context.textBaseline] = ["center", "middle"];
+    ["X", "Y", "Z"].forEach((label, k) => {
+      const [x, y] = axes[k];
+      if (Math.hypot(x, y) < 0.15) return;
+      context.beginPath();
+      context.moveTo(x0, y0);
+      context.lineTo(x0 + x * length, y0 + y * length);
+      context.strokeStyle = theme("--muted");
+      context.stroke();
+      context.fillStyle = theme("--text");
+      context.fillText(label, x0 + x * (length + 9), y0 + y * (length + 9));
+    });
+    [context.textAlign, context.textBaseline] = ["start", "alphabetic"];
+  };
+  const drawSizes = (context, width) => {
+    const sizes = high.map((v, k) => `${["X", "Y", "Z"][k]} ${((v - low[k]) / 1e3).toFixed(1)}`);
+    context.font = `12px ${theme("--font")}`;
+    context.fillStyle = theme("--muted");
+    context.textAlign = "right";
+    context.fillText(`${sizes.join(" × ")} mm`, width - 10, 18);
+    context.textAlign = "start";
+  };
+  const tell = (which, i) => {
+    const value = maps[which].values[i];
+    const at = [0, 1, 2].map((k) => (points[3 * i + k] / 1e3).toFixed(2)).join(", ");
+    there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
+  };
+  const fit = () => Object.assign(view, { zoom: 1, x: 0, y: 0 });
   let waits = false;
   const soon = () => {
     if (!waits) requestAnimationFrame(() => { waits = false; draw(); });
@@ -106,21 +198,39 @@ if (canvases.length && data.points) {
         const far = Math.hypot(seen[3 * i] - event.clientX + box.left, seen[3 * i + 1] - event.clientY + box.top);
         if (far < 8 && (best === null || seen[3 * i + 2] < seen[3 * best + 2])) best = i;
       }
-      if (best === null) return;
-      const value = maps[which].values[best];
-      const at = [0, 1, 2].map((k) => (points[3 * best + k] / 1e3).toFixed(2)).join(", ");
-      there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
+      if (best !== null) tell(which, best);
     });
     canvas.addEventListener("keydown", (event) => {
       const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
-      if (!step) return;
+      const zoom = { "+": 1.25, "=": 1.25, "-": 0.8 }[event.key];
+      if (step) {
+        view.turn += step[0];
+        view.tilt = Math.min(1.57, Math.max(-1.57, view.tilt + step[1]));
+      } else if (zoom) view.zoom *= zoom;
+      else if (event.key === "0") fit();
+      else return;
       event.preventDefault();
-      view.turn += step[0];
-      view.tilt += step[1];
       soon();
     });
   });
+  // For whoever drives the page from outside.
+  window.deflex = { view, worst, maps };
   limit.addEventListener("input", soon);
+  document.querySelectorAll("[data-view]").forEach((button) => button.addEventListener("click", () => {
+    fit();
+    if (button.dataset.view in VIEWS) [view.turn, view.tilt] = VIEWS[button.dataset.view];
+    soon();
+  }));
+  // The last map is what counts: that of the corrected program, where there are two.
+  document.getElementById("worst").addEventListener("click", () => {
+    const which = maps.length - 1;
+    if (worst[which] < 0) return;
+    tell(which, worst[which]);
+    const canvas = canvases[which];
+    view.x += canvas.clientWidth / 2 - seen[3 * worst[which]];
+    view.y += canvas.clientHeight / 2 - seen[3 * worst[which] + 1];
+    soon();
+  });
   window.addEventListener("resize", soon);
   draw();
 }

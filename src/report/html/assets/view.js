@@ -40,6 +40,48 @@ const framed = (points, cuts) => {
   return range(shown);
 };
 
+// Places of an arc; a half turn is cut by 0.2 % of its radius.
+const ON_ARC = 24;
+
+// Points of the arcs of a path, by the index of the target that each leads to: from the target before it through its circle point.
+const bendsOf = (path, [x, y, z]) => {
+  const bends = new Map();
+  if (!path.has(CIRCLE[0])) return bends;
+  const ordinal = path.column("target").raw;
+  for (let i = 1; i < path.length; i++) {
+    // What the level of detail left out cannot be drawn.
+    if (!path.column(CIRCLE[0]).has(i) || ordinal[i] - ordinal[i - 1] !== 1) continue;
+    const [from, to] = [i - 1, i].map((k) => [x[k], y[k], z[k]]);
+    const arc = arcThrough(from, CIRCLE.map((key) => path.column(key).at(i)), to);
+    if (arc) bends.set(i, arc);
+  }
+  return bends;
+};
+
+// Points from a through b to c on their circle; nothing for points on a line.
+const arcThrough = (a, b, c) => {
+  const minus = (p, q) => p.map((v, k) => v - q[k]);
+  const dot = (p, q) => p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+  const cross = (p, q) => [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+  const [ab, ac] = [minus(b, a), minus(c, a)];
+  const normal = cross(ab, ac);
+  const size = dot(normal, normal);
+  if (size < 1e-12 * dot(ab, ab) * dot(ac, ac)) return null;
+  // The circumcentre of a triangle from its corner a.
+  const [u, v] = [cross(normal, ab), cross(ac, normal)];
+  const centre = a.map((p, k) => p + (dot(ac, ac) * u[k] + dot(ab, ab) * v[k]) / (2 * size));
+  const from = minus(a, centre);
+  const axis = normal.map((n) => n / Math.sqrt(size));
+  const across = cross(axis, from);
+  const angle = (p) => {
+    const out = minus(p, centre);
+    return (Math.atan2(dot(out, across), dot(out, from)) + 2 * Math.PI) % (2 * Math.PI);
+  };
+  const at = (turn) => centre.map((p, k) => p + Math.cos(turn) * from[k] + Math.sin(turn) * across[k]);
+  const whole = angle(c);
+  return Array.from({ length: ON_ARC }, (_, n) => at((whole * (n + 1)) / ON_ARC));
+};
+
 class View {
   constructor(canvas, { hover, choose, step }) {
     this.canvas = canvas;
@@ -60,6 +102,8 @@ class View {
     this.points = [x, y, z];
     this.pathBox = this.box = framed(this.points, (i) => path.status(i) === "ok");
     this.screen = new Float32Array(2 * path.length);
+    this.bends = only ? new Map() : bendsOf(path, this.points);
+    this.found = [];
     this.fit();
   }
 
@@ -160,8 +204,10 @@ class View {
     context.lineJoin = "round";
     const dots = path.length <= 400;
     this.drawStanding(context, scale);
+    this.placeOf = this.placer(scale);
     this.stroke(context, this.air, skip, theme("--air"), 1, false);
     this.shades.forEach((list, i) => this.stroke(context, list, skip, ramp(i / (SHADES - 1)), 2.5, dots));
+    this.drawFound(context);
     this.drawChosen(context);
     this.drawTriad(context);
     this.drawScale(context, scale);
@@ -177,7 +223,9 @@ class View {
       if (i % skip && i !== this.path.length - 1) continue;
       const from = 2 * Math.max(0, i - (i % skip || skip));
       context.moveTo(screen[from], screen[from + 1]);
-      context.lineTo(screen[2 * i], screen[2 * i + 1]);
+      const bend = skip === 1 ? this.bends.get(i) : undefined;
+      if (bend) bend.forEach((point) => context.lineTo(...this.placeOf(point)));
+      else context.lineTo(screen[2 * i], screen[2 * i + 1]);
     }
     context.strokeStyle = colour;
     context.lineWidth = width;
@@ -236,6 +284,23 @@ class View {
     this.box = this.pathBox.map(([low, high], axis) =>
       points.reduce(([least, most], point) => [Math.min(least, point[axis]), Math.max(most, point[axis])], [low, high]));
     this.fit();
+  }
+
+  // A triangle over each target that a check complains of.
+  drawFound(context) {
+    if (!this.found?.length) return;
+    context.beginPath();
+    for (const i of this.found) {
+      const [x, y] = this.place(i);
+      context.moveTo(x, y - 5);
+      context.lineTo(x - 5, y - 14);
+      context.lineTo(x + 5, y - 14);
+      context.closePath();
+    }
+    context.fillStyle = theme("--chosen");
+    context.globalAlpha = 0.75;
+    context.fill();
+    context.globalAlpha = 1;
   }
 
   drawChosen(context) {
