@@ -166,6 +166,8 @@ pub struct ControllerPath {
     /// Share of the distance between driven and programmed path that the law did not explain in logs that its fit had not seen; 0
     /// where the cell does not say.
     pub error_share: f64,
+    /// Shortest time between two points that the controller can plan, s.
+    pub planning: Option<f64>,
 }
 
 /// `[cl]`.

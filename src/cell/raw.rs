@@ -111,6 +111,7 @@ pub(super) struct ControllerPath {
     pub(super) zone_mm: Option<f64>,
     #[serde(default)]
     pub(super) error_share: f64,
+    pub(super) planning_s: Option<f64>,
 }
 
 #[derive(Deserialize)]

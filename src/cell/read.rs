@@ -424,8 +424,8 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     }
     check.finite("controller.path.axis_lead_s2", &keys.axis_lead_s2);
     check.finite("controller.path.lag_s", &keys.lag_s);
-    if let Some(zone) = keys.zone_mm {
-        check.positive("controller.path.zone_mm", &[zone]);
+    for (key, value) in [("controller.path.zone_mm", keys.zone_mm), ("controller.path.planning_s", keys.planning_s)] {
+        check.positive(key, value.as_slice());
     }
     if !(0.0..=1.0).contains(&keys.error_share) {
         let message = "[controller.path] error_share is a share: expected 0 to 1".to_owned();
@@ -442,6 +442,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
         },
         zone: keys.zone_mm.map(|mm| 1e-3 * mm),
         error_share: keys.error_share,
+        planning: keys.planning_s,
     }
 }
 

@@ -149,7 +149,58 @@ impl Course {
             );
             notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
         }
+        if let Some(path) = cell.controller.path {
+            notes.extend(path.planning.and_then(|planning| self.short_motions(program, planning)));
+            notes.extend(self.cut_zones(program));
+        }
         notes
+    }
+
+    /// Straight distance of the motion to a waypoint, m.
+    fn distance(&self, waypoint: usize) -> f64 {
+        let place = |i: usize| self.waypoints[i].base_from_tcp.translation.vector;
+        (place(waypoint) - place(waypoint - 1)).norm()
+    }
+
+    /// Warns of motions that end before the controller has planned the next one (s): it slows down or stops there.
+    fn short_motions(&self, program: &Program, planning: f64) -> Option<Diagnostic> {
+        let seconds = |i: usize| self.distance(i) / self.waypoints[i].feed;
+        let short = (1..self.waypoints.len()).filter(|i| {
+            let passed = self.waypoints[*i].zone.is_some() && matches!(self.waypoints[*i].lead, Lead::Line);
+            passed && seconds(*i) < planning
+        });
+        let all: Vec<usize> = short.collect();
+        let shortest = all.iter().copied().min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)))?;
+        let (what, take) = if all.len() == 1 { ("motion", "takes") } else { ("motions", "take") };
+        let message = format!(
+            "{} {what} {take} less than the {planning} s that the controller needs to plan one: the arm will stutter; the shortest takes \
+             {:.4} s",
+            all.len(),
+            seconds(shortest)
+        );
+        let mut warning = self.at(program, shortest, "path.stutter", message);
+        warning.severity = Severity::Warning;
+        Some(warning.help("put the points further apart, or lower the feed"))
+    }
+
+    /// Says how many zones are larger than half the way to a neighbouring point. Controllers cut them to that: "Interpolation with
+    /// overlapping position zones", RAPID Reference Manual, Motion and I/O Principles.
+    fn cut_zones(&self, program: &Program) -> Option<Diagnostic> {
+        let is_cut = |i: &usize| {
+            let room = 0.5 * self.distance(*i).min(self.distance(*i + 1));
+            self.waypoints[*i].zone.is_some_and(|zone| room > 0.0 && zone > room)
+        };
+        let all: Vec<usize> = (1..self.waypoints.len().saturating_sub(1)).filter(is_cut).collect();
+        let first = *all.first()?;
+        let (zones, are) = if all.len() == 1 { ("zone", "is") } else { ("zones", "are") };
+        let message = format!(
+            "{} {zones} {are} larger than half the way to a neighbouring point: the controller cuts {} to that",
+            all.len(),
+            if all.len() == 1 { "it" } else { "them" }
+        );
+        let mut note = self.at(program, first, "path.zones-overlap", message);
+        note.severity = Severity::Note;
+        Some(note.help("the driven path counts the zones as the controller cuts them"))
     }
 
     /// Why a path along it cannot be computed.
@@ -166,9 +217,14 @@ impl Course {
     }
 
     fn refused_at(&self, program: &Program, waypoint: usize, message: String, help: &str) -> Vec<Diagnostic> {
+        vec![self.at(program, waypoint, "path.target", message).help(help)]
+    }
+
+    /// A diagnostic about a waypoint.
+    fn at(&self, program: &Program, waypoint: usize, code: &'static str, message: String) -> Diagnostic {
         let target = &program.targets[self.targets[waypoint]];
         let source = &program.sources[usize::from(target.source)];
-        vec![Diagnostic::error("path.target", &source.name, message).at(source, target.span).help(help)]
+        Diagnostic::error(code, &source.name, message).at(source, target.span)
     }
 
     /// How far zones alone may lead the TCP past a corner, m: a parabola over the whole zone.

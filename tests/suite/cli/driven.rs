@@ -175,6 +175,25 @@ fn a_tolerance_of_the_driven_path_needs_a_law_and_a_program_that_is_edited() {
 }
 
 #[test]
+fn a_program_that_will_stutter_is_named_before_it_runs() {
+    let bench = Bench::new();
+    bench.write("cell.toml", format!("{CELL}{LAW}planning_s = 0.01\n"));
+    // 0.4 mm at 50 mm/s takes 8 ms; the zone of 1 mm is larger than half of it.
+    let text = program("v50", "z1");
+    let corner = text.lines().find(|line| line.contains("z1")).unwrap();
+    let near = corner.replace("1200.0,0.0,900", "1199.6,0.0,900");
+    assert_ne!(near, corner);
+    bench.write("p.mod", text.replace(corner, &format!("{near}\n{corner}")));
+    let said = bench.run("predict p.mod --cell cell.toml --path path.csv --report r.csv").exits(0).stderr;
+    assert!(said.contains("path.stutter") && said.contains("1 motion takes less than the 0.01 s"), "{said}");
+    assert!(said.contains("the shortest takes 0.0080 s"), "{said}");
+    assert!(said.contains("path.zones-overlap") && said.contains("2 zones are larger"), "{said}");
+    bench.write("far.mod", &text);
+    let said = bench.run("predict far.mod --cell cell.toml --path path.csv --report r.csv").exits(0).stderr;
+    assert!(!said.contains("path.stutter") && !said.contains("path.zones-overlap"), "{said}");
+}
+
+#[test]
 fn stops_are_written_as_the_language_writes_them() {
     let bench = Bench::new();
     bench.write("cell.toml", format!("{CELL}{LAW}zone_mm = 2.0\n"));

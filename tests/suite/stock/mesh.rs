@@ -120,7 +120,9 @@ fn a_cell_names_its_meshes() {
     let mut own = cell("stl = \"blank.stl\"\n[part]\nstl = \"blank.stl\"\n").unwrap();
     own.take_meshes(read).unwrap();
     let origin = Origin::of("cell.toml", b"");
-    let page = PathPage { kind: PathKind::Compensate, cell: &origin, programs: &[], scene: Some(&own), tolerance_mm: None }.html();
+    let page =
+        PathPage { kind: PathKind::Compensate, cell: &origin, programs: &[], scene: Some(&own), tolerance_mm: None }
+            .html();
     let scene = &data(&page)["scene"];
     for body in ["stock", "part"] {
         assert_eq!(scene[body].as_array().unwrap().len(), 12, "the edges of a box: no diagonal of its faces");
