@@ -1,5 +1,6 @@
 //! The path that the controller drives and the loaded arm takes, sampled over time.
 
+use super::load::PointLoad;
 use super::mount::PREDECESSOR_UNKNOWN;
 use super::parallelism::Parallelism;
 use super::point::Point;
@@ -13,9 +14,15 @@ use crate::program::{Passing, Program};
 use crate::robot::{Joints, Pose, Robot};
 use crate::text::{Diagnostic, Severity};
 use nalgebra::{Rotation3, Translation3, Vector3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Samples that are solved at once: some ten megabytes.
 const BATCH: usize = 16_384;
+/// Steps of the share of the programmed speed at which the force is known. Half a step is 3 % of the chip load: less than any coefficient
+/// of a material is known to.
+const SPEED_STEPS: usize = 16;
 
 /// A program as a controller is sent along it.
 #[derive(Clone, Debug)]
@@ -304,15 +311,18 @@ pub(super) fn as_written(error: Diagnostic) -> Diagnostic {
 /// # Errors
 /// What [`Prepared::new`] and [`Course::new`] refuse; a place on the way that is out of reach or has no equilibrium.
 pub fn loaded_path(program: &Program, cell: &Cell, options: &Options) -> Result<LoadedPath, Vec<Diagnostic>> {
-    let prepared = Prepared::new(program, cell, options)?;
+    let mut prepared = Prepared::new(program, cell, options)?;
     let course = Course::new(program, cell, &prepared)?;
     let law = cell.controller.path.map_or(PathLaw::AS_WRITTEN, |path| path.law);
     let driven = drive(&cell.arm.robot, &law, &course.waypoints).map_err(|error| course.refused(program, error))?;
+    let mut slower = BTreeMap::new();
     let mut samples: Vec<LoadedSample> = Vec::with_capacity(driven.len());
     let mut last: Option<(Joints, Joints)> = None;
-    let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
-    for batch in driven.chunks(BATCH) {
-        let points = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
+    let shares = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm }.speeds(&driven);
+    for (batch, shares) in driven.chunks(BATCH).zip(shares.chunks(BATCH)) {
+        let follow = Follow { program, prepared: &prepared, course: &course, arm: &cell.arm };
+        let mut points: Vec<Point> = batch.iter().map(|sample| follow.point(sample, &mut last)).collect();
+        prepared.slow_down(&mut points, shares, &mut slower);
         let batch_of_points = prepared.with_points(points);
         let solver = Solver::new(&cell.arm, &batch_of_points, Parallelism::Threads);
         let landed = solver.forward(|i| batch_of_points.points[i].as_programmed(), |_| WarmStart::default());
@@ -419,6 +429,28 @@ pub(super) fn driven_ways(
     DrivenWays { ways, missed, counts, figures }
 }
 
+impl Prepared {
+    /// Gives points the law of their cut at a share of the programmed speed. `known` has the laws that were made already, by the law at
+    /// the programmed feed and the step of the share.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+    fn slow_down(&mut self, points: &mut [Point], shares: &[f64], known: &mut BTreeMap<(usize, usize), usize>) {
+        let steps = SPEED_STEPS as f64;
+        for (point, share) in points.iter_mut().zip(shares) {
+            let PointLoad::Law { law, .. } = &mut point.load else { continue };
+            let step = (share * steps).round() as usize;
+            if step >= SPEED_STEPS {
+                continue;
+            }
+            let shared = &mut self.shared;
+            *law = *known.entry((*law, step)).or_insert_with(|| {
+                let laws = &mut Arc::make_mut(shared).laws;
+                laws.push(laws[*law].at_share(step as f64 / steps));
+                laws.len() - 1
+            });
+        }
+    }
+}
+
 /// What the samples of a driven path are samples of.
 struct Follow<'a> {
     program: &'a Program,
@@ -428,6 +460,21 @@ struct Follow<'a> {
 }
 
 impl Follow<'_> {
+    /// The speed of the TCP at each sample over the programmed one, 0 to 1.
+    fn speeds(&self, driven: &[DrivenSample]) -> Vec<f64> {
+        let tool = |sample: &DrivenSample| &self.course.waypoints[sample.waypoint].flange_from_tcp;
+        let place = |sample: &DrivenSample, by: &DrivenSample| {
+            (self.arm.robot.forward(&sample.motor) * tool(by)).translation.vector
+        };
+        let share = |i: usize| {
+            let (before, after) = (&driven[i.saturating_sub(1)], &driven[(i + 1).min(driven.len() - 1)]);
+            let (way, time) = (place(after, &driven[i]) - place(before, &driven[i]), after.time - before.time);
+            let speed = if time > 0.0 { way.norm() / time } else { 0.0 };
+            (speed / self.course.waypoints[driven[i].waypoint].feed).min(1.0)
+        };
+        (0..driven.len()).into_par_iter().map(share).collect()
+    }
+
     /// The circumstances of one sample: the programmed place on the way as the reference, and the axes where they are. `last` has
     /// the axes at the sample before, and their direction of travel.
     fn point(&self, sample: &DrivenSample, last: &mut Option<(Joints, Joints)>) -> Point {

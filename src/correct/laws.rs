@@ -36,6 +36,26 @@ pub(super) struct Mirrored {
     force: Vector3<f64>,
 }
 
+impl Law {
+    fn new(milling: Arc<Milling>, table: FeedTable, lean: Lean) -> Self {
+        /// Small against a depth of cut, large against rounding, m.
+        const LIFT: f64 = 1e-6;
+        let table = Arc::new(table);
+        let axis = milling.axis_in_feed();
+        let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &axis);
+        let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
+        let (force, height) = (force(0.0), milling.contact_height(&axis));
+        let mirrored = Mirrored { table: Arc::clone(&table), axis: axis.into_inner(), slope, force };
+        Self { milling, table, lean, slope, force, height, mirrored }
+    }
+
+    /// The law where the tool is fed at a share of the speed that it is made for: each tooth takes that share of its chip.
+    pub(super) fn at_share(&self, share: f64) -> Self {
+        let table = self.table.at_feed(share * self.table.feed_per_tooth());
+        Self::new(Arc::clone(&self.milling), table, self.lean)
+    }
+}
+
 impl ForceLaw for Mirrored {
     fn force(&self, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
         // What turns the part one way turns the tool in it the other way; turns are small.
@@ -279,16 +299,7 @@ impl<'a> Laws<'a> {
         if let Some(index) = self.laws.iter().position(same) {
             return Ok(index);
         }
-        /// Small against a depth of cut, large against rounding, m.
-        const LIFT: f64 = 1e-6;
-        let table = Arc::new(table.at_feed(feed_per_tooth));
-        let axis = milling.axis_in_feed();
-        let force = |lift: f64| table.mean_force(&Vector3::new(0.0, 0.0, lift), &axis);
-        let slope = (force(LIFT) - force(-LIFT)) / (2.0 * LIFT);
-        let (force, height) = (force(0.0), milling.contact_height(&axis));
-        let lean = *self.lean(tool);
-        let mirrored = Mirrored { table: Arc::clone(&table), axis: axis.into_inner(), slope, force };
-        self.laws.push(Law { milling, table, lean, slope, force, height, mirrored });
+        self.laws.push(Law::new(milling, table.at_feed(feed_per_tooth), *self.lean(tool)));
         Ok(self.laws.len() - 1)
     }
 

@@ -51,6 +51,11 @@ impl FeedTable {
         Self { table: Arc::clone(table), feed_per_tooth, holds, cells: nodes.windows(4).map(cell).collect() }
     }
 
+    /// The same of another feed per tooth (m).
+    pub fn at_feed(&self, feed_per_tooth: f64) -> Self {
+        Self::new(&self.table, feed_per_tooth)
+    }
+
     /// Feed per tooth, m.
     pub fn feed_per_tooth(&self) -> f64 {
         self.feed_per_tooth

@@ -193,6 +193,29 @@ fn a_program_that_will_stutter_is_named_before_it_runs() {
     assert!(!said.contains("path.stutter") && !said.contains("path.zones-overlap"), "{said}");
 }
 
+/// The chip, and with it the force, is that of the speed that is driven: at a stop only the edges rub.
+#[test]
+fn the_force_follows_the_speed_that_is_driven() {
+    let bench = Bench::new();
+    let cut = "[cut]\nforce = \"mechanistic\"\n[cut.engagement]\nmode = \"slot\"\nlead_deg = 0.0\ntilt_deg = 0.0\ndepth_mm = 2.0\nfeed_per_tooth_mm = 0.1\n\
+               [cut.coefficients]\nmaterial = \"al7075\"\n[tools.tMill.cutter]\ndiameter_mm = 10.0\ncorner_radius_mm = 1.0\nteeth = 2\n\
+               [robot.stiffness]\njoint_nm_per_rad = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]\n";
+    let cell = CELL.replace("[cut]\nforce = \"none\"\n", cut);
+    bench.write("cell.toml", format!("{cell}{LAW}"));
+    bench.write("p.mod", program("v50", "fine"));
+    let path = bench.run("predict p.mod --cell cell.toml --path - -q").exits(0).stdout;
+    let rows: Vec<Vec<f64>> =
+        path.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let force = |row: &Vec<f64>| row[10..13].iter().map(|f| f * f).sum::<f64>().sqrt();
+    // The second side of the corner is cut: from its stop to the middle of the way.
+    let side: Vec<&Vec<f64>> = rows.iter().filter(|row| row[1] >= 3.0).collect();
+    let at = |feed: f64| side.iter().find(|row| (row[9] - feed).abs() < 1.5).map(|row| force(row)).unwrap();
+    let [slow, half, full] = [2.0, 25.0, 50.0].map(at);
+    assert!(slow < 0.5 * full, "{slow} of {full} N");
+    // Between the force of the edges and the whole one, evenly.
+    assert!((half - 0.5 * (slow + full)).abs() < 0.1 * full, "{slow}, {half}, {full} N");
+}
+
 #[test]
 fn stops_are_written_as_the_language_writes_them() {
     let bench = Bench::new();
