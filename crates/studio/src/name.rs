@@ -17,10 +17,6 @@ const DEEPEST: usize = 8;
 const DEVICES: [&str; 6] = ["con", "prn", "aux", "nul", "conin$", "conout$"];
 
 impl Name {
-    pub(crate) fn as_str(&self) -> &str {
-        &self.0
-    }
-
     /// The parts between `/`.
     pub(crate) fn parts(&self) -> impl Iterator<Item = &str> {
         self.0.split('/')
@@ -150,6 +146,6 @@ mod tests {
     fn results_stand_next_to_their_program() {
         let name = |text: &str| Name::try_from(text.to_owned()).unwrap();
         assert_eq!(name("a/part.1.mod").with_ending("predict.json").unwrap(), name("a/part.1.predict.json"));
-        assert_eq!(name("part").with_ending("csv").unwrap().as_str(), "part.csv");
+        assert_eq!(name("part").with_ending("csv").unwrap().to_string(), "part.csv");
     }
 }
