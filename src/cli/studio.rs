@@ -4,6 +4,7 @@ use super::args::Studio as Arguments;
 use super::output::print;
 use super::{Answer, Outcome, message};
 use deflex::cutting::materials::MATERIALS;
+use deflex::measured::column_names;
 use deflex::program::Language;
 use deflex::report::VERSION;
 use deflex::robot::Builtin;
@@ -49,7 +50,8 @@ fn facts() -> Value {
     let languages: Vec<Value> =
         Language::ALL.map(|language| json!({ "word": language.word(), "endings": language.endings() })).into();
     let materials = MATERIALS.map(|material| material.name);
-    json!({ "version": VERSION, "robots": robots, "languages": languages, "materials": materials })
+    let columns: Vec<&str> = column_names().collect();
+    json!({ "version": VERSION, "robots": robots, "languages": languages, "materials": materials, "columns": columns })
 }
 
 /// Starts the browser that the system has for addresses.

@@ -77,7 +77,7 @@ const robots = (app, make) => {
     const words = wanted.text.toLowerCase().split(/\s+/).filter(Boolean);
     const fits = (app.facts.robots ?? []).filter(({ model, maker, payload_kg, reach_mm }) =>
       words.every((word) => `${maker} ${model}`.toLowerCase().includes(word)) && payload_kg >= wanted.payload && reach_mm >= wanted.reach);
-    found.replaceChildren(h("p", { className: "hint", role: "status" }, `${fits.length} robots${fits.length > SHOWN ? `, the first ${SHOWN} are shown` : ""}`),
+    found.replaceChildren(h("p", { className: "hint", role: "status" }, `Robots that fit: ${fits.length}${fits.length > SHOWN ? `, of which the first ${SHOWN} are shown` : ""}`),
       h("div", { className: "scroll short", tabIndex: 0, role: "region", "aria-label": "Robots" }, h("table", {},
         h("thead", {}, h("tr", {}, ["Robot", "Maker", "Payload, kg", "Reach, mm", "Choose"].map((text) => h("th", { scope: "col" }, text)))),
         h("tbody", {}, fits.slice(0, SHOWN).map(({ model, maker, payload_kg, reach_mm, source }) => h("tr", {},
@@ -173,14 +173,18 @@ const edit = async (root, name, app) => {
     area.setSelectionRange(start, text.indexOf("\n", start) < 0 ? text.length : text.indexOf("\n", start));
     const height = parseFloat(getComputedStyle(area).lineHeight);
     area.scrollTop = Math.max(0, (line - 4) * height);
+    reveal(fieldAt(line));
     fieldAt(line)?.scrollIntoView({ block: "nearest" });
   };
   const fieldAt = (line) => [...form.querySelectorAll("[data-first]")].find(({ dataset }) => +dataset.first <= line && line <= +dataset.last);
+  // Where the field of a line is hidden, so is what is said of it.
+  const reveal = (field) => field?.closest("details")?.setAttribute("open", "");
   // Puts what deflex says at the field of its line.
   const mark = () => {
     for (const old of form.querySelectorAll(".at-field")) old.remove();
     for (const { severity, line, message, help, code } of diagnostics) {
       if (code === "cell.example") continue;
+      reveal(fieldAt(line));
       fieldAt(line)?.append(h("p", { className: `at-field ${severity}` }, help ? `${message}: ${help}` : message));
     }
   };
@@ -208,7 +212,7 @@ const edit = async (root, name, app) => {
     const isListed = typeof path.at(-1) === "number";
     return h("details", { open, "data-title": title, className: "section" },
       h("summary", {}, h("code", {}, `[${title}]`), waiting > 0 ? h("span", { className: "mark" }, `${waiting} to check`) : ""),
-      help && h("p", { className: "hint" }, help),
+      h("div", { "data-first": section.line, "data-last": section.line }, help && h("p", { className: "hint" }, help)),
       fields.map((field) => drawnField(field)),
       offers.length > 0 ? h("p", { className: "offers" }, offers.map(({ key, line, help }) => button(`+ ${key}`, () => change({ what: "take", line }), { title: help }))) : "",
       path.length > 0 && title !== "robot" ? h("p", { className: "actions" },
@@ -243,7 +247,7 @@ const edit = async (root, name, app) => {
     return h("div", { className: "field", role: "group", "aria-label": words, "data-first": first, "data-last": last, "data-key": key },
       h("div", { className: "name" }, h("span", { title: key }, words),
         is_example ? button("Keep this example value", () => change({ what: "accept", path }), { className: "small" }) : "",
-        h("button", { type: "button", className: "link small", title: "Leaves the key out: it becomes a comment", "aria-label": `Leave ${key} out`, onclick: () => change({ what: "omit", path }) }, "leave out")),
+        h("button", { type: "button", className: "link small", title: "Leaves the key out: it becomes a comment", "aria-label": `leave out: ${key}`, onclick: () => change({ what: "omit", path }) }, "leave out")),
       controls, help && h("p", { className: "hint" }, help));
   };
 
@@ -274,7 +278,7 @@ const edit = async (root, name, app) => {
     h("div", { className: "bar" }, saveButton, undoButton, state),
     watch.box, said,
     h("div", { className: "halves" }, h("section", { className: "card" }, h("h2", {}, "Form"), form),
-      h("section", { className: "card text" }, h("h2", {}, h("label", { htmlFor: "cell-text" }, `${name}, the text`)), area)));
+      h("section", { className: "card source" }, h("h2", {}, h("label", { htmlFor: "cell-text" }, `${name}, the text`)), area)));
   draw(await post("/api/cell", { text }));
   tellState();
   await save();

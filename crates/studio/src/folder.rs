@@ -5,10 +5,11 @@ use axum::body::Body;
 use axum::http::StatusCode;
 use http_body_util::BodyExt;
 use serde::Serialize;
+use std::fmt::Display;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// Largest file that the window takes, bytes: a program of some two million targets.
 pub(crate) const LARGEST_FILE: u64 = 256 << 20;
@@ -29,6 +30,11 @@ pub(crate) struct Refused {
 impl Refused {
     pub(crate) fn new(status: StatusCode, message: impl Into<String>) -> Self {
         Self { status, message: message.into() }
+    }
+
+    pub(crate) fn too_large(what: impl Display, most: u64) -> Self {
+        let message = format!("{what} is larger than the {} MiB that the window takes", most >> 20);
+        Self::new(StatusCode::PAYLOAD_TOO_LARGE, message)
     }
 
     fn of(name: &Name, error: &io::Error) -> Self {
@@ -93,6 +99,7 @@ impl Folder {
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
         let root = fs::canonicalize(path)?;
         fs::read_dir(&root)?;
+        sweep(&root, DEEPEST);
         Ok(Self { root })
     }
 
@@ -210,8 +217,7 @@ impl Folder {
         let mut bytes = Vec::new();
         file.take(most + 1).read_to_end(&mut bytes).map_err(refused)?;
         if bytes.len() as u64 > most {
-            let message = format!("{name} is larger than the {} MiB that the window shows", most >> 20);
-            return Err(Refused::new(StatusCode::PAYLOAD_TOO_LARGE, message));
+            return Err(Refused::too_large(name, most));
         }
         Ok(Content { bytes, version })
     }
@@ -232,8 +238,7 @@ impl Folder {
             let Ok(data) = frame.into_data() else { continue };
             size += data.len() as u64;
             if size > LARGEST_FILE {
-                let message = format!("{name} is larger than the {} MiB that the window takes", LARGEST_FILE >> 20);
-                return Err(Refused::new(StatusCode::PAYLOAD_TOO_LARGE, message));
+                return Err(Refused::too_large(name, LARGEST_FILE));
             }
             staged.file.write_all(&data).map_err(refused)?;
         }
@@ -262,6 +267,28 @@ impl Folder {
     }
 }
 
+/// Removes what servers that were killed had begun to write.
+fn sweep(folder: &Path, depth: usize) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Ok(metadata) = entry.metadata() else { continue };
+        if metadata.is_dir() && depth > 1 {
+            sweep(&entry.path(), depth - 1);
+        } else if metadata.is_file() && entry.file_name().as_encoded_bytes().starts_with(STAGED.as_bytes()) {
+            // Another window may be writing one that is younger.
+            let is_old = metadata.modified().is_ok_and(|time| time.elapsed().is_ok_and(|age| age > ABANDONED));
+            if is_old {
+                // Nothing more can be done about a temporary file that stays.
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+/// How the names of files begin that are not written whole yet.
+const STAGED: &str = ".deflex-studio-";
+/// No upload takes as long.
+const ABANDONED: Duration = Duration::from_secs(3600);
+
 /// The beginning of a file, as far as it is text.
 fn head(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
@@ -289,7 +316,7 @@ struct Staged {
 impl Staged {
     fn next_to(target: &Path) -> io::Result<Self> {
         let folder = target.parent().unwrap_or(Path::new("."));
-        let path = folder.join(format!(".deflex-studio-{}", crate::guard::random_text()?));
+        let path = folder.join(format!("{STAGED}{}", crate::guard::random_text()?));
         let file = OpenOptions::new().write(true).create_new(true).open(&path)?;
         Ok(Self { path, file })
     }

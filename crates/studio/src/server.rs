@@ -3,7 +3,7 @@
 use crate::Shared;
 use crate::assets;
 use crate::cell;
-use crate::folder::{Expected, LARGEST_SHOWN, Refused};
+use crate::folder::{Expected, LARGEST_FILE, LARGEST_SHOWN, Refused};
 use crate::guard::{self, RESULT_POLICY};
 use crate::name::Name;
 use crate::run::Run;
@@ -123,6 +123,11 @@ async fn write_file(
             return Err(Refused::new(StatusCode::PRECONDITION_REQUIRED, message));
         }
     };
+    // What is too long by its own word is not begun.
+    let length = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
+    if length.is_some_and(|length| length > LARGEST_FILE) {
+        return Err(Refused::too_large("the file", LARGEST_FILE));
+    }
     let version = shared.folder.write(&named(&query)?, request.into_body(), &expected).await?;
     Ok(answer(&json!({ "version": version })))
 }
