@@ -3,6 +3,7 @@
 use super::args::Studio as Arguments;
 use super::output::print;
 use super::{Answer, Outcome, message};
+use deflex::cell::template;
 use deflex::cutting::materials::MATERIALS;
 use deflex::measured::column_names;
 use deflex::program::Language;
@@ -51,7 +52,17 @@ fn facts() -> Value {
         Language::ALL.map(|language| json!({ "word": language.word(), "endings": language.endings() })).into();
     let materials = MATERIALS.map(|material| material.name);
     let columns: Vec<&str> = column_names().collect();
-    json!({ "version": VERSION, "robots": robots, "languages": languages, "materials": materials, "columns": columns })
+    // What stands before the limits is one robot's own, and no example for another.
+    let template = Builtin::listed("").first().map(|robot| template(robot));
+    let template = template.as_deref().and_then(|text| text.find("\n[limits]").map(|at| &text[at + 1..]));
+    json!({
+        "version": VERSION,
+        "robots": robots,
+        "languages": languages,
+        "materials": materials,
+        "columns": columns,
+        "template": template,
+    })
 }
 
 /// Starts the browser that the system has for addresses.

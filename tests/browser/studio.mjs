@@ -97,10 +97,10 @@ const outcome = async (kind) => {
   await page.waitForSelector("[data-outcome]", { timeout: 180_000 });
   assert.equal(await page.getAttribute("[data-outcome]", "data-outcome"), kind, await page.textContent(".outcome"));
 };
-// The page of a result has drawn its path.
+// The page of a result has drawn its path, or its part.
 const drawn = async () => {
   const frame = await (await page.waitForSelector("iframe.result")).contentFrame();
-  await frame.waitForFunction(() => window.deflex);
+  await frame.waitForFunction(() => window.deflex ?? document.querySelector("canvas")?.width > 300);
   return frame;
 };
 const cellText = () => page.inputValue("#cell-text");
@@ -119,6 +119,21 @@ const set = async (section, key, value, part = 0) => {
 const saved = async () => {
   await page.waitForFunction(() => document.querySelector(".editor .bar .hint").textContent === "Saved" && [...window.studio.jobs.values()].every(({ state }) => state !== "running"));
   await page.waitForTimeout(50);
+};
+
+// Runs command lines in a folder with the same inputs, and compares what they write with the files of the window.
+const replayed = (lines) => {
+  const replay = mkdtempSync(join(again, "folder-"));
+  for (const name of ["part.mod", "loop.mod", "loop.toml", "measured.csv", "cell.toml"]) copyFileSync(at(name), join(replay, name));
+  const names = new Set();
+  for (const line of lines) {
+    const words = line.match(/'[^']*'|\S+/g).slice(1).map((word) => word.replaceAll("'", ""));
+    const ran = spawnSync(binary, words, { cwd: replay, encoding: "utf8" });
+    assert([0, 1].includes(ran.status), `${line}\n${ran.stderr}`);
+    words.filter((word, i) => ["-o", "--report", "--json", "--html", "--stl", "--measured"].includes(words[i - 1])).forEach((word) => names.add(word));
+  }
+  for (const name of names) assert(readFileSync(at(name)).equals(readFileSync(join(replay, name))), `${name} differs`);
+  return `${names.size} files are the same`;
 };
 
 const tests = {
@@ -215,8 +230,8 @@ const tests = {
     await page.waitForFunction((before) => Number(document.querySelector('[data-figure="max_error_mm"]').textContent) > before, before);
     const took = Date.now() - start;
     await look("moves");
-    await page.getByLabel("Predict after each change").uncheck();
     await set("robot.stiffness", "joint_nm_per_rad", "5.5e5", 1);
+    await page.getByLabel("Predict after each change").uncheck();
     return `${took} ms`;
   },
   async "a program is corrected, checked and cut"() {
@@ -229,7 +244,11 @@ const tests = {
     assert(existsSync(at("part.corrected.mod")));
     await look("corrected");
     await press("Check");
-    await page.getByLabel("Largest error of a target, mm").fill("0.001");
+    await page.getByLabel("part.corrected.mod").check();
+    await page.getByLabel("part.mod", { exact: true }).uncheck();
+    await page.getByLabel("Largest error of a target, mm").fill("0.02");
+    await page.getByLabel("Pass though some targets cannot be judged").check();
+    await choose("The original, if this is a corrected program", "part.mod");
     await press("Run check");
     await outcome("bad");
     await look("checked");
@@ -243,7 +262,7 @@ const tests = {
   async "two programs and two cells are compared"() {
     await go("compare");
     await press("Show what changed");
-    await outcome("bad");
+    await outcome("good");
     await drawn();
     await look("compared");
   },
@@ -256,7 +275,7 @@ const tests = {
     await add(...["loop.toml", "loop.mod", "measured.csv"].map((name) => join(renamed, name)));
     await go("loop");
     await choose("Cell", "loop.toml");
-    await page.waitForFunction(() => document.querySelector(".view.loop select").value === "loop.toml");
+    await page.waitForFunction(() => document.querySelector(".view.loop select")?.value === "loop.toml");
     await choose("Measured table", "measured.csv");
     await choose("Program that was measured", "loop.mod");
     await look("loop");
@@ -269,9 +288,6 @@ const tests = {
     await page.waitForSelector('details[data-title^="effect"]');
     await saved();
     assert((await cellText()).includes('kind = "backlash"'));
-    await press("Add [plan]");
-    await page.waitForSelector('details[data-title="plan"]');
-    await saved();
     await look("extended");
   },
   async "the record has the command lines, and they write the same bytes"() {
@@ -280,23 +296,33 @@ const tests = {
     await look("record");
     const lines = (await page.locator(".record .command").allTextContents()).reverse();
     assert(lines.length >= 6, lines.join("\n"));
-    const inputs = ["part.mod", "loop.mod", "loop.toml", "measured.csv", "cell.toml"];
-    const replay = join(again, "folder");
-    mkdirSync(replay);
-    for (const name of inputs) copyFileSync(at(name), join(replay, name));
-    const names = new Set();
-    for (const line of lines) {
-      const words = line.match(/'[^']*'|\S+/g).slice(1).map((word) => word.replaceAll("'", ""));
-      // The cell was made by the first of them, and changed since.
-      if (words[0] === "init") continue;
-      const isLast = lines.findLast((other) => other.split(" ")[1] === words[0] && other.includes(words[1])) === line;
-      if (!isLast) continue;
-      const ran = spawnSync(binary, words, { cwd: replay, encoding: "utf8" });
-      assert([0, 1].includes(ran.status), `${line}\n${ran.stderr}`);
-      words.filter((word, i) => ["-o", "--report", "--json", "--html", "--stl"].includes(words[i - 1])).forEach((word) => names.add(word));
-    }
-    for (const name of names) assert(readFileSync(at(name)).equals(readFileSync(join(replay, name))), `${name} differs`);
-    return `${names.size} files`;
+    // Of each command on each program the last: the files of the others were replaced since. The cell was changed after `init`.
+    const last = (line) => lines.findLast((other) => other.split(" ").slice(1, 3).join(" ") === line.split(" ").slice(1, 3).join(" ")) === line;
+    return replayed(lines.filter((line) => !line.startsWith("deflex init ") && last(line)));
+  },
+  async "a measurement is planned, and a run is cancelled"() {
+    await go("cell");
+    await page.waitForSelector(".form .section");
+    await choose("Cell", "cell.toml");
+    await page.waitForFunction(() => document.querySelector(".source h2").textContent.startsWith("cell.toml"));
+    await saved();
+    await press("Add [plan]");
+    await page.waitForSelector('details[data-title="plan"]');
+    await saved();
+    await go("loop");
+    await page.getByLabel("Rows to measure (8 to 500)").fill("40");
+    await press("Plan the measurement");
+    await press("Cancel");
+    await outcome("bad");
+    assert((await page.textContent("[data-outcome]")).includes("Cancelled: nothing was written."));
+    assert(!existsSync(at("plan.mod")));
+    await page.getByLabel("Rows to measure (8 to 500)").fill("8");
+    await press("Plan the measurement");
+    await page.waitForSelector(".outcome .verdict.good", { timeout: 180_000 });
+    const frame = await (await page.waitForSelector("iframe.result")).contentFrame();
+    await frame.waitForSelector("h1");
+    await look("plan");
+    return replayed([await page.evaluate(() => [...window.studio.jobs.values()].at(-1).command_line)]);
   },
   async "nothing hidden is left, and nothing went wrong in the page"() {
     assert.deepEqual(readdirSync(folder).filter((name) => name.startsWith(".")), []);

@@ -200,7 +200,7 @@ const edit = async (root, name, app) => {
     }
     form.replaceChildren(...shown.sections.map((section, i) => drawn(section, isFirst ? i < 3 || section.title.startsWith("cut") : open.has(section.title))),
       shown.offers.length > 0 ? h("fieldset", {}, h("legend", {}, "Sections that can be added"), h("ul", { className: "offers" },
-        shown.offers.map(({ key, line, help }) => h("li", {}, button(`Add [${key}]`, () => change({ what: "take-section", line })), " ", help)))) : "");
+        shown.offers.map(({ key, place, line, help }) => h("li", {}, button(`Add [${key}]`, () => change({ what: "take-section", place, line })), " ", help)))) : "");
     mark();
     if (focus) [...form.querySelectorAll("[data-path]")].find(({ dataset }) => dataset.path === focus)?.focus();
   };
@@ -214,7 +214,7 @@ const edit = async (root, name, app) => {
       h("summary", {}, h("code", {}, `[${title}]`), waiting > 0 ? h("span", { className: "mark" }, `${waiting} to check`) : ""),
       h("div", { "data-first": section.line, "data-last": section.line }, help && h("p", { className: "hint" }, help)),
       fields.map((field) => drawnField(field)),
-      offers.length > 0 ? h("p", { className: "offers" }, offers.map(({ key, line, help }) => button(`+ ${key}`, () => change({ what: "take", line }), { title: help }))) : "",
+      offers.length > 0 ? h("p", { className: "offers" }, offers.map(({ key, place, line, help }) => button(`+ ${key}`, () => change({ what: "take", path, place, line }), { title: help }))) : "",
       path.length > 0 && title !== "robot" ? h("p", { className: "actions" },
         isNamed ? button("Copy under another name", () => copy(section)) : isListed ? button("Add another", () => change({ what: "copy", path, name: "" })) : "",
         button("Remove the section", async () => (await asks(`Remove [${title}]? Undo brings it back.`, "Remove it")) && change({ what: "remove", path }))) : "");

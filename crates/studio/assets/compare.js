@@ -27,7 +27,7 @@ const two = (programs, app, outcome, fail) => {
 };
 
 const shifts = ({ targets, moved, max_mm, max_deg, max_step_mm }) =>
-  table("What changed", ["Targets", "Moved", "Largest shift, mm", "Largest turn, °", "Largest step, mm"], [[targets, moved ?? "–", max_mm, max_deg, max_step_mm]]);
+  table("What changed", ["Targets", "Moved", "Largest shift, mm", "Largest turn, °", "Largest step, mm"], [[targets, moved.length, max_mm, max_deg, max_step_mm]]);
 
 const FIGURES = [["max_error_mm", "Largest error, mm"], ["rms_error_mm", "Rms error, mm"], ["remaining_path_max_mm", "Largest on the path, mm"], ["remaining_path_rms_mm", "Rms on the path, mm"]];
 

@@ -1,7 +1,8 @@
 // A program: what deflex understands of it, its text with lines, its path in 3-D, and findings that lead to their lines.
 
 import { button, figure, h, labelled, messages, newId, select, table } from "./elements.js";
-import { frame, jobs, read, run, succeeded } from "./server.js";
+import { frame, jobs, read, readJson, run, succeeded } from "./server.js";
+import { findingsOf } from "./run.js";
 
 export const title = "Program";
 
@@ -32,9 +33,10 @@ const look = async (root, name, app) => {
   const path = h("div", { className: "path" });
   const findings = h("div", { "aria-live": "polite" });
   // What the last runs found in this program.
-  const list = () => {
+  const list = async () => {
     const told = [...jobs.values()].reverse().filter((run) => run.run.programs?.includes(name) && ["predict", "check", "compensate"].includes(run.arguments[0]) && run.state !== "running");
-    const all = (told[0]?.messages ?? []).filter(({ severity }) => severity !== "line");
+    const figures = told[0]?.arguments[0] === "check" && succeeded(told[0]) ? await readJson(told[0].figures) : undefined;
+    const all = [...(told[0]?.messages ?? []).filter(({ severity }) => severity !== "line"), ...findingsOf(figures)];
     findings.replaceChildren(h("h2", {}, "Findings"), messages(all, go) || h("p", { className: "hint" }, told[0] ? `The last run (${told[0].arguments[0]}) has none.` : "Predict the path to see what deflex finds."));
   };
   const cells = app.names("cell");
@@ -42,7 +44,7 @@ const look = async (root, name, app) => {
     path.replaceChildren(h("p", { role: "status" }, "Predicting …"));
     try {
       const done = await run({ command: "predict", programs: [name], cell: app.chosen.cell });
-      list();
+      await list();
       path.replaceChildren(succeeded(done) ? await frame(done.page) : h("p", { className: "error" }, "The run could not be done: the findings say why."));
     } catch (error) {
       path.replaceChildren(h("p", { className: "error", role: "alert" }, error.message));
@@ -62,7 +64,7 @@ const look = async (root, name, app) => {
       h("section", { className: "card" }, h("h2", {}, "The path"),
         cells.length > 0 ? h("div", { className: "bar" }, labelled("Cell", select(cells, app.chosen.cell, (cell) => { app.chosen.cell = cell; })), button("Predict and show the path", predict, { className: "main" }))
           : h("p", {}, "The path needs a cell. ", button("Make one", () => app.go("cell"), { className: "link" })), path)));
-  list();
+  await list();
   if (app.line) code.goTo(app.line);
   app.line = 0;
   return () => removeEventListener("message", heard);

@@ -18,7 +18,8 @@ const languageOf = (name, app) => (app.facts.languages ?? []).find(({ endings })
 const POSTED = { rapid: "mod", krl: "src", ls: "ls", ur: "script" };
 
 export const show = (body, app) => {
-  const [programs, cells, tables] = [app.names("program"), app.names("cell"), app.names("table")];
+  let programs = app.names("program");
+  const [cells, tables] = [app.names("cell"), app.names("table")];
   if (programs.length === 0 || cells.length === 0) {
     body.replaceChildren(h("p", {}, "A run needs a program and a cell. ",
       programs.length === 0 ? button("Add a program", () => app.go("files"), { className: "link" }) : "", " ", cells.length === 0 ? button("Make a cell", () => app.go("cell"), { className: "link" }) : ""));
@@ -93,6 +94,9 @@ export const show = (body, app) => {
     outcome.replaceChildren(h("p", { role: "status" }, "Starting …"));
     try {
       await report(outcome, what(), app);
+      // A program that was written can be chosen from now on.
+      programs = app.names("program");
+      draw();
     } catch (error) {
       outcome.replaceChildren(h("p", { className: "error", role: "alert" }, error.message));
     }
@@ -126,12 +130,19 @@ export const report = async (root, what, app, more = () => "") => {
   root.replaceChildren(h("section", { className: "card", "data-outcome": outcomeOf(job, figures).kind },
     h("p", { className: `verdict ${outcomeOf(job, figures).kind}`, role: "status" }, outcomeOf(job, figures).words),
     h("p", { className: "hint" }, job.messages.filter(({ severity }) => severity === "line").map(({ message }) => message).join(" ")),
-    messages(job.messages, (file, line) => app.goTo(file, line)),
+    messages([...job.messages, ...findingsOf(figures)], (file, line) => app.goTo(file, line)),
     figures ? sums(figures) : "", more(job, figures),
     h("p", { className: "hint" }, `The same in a shell: `, h("code", {}, job.command_line))));
   if (succeeded(job) && job.page) root.append(await frame(job.page));
   return job;
 };
+
+// Findings that are listed here; the page of the run has them all.
+const MOST_FINDINGS = 50;
+
+// The findings of a check, as messages.
+export const findingsOf = (figures) =>
+  (figures?.files ?? []).flatMap?.(({ findings = [] }) => findings).slice(0, MOST_FINDINGS).map((finding) => ({ severity: "error", ...finding })) ?? [];
 
 const outcomeOf = (job, figures) => {
   if (job.state === "cancelled") return { kind: "bad", words: "Cancelled: nothing was written." };

@@ -3,7 +3,7 @@
 //!
 //! Nothing here knows what a cell file holds. Keys have their unit in their name. The comment after a value says what it means, and
 //! ` | ` between words lists what may stand there. `<<` marks an example that waits for the user's own value. A key or a section
-//! that is commented out is offered.
+//! that is commented out is offered, and so is what a template has besides.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -48,12 +48,23 @@ struct Field {
     choices: Vec<String>,
 }
 
-/// A key that is commented out.
+/// A key or a section that can be added.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Offer {
     key: String,
+    place: Place,
     line: usize,
     help: String,
+}
+
+/// Where it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Place {
+    /// Commented out in the file itself.
+    Own,
+    /// In the template.
+    Template,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -117,8 +128,56 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// The form of a text, with what the template has besides.
+pub(crate) fn form_with(text: &str, template: &str) -> Form {
+    let mut own = form(text);
+    let more = form(template);
+    if own.wrong.is_some() {
+        return own;
+    }
+    for Section { title, fields, mut offers, help, line, .. } in more.sections {
+        let keys = fields.into_iter().map(|Field { key, lines, help, .. }| (key, lines[0], help));
+        let offered = offers.drain(..).map(|Offer { key, line, help, .. }| (key, line, help));
+        let all: Vec<(String, usize, String)> = keys.chain(offered).collect();
+        match own.sections.iter_mut().find(|section| section.title == title) {
+            Some(section) => {
+                for (key, line, help) in all {
+                    let is_there = section.fields.iter().any(|field| field.key == key)
+                        || section.offers.iter().any(|offer| offer.key == key);
+                    if !is_there {
+                        section.offers.push(Offer { key, place: Place::Template, line, help });
+                    }
+                }
+            }
+            None => own.offer_section(Offer { key: title, place: Place::Template, line, help }),
+        }
+    }
+    for offer in more.offers {
+        own.offer_section(Offer { place: Place::Template, ..offer });
+    }
+    own
+}
+
+impl Form {
+    /// Offers a section that is not there, nor another of its name: of tools and work objects each cell has its own.
+    fn offer_section(&mut self, offer: Offer) {
+        let (group, is_named) = match offer.key.split_once('.') {
+            Some((group @ ("tools" | "wobjs"), _)) => (group, true),
+            _ => (offer.key.as_str(), false),
+        };
+        let is_of = |title: &str| {
+            let rest = title.strip_prefix(group);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(' ') || is_named && rest.starts_with('.'))
+        };
+        let offered = self.offers.iter().any(|own| own.key == offer.key);
+        if !offered && !self.sections.iter().any(|section| is_of(&section.title)) {
+            self.offers.push(offer);
+        }
+    }
+}
+
 /// The form of a text.
-pub(crate) fn form(text: &str) -> Form {
+fn form(text: &str) -> Form {
     let document = match Document::parse(text) {
         Ok(document) => document,
         Err(error) => {
@@ -312,12 +371,12 @@ fn add_offers(lines: &Lines<'_>, form: &mut Form) {
         };
         if let Some((key, help)) = offered_header(text) {
             let help = if help.is_empty() { help_above(lines, line) } else { help };
-            form.offers.push(Offer { key, line, help });
+            form.offers.push(Offer { key, place: Place::Own, line, help });
             line = offered_lines(lines, line).end;
         } else if let Some((key, help, last)) = offered_key(lines, line) {
             let section = form.sections.iter_mut().rfind(|section| section.line <= line);
             if let Some(section) = section.filter(|section| section.fields.iter().all(|field| field.key != key)) {
-                section.offers.push(Offer { key, line, help });
+                section.offers.push(Offer { key, place: Place::Own, line, help });
             }
             line = last + 1;
         } else {
@@ -336,10 +395,10 @@ pub(crate) enum Edit {
     Accept { path: Vec<Step> },
     /// Comments a key out.
     Omit { path: Vec<Step> },
-    /// Takes a key that is commented out.
-    Take { line: usize },
-    /// Takes a section that is commented out, without the keys that can be left out.
-    TakeSection { line: usize },
+    /// Takes a key into the section at this path: that of a line where it is commented out, or of a line of the template.
+    Take { path: Vec<Step>, place: Place, line: usize },
+    /// Takes a section, without the keys that can be left out.
+    TakeSection { place: Place, line: usize },
     /// Adds a section that is like another, with those inside it, under another name.
     Copy { path: Vec<Step>, name: String },
     /// Removes a section and those inside it.
@@ -351,15 +410,17 @@ impl Edit {
     ///
     /// # Errors
     /// A sentence for the user, where there is no such place or the value does not fit there.
-    pub(crate) fn apply(&self, text: &str) -> Result<String, String> {
+    pub(crate) fn apply(&self, text: &str, template: &str) -> Result<String, String> {
         let document = Document::parse(text).map_err(|error| format!("the text is not TOML: {}", error.message()))?;
         let lines = Lines::of(text);
         let changed = match self {
             Self::Set { path, value } => set(&document, &lines, path, value)?,
             Self::Accept { path } => without_example(text, &lines, &find(&document, path)?.span),
             Self::Omit { path } => omit(&lines, &find(&document, path)?.span),
-            Self::Take { line } => take_key(&lines, *line)?,
-            Self::TakeSection { line } => take_section(&lines, *line)?,
+            Self::Take { place: Place::Own, line, .. } => take_key(&lines, *line)?,
+            Self::Take { path, place: Place::Template, line } => key_from(&Lines::of(template), *line, text, path)?,
+            Self::TakeSection { place: Place::Own, line } => take_section(&lines, *line)?,
+            Self::TakeSection { place: Place::Template, line } => section_from(template, *line, text)?,
             Self::Copy { path, name } => copy(text, path, name)?,
             Self::Remove { path } => remove(text, path)?,
         };
@@ -470,19 +531,44 @@ fn uncommented(line: &str) -> String {
     format!("{}{}", &line[..before], text.strip_prefix(' ').unwrap_or(text))
 }
 
+/// Lines of a key without their `# `, with its value marked as an example: it is not the user's own yet.
+fn taken(lines: &Lines<'_>, first: usize, last: usize) -> String {
+    let text: String = (first..=last).map(|line| uncommented(&lines.text[lines.range(line)])).collect();
+    as_example(&text)
+}
+
+/// One key and its value, marked as an example.
+fn as_example(text: &str) -> String {
+    let end = Document::parse(text).ok().and_then(|document| {
+        let (_, item) = document.as_table().iter().next()?;
+        item.span().map(|span| span.end)
+    });
+    let Some(end) = end else { return text.to_owned() };
+    let (value, after) = text.split_at(end);
+    match after.split_once('#') {
+        Some((_, comment)) if comment.trim_start().starts_with(EXAMPLE) => text.to_owned(),
+        Some((gap, comment)) => format!("{value}{gap}# {EXAMPLE} {}", comment.trim_start()),
+        None => {
+            let line_end = &after[after.trim_end_matches(['\n', '\r']).len()..];
+            format!("{value}   # {EXAMPLE}{line_end}")
+        }
+    }
+}
+
 fn checked(lines: &Lines<'_>, line: usize) -> Result<usize, String> {
     if (1..=lines.count()).contains(&line) { Ok(line) } else { Err(GONE.to_owned()) }
 }
 
 fn take_key(lines: &Lines<'_>, line: usize) -> Result<String, String> {
     let (_, _, last) = offered_key(lines, checked(lines, line)?).ok_or(GONE)?;
-    Ok(with_lines(lines, line..last + 1, uncommented))
+    let range = lines.range(line).start..lines.range(last).end;
+    Ok(format!("{}{}{}", &lines.text[..range.start], taken(lines, line, last), &lines.text[range.end..]))
 }
 
 fn take_section(lines: &Lines<'_>, line: usize) -> Result<String, String> {
     commented(lines.get(checked(lines, line)?)).and_then(offered_header).ok_or(GONE)?;
     let range = offered_lines(lines, line);
-    let mut taken = vec![line];
+    let mut changes = vec![(line, line, uncommented(&lines.text[lines.range(line)]))];
     let mut at = line + 1;
     while at < range.end {
         let Some((_, help, last)) = offered_key(lines, at) else {
@@ -490,16 +576,64 @@ fn take_section(lines: &Lines<'_>, line: usize) -> Result<String, String> {
             continue;
         };
         if !(help.contains("left out") || help.starts_with("instead")) {
-            taken.extend(at..=last);
+            changes.push((at, last, taken(lines, at, last)));
         }
         at = last + 1;
     }
     let mut text = lines.text.to_owned();
-    for line in taken.into_iter().rev() {
-        let range = lines.range(line);
-        text.replace_range(range.clone(), &uncommented(&lines.text[range]));
+    for (first, last, changed) in changes.into_iter().rev() {
+        text.replace_range(lines.range(first).start..lines.range(last).end, &changed);
     }
     Ok(text)
+}
+
+/// The text with a key of the template at the end of a section.
+fn key_from(template: &Lines<'_>, line: usize, text: &str, path: &[Step]) -> Result<String, String> {
+    let first = checked(template, line)?;
+    let added = match offered_key(template, first) {
+        Some((_, _, last)) => taken(template, first, last),
+        None => as_example(&template.text[template.range(first)]),
+    };
+    let (_, range) = own_lines(text, path).into_iter().find(|(section, _)| section == path).ok_or(GONE)?;
+    let lines = Lines::of(text);
+    Ok(with_added(text, lines.range(range.end - 1).end, &added))
+}
+
+/// The text with a section of the template at its end.
+fn section_from(template: &str, line: usize, text: &str) -> Result<String, String> {
+    let lines = Lines::of(template);
+    let header = checked(&lines, line)?;
+    let added = match commented(lines.get(header)).and_then(offered_header) {
+        Some(_) => {
+            let taken = take_section(&lines, header)?;
+            let lines = Lines::of(&taken);
+            offered_lines_after(&lines, header).map(|line| lines.text[lines.range(line)].to_owned()).collect::<String>()
+        }
+        None => {
+            let sections = form(template).sections;
+            let section = sections.iter().find(|section| section.line == header).ok_or(GONE)?;
+            let own = own_lines(template, &section.path).into_iter().find(|(path, _)| *path == section.path);
+            own.ok_or(GONE)?.1.map(|line| &lines.text[lines.range(line)]).collect()
+        }
+    };
+    let gap = if text.ends_with("\n\n") || text.is_empty() { "" } else { "\n" };
+    Ok(with_added(text, text.len(), &format!("{gap}{added}")))
+}
+
+/// Lines of a section that was just taken: up to the next empty line, or the next header, commented out or not.
+fn offered_lines_after(lines: &Lines<'_>, header: usize) -> Range<usize> {
+    let goes_on = |line: &usize| {
+        let text = lines.get(*line);
+        let is_header = offered_header(commented(text).unwrap_or(text)).is_some();
+        !text.trim().is_empty() && !is_header
+    };
+    header..(header + 1..=lines.count()).take_while(goes_on).last().unwrap_or(header) + 1
+}
+
+fn with_added(text: &str, at: usize, added: &str) -> String {
+    let newline = if at == 0 || text[..at].ends_with('\n') { "" } else { "\n" };
+    let end = if added.ends_with('\n') { "" } else { "\n" };
+    format!("{}{newline}{added}{end}{}", &text[..at], &text[at..])
 }
 
 /// The lines of each section at a path and inside it, in their order: from the header to the last value, with the comments right
@@ -582,7 +716,7 @@ fn remove(text: &str, path: &[Step]) -> Result<String, String> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)] // a failure is a failed test
 mod tests {
-    use super::{Edit, Shown, Step, form};
+    use super::{Edit, Place, Shown, Step, form, form_with};
 
     const CELL: &str = r#"# A cell.
 [robot]
@@ -615,7 +749,7 @@ units = "mm"  # << where the file does not say: mm | inch
     }
 
     fn set(text: &str, at: &str, value: &str) -> Result<String, String> {
-        Edit::Set { path: path(at), value: value.to_owned() }.apply(text)
+        Edit::Set { path: path(at), value: value.to_owned() }.apply(text, "")
     }
 
     #[test]
@@ -652,7 +786,7 @@ units = "mm"  # << where the file does not say: mm | inch
             CELL.replace("310.0] # << tooldata", "-1e2] # tooldata")
         );
         assert_eq!(set(CELL, "cut.force", "a \"b\"").unwrap(), CELL.replace("\"constant\"", "'a \"b\"'"));
-        let accepted = Edit::Accept { path: path("cut.cutter.mode") }.apply(CELL).unwrap();
+        let accepted = Edit::Accept { path: path("cut.cutter.mode") }.apply(CELL, "").unwrap();
         assert_eq!(accepted, CELL.replace("# << slot", "# slot"));
         for (at, value) in [
             ("cut.cutter.teeth", "x"),
@@ -665,28 +799,56 @@ units = "mm"  # << where the file does not say: mm | inch
     }
 
     #[test]
+    fn what_a_template_has_besides_is_offered_and_added() {
+        let text = "[robot]\nmodel = \"x\" # mine\n\n[tools.t]\nmass_kg = 1\n\n[[effect]]\nkind = \"a\"";
+        let template = format!("{CELL}\n# [[effect]]\n# kind = \"b\"\n");
+        let form = form_with(text, &template);
+        let titles: Vec<&str> = form.offers.iter().map(|offer| offer.key.as_str()).collect();
+        // It has a tool and an effect of its own.
+        assert_eq!(titles, ["cut", "cut.cutter", "stock"]);
+        assert_eq!((form.sections[0].offers[0].key.as_str(), form.sections[0].offers[0].line), ("start_deg", 4));
+        let take = |line| Edit::TakeSection { place: Place::Template, line }.apply(text, &template).unwrap();
+        assert_eq!(
+            take(15),
+            format!(
+                "{text}\n\n[stock]\n# wobj = \"w\"   # in whose axes; left out: the first\nbox_mm = [\n  [0.0, 0.0, 0.0],\n  [3e2, 1, 1]]   # <<\n"
+            )
+        );
+        assert_eq!(take(5), format!("{text}\n\n[cut]\nforce = \"constant\"  # none | constant | table\n"));
+        let key = Edit::Take { path: path("robot"), place: Place::Template, line: 4 }.apply(text, &template).unwrap();
+        assert_eq!(key, text.replace("# mine\n", "# mine\nstart_deg = [0, 0, 0]   # << how the arm stands\n"));
+    }
+
+    fn own(line: usize) -> Edit {
+        Edit::Take { path: Vec::new(), place: Place::Own, line }
+    }
+
+    #[test]
     fn keys_and_sections_go_and_come_back() {
-        let without = Edit::Omit { path: path("cut.cutter.teeth") }.apply(CELL).unwrap();
+        let without = Edit::Omit { path: path("cut.cutter.teeth") }.apply(CELL, "").unwrap();
         assert_eq!(without, CELL.replace("teeth = 2 ", "# teeth = 2 "));
-        assert_eq!(Edit::Take { line: 11 }.apply(&without).unwrap(), CELL);
-        let taken = Edit::TakeSection { line: 15 }.apply(CELL).unwrap();
+        assert_eq!(own(11).apply(&without, "").unwrap(), CELL);
+        let taken = Edit::TakeSection { place: Place::Own, line: 15 }.apply(CELL, "").unwrap();
         let expected = CELL.replace("# [stock]", "[stock]").replace("# box_mm", "box_mm");
-        assert_eq!(taken, expected.replace("#   [0.0", "  [0.0").replace("#   [3e2", "  [3e2"));
-        assert!(Edit::Take { line: 1 }.apply(CELL).is_err());
-        assert!(Edit::Take { line: 999 }.apply(CELL).is_err());
+        assert_eq!(taken, expected.replace("#   [0.0", "  [0.0").replace("#   [3e2, 1, 1]]", "  [3e2, 1, 1]]   # <<"));
+        let stance = Edit::Take { path: path("robot"), place: Place::Own, line: 4 }.apply(CELL, "").unwrap();
+        assert_eq!(stance, CELL.replace("# start_deg = [0, 0, 0]   # how", "start_deg = [0, 0, 0]   # << how"));
+        assert!(own(1).apply(CELL, "").is_err());
+        assert!(own(999).apply(CELL, "").is_err());
     }
 
     #[test]
     fn a_tool_is_copied_with_what_is_inside_and_removed_again() {
-        let copied = Edit::Copy { path: path("tools.tMill"), name: "t[2]".to_owned() }.apply(CELL).unwrap();
+        let copied = Edit::Copy { path: path("tools.tMill"), name: "t[2]".to_owned() }.apply(CELL, "").unwrap();
         let added = "\n[tools.\"t[2]\"]\ntcp_mm = [0.0, 0.0, 310.0] # << tooldata\n\n[tools.\"t[2]\".cutter]\nunits = \"mm\"  # << where the file does not say: mm | inch\n";
         assert_eq!(copied, format!("{CELL}{added}"));
-        assert!(Edit::Copy { path: path("tools.tMill"), name: "tMill".to_owned() }.apply(CELL).is_err());
-        let removed =
-            Edit::Remove { path: vec![Step::Key("tools".into()), Step::Key("t[2]".into())] }.apply(&copied).unwrap();
+        assert!(Edit::Copy { path: path("tools.tMill"), name: "tMill".to_owned() }.apply(CELL, "").is_err());
+        let removed = Edit::Remove { path: vec![Step::Key("tools".into()), Step::Key("t[2]".into())] }
+            .apply(&copied, "")
+            .unwrap();
         assert_eq!(removed, format!("{CELL}\n\n"));
         let effects = "[[effect]]\na = 1\n[[effect]]\na = 2\n";
-        assert_eq!(Edit::Remove { path: path("effect.0") }.apply(effects).unwrap(), "[[effect]]\na = 2\n");
+        assert_eq!(Edit::Remove { path: path("effect.0") }.apply(effects, "").unwrap(), "[[effect]]\na = 2\n");
         assert_eq!(set(effects, "effect.1.a", "3").unwrap(), "[[effect]]\na = 1\n[[effect]]\na = 3\n");
     }
 

@@ -35,7 +35,8 @@ pub struct Options {
     pub port: u16,
     /// The program that runs are made with: deflex itself.
     pub program: PathBuf,
-    /// What the page shows of the program: its version, robots, materials and languages. The server passes it on as it is.
+    /// What the page shows of the program: `version`, `robots`, `materials`, `languages` and `columns`. `template` is a cell file with
+    /// all that one may have, commented out or not.
     pub facts: serde_json::Value,
 }
 

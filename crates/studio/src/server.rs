@@ -162,9 +162,14 @@ struct Form {
     text: String,
 }
 
-async fn cell_form(body: Bytes) -> Answer {
+/// A cell with all that one may have, for what can be added.
+fn template(shared: &Shared) -> &str {
+    shared.facts["template"].as_str().unwrap_or_default()
+}
+
+async fn cell_form(State(shared): Server, body: Bytes) -> Answer {
     let Form { text } = read(&body)?;
-    Ok(answer(&json!(cell::form(&text))))
+    Ok(answer(&json!(cell::form_with(&text, template(&shared)))))
 }
 
 #[derive(Deserialize)]
@@ -174,10 +179,11 @@ struct CellEdit {
     edit: cell::Edit,
 }
 
-async fn cell_edit(body: Bytes) -> Answer {
+async fn cell_edit(State(shared): Server, body: Bytes) -> Answer {
     let CellEdit { text, edit } = read(&body)?;
-    let text = edit.apply(&text).map_err(|why| Refused::new(StatusCode::UNPROCESSABLE_ENTITY, why))?;
-    Ok(answer(&json!({ "form": cell::form(&text), "text": text })))
+    let template = template(&shared);
+    let text = edit.apply(&text, template).map_err(|why| Refused::new(StatusCode::UNPROCESSABLE_ENTITY, why))?;
+    Ok(answer(&json!({ "form": cell::form_with(&text, template), "text": text })))
 }
 
 async fn list_jobs(State(shared): Server) -> Response {
