@@ -63,7 +63,7 @@ const identification = async (app, outcome) => {
       }
     };
     body.replaceChildren(
-      h("p", {}, `${lines.length - 1} rows. `, carriesPosture ? "Each row carries its own motor angles: no program is needed." : ""),
+      h("p", {}, `Rows: ${lines.length - 1}. `, carriesPosture ? "Each row carries its own motor angles: no program is needed." : ""),
       table("The first rows of the table", head, lines.slice(1, 6).map(split)),
       h("h3", {}, "Columns"),
       h("p", {}, "Recognised: ", head.filter((column) => known.includes(column)).join(", ") || "none"),
@@ -91,7 +91,7 @@ const answer = (figures, output, app) => {
     h("h3", {}, words),
     table("Error on rows that no fit has seen", ["Error on rows that no fit has seen", "rms, mm", "mean, mm", "largest, mm"],
       [["before", before.rms_mm, before.mean_mm, before.max_mm], ["after", after.rms_mm, after.mean_mm, after.max_mm]]),
-    h("p", { className: "hint" }, `${rows} rows, ${held_out_rows} of them held out; noise ${figure(noise_mm)} mm an axis; ${effects?.length ?? 0} effects are in the model.`),
+    h("p", { className: "hint" }, `Rows: ${rows}, held out: ${held_out_rows}; noise ${figure(noise_mm)} mm an axis; effects in the model: ${effects?.length ?? 0}.`),
     unexplained?.significant ? h("p", { className: "warning" }, "A part of the error stays unexplained: the page says what it goes with.") : "",
     advice?.length > 0 ? h("details", {}, h("summary", {}, "What to measure next"), h("ul", {}, advice.map((text) => h("li", {}, text)))) : "",
     h("div", { className: "actions" }, button("Use this cell", () => { app.chosen.cell = output; app.go("cell"); }, { className: "main" }),

@@ -84,7 +84,7 @@ const summary = (found, job, go) => {
     h("dl", {}, facts.filter(([, value]) => value !== "" && value !== undefined).map(([name, value]) => [h("dt", {}, name), h("dd", {}, String(value))])),
     extents?.length > 0 ? table("Where the program goes", ["Work object", "x, mm", "y, mm", "z, mm"],
       extents.map(({ wobj, min_mm, max_mm }) => [wobj, ...min_mm.map((least, i) => `${figure(least)} to ${figure(max_mm[i])}`)])) : "",
-    kept.length > 0 ? h("details", {}, h("summary", {}, `${kept.length} statements are kept as they are`),
+    kept.length > 0 ? h("details", {}, h("summary", {}, `Statements that are kept as they are: ${kept.length}`),
       h("ul", {}, kept.slice(0, 200).map(({ line, reason }) => h("li", {}, button(`Line ${line}`, () => go(found.path, line), { className: "link" }), `: ${reason}`)))) : "");
 };
 

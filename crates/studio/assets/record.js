@@ -29,12 +29,13 @@ export const show = (body, app) => {
   };
   const draw = () => {
     const all = written();
+    list.start = all.length;
     list.replaceChildren(...all.map((job) => h("li", { className: "card" },
       h("p", { className: "bar" }, h("strong", {}, job.arguments[0]), h("span", { className: "hint" }, `${STATES[job.state]}${job.code ? `, exit code ${job.code}` : ""}, ${job.seconds.toFixed(2)} s`),
         button("Copy", () => copied(job.command_line, said), { "aria-label": `Copy the command line of ${job.arguments[0]}` }),
         job.page && job.state === "done" && job.code !== 2 ? button("Show the page", () => open(job.page)) : ""),
       h("pre", { className: "command", tabIndex: 0, role: "region", "aria-label": `Command line of ${job.arguments[0]}` }, job.command_line),
-      h("details", {}, h("summary", {}, `${job.writes.length} files, ${job.messages.length} messages`), h("p", {}, job.writes.join(", ")), messages(job.messages, (file, line) => app.goTo(file, line))))));
+      h("details", {}, h("summary", {}, `Files: ${job.writes.length}, messages: ${job.messages.length}`), h("p", {}, job.writes.join(", ")), messages(job.messages, (file, line) => app.goTo(file, line))))));
     if (all.length === 0) list.replaceChildren(h("li", { className: "hint" }, "Nothing was run since the window was opened."));
   };
   body.replaceChildren(

@@ -60,6 +60,7 @@ const show = async () => {
   leave = () => {};
   byId("views").replaceChildren(h("ul", {}, Object.entries(VIEWS).map(([name, { title }]) =>
     h("li", {}, h("a", { href: `#/${name}`, "aria-current": name === view ? "page" : null }, title)))));
+  byId("views").querySelector("[aria-current]").scrollIntoView({ block: "nearest", inline: "nearest" });
   const heading = h("h1", { tabIndex: -1 }, VIEWS[view].title);
   const body = h("div", { className: `view ${view}` });
   document.title = `${VIEWS[view].title} · deflex studio`;
