@@ -20,11 +20,10 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let options = Options { folder: args.folder.clone(), port: args.port.unwrap_or_default(), program, facts: facts() };
     let studio = Studio::open(options).map_err(|error| failed(&error))?;
     print(format!("{}\n", studio.address()).as_bytes())?;
-    if !args.no_browser {
-        if let Err(error) = open_browser(&studio.address_once()) {
-            let note = Diagnostic::error("studio.browser", "", format!("no browser was started: {error}"));
-            message::print(&[note.severity(Severity::Note).help("open the address above in a browser")], false);
-        }
+    let started = if args.no_browser { Ok(()) } else { open_browser(&studio.address_once()) };
+    if let Err(error) = started {
+        let note = Diagnostic::error("studio.browser", "", format!("no browser was started: {error}"));
+        message::print(&[note.severity(Severity::Note).help("open the address above in a browser")], false);
     }
     studio.serve().map_err(|error| failed(&error))?;
     Ok(Answer::Yes)
