@@ -8,7 +8,7 @@
 
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -135,6 +135,20 @@ const replayed = (lines) => {
   for (const name of names) assert(readFileSync(at(name)).equals(readFileSync(join(replay, name))), `${name} differs`);
   return `${names.size} files are the same`;
 };
+
+// An ABB controller's file of the robot, and a robot description, as short as they may be.
+const MOC = `MOC:CFG_1.0:6:0::
+#
+ROBOT:
+
+      -name "ROB_1" -use_robot_type "ROB1_6700_200_2.60" ${[0, 1, 2, 3, 4, 5].map((i) => `-use_joint_${i} "rob1_${i + 1}"`).join(" ")}
+`;
+const URDF = `<robot name="arm">
+${["base", "l1", "l2", "l3", "l4", "l5", "tool0"].map((name) => `<link name="${name}"/>`).join("\n")}
+${[["base", "l1", "0 0 0.8", "0 0 1"], ["l1", "l2", "0.3 0 0", "0 1 0"], ["l2", "l3", "0 0 0.9", "0 1 0"], ["l3", "l4", "0 0 0.2", "1 0 0"], ["l4", "l5", "1 0 0", "0 1 0"], ["l5", "tool0", "0.2 0 0", "1 0 0"]]
+    .map(([parent, child, xyz, axis], i) => `<joint name="j${i + 1}" type="revolute"><parent link="${parent}"/><child link="${child}"/><origin xyz="${xyz}" rpy="0 0 0"/><axis xyz="${axis}"/><limit lower="-2" upper="2" effort="0" velocity="2"/></joint>`).join("\n")}
+</robot>
+`;
 
 const tests = {
   async "the window opens, and its key leaves the address"() {
@@ -304,7 +318,7 @@ const tests = {
     await go("cell");
     await page.waitForSelector(".form .section");
     await choose("Cell", "cell.toml");
-    await page.waitForFunction(() => document.querySelector(".source h2").textContent.startsWith("cell.toml"));
+    await page.waitForFunction(() => document.querySelector(".source h2")?.textContent.startsWith("cell.toml"));
     await saved();
     await press("Add [plan]");
     await page.waitForSelector('details[data-title="plan"]');
@@ -323,6 +337,99 @@ const tests = {
     await frame.waitForSelector("h1");
     await look("plan");
     return replayed([await page.evaluate(() => [...window.studio.jobs.values()].at(-1).command_line)]);
+  },
+  async "a backup and a URDF become cells, and sections come and go"() {
+    const backup = join(again, "backup");
+    mkdirSync(join(backup, "SYSPAR"), { recursive: true });
+    mkdirSync(join(backup, "RAPID/TASK1/PROGMOD"), { recursive: true });
+    writeFileSync(join(backup, "SYSPAR/MOC.cfg"), MOC);
+    writeFileSync(join(backup, "RAPID/TASK1/PROGMOD/tools.mod"), "MODULE Tools\n  PERS tooldata tOwn:=[TRUE,[[0,0,250],[1,0,0,0]],[12,[0,0,100],[1,0,0,0],0,0,0]];\nENDMODULE\n");
+    writeFileSync(join(again, "arm.urdf"), URDF);
+    await add(join(again, "arm.urdf"));
+    const [chooser] = await Promise.all([page.waitForEvent("filechooser"), press("Add a folder…")]);
+    await chooser.setFiles(backup);
+    await page.getByRole("rowheader", { name: "backup/SYSPAR/MOC.cfg" }).waitFor();
+    for (const [source, name] of [["URDF arm.urdf", "arm.toml"], ["Backup backup", "backup.toml"]]) {
+      await go("cell");
+      await page.waitForSelector(".form .section");
+      await saved();
+      await page.click("summary:has-text('Make a new cell')");
+      await page.getByLabel("Name of the cell file").fill(name);
+      await press(source);
+      await page.waitForFunction((name) => document.querySelector(".source h2")?.textContent.startsWith(name), name);
+      await saved();
+    }
+    assert((await cellText()).includes("[tools.tOwn]"));
+    const before = await cellText();
+    const details = page.locator('details[data-title="tools.tOwn"]');
+    await details.locator("summary").first().click();
+    await details.getByRole("button", { name: "Copy under another name" }).click();
+    await page.getByLabel("Name of the copy of tools.tOwn").fill("tSecond");
+    await press("Copy");
+    await page.waitForSelector('details[data-title="tools.tSecond"]');
+    await saved();
+    const second = page.locator('details[data-title="tools.tSecond"]');
+    await second.locator("summary").first().click();
+    await second.getByRole("button", { name: "Remove the section" }).click();
+    await press("Remove it");
+    await second.waitFor({ state: "detached" });
+    await saved();
+    assert.equal((await cellText()).trimEnd().replace(/\n+/g, "\n"), before.trimEnd().replace(/\n+/g, "\n"));
+    // No stiffness is published for this robot: fields to fill in.
+    await press("Add [robot.stiffness]");
+    await page.waitForSelector('details[data-title="robot.stiffness"]');
+    await saved();
+    assert(await page.locator(".said .error").count() > 0, "a stiffness of 0 is no error");
+    for (let i = 0; i < 6; i++) await set("robot.stiffness", "joint_nm_per_rad", "1e6", i);
+    assert.equal(await page.locator(".said .error").count(), 0);
+    // A key comes as an example, and is accepted.
+    await page.locator('details[data-title="robot"]').getByRole("button", { name: "+ start_deg" }).click();
+    const accept = page.locator('.field[data-key="start_deg"]').getByRole("button", { name: "Keep this example value" });
+    await accept.click();
+    await accept.waitFor({ state: "detached" });
+    await saved();
+    assert(/^start_deg = .*# (?!<<)/m.test(await cellText()));
+  },
+  async "several files, CL data, other columns and two cells"() {
+    const other = join(again, "other");
+    mkdirSync(other);
+    for (const [from, to] of [["kuka/ring.src", "ring.src"], ["kuka/ring.dat", "ring.dat"], ["kuka/cell.toml", "kuka.toml"], ["blade/blade.aptsource", "blade.aptsource"], ["blade/cell.toml", "blade.toml"]]) copyFileSync(sample(from), join(other, to));
+    const [head, ...rows] = readFileSync(sample("closed-loop/measured.csv"), "utf8").split("\n");
+    writeFileSync(join(other, "named.csv"), [head.replace("target", "Punkt Nr").replace("x_mm", "X Ist").replaceAll(",", ";"), ...rows.map((row) => row.replaceAll(",", ";"))].join("\n"));
+    await add(...readdirSync(other).map((name) => join(other, name)));
+    const compensate = async (program, cell) => {
+      await go("run");
+      await press("Compensate");
+      for (const box of await page.locator("fieldset input:checked").all()) await box.uncheck();
+      await page.getByLabel(program, { exact: true }).check();
+      await choose("Cell", cell);
+      await press("Run compensate");
+      await outcome("good");
+    };
+    await compensate("ring.src", "kuka.toml");
+    assert.deepEqual(readdirSync(at("corrected")).filter((name) => /\.(src|dat)$/.test(name)), ["ring.dat", "ring.src"]);
+    await compensate("blade.aptsource", "blade.toml");
+    assert(readFileSync(at("blade.corrected.mod"), "utf8").includes("MODULE"));
+    await go("loop");
+    await choose("Cell", "loop.toml");
+    await page.waitForFunction(() => document.querySelector(".view.loop select")?.value === "loop.toml");
+    await choose("Measured table", "named.csv");
+    await choose("“Punkt Nr” is", "target");
+    await choose("“X Ist” is", "x_mm");
+    await choose("Program that was measured", "loop.mod");
+    await press("Find the cause");
+    await outcome("good");
+    assert((await page.textContent(".outcome h3")).includes("backlash"));
+    await go("compare");
+    await choose("Program", "loop.mod");
+    await choose("First cell", "loop.toml");
+    await choose("Second cell", "loop.identified.toml");
+    await press("Show both");
+    await page.waitForFunction(() => document.querySelectorAll("iframe.result").length === 2);
+    await look("cells");
+    await go("record");
+    await press("Copy the command line of predict");
+    await page.waitForFunction(() => document.querySelector(".record + div") && /Copied|permit/.test(document.querySelector(".view.record .bar .hint").textContent));
   },
   async "nothing hidden is left, and nothing went wrong in the page"() {
     assert.deepEqual(readdirSync(folder).filter((name) => name.startsWith(".")), []);

@@ -345,7 +345,7 @@ fn offered_key(lines: &Lines<'_>, line: usize) -> Option<(String, String, usize)
     }
     let mut text = String::new();
     for last in line..=lines.count().min(line + LONGEST_OFFER) {
-        text += commented(lines.get(last))?;
+        text += &filled(commented(lines.get(last))?);
         text.push('\n');
         if let Ok(found) = Document::parse(text.as_str()) {
             let span = found.get(key)?.span()?;
@@ -533,8 +533,19 @@ fn uncommented(line: &str) -> String {
 
 /// Lines of a key without their `# `, with its value marked as an example: it is not the user's own yet.
 fn taken(lines: &Lines<'_>, first: usize, last: usize) -> String {
-    let text: String = (first..=last).map(|line| uncommented(&lines.text[lines.range(line)])).collect();
+    let text: String = (first..=last).map(|line| filled(&uncommented(&lines.text[lines.range(line)]))).collect();
     as_example(&text)
+}
+
+/// A line with zeros where a list is left blank, `[ , , ]`: fields to fill in.
+fn filled(line: &str) -> String {
+    let Some((before, list)) = line.split_once("= [") else { return line.to_owned() };
+    let Some((blanks, after)) = list.split_once(']') else { return line.to_owned() };
+    let commas = blanks.matches(',').count();
+    if commas == 0 || blanks.chars().any(|c| c != ',' && c != ' ') {
+        return line.to_owned();
+    }
+    format!("{before}= [{}]{after}", vec!["0"; commas + 1].join(", "))
 }
 
 /// One key and its value, marked as an example.
@@ -835,6 +846,14 @@ units = "mm"  # << where the file does not say: mm | inch
         assert_eq!(stance, CELL.replace("# start_deg = [0, 0, 0]   # how", "start_deg = [0, 0, 0]   # << how"));
         assert!(own(1).apply(CELL, "").is_err());
         assert!(own(999).apply(CELL, "").is_err());
+    }
+
+    #[test]
+    fn a_list_that_is_left_blank_becomes_fields_to_fill_in() {
+        let text = "# [a]\n# b_mm = [ , , ]\n";
+        let taken = Edit::TakeSection { place: Place::Own, line: 1 }.apply(text, "").unwrap();
+        assert_eq!(taken, "[a]\nb_mm = [0, 0, 0]   # <<\n");
+        assert_eq!(set(&taken, "a.b_mm.1", "2.5").unwrap(), "[a]\nb_mm = [0, 2.5, 0]\n");
     }
 
     #[test]
