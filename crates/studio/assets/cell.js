@@ -2,6 +2,7 @@
 
 import { asks, button, check, figure, h, labelled, messages, select } from "./elements.js";
 import { post, read, readJson, run, succeeded, write } from "./server.js";
+import { forcesControl, reading } from "./run.js";
 
 export const title = "Cell";
 
@@ -300,7 +301,7 @@ const watcher = (app, cell) => {
   let last;
   const again = async () => {
     if (!on || !app.chosen.program) return;
-    const job = await run({ command: "predict", programs: [app.chosen.program], cell });
+    const job = await run({ command: "predict", programs: [app.chosen.program], cell, reading: reading(app) });
     if (!succeeded(job)) return tiles.replaceChildren(messages(job.messages, (file, line) => app.goTo(file, line)));
     const [sums] = (await readJson(job.figures)).files;
     tiles.replaceChildren(...FIGURES.map(([key, label]) => {
@@ -312,7 +313,7 @@ const watcher = (app, cell) => {
   };
   const box = programs.length === 0 ? h("p", { className: "hint" }, "Add a program, and its error is shown here after each change of the cell.")
     : h("section", { className: "card watch" }, h("h2", {}, "See the error move"),
-      h("div", { className: "bar" }, labelled("Program", select(programs, app.chosen.program, (name) => { app.chosen.program = name; last = undefined; again(); })),
+      h("div", { className: "bar" }, labelled("Program", select(programs, app.chosen.program, (name) => { app.chosen.program = name; last = undefined; again(); })), forcesControl(app, () => { last = undefined; again(); }),
         check("Predict after each change", on, (is) => { on = is; again(); })), tiles);
   return { box, again };
 };

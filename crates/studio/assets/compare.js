@@ -1,8 +1,8 @@
 // Two programs, target by target; or one program under two cells.
 
-import { button, h, labelled, select, table } from "./elements.js";
+import { button, h, labelled, messages, select, table } from "./elements.js";
 import { frame, readJson, run, succeeded } from "./server.js";
-import { difference, report } from "./run.js";
+import { difference, forcesControl, reading, report } from "./run.js";
 
 export const title = "Compare";
 
@@ -39,9 +39,9 @@ const under = (programs, cells, app, outcome, fail) => {
       outcome.replaceChildren(h("p", { role: "status" }, "Predicting under both cells …"));
       const done = [];
       // The results have names of their own, so that the second run does not replace those of the first.
-      for (const [i, cell] of chosen.entries()) done.push(await run({ command: "predict", programs: [program], cell, results: ["cell-a", "cell-b"][i] }));
+      for (const [i, cell] of chosen.entries()) done.push(await run({ command: "predict", programs: [program], cell, results: ["cell-a", "cell-b"][i], reading: reading(app) }));
       const failed = done.find((job) => !succeeded(job));
-      if (failed) throw new Error(failed.messages.find(({ severity }) => severity === "error")?.message ?? "a run could not be done");
+      if (failed) return outcome.replaceChildren(h("section", { className: "card" }, h("p", { className: "verdict bad" }, "Could not be done: the two were not compared."), messages(failed.messages, (file, line) => app.goTo(file, line))));
       const [a, b] = (await Promise.all(done.map((job) => readJson(job.figures)))).map(({ files: [sums] }) => sums);
       const frames = await Promise.all(done.map((job) => frame(job.page)));
       outcome.replaceChildren(h("section", { className: "card" }, h("h2", {}, program), table("Figures under both cells", ["", chosen[0], chosen[1], "Change"],
@@ -52,6 +52,6 @@ const under = (programs, cells, app, outcome, fail) => {
     }
   };
   return h("div", {}, h("div", { className: "fields" }, labelled("Program", select(programs, program, (name) => { program = name; })),
-    labelled("First cell", select(cells, chosen[0], (name) => { chosen[0] = name; })), labelled("Second cell", select(cells, chosen[1], (name) => { chosen[1] = name; }))),
+    labelled("First cell", select(cells, chosen[0], (name) => { chosen[0] = name; })), labelled("Second cell", select(cells, chosen[1], (name) => { chosen[1] = name; })), forcesControl(app)),
     h("div", { className: "actions" }, button("Show both", start, { className: "main" })));
 };

@@ -2,7 +2,7 @@
 
 import { button, figure, h, labelled, messages, newId, select, table } from "./elements.js";
 import { frame, jobs, read, readJson, run, succeeded } from "./server.js";
-import { findingsOf } from "./run.js";
+import { findingsOf, forcesControl, reading } from "./run.js";
 
 export const title = "Program";
 
@@ -43,7 +43,7 @@ const look = async (root, name, app) => {
   const predict = async () => {
     path.replaceChildren(h("p", { role: "status" }, "Predicting …"));
     try {
-      const done = await run({ command: "predict", programs: [name], cell: app.chosen.cell });
+      const done = await run({ command: "predict", programs: [name], cell: app.chosen.cell, reading: reading(app) });
       await list();
       path.replaceChildren(succeeded(done) ? await frame(done.page) : h("p", { className: "error" }, "The run could not be done: the findings say why."));
     } catch (error) {
@@ -62,7 +62,7 @@ const look = async (root, name, app) => {
     h("div", { className: "halves" },
       h("section", { className: "card" }, h("h2", {}, "The text"), code.box, findings),
       h("section", { className: "card" }, h("h2", {}, "The path"),
-        cells.length > 0 ? h("div", { className: "bar" }, labelled("Cell", select(cells, app.chosen.cell, (cell) => { app.chosen.cell = cell; })), button("Predict and show the path", predict, { className: "main" }))
+        cells.length > 0 ? h("div", { className: "bar" }, labelled("Cell", select(cells, app.chosen.cell, (cell) => { app.chosen.cell = cell; })), forcesControl(app), button("Predict and show the path", predict, { className: "main" }))
           : h("p", {}, "The path needs a cell. ", button("Make one", () => app.go("cell"), { className: "link" })), path)));
   await list();
   if (app.line) code.goTo(app.line);

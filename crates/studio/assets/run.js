@@ -12,6 +12,13 @@ const WHAT = {
   simulate: "Cuts the stock with the poses that the loaded arm takes: the part before it is cut, and its deviation.",
 };
 
+// A table of forces, which the runs on all views take.
+export const forcesControl = (app, changed) => {
+  const tables = app.names("table");
+  return tables.length === 0 ? "" : labelled("Forces from a table", select([["", "none: as the cell says"], ...tables.map((name) => [name, name])], reading(app).forces ?? "", (name) => { app.forces = name; changed?.(); }));
+};
+export const reading = (app) => ({ forces: app.names("table").includes(app.forces) ? app.forces : null });
+
 const ending = (name) => name.split(".").at(-1).toLowerCase();
 const languageOf = (name, app) => (app.facts.languages ?? []).find(({ endings }) => endings.includes(ending(name)))?.word;
 // Languages that CL data can be posted to, with the ending of a program.
@@ -19,7 +26,7 @@ const POSTED = { rapid: "mod", krl: "src", ls: "ls", ur: "script" };
 
 export const show = (body, app) => {
   let programs = app.names("program");
-  const [cells, tables] = [app.names("cell"), app.names("table")];
+  const cells = app.names("cell");
   if (programs.length === 0 || cells.length === 0) {
     body.replaceChildren(h("p", {}, "A run needs a program and a cell. ",
       programs.length === 0 ? button("Add a program", () => app.go("files"), { className: "link" }) : "", " ", cells.length === 0 ? button("Make a cell", () => app.go("cell"), { className: "link" }) : ""));
@@ -39,7 +46,7 @@ export const show = (body, app) => {
     const isCl = chosen.some((name) => languageOf(name, app) === "cl");
     const several = chosen.length > 1 || chosen.some((name) => ending(name) === "src");
     const against = () => pick("The original, if this is a corrected program", "against", programs.filter((name) => !asked.programs.has(name)), "none: errors count from its own targets");
-    const forces = () => (tables.length > 0 ? pick("Forces from a table", "forces", tables, "none: as the cell says") : "");
+    const forces = () => forcesControl(app);
     const own = {
       predict: () => [against(), forces()],
       compensate: () => [
@@ -60,7 +67,10 @@ export const show = (body, app) => {
       simulate: () => [against(), forces(), h("p", { className: "hint" }, "The cell needs a section [stock], and a cutter for each tool that cuts it.")],
     }[asked.command];
     const tabs = h("div", { className: "tabs", role: "group", "aria-label": "Command" }, Object.keys(WHAT).map((command) =>
-      button(command[0].toUpperCase() + command.slice(1), () => { asked.command = app.command = command; draw(); form.querySelector("[aria-pressed=true]").focus(); }, { "aria-pressed": String(command === asked.command) })));
+      button(command[0].toUpperCase() + command.slice(1), () => { asked.command = app.command = command; draw(); }, { "aria-pressed": String(command === asked.command) })));
+    // A form that is drawn again keeps the focus where it was.
+    const controls = () => [...form.querySelectorAll("input, select, button")];
+    const focused = controls().indexOf(document.activeElement);
     form.replaceChildren(tabs, h("p", { className: "hint" }, WHAT[asked.command]),
       h("fieldset", {}, h("legend", {}, "Programs"), programs.map((name) => check(name, asked.programs.has(name), (is) => {
         if (is) asked.programs.add(name);
@@ -71,6 +81,7 @@ export const show = (body, app) => {
       }))),
       h("div", { className: "fields" }, labelled("Cell", select(cells, asked.cell, (name) => { asked.cell = app.chosen.cell = name; })), own()),
       h("div", { className: "actions" }, button(`Run ${asked.command}`, start, { className: "main" })));
+    controls()[focused]?.focus();
   };
 
   const what = () => {
@@ -78,13 +89,12 @@ export const show = (body, app) => {
     const given = (key) => options[key]?.trim().replace(",", ".") || undefined;
     const base = { command: asked.command, programs: chosen, cell: asked.cell };
     const against = programs.includes(options.against) && !asked.programs.has(options.against) ? options.against : undefined;
-    const forces = options.forces || undefined;
-    if (asked.command === "predict" || asked.command === "simulate") return { ...base, against, reading: { forces: forces ?? null } };
-    if (asked.command === "check") return { ...base, against, forces, "max-error": given("maxError") ?? "", "max-path-error": given("maxPathError"), "max-jump": given("maxJump"), "allow-unjudged": options.allowUnjudged ?? false };
+    if (asked.command === "predict" || asked.command === "simulate") return { ...base, against, reading: reading(app) };
+    if (asked.command === "check") return { ...base, against, ...reading(app), "max-error": given("maxError") ?? "", "max-path-error": given("maxPathError"), "max-jump": given("maxJump"), "allow-unjudged": options.allowUnjudged ?? false };
     const several = chosen.length > 1 || chosen.some((name) => ending(name) === "src");
     const isCl = chosen.some((name) => languageOf(name, app) === "cl");
     return {
-      ...base, reading: { forces: forces ?? null }, position: options.position ?? false, again: options.again ?? false, subdivide: given("subdivide"), "max-path-error": given("maxPathError"),
+      ...base, reading: reading(app), position: options.position ?? false, again: options.again ?? false, subdivide: given("subdivide"), "max-path-error": given("maxPathError"),
       post: isCl && options.post && options.post !== "rapid" ? options.post : undefined,
       output: several ? { folder: (options.folder ?? "corrected").trim() } : { file: (options.output ?? proposed(chosen[0], app, options.post)).trim() },
     };
