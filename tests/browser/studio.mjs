@@ -116,10 +116,7 @@ const set = async (section, key, value, part = 0) => {
   }
   await saved();
 };
-const saved = async () => {
-  await page.waitForFunction(() => document.querySelector(".editor .bar .hint").textContent === "Saved" && [...window.studio.jobs.values()].every(({ state }) => state !== "running"));
-  await page.waitForTimeout(50);
-};
+const saved = () => page.waitForFunction(() => document.querySelector(".editor .bar .hint")?.textContent === "Saved");
 
 // Runs command lines in a folder with the same inputs, and compares what they write with the files of the window.
 const replayed = (lines) => {
@@ -178,6 +175,16 @@ const tests = {
     await press("Undo");
     await saved();
     assert.equal(await cellText(), before);
+    // Two changes at once, as from a quick keyboard: both are kept.
+    await page.evaluate(() => {
+      for (const [key, value] of [["teeth", "3"], ["helix_deg", "35"]]) {
+        const input = document.querySelector(`details[data-title="cut.cutter"] .field[data-key="${key}"] input`);
+        input.value = value;
+        input.dispatchEvent(new Event("change"));
+      }
+    });
+    await page.waitForFunction(() => /teeth = 3\n[^]*helix_deg = 35\n/.test(document.querySelector("#cell-text").value));
+    await saved();
     // A mass in the wrong unit is reported at its field.
     await set("tools.tMill", "mass_kg", "18000");
     const said = page.locator('.field[data-key="mass_kg"] .at-field');

@@ -138,9 +138,10 @@ const edit = async (root, name, app) => {
   const save = async () => {
     try {
       const sent = text;
+      state.textContent = "Saving …";
       version = await write(name, sent, version);
       saved = sent;
-      tellState();
+      state.textContent = "Saved, reading …";
       const [looked] = await Promise.all([run({ command: "pose", cell: name }), watch.again()]);
       diagnostics = looked.messages.filter(({ severity }) => severity !== "line");
       said.replaceChildren(messages(diagnostics, (_, line) => goTo(line)) || h("p", { className: "good" }, "deflex reads this cell and has nothing to say about it."));
@@ -148,8 +149,15 @@ const edit = async (root, name, app) => {
     } catch (error) {
       fail(error);
     }
+    tellState();
   };
-  const change = async (edit) => {
+  // One after the other: each begins with the text that the one before left.
+  let changes = Promise.resolve();
+  const change = (edit) => {
+    state.textContent = "Saving …";
+    changes = changes.then(() => apply(edit));
+  };
+  const apply = async (edit) => {
     try {
       const { text: changed, form: shown } = await post("/api/cell/edit", { text, edit });
       undo.push(text);
@@ -157,13 +165,15 @@ const edit = async (root, name, app) => {
       await save();
     } catch (error) {
       fail(error);
-      draw((await post("/api/cell", { text })));
+      draw(await post("/api/cell", { text }));
+      tellState();
     }
   };
   const saveButton = button("Save", save, { className: "main" });
   const undoButton = button("Undo", async () => {
-    text = undo.pop();
-    put(text, await post("/api/cell", { text }));
+    state.textContent = "Saving …";
+    const before = undo.pop();
+    put(before, await post("/api/cell", { text: before }));
     await save();
   });
 

@@ -4,8 +4,9 @@
 //! in the folder, with the arguments that it shows to the user, and passes on what the program writes to stderr. So the files are
 //! those of the command line, and a run that fails ends alone.
 //!
-//! Only one user is served, and only from the page that the server itself sends. Every call needs a random key, `Host` and `Origin` must be those of the address, names lead nowhere out of the folder, and the browser
-//! sends typed values from which the server builds the arguments.
+//! Only one user is served, and only from the page that the server itself sends. Every call needs a random key, `Host` and `Origin`
+//! must be those of the address, names lead nowhere out of the folder, and the browser sends typed values from which the server
+//! builds the arguments.
 
 mod assets;
 mod cell;
