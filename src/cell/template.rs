@@ -273,7 +273,7 @@ teeth = 2                       # <<
 helix_deg = 30.0                # <<
 
 [cut.engagement]
-mode = "slot"                   # << slot | up (conventional) | down (climb)
+mode = "slot"                   # << slot | up (conventional) | down (climb) | stock (what is left of [stock])
 depth_mm = 1.5                  # << along the tool axis
 width_mm = 25.0                 # << stepover: how far beside the same cutter has passed
 feed_per_tooth_mm = 0.07        # << left out: from feed, spindle_rpm and teeth

@@ -2,12 +2,18 @@
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use deflex::text::{Diagnostic, Severity, printable, printable_line};
+use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::io::{self, IsTerminal, Write};
 use std::ops::Range;
+use std::sync::LazyLock;
 
 /// More messages than this of one run are only counted.
 const MOST: usize = 50;
+
+/// Whether stderr is read by a program: `DEFLEX_MESSAGES=json` asks for one JSON object a line instead of text for people.
+pub(super) static FOR_A_PROGRAM: LazyLock<bool> =
+    LazyLock::new(|| std::env::var_os("DEFLEX_MESSAGES").is_some_and(|form| form == "json"));
 
 /// Prints diagnostics to stderr; notes and warnings are left out when `quiet`.
 pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
@@ -17,8 +23,9 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     let shown = diagnostics.iter().filter(|d| !quiet || d.severity == Severity::Error);
     let shown = once(shown);
     for diagnostic in shown.iter().take(MOST) {
+        let text = if *FOR_A_PROGRAM { as_json(diagnostic).to_string() } else { render(diagnostic, color) };
         // Nobody is left to tell where stderr is closed.
-        let _ = writeln!(stderr, "{}", render(diagnostic, color));
+        let _ = writeln!(stderr, "{text}");
     }
     if shown.len() > MOST {
         let _ = writeln!(stderr, "… and {} more", shown.len() - MOST);
@@ -89,8 +96,30 @@ fn without_numbers(message: &str) -> String {
 pub(super) fn say(lines: &[String]) {
     let mut stderr = io::stderr().lock();
     for line in lines {
-        let _ = writeln!(stderr, "{}", printable(line));
+        let text = match *FOR_A_PROGRAM {
+            true => json!({ "severity": "line", "message": printable(line) }).to_string(),
+            false => printable(line).into_owned(),
+        };
+        let _ = writeln!(stderr, "{text}");
     }
+}
+
+/// One diagnostic for a program.
+fn as_json(diagnostic: &Diagnostic) -> Value {
+    let severity = match diagnostic.severity {
+        Severity::Note => "note",
+        Severity::Warning => "warning",
+        Severity::Error => "error",
+    };
+    json!({
+        "severity": severity,
+        "code": diagnostic.code,
+        "file": printable_line(&diagnostic.file),
+        "line": diagnostic.line,
+        "column": diagnostic.column,
+        "message": printable_line(&diagnostic.message),
+        "help": diagnostic.help.as_deref().map(printable_line),
+    })
 }
 
 /// One diagnostic as text.

@@ -34,6 +34,7 @@ mod run;
 mod setup;
 mod simulate;
 mod stream;
+mod studio;
 mod text;
 mod watch;
 
@@ -91,6 +92,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Inspect(args) => inspect::run(args),
         Command::Init(args) => init::run(args),
         Command::Pose(args) => pose::run(args),
+        Command::Studio(args) => studio::run(args),
         Command::Generate(args) => generate::run(args),
     });
     match outcome {
@@ -133,7 +135,7 @@ fn common(command: &Command) -> Option<&Common> {
         Command::Identify(args) => Some(&args.common),
         Command::Plan(args) => Some(&args.common),
         Command::Inspect(args) => Some(&args.common),
-        Command::Diff(_) | Command::Init(_) | Command::Pose(_) | Command::Generate(_) => None,
+        Command::Diff(_) | Command::Init(_) | Command::Pose(_) | Command::Studio(_) | Command::Generate(_) => None,
     }
 }
 

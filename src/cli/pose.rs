@@ -3,8 +3,8 @@
 use super::args::Pose as Arguments;
 use super::input::CellFile;
 use super::output::{Outputs, is_stdout, print};
-use super::{Answer, Outcome};
-use deflex::cell::{Cell, nearest};
+use super::{Answer, Outcome, message};
+use deflex::cell::{Cell, examples_left, nearest};
 use deflex::program::orientation::{from_zyx_deg, quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, Status};
 use deflex::robot::{
@@ -18,15 +18,16 @@ use std::fmt::Write;
 const UNIT_NORM: f64 = 1e-2;
 
 pub(super) fn run(args: &Arguments) -> Outcome {
-    let cell = CellFile::read(&args.cell)?.cell;
+    let file = CellFile::read(&args.cell)?;
+    let cell = &file.cell;
     let flange_from_tcp = match &args.tool {
-        Some(name) => named("tool", name, (&cell, &cell.tools))?.flange_from_tcp,
+        Some(name) => named("tool", name, (cell, &cell.tools))?.flange_from_tcp,
         None => Pose::identity(),
     };
-    let external = external(&cell, &args.external)?;
+    let external = external(cell, &args.external)?;
     let world_from_wobj = match &args.wobj {
         Some(name) => {
-            let frame = named("wobj", name, (&cell, &cell.wobjs))?;
+            let frame = named("wobj", name, (cell, &cell.wobjs))?;
             match cell.wobj_units.get(&name.to_ascii_uppercase()) {
                 Some(unit) => cell.units.world_from_unit(*unit, &external) * frame,
                 None => *frame,
@@ -36,7 +37,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     };
     let world_from_base = cell.units.world_from_base(&cell.arm.robot.world_from_base, &external);
     let base_from_wobj = world_from_base.inv_mul(&world_from_wobj);
-    let frames = Frames { cell: &cell, base_from_wobj, flange_from_tcp };
+    let frames = Frames { cell, base_from_wobj, flange_from_tcp };
     let (mut text, mut answer) = if args.joints.is_empty() {
         frames.joints(&target(&args.target, cell.language)?)?
     } else {
@@ -47,15 +48,17 @@ pub(super) fn run(args: &Arguments) -> Outcome {
         let _ = writeln!(text, "unit {} stands at {} {}", unit.name, external[unit.axis], sign(unit));
         answer["units"][&unit.name] = external[unit.axis].into();
     }
-    let Some(file) = &args.json else {
+    let doubts = examples_left(&file.source).into_iter().chain(cell.notes.iter().cloned()).collect();
+    message::print(&file.own(doubts), false);
+    let Some(json) = &args.json else {
         print(text.as_bytes())?;
         return Ok(Answer::Yes);
     };
-    if !is_stdout(file) {
+    if !is_stdout(json) {
         print(text.as_bytes())?;
     }
     let mut outputs = Outputs::default();
-    outputs.add(file, format!("{answer:#}\n").as_bytes())?;
+    outputs.add(json, format!("{answer:#}\n").as_bytes())?;
     outputs.commit()?;
     Ok(Answer::Yes)
 }

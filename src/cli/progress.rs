@@ -1,7 +1,11 @@
-//! Progress on a terminal; nothing elsewhere.
+//! Progress on a terminal, or as JSON for a program that reads stderr; nothing elsewhere.
 
+use super::message::FOR_A_PROGRAM;
 use deflex::correct::CutProgress;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+use serde_json::json;
+use std::io::{self, Write};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// A bar over programs, or a spinner for one; hidden where stderr is no terminal.
@@ -14,11 +18,75 @@ pub(super) fn bar(programs: usize, quiet: bool) -> ProgressBar {
     } else {
         (ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}")
     };
-    if let Ok(style) = ProgressStyle::with_template(form) {
-        bar.set_style(style);
+    drawn_as(&bar, form);
+    if *FOR_A_PROGRAM {
+        bar.set_draw_target(ProgressDrawTarget::term_like_with_hz(Box::<Lines>::default(), LINES_A_SECOND));
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
+}
+
+fn drawn_as(bar: &ProgressBar, form: &str) {
+    let for_a_program = if bar.length().is_some() { "{percent}|{msg}" } else { "|{msg}" };
+    if let Ok(style) = ProgressStyle::with_template(if *FOR_A_PROGRAM { for_a_program } else { form }) {
+        bar.set_style(style);
+    }
+}
+
+/// As often as a person sees a bar move.
+const LINES_A_SECOND: u8 = 5;
+
+/// A terminal that writes what is drawn as JSON, each state once.
+#[derive(Debug, Default)]
+struct Lines {
+    last: Mutex<String>,
+}
+
+impl TermLike for Lines {
+    fn width(&self) -> u16 {
+        u16::MAX
+    }
+
+    fn move_cursor_up(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_down(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_right(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn move_cursor_left(&self, _: usize) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn write_line(&self, text: &str) -> io::Result<()> {
+        self.write_str(text)
+    }
+
+    fn write_str(&self, text: &str) -> io::Result<()> {
+        let text = text.trim_end();
+        // All else that is written here is room to the end of the line.
+        let Some((percent, message)) = text.split_once('|') else { return Ok(()) };
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if *last == text {
+            return Ok(());
+        }
+        text.clone_into(&mut last);
+        let percent = percent.trim().parse::<u8>().ok();
+        writeln!(io::stderr().lock(), "{}", json!({ "progress": percent, "message": message }))
+    }
+
+    fn clear_line(&self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn flush(&self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 /// Parts that the share of a work is shown in.
@@ -55,9 +123,7 @@ pub(super) fn cutting(bar: &ProgressBar) -> CutProgress {
 /// Makes it a bar over the bytes of one long program.
 pub(super) fn bytes(bar: &ProgressBar, total: u64) {
     bar.set_length(total);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent}% {msg} {elapsed} (eta {eta})") {
-        bar.set_style(style);
-    }
+    drawn_as(bar, "{bar:30} {percent}% {msg} {elapsed} (eta {eta})");
 }
 
 /// Moves it to where a program is.

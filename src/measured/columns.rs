@@ -35,6 +35,11 @@ pub(super) const COLUMNS: [&str; 29] = [
     "",
 ];
 
+/// Names of the columns that a measured table may have.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    COLUMNS.into_iter().filter(|name| !name.is_empty())
+}
+
 /// What `--forces` takes of a file: target, forces and covariates.
 pub(super) const FORCE_COLUMNS: [usize; 7] = [0, 16, 17, 18, 19, 20, 21];
 

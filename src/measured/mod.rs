@@ -7,5 +7,6 @@ mod log;
 mod table;
 mod text;
 
+pub use columns::names as column_names;
 pub use layout::ColumnNames;
 pub use table::{MATCH_MM, MeasuredRow, Rows, Table, TargetRef};

@@ -52,6 +52,19 @@ pub(in crate::cli) struct Pose {
 }
 
 #[derive(Debug, Args)]
+pub(in crate::cli) struct Studio {
+    /// Folder to show; no file outside of it is read or written
+    #[arg(default_value = ".", value_hint = ValueHint::DirPath)]
+    pub(in crate::cli) folder: PathBuf,
+    /// Port on the loopback address; a free one without it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(in crate::cli) port: Option<u16>,
+    /// Print the address and start no browser
+    #[arg(long)]
+    pub(in crate::cli) no_browser: bool,
+}
+
+#[derive(Debug, Args)]
 pub(in crate::cli) struct Generate {
     /// What to make
     #[command(subcommand)]

@@ -11,7 +11,7 @@ use deflex::text::Diagnostic;
 use std::ffi::OsString;
 use std::path::Path;
 
-pub(super) use cell::{Generate, Generated, Init, Pose};
+pub(super) use cell::{Generate, Generated, Init, Pose, Studio};
 pub(super) use groups::{Common, Corrected, Model, RAPID_MM_S, Reading, Reports};
 pub(super) use measured::{Identify, Plan};
 pub(super) use programs::{Check, CheckFormat, Compensate, Diff, Form, Inspect, Predict, Simulate};
@@ -90,6 +90,9 @@ pub(super) enum Command {
     /// Joints to TCP and back: a check of the cell's robot against the pendant
     #[command(after_help = POSE)]
     Pose(Pose),
+    /// Open a window in the browser: cells, programs, runs and results of a folder with the mouse
+    #[command(after_help = STUDIO)]
+    Studio(Studio),
     /// Completions for a shell, and manual pages
     #[command(after_help = GENERATE)]
     Generate(Generate),
@@ -154,6 +157,13 @@ Examples:
   deflex pose --cell cell.toml --target 1200,0,900,90,0,180               x, y, z, A, B, C as KUKA counts them
 
 Angles are those of the pendant (axis signs and couplings of the maker), poses those of the TCP in the world, or in --wobj.";
+
+const STUDIO: &str = "\
+Examples:
+  deflex studio                                the window of this folder
+  deflex studio parts/housing --no-browser     prints the address; open it yourself
+
+Only this machine reaches the window, with the key in the address. Ctrl-C closes it.";
 
 const GENERATE: &str = "\
 Where shells and man look (make the folders first):

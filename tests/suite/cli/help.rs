@@ -6,7 +6,7 @@ use super::bench::{Bench, deflex};
 fn help_of_every_command() {
     let bench = Bench::new();
     let mut all = String::new();
-    for command in ["", "compensate", "predict", "diff", "check", "identify", "inspect", "init", "generate"] {
+    for command in ["", "compensate", "predict", "diff", "check", "identify", "inspect", "init", "studio", "generate"] {
         let ran = bench.run(&format!("{command} --help")).exits(0);
         assert!(ran.stderr.is_empty());
         all += &format!("$ deflex {command} --help\n{}\n", ran.stdout);

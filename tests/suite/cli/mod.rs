@@ -25,5 +25,6 @@ mod outputs;
 mod plan;
 mod pose;
 mod shell;
+mod studio;
 mod urdf;
 mod verdicts;

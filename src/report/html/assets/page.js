@@ -147,7 +147,14 @@ class PathPage {
       program.replaceChildren(...paths.map((path, i) => element("option", { value: i, textContent: path.title })));
       program.addEventListener("change", () => this.show(paths[program.value]));
     }
+    addEventListener("message", ({ source, data }) => source === parent && this.chooseLine(data?.line));
     this.show(paths[0]);
+  }
+
+  // The first target of a line of the program, where it is shown.
+  chooseLine(line) {
+    const i = this.path.has("line") ? this.path.column("line").raw.indexOf(line) : -1;
+    if (i >= 0) this.choose(i);
   }
 
   show(path) {
@@ -234,6 +241,8 @@ class PathPage {
     this.view.standing = standing(path, i);
     this.view.redraw();
     this.charts.mark(i);
+    // A window that shows this page in a frame follows in the program's text.
+    if (parent !== window && path.has("line")) parent.postMessage({ line: path.column("line").raw[i] }, "*");
     const name = path.name(i) ? ` ${path.name(i)}` : "";
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
     const rows = [element("tr", {}, element("th", { textContent: "Line" }), this.cell(["line"], i)),

@@ -1,0 +1,135 @@
+//! The window of deflex: a server of one folder on the loopback address, for people who have no shell.
+//!
+//! It knows nothing of robots. A run is the command itself: the server starts the program that it is given ([`Options::program`])
+//! in the folder, with the arguments that it shows to the user, and passes on what the program writes to stderr. So the files are
+//! those of the command line, and a run that fails ends alone.
+//!
+//! Only one user is served, and only from the page that the server itself sends. Every call needs a random key, `Host` and `Origin`
+//! must be those of the address, names lead nowhere out of the folder, and the browser sends typed values from which the server
+//! builds the arguments.
+
+mod assets;
+mod cell;
+mod folder;
+mod guard;
+mod jobs;
+mod name;
+mod run;
+mod server;
+
+use folder::Folder;
+use guard::Keys;
+use jobs::Jobs;
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// What to serve, and with what.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The folder that the window shows; no file outside of it is read or written.
+    pub folder: PathBuf,
+    /// TCP port on the loopback address; 0 takes a free one.
+    pub port: u16,
+    /// The program that runs are made with: deflex itself.
+    pub program: PathBuf,
+    /// What the page shows of the program: `version`, `robots`, `materials`, `languages` and `columns`. `template` is a cell file with
+    /// all that one may have, commented out or not.
+    pub facts: serde_json::Value,
+}
+
+/// Why there is no window.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The folder cannot be opened.
+    #[error("the folder {} cannot be opened: {cause}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        cause: io::Error,
+    },
+    /// The port cannot be listened on.
+    #[error("port {port} of the loopback address cannot be opened: {cause}")]
+    Port {
+        /// The port.
+        port: u16,
+        /// What the system says.
+        cause: io::Error,
+    },
+    /// The system gives no random numbers, or no threads.
+    #[error("the window cannot be opened: {0}")]
+    System(String),
+}
+
+/// What all requests share.
+#[derive(Debug)]
+struct Shared {
+    folder: Folder,
+    keys: Keys,
+    jobs: Jobs,
+    facts: serde_json::Value,
+    port: u16,
+}
+
+/// A window that is open: its port is taken, and it answers as soon as [`Studio::serve`] runs.
+#[derive(Debug)]
+pub struct Studio {
+    listener: TcpListener,
+    shared: Arc<Shared>,
+}
+
+impl Studio {
+    /// Opens the folder and takes the port.
+    ///
+    /// # Errors
+    /// Where the folder cannot be opened, the port is taken, or the system gives no random numbers.
+    pub fn open(options: Options) -> Result<Self, Error> {
+        let Options { folder, port, program, facts } = options;
+        let folder = Folder::open(&folder).map_err(|cause| Error::Folder { path: folder, cause })?;
+        let keys = Keys::new().map_err(|cause| Error::System(cause.to_string()))?;
+        let taken = |cause| Error::Port { port, cause };
+        let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(taken)?;
+        listener.set_nonblocking(true).map_err(taken)?;
+        let port = listener.local_addr().map_err(taken)?.port();
+        let jobs = Jobs::new(program, folder.root().to_owned());
+        Ok(Self { listener, shared: Arc::new(Shared { folder, keys, jobs, facts, port }) })
+    }
+
+    /// The address for the user, with the key. The key stands after `#`: browsers send that part to no server.
+    #[must_use]
+    pub fn address(&self) -> String {
+        self.address_with(self.shared.keys.session())
+    }
+
+    /// The address that a browser is started with. Other users of the machine may see the arguments of a process, so its key works
+    /// once.
+    #[must_use]
+    pub fn address_once(&self) -> String {
+        self.address_with(self.shared.keys.once())
+    }
+
+    fn address_with(&self, key: &str) -> String {
+        format!("http://127.0.0.1:{}/#{key}", self.shared.port)
+    }
+
+    /// Serves until the process ends.
+    ///
+    /// # Errors
+    /// Where the system gives no threads, or the port is taken away.
+    pub fn serve(self) -> Result<(), Error> {
+        let failed = |error: io::Error| Error::System(error.to_string());
+        // Runs are processes of their own: one thread answers the requests of one user.
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(failed)?;
+        runtime
+            .block_on(async {
+                let listener = tokio::net::TcpListener::from_std(self.listener)?;
+                axum::serve(listener, server::routes(self.shared)).await
+            })
+            .map_err(failed)
+    }
+}

@@ -1,0 +1,490 @@
+//! What can be run: a list of commands with typed options, from which the arguments are built here. The browser never sends a
+//! command line.
+
+use crate::name::Name;
+use serde::{Deserialize, Serialize};
+
+/// A number that an option takes: finite and above zero, as it was typed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub(crate) struct Positive(String);
+
+impl TryFrom<String> for Positive {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match text.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() && value > 0.0 => Ok(Self(text.trim().to_owned())),
+            _ => Err(format!("{text:?} is no number above 0")),
+        }
+    }
+}
+
+impl From<Positive> for String {
+    fn from(number: Positive) -> Self {
+        number.0
+    }
+}
+
+/// A word of the cell or of an option: a tool, a model, a language.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub(crate) struct Word(String);
+
+/// Longest word, bytes.
+const LONGEST_WORD: usize = 400;
+
+impl TryFrom<String> for Word {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        if text.is_empty() || text.len() > LONGEST_WORD || text.starts_with('-') || text.chars().any(char::is_control) {
+            return Err(format!(
+                "{text:?} cannot be given to a command: expected 1 to {LONGEST_WORD} characters, no hyphen at the start"
+            ));
+        }
+        Ok(Self(text))
+    }
+}
+
+impl From<Word> for String {
+    fn from(word: Word) -> Self {
+        word.0
+    }
+}
+
+/// Where a cell comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum Origin {
+    /// A built-in robot.
+    Robot(Word),
+    /// A robot description.
+    Urdf(Name),
+    /// The folder of a controller's backup.
+    Backup(Name),
+}
+
+/// Where corrected programs go.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum Destination {
+    /// One program into one file.
+    File(Name),
+    /// Several files into a folder.
+    Folder(Name),
+}
+
+/// A program and what was measured on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Measured {
+    program: Name,
+    table: Name,
+}
+
+/// How `predict`, `check`, `compensate` and `simulate` read programs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Reading {
+    /// Files that declare names.
+    context: Vec<Name>,
+    /// A table of forces.
+    forces: Option<Name>,
+    /// A tool of the cell for every target.
+    tool: Option<Word>,
+}
+
+/// A run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "command", rename_all = "kebab-case", rename_all_fields = "kebab-case", deny_unknown_fields)]
+pub(crate) enum Run {
+    /// What is understood of programs; writes nothing.
+    Inspect { programs: Vec<Name> },
+    /// Reads a cell, so that what is wrong with it is reported; writes nothing.
+    Pose { cell: Name },
+    /// A cell to start from.
+    Init { origin: Origin, output: Name },
+    /// The error that the cell would cut.
+    Predict {
+        programs: Vec<Name>,
+        cell: Name,
+        #[serde(default)]
+        reading: Reading,
+        against: Option<Name>,
+        /// A name of its own for the results.
+        results: Option<Word>,
+    },
+    /// Corrected programs.
+    Compensate {
+        programs: Vec<Name>,
+        cell: Name,
+        #[serde(default)]
+        reading: Reading,
+        output: Destination,
+        subdivide: Option<Positive>,
+        max_path_error: Option<Positive>,
+        /// Correct the position alone.
+        #[serde(default)]
+        position: bool,
+        post: Option<Word>,
+        /// Correct a corrected program once more.
+        #[serde(default)]
+        again: bool,
+    },
+    /// A verdict.
+    Check {
+        programs: Vec<Name>,
+        cell: Name,
+        #[serde(default)]
+        context: Vec<Name>,
+        forces: Option<Name>,
+        against: Option<Name>,
+        max_error: Positive,
+        max_path_error: Option<Positive>,
+        max_jump: Option<Positive>,
+        #[serde(default)]
+        allow_unjudged: bool,
+    },
+    /// The part as it will be cut.
+    Simulate {
+        programs: Vec<Name>,
+        cell: Name,
+        #[serde(default)]
+        reading: Reading,
+        against: Option<Name>,
+    },
+    /// What differs between two programs.
+    Diff { original: Name, corrected: Name },
+    /// The effect that the cell lacks.
+    Identify {
+        #[serde(default)]
+        runs: Vec<Measured>,
+        #[serde(default)]
+        poses: Vec<Name>,
+        cell: Name,
+        output: Name,
+        columns: Option<Word>,
+        #[serde(default)]
+        sparse: bool,
+    },
+    /// What to measure.
+    Plan { cell: Name, rows: u16, output: Name, after: Option<Name> },
+}
+
+/// The arguments of a run, and what it writes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub(crate) struct Call {
+    /// After the program's own name.
+    pub(crate) arguments: Vec<String>,
+    /// Files that are written; of a folder, the folder.
+    pub(crate) writes: Vec<Name>,
+    /// Figures of the run as JSON, among them.
+    pub(crate) figures: Option<Name>,
+    /// Its page, among them.
+    pub(crate) page: Option<Name>,
+    /// Folders that the run needs.
+    #[serde(skip)]
+    pub(crate) reads: Vec<Name>,
+}
+
+impl Call {
+    fn of(command: &str) -> Self {
+        Self { arguments: vec![command.to_owned()], ..Self::default() }
+    }
+
+    fn inputs(&mut self, names: &[Name]) {
+        for name in names {
+            self.arguments.push(name.to_string());
+            self.reads.push(name.clone());
+        }
+    }
+
+    fn input(&mut self, option: &str, name: &Name) {
+        self.arguments.push(option.to_owned());
+        self.inputs(std::slice::from_ref(name));
+    }
+
+    fn option(&mut self, option: &str, value: impl Into<String>) {
+        self.arguments.extend([option.to_owned(), value.into()]);
+    }
+
+    fn flag(&mut self, option: &str, is_given: bool) {
+        if is_given {
+            self.arguments.push(option.to_owned());
+        }
+    }
+
+    fn writes(&mut self, option: &str, name: &Name) {
+        self.option(option, name.to_string());
+        self.writes.push(name.clone());
+    }
+
+    /// The report, the figures and the page under one name.
+    fn results(&mut self, name: &Name, what: &str, reports: Reports) -> Result<(), String> {
+        if reports == Reports::All {
+            self.writes("--report", &name.with_ending(&format!("{what}.csv"))?);
+        }
+        let (figures, page) = (name.with_ending(&format!("{what}.json"))?, name.with_ending(&format!("{what}.html"))?);
+        self.writes("--json", &figures);
+        self.writes("--html", &page);
+        (self.figures, self.page) = (Some(figures), Some(page));
+        Ok(())
+    }
+
+    fn reading(&mut self, reading: &Reading) {
+        if let Some(forces) = &reading.forces {
+            self.input("--forces", forces);
+        }
+        if let Some(tool) = &reading.tool {
+            self.option("--tool", tool.0.clone());
+        }
+        self.context(&reading.context);
+    }
+
+    fn context(&mut self, context: &[Name]) {
+        for name in context {
+            self.input("--context", name);
+        }
+    }
+}
+
+/// What a run is to report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reports {
+    /// The table, the figures and the page.
+    All,
+    /// The figures and the page; the table goes elsewhere.
+    FiguresAndPage,
+}
+
+impl Run {
+    /// The arguments.
+    ///
+    /// # Errors
+    /// A sentence for the user where a run has no program, or a name of a result cannot be one.
+    pub(crate) fn call(&self) -> Result<Call, String> {
+        let first = |programs: &[Name]| programs.first().cloned().ok_or("choose a program first");
+        match self {
+            Self::Inspect { programs } => {
+                first(programs)?;
+                let mut call = Call::of("inspect");
+                call.inputs(programs);
+                call.flag("--json", true);
+                Ok(call)
+            }
+            Self::Pose { cell } => {
+                let mut call = Call::of("pose");
+                call.input("--cell", cell);
+                call.option("--joints", "0,0,0,0,0,0");
+                Ok(call)
+            }
+            Self::Init { origin, output } => {
+                let mut call = Call::of("init");
+                match origin {
+                    Origin::Robot(model) => call.option("--robot", model.0.clone()),
+                    Origin::Urdf(file) => call.input("--urdf", file),
+                    Origin::Backup(folder) => call.input("--backup", folder),
+                }
+                call.writes("-o", output);
+                Ok(call)
+            }
+            Self::Predict { programs, cell, reading, against, results } => {
+                let name = first(programs)?;
+                let mut call = Call::of("predict");
+                call.inputs(programs);
+                call.input("--cell", cell);
+                if let Some(against) = against {
+                    call.input("--against", against);
+                }
+                call.reading(reading);
+                let what = results.as_ref().map_or("predict", |word| &word.0);
+                call.results(&name, what, Reports::All)?;
+                Ok(call)
+            }
+            Self::Compensate { programs, cell, reading, output, subdivide, max_path_error, position, post, again } => {
+                let name = first(programs)?;
+                let mut call = Call::of("compensate");
+                call.inputs(programs);
+                call.input("--cell", cell);
+                call.reading(reading);
+                call.flag("--again", *again);
+                if *position {
+                    call.option("--correct", "position");
+                }
+                for (option, value) in [("--subdivide", subdivide), ("--max-path-error", max_path_error)] {
+                    if let Some(value) = value {
+                        call.option(option, value.0.clone());
+                    }
+                }
+                if let Some(post) = post {
+                    call.option("--post", post.0.clone());
+                }
+                let reports = match output {
+                    Destination::File(file) => {
+                        call.writes("-o", file);
+                        Reports::All
+                    }
+                    Destination::Folder(folder) => {
+                        call.writes("--out-dir", folder);
+                        Reports::FiguresAndPage
+                    }
+                };
+                call.results(&name, "compensate", reports)?;
+                Ok(call)
+            }
+            Self::Check {
+                programs,
+                cell,
+                context,
+                forces,
+                against,
+                max_error,
+                max_path_error,
+                max_jump,
+                allow_unjudged,
+            } => {
+                let name = first(programs)?;
+                let mut call = Call::of("check");
+                call.inputs(programs);
+                call.input("--cell", cell);
+                if let Some(against) = against {
+                    call.input("--against", against);
+                }
+                call.reading(&Reading { context: context.clone(), forces: forces.clone(), tool: None });
+                call.option("--max-error", max_error.0.clone());
+                for (option, value) in [("--max-path-error", max_path_error), ("--max-jump", max_jump)] {
+                    if let Some(value) = value {
+                        call.option(option, value.0.clone());
+                    }
+                }
+                call.flag("--allow-unjudged", *allow_unjudged);
+                call.results(&name, "check", Reports::All)?;
+                Ok(call)
+            }
+            Self::Simulate { programs, cell, reading, against } => {
+                let name = first(programs)?;
+                let mut call = Call::of("simulate");
+                call.inputs(programs);
+                call.input("--cell", cell);
+                if let Some(against) = against {
+                    call.input("--against", against);
+                }
+                call.reading(reading);
+                call.writes("--stl", &name.with_ending("simulate.stl")?);
+                call.results(&name, "simulate", Reports::All)?;
+                Ok(call)
+            }
+            Self::Diff { original, corrected } => {
+                let mut call = Call::of("diff");
+                call.inputs(&[original.clone(), corrected.clone()]);
+                call.results(corrected, "diff", Reports::All)?;
+                Ok(call)
+            }
+            Self::Identify { runs, poses, cell, output, columns, sparse } => {
+                let tables: Vec<Name> = runs.iter().map(|run| run.table.clone()).chain(poses.iter().cloned()).collect();
+                let name = tables.first().cloned().ok_or("choose a measured table first")?;
+                let mut call = Call::of("identify");
+                for run in runs {
+                    call.input("--run", &run.program);
+                    call.inputs(std::slice::from_ref(&run.table));
+                }
+                for poses in poses {
+                    call.input("--poses", poses);
+                }
+                call.input("--cell", cell);
+                if let Some(columns) = columns {
+                    call.option("--columns", columns.0.clone());
+                }
+                call.flag("--sparse", *sparse);
+                call.writes("-o", output);
+                call.results(&name, "identify", Reports::All)?;
+                Ok(call)
+            }
+            Self::Plan { cell, rows, output, after } => {
+                let mut call = Call::of("plan");
+                call.input("--cell", cell);
+                call.option("--rows", rows.to_string());
+                if let Some(after) = after {
+                    call.input("--after", after);
+                }
+                call.writes("-o", output);
+                call.writes("--measured", &output.with_ending("csv")?);
+                call.results(output, "plan", Reports::FiguresAndPage)?;
+                Ok(call)
+            }
+        }
+    }
+}
+
+/// A command line that does the same in a shell of this system.
+pub(crate) fn command_line(arguments: &[String]) -> String {
+    let quoted: Vec<String> = arguments.iter().map(|argument| quoted(argument)).collect();
+    format!("deflex {}", quoted.join(" "))
+}
+
+fn quoted(argument: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./,=+:@".contains(c);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        return argument.to_owned();
+    }
+    // PowerShell takes a text between single quotes as it is, with a quote in it written twice; so does a POSIX shell, but for the
+    // quote.
+    let quote = if cfg!(windows) { "''" } else { "'\\''" };
+    format!("'{}'", argument.replace('\'', quote))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a failure is a failed test
+mod tests {
+    use super::{Run, command_line, quoted};
+
+    fn line(json: &str) -> String {
+        let run: Run = serde_json::from_str(json).unwrap();
+        command_line(&run.call().unwrap().arguments)
+    }
+
+    #[test]
+    fn arguments_are_those_that_a_user_would_type() {
+        assert_eq!(
+            line(r#"{"command":"predict","programs":["part.mod"],"cell":"cell.toml"}"#),
+            "deflex predict part.mod --cell cell.toml --report part.predict.csv --json part.predict.json --html part.predict.html"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"compensate","programs":["my part.src","b.src"],"cell":"cell.toml","output":{"folder":"out"},"subdivide":" 0.05 "}"#
+            ),
+            "deflex compensate 'my part.src' b.src --cell cell.toml --subdivide 0.05 --out-dir out --json 'my part.compensate.json' --html 'my part.compensate.html'"
+        );
+        assert_eq!(
+            line(
+                r#"{"command":"identify","runs":[{"program":"p.mod","table":"m.csv"}],"cell":"c.toml","output":"c2.toml","columns":"target=Punkt Nr"}"#
+            ),
+            "deflex identify --run p.mod m.csv --cell c.toml --columns 'target=Punkt Nr' -o c2.toml --report m.identify.csv --json m.identify.json --html m.identify.html"
+        );
+    }
+
+    #[test]
+    fn what_is_no_run_is_refused() {
+        for json in [
+            r#"{"command":"generate","what":"man"}"#,
+            r#"{"command":"inspect","programs":["../x"]}"#,
+            r#"{"command":"inspect","programs":["-"]}"#,
+            r#"{"command":"inspect","programs":["a"],"arguments":["--html","x"]}"#,
+            r#"{"command":"check","programs":["a"],"cell":"c","max-error":"-1"}"#,
+            r#"{"command":"check","programs":["a"],"cell":"c","max-error":"nan"}"#,
+            r#"{"command":"init","origin":{"robot":"--list"},"output":"c.toml"}"#,
+        ] {
+            assert!(serde_json::from_str::<Run>(json).is_err(), "{json}");
+        }
+        let none: Run = serde_json::from_str(r#"{"command":"inspect","programs":[]}"#).unwrap();
+        assert_eq!(none.call().unwrap_err(), "choose a program first");
+    }
+
+    #[test]
+    #[cfg(not(windows))]
+    fn a_shell_reads_what_is_quoted() {
+        assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
+        assert_eq!(quoted(""), "''");
+    }
+}
