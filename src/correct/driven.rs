@@ -285,12 +285,21 @@ pub(super) fn follow_law(
                 let Ok(motion) = ends.binary_search(&row.target) else { continue };
                 // What is left on a way is said once, at its end.
                 let is_last = motion + 1 >= ends.len() || motion_of(motion + 1) != motion_of(motion);
-                if let Some(way) = driven.ways[motion_of(motion)].filter(|_| is_last) {
-                    row.path = Some(way);
+                match driven.ways[motion_of(motion)] {
+                    Some(way) if is_last => row.path = Some(way),
+                    // Of the way to an added target, too.
+                    Some(_) if original.is_some() => row.path = Some(PathDeviation::default()),
+                    _ => {}
                 }
-                // The points of a corrected program are moved on purpose: what counts is where the path passes the original's.
-                if let Some(missed) = driven.missed[motion_of(motion)].filter(|_| is_last && original.is_some()) {
-                    row.error_mm = (1e3 * missed).into();
+                // The points of a corrected program are moved on purpose: what counts is where the path passes the original's, and
+                // how far it is from the original's way where it passes one that was added.
+                let passes = if is_last {
+                    driven.missed[motion_of(motion)]
+                } else {
+                    driven.passed.get(motion).copied().flatten()
+                };
+                if let Some(off) = passes.filter(|_| original.is_some()) {
+                    row.error_mm = (1e3 * off).into();
                 }
             }
             corrected.driven = Some(DrivenSummary { programmed: driven.figures, corrected: None, tolerance_mm: None });
@@ -368,6 +377,9 @@ pub(super) struct DrivenWays {
     pub(super) ways: Vec<Option<PathDeviation>>,
     /// From each waypoint to the nearest place of the driven path, work object axes, m; `None` where no path is programmed.
     missed: Vec<Option<Vector3<f64>>>,
+    /// From the programmed path to the driven one where each motion of the driven program ends, work object axes, m; `None` where no
+    /// path is programmed.
+    passed: Vec<Option<Vector3<f64>>>,
     /// Whether it counts: where targets cut, those alone.
     pub(super) counts: Vec<bool>,
     pub(super) figures: DrivenFigures,
@@ -426,7 +438,15 @@ pub(super) fn driven_ways(
         max_mm: counted.map(|way| way.max_mm).fold(0.0, f64::max),
         run_time_s: path.samples.last().map_or(0.0, |sample| sample.time),
     };
-    DrivenWays { ways, missed, counts, figures }
+    let mut passed = Vec::new();
+    for sample in &path.samples {
+        let waypoint = waypoint_of(sample.waypoint);
+        passed.resize(sample.waypoint + 1, None);
+        passed[sample.waypoint] = programmed
+            .offset(&sample.base_from_tcp, waypoint)
+            .map(|offset| prepared.base_from_wobj(course.targets[waypoint]).rotation.inverse() * offset.vector);
+    }
+    DrivenWays { ways, missed, passed, counts, figures }
 }
 
 impl Prepared {

@@ -150,6 +150,9 @@ fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
     assert!(added < 0.5 * stop, "{added} for {stop} s");
     assert_eq!(out.matches("MoveL").count(), 3 + usize::try_from(json["inserted"].as_u64().unwrap()).unwrap());
     assert!(out.contains(",z0,tMill;") && json["inserted"].as_u64() > Some(0), "{out}");
+    // A gate judges it by the path that it is driven along, though its points lie elsewhere.
+    bench.run("check out.mod --cell cell.toml --against p.mod --max-error 0.05").exits(0);
+    bench.run("check out.mod --cell cell.toml --against p.mod --max-error 0.002").exits(1);
     // The report is of the program's own targets.
     let report = bench.read("out.report.csv");
     assert_eq!(report.lines().count(), 1 + 3, "{report}");
