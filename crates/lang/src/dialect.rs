@@ -19,6 +19,17 @@ pub trait Dialect {
     /// Tokens that the arguments depend on and the value does not count as used for something else.
     fn call(&self, builtin: u16, arguments: &Arguments<'_>, store: &mut Store) -> Value;
 
+    /// Whether each position names its tool, so that no routine can choose another.
+    fn has_tools_in_positions(&self) -> bool {
+        false
+    }
+
+    /// A position that a motion goes to, as what is in force at [`Switch::Shift`](crate::ir::Switch::Shift) moves it aside.
+    fn shifted(&self, position: Value, shift: &Value) -> Value {
+        let _ = shift;
+        position
+    }
+
     /// The variables that a call of the language's own routine may change.
     fn writes(&self, builtin: u16) -> &[Slot];
 }

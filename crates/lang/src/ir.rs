@@ -1,7 +1,7 @@
 //! The intermediate representation that every front end lowers to.
 
 use crate::Span;
-use crate::value::Reason;
+use crate::value::{Given, Reason};
 use std::sync::Arc;
 
 /// A program: functions, and where it begins.
@@ -229,8 +229,8 @@ pub enum ExpressionKind {
     Item(Box<[Expression; 2]>),
     /// A list.
     List(Vec<Expression>),
-    /// A pose, by the numbers that the dialect writes it with.
-    Pose(Vec<Expression>),
+    /// A pose, by the numbers that the dialect writes it with, and what it names besides.
+    Pose(Vec<Expression>, Option<Arc<Given>>),
     /// An operator and its operand.
     Unary(Unary, Box<Expression>),
     /// An operator and its operands.
@@ -309,7 +309,7 @@ impl Expression {
         of(self);
         match &self.kind {
             ExpressionKind::Item(two) | ExpressionKind::Binary(_, two) => two.iter().for_each(|e| e.each(of)),
-            ExpressionKind::List(all) | ExpressionKind::Pose(all) | ExpressionKind::Unknown(_, all) => {
+            ExpressionKind::List(all) | ExpressionKind::Pose(all, _) | ExpressionKind::Unknown(_, all) => {
                 all.iter().for_each(|e| e.each(of));
             }
             ExpressionKind::Unary(_, one) => one.each(of),
