@@ -11,6 +11,8 @@ pub struct Program {
     pub functions: Vec<Function>,
     /// The functions that a run begins with, one after the other. Where there are several, each may run by itself.
     pub entries: Vec<FunctionId>,
+    /// The statements of [`Self::functions`] that stand in no routine say what variables hold when any entry begins, whatever ran before it.
+    pub variables_outlive_runs: bool,
     /// Number literals of the text.
     pub tokens: Vec<Token>,
     /// Names of the global variables, those of [`Switch`] first.

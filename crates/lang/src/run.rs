@@ -152,8 +152,11 @@ impl<'a> Runner<'a> {
         let mut store = fresh.clone();
         let is_routine = |entry: &&FunctionId| !self.program.functions[entry.0 as usize].name.is_empty();
         let several = self.program.entries.iter().filter(is_routine).count() > 1;
+        let mut begins = fresh.clone();
         for entry in &self.program.entries {
-            if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
+            if self.program.variables_outlive_runs && is_routine(&entry) {
+                store = begins.clone();
+            } else if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
                 // Whatever has run before it.
                 store = fresh.clone();
                 (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Argument));
@@ -161,6 +164,9 @@ impl<'a> Runner<'a> {
                 store.set(Switch::Mark, Content::Nothing.into());
             }
             self.begin(*entry, &mut store)?;
+            if !is_routine(&entry) {
+                begins = store.clone();
+            }
             if store.globals.len() < globals {
                 store = fresh.clone();
                 if !several {

@@ -86,14 +86,16 @@ fn a_position_has_its_own_tool_and_frame() {
 
 #[test]
 fn pulses_and_positions_that_are_not_there_stay() {
-    let ran = ran("MOVL C00008 V=1.0\nMOVL C00077 V=1.0\nMOVL P200 V=1.0\nMOVL C00001 BC00001 V=1.0\nIMOV P101 V=1.0 RF\n");
+    let ran =
+        ran("MOVL C00008 V=1.0\nMOVL C00077 V=1.0\nMOVL P200 V=1.0\nMOVL C00001 BC00001 V=1.0\nIMOV P101 V=1.0 RF\n");
     let why = [Reason::Pulses, Reason::Unset, Reason::Unset, Reason::OtherAxes, Reason::Relative];
     assert_eq!(ran.reasons(), why.map(Some));
 }
 
 #[test]
 fn a_variable_that_is_written_is_known_from_there_on() {
-    let ran = ran("MOVL P100 V=1.0\nMOVL P101 V=1.0\nSET P101 P102\nSETE P101 (1) 2500\nMOVL P101 V=1.0\nMOVL P102 V=1.0\n");
+    let ran =
+        ran("MOVL P100 V=1.0\nMOVL P101 V=1.0\nSET P101 P102\nSETE P101 (1) 2500\nMOVL P101 V=1.0\nMOVL P102 V=1.0\n");
     assert_eq!(ran.xs(), [Some(100.0), None, Some(2.5), Some(102.0)]);
     assert_eq!(ran.reasons()[1], Some(Reason::Variable));
     // The third shares the other numbers of P102 with the fourth, and each has its own x.
@@ -131,7 +133,10 @@ fn counted_loops_run_each_round_and_unknown_ones_are_joined() {
     assert_eq!(by_for.xs(), [1.0, 1.0, 1.0, 2.0].map(Some));
     let asked = ran("*A\nMOVL C00001 V=1.0\nJUMP *B IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP *A\n*B\nMOVL C00003 V=1.0\n");
     assert_eq!(asked.xs(), [1.0, 2.0, 3.0].map(Some));
-    assert_eq!(asked.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(), [From::Unknown, From::Previous, From::Unknown]);
+    assert_eq!(
+        asked.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(),
+        [From::Unknown, From::Previous, From::Unknown]
+    );
     let endless = ran("*A\nMOVL C00001 V=1.0\nMOVL C00002 V=1.0\nJUMP *A\n");
     assert_eq!(endless.xs(), [1.0, 2.0].map(Some));
 }
@@ -153,7 +158,9 @@ fn a_known_shift_along_its_own_frame_moves_positions() {
     assert_eq!(shifted.xs(), [Some(202.0), None, Some(2.0)]);
     assert_eq!(shifted.reasons(), [None, Some(Reason::Shift), None]);
     assert_eq!(shifted.tokens_of(0), "100.000");
-    let unknown = ran("SFTON P103\nSFTON P102 RF\nMOVL P100 V=1.0\nSFTOF\nWVON WEV#(1)\nMOVL C00001 V=1.0\nWVOF\nMOVL C00002 V=1.0\n");
+    let unknown = ran(
+        "SFTON P103\nSFTON P102 RF\nMOVL P100 V=1.0\nSFTOF\nWVON WEV#(1)\nMOVL C00001 V=1.0\nWVOF\nMOVL C00002 V=1.0\n",
+    );
     assert_eq!(unknown.reasons(), [Some(Reason::Shift), Some(Reason::Weaves), None]);
     // Shifted and not: the numbers are different points.
     let both = ran("MOVL P100 V=1.0\nSFTON P102 RF\nMOVL P100 V=1.0\nSFTOF\n");
@@ -178,7 +185,10 @@ fn a_circle_is_three_points_in_a_row() {
 
 #[test]
 fn called_jobs_run_in_their_place_and_are_not_edited() {
-    let main = job("MAIN", "MOVL C00001 V=1.0\nCALL JOB:SUB IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP JOB:SUB\nMOVL C00003 V=1.0\n");
+    let main = job(
+        "MAIN",
+        "MOVL C00001 V=1.0\nCALL JOB:SUB IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP JOB:SUB\nMOVL C00003 V=1.0\n",
+    );
     let sub = job("SUB", "MOVL C00007 V=1.0\nRET IF IN#(2)=ON\nMOVL C00006 V=1.0\n").replace("P00100", "P00200");
     let ran = ran_all(&[main, sub]);
     assert_eq!(ran.xs(), [1.0, 7.0, 6.0, 2.0, 7.0, 6.0].map(Some));

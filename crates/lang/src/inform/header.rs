@@ -108,7 +108,8 @@ impl<'a> Header<'a> {
                         }
                     }
                     _ if word.starts_with(b"GROUP") => {
-                        job.has_base_axis |= rest.split(|b| *b == b',').any(|axes| axes.trim_ascii().starts_with(b"BS"));
+                        job.has_base_axis |=
+                            rest.split(|b| *b == b',').any(|axes| axes.trim_ascii().starts_with(b"BS"));
                     }
                     _ => {}
                 }

@@ -16,7 +16,7 @@ mod words;
 use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Fault, Program, Slot, Switch};
 use crate::store::Store;
-use crate::value::{Content, Pose, Reason, Value, is_whole};
+use crate::value::{Content, Number, Pose, Reason, Value, is_whole};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::sync::Arc;
 
@@ -28,7 +28,10 @@ pub struct Inform;
 
 /// Numbers of what jobs lower to.
 mod builtin {
-    /// The value, where it is whole.
+    use crate::ir::{Argument, Callee, Expression, ExpressionKind, Place};
+    use crate::value::Reason;
+
+    /// The value, where it is whole, as integer variables hold it.
     pub(super) const WHOLE: u16 = 0;
     /// `SFTON`, with the position and the name of the frame.
     pub(super) const SHIFT: u16 = 1;
@@ -38,6 +41,20 @@ mod builtin {
     pub(super) const WEAVE: u16 = 3;
     /// `WVOF`
     pub(super) const UNWEAVE: u16 = 4;
+    /// What earlier runs have left of the arguments, for each of these reasons.
+    const LEFT: u16 = 5;
+    const REASONS: [Reason; 3] = [Reason::Variable, Reason::Foreign, Reason::NotUnderstood];
+
+    pub(super) fn left(reason: Reason, of: Vec<Expression>) -> Expression {
+        let at = REASONS.iter().position(|known| *known == reason).unwrap_or(0);
+        let place = of.first().map_or(Place::default(), |value| value.place);
+        let arguments = of.into_iter().map(|value| Argument { name: None, value }).collect();
+        Expression { kind: ExpressionKind::Call(Callee::Builtin(LEFT + at as u16), arguments), place }
+    }
+
+    pub(super) fn reason(number: u16) -> Option<Reason> {
+        REASONS.get(usize::from(number.checked_sub(LEFT)?)).copied()
+    }
 }
 
 /// Reads jobs; `sources` beyond the first `written` are only called.
@@ -90,8 +107,15 @@ impl Dialect for Inform {
             builtin::WHOLE => {
                 let value = arguments.0.first().map(|(_, value)| value.clone());
                 let value = value.unwrap_or_else(|| Value::unknown(Reason::Computed));
-                match value.number() {
-                    Some(number) if !is_whole(number) => Value::unknown(Reason::Rounding).reading([&value]),
+                match value.content {
+                    Content::Number(number) if !is_whole(number.value) => {
+                        Value::unknown(Reason::Rounding).reading([&value])
+                    }
+                    // What comes out for other literals may not be whole: they stay.
+                    Content::Number(number) => {
+                        let content = Content::Number(Number { affine: None, ..number });
+                        Value { content, ..value }
+                    }
                     _ => value,
                 }
             }
@@ -110,13 +134,16 @@ impl Dialect for Inform {
                 }
                 Content::Nothing.into()
             }
-            _ => Content::Nothing.into(),
+            _ => match builtin::reason(builtin) {
+                Some(reason) => Value::unknown(reason).reading(arguments.values()),
+                None => Content::Nothing.into(),
+            },
         }
     }
 
     fn writes(&self, builtin: u16) -> &[Slot] {
         const SHIFT: [Slot; 1] = [Switch::Shift.slot()];
-        if builtin == builtin::WHOLE { &[] } else { &SHIFT }
+        if matches!(builtin, builtin::SHIFT..=builtin::UNWEAVE) { &SHIFT } else { &[] }
     }
 
     fn has_tools_in_positions(&self) -> bool {
@@ -140,7 +167,9 @@ impl Dialect for Inform {
 
 /// What `SFTON` moves positions by: one shift at a time, along the axes of the frame that they are in.
 fn shift_of(arguments: &Arguments<'_>, before: &Value) -> Value {
-    let (Some(by), Some(frame)) = (arguments.get("", 0), arguments.get("", 1)) else { return Value::unknown(Reason::Shift) };
+    let (Some(by), Some(frame)) = (arguments.get("", 0), arguments.get("", 1)) else {
+        return Value::unknown(Reason::Shift);
+    };
     let (Content::Pose(pose), Content::Text(frame), Content::Nothing) = (&by.content, &frame.content, &before.content)
     else {
         return Value::unknown(Reason::Shift);

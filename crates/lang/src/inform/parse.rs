@@ -5,8 +5,8 @@ use super::words::{self, Does};
 use super::{builtin, header};
 use crate::Span;
 use crate::ir::{
-    Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Path, Place, Program,
-    Slot, Statement, StatementKind, Switch, TokenId, Unary,
+    Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Path, Place,
+    Program, Slot, Statement, StatementKind, Switch, TokenId, Unary,
 };
 use crate::value::{Given, Reason};
 use header::Header;
@@ -130,7 +130,10 @@ fn line((start, bytes): (usize, &[u8])) -> Option<Line<'_>> {
     if let Some(comment) = bytes.strip_prefix(b"'") {
         let mut words = comment.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let is_mark = words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"deflex"));
-        return is_mark.then(|| words.next()).flatten().map(|said| Line::Mark(said, Span::new(start, start + bytes.len())));
+        return is_mark
+            .then(|| words.next())
+            .flatten()
+            .map(|said| Line::Mark(said, Span::new(start, start + bytes.len())));
     }
     let code = lexemes(bytes, start);
     (!code.is_empty()).then_some(Line::Code(code))
@@ -140,13 +143,19 @@ impl<'a> Line<'a> {
     /// The global variables that a line names.
     fn variables(&self) -> impl Iterator<Item = Numbered<'a>> {
         let code: &[Lexeme<'a>] = if let Line::Code(code) = self { code } else { &[] };
-        code.iter().filter_map(|lexeme| variable(lexeme.text)).filter(|(local, ..)| !local).map(|(_, kind, number)| (kind, number))
+        code.iter()
+            .filter_map(|lexeme| variable(lexeme.text))
+            .filter(|(local, ..)| !local)
+            .map(|(_, kind, number)| (kind, number))
     }
 
     /// The words of a motion that a line has, without its sign for another robot.
     fn motion(&self) -> Option<&[u8]> {
         let Line::Code(code) = self else { return None };
-        code.iter().find(|lexeme| lexeme.kind == Kind::Word).map(|word| word.text).filter(|word| motion_path(word).is_some())
+        code.iter()
+            .find(|lexeme| lexeme.kind == Kind::Word)
+            .map(|word| word.text)
+            .filter(|word| motion_path(word).is_some())
     }
 }
 
@@ -242,26 +251,28 @@ impl<'a> Parser<'a> {
     }
 
     fn program(mut self, begun: Vec<FunctionId>) -> Program {
-        // Variables keep their values from run to run: what is written anywhere may hold anything when a run begins.
+        // Variables keep their values from run to run: what is written anywhere may hold any of it when a run begins.
         let everything = if self.foreign.is_empty() { None } else { Some(Reason::Foreign) };
         let everything = everything.or((!self.program.not_understood.is_empty()).then_some(Reason::NotUnderstood));
-        let everything = everything.or((!self.program.threads.is_empty()).then_some(Reason::Thread));
         let mut first = Vec::new();
         let mut assign = |slot: Slot, value: Expression| {
             let place = value.place;
             first.push(Statement { kind: StatementKind::Assign { slot, path: Vec::new(), value }, place });
         };
-        for (number, mut values) in std::mem::take(&mut self.loaded) {
-            let Some(slot) = self.globals.get(&(&b"P"[..], number)).copied() else { continue };
-            let variable = (values.len() > 1 || self.written.contains(&slot)).then_some(Reason::Variable);
-            let value = match variable.or(everything) {
-                Some(reason) => {
-                    let place = values[0].place;
-                    Expression { kind: Is::Unknown(reason, values), place }
-                }
-                None => values.remove(0),
-            };
-            assign(slot, value);
+        let left = self.left();
+        let mut loaded = std::mem::take(&mut self.loaded);
+        for ((kind, number), slot) in &self.globals {
+            let mut values = if *kind == b"P" { loaded.remove(number).unwrap_or_default() } else { Vec::new() };
+            let is_written = values.len() > 1 || self.written.contains(slot);
+            let reason = is_written.then_some(Reason::Variable).or(everything.filter(|_| *kind == b"P"));
+            if let Some(reason) = reason {
+                let tokens = left.get(slot).into_iter().flatten();
+                values
+                    .extend(tokens.map(|token| Expression { kind: Is::Number(0.0, *token), place: Place::default() }));
+                assign(*slot, builtin::left(reason, values));
+            } else if let Some(value) = values.pop() {
+                assign(*slot, value);
+            }
         }
         for (changes, switch, reason) in
             [(self.frame_changes, Switch::Frame, Reason::Frame), (self.tool_changes, Switch::Tool, Reason::Tool)]
@@ -271,9 +282,57 @@ impl<'a> Parser<'a> {
             }
         }
         self.program.functions[0].body = first;
+        self.program.variables_outlive_runs = true;
         let started = begun.into_iter().filter(|id| !self.called.contains(id));
         self.program.entries = [FunctionId(0)].into_iter().chain(started).collect();
         self.program
+    }
+
+    /// The literals that each variable may depend on at the end of a run.
+    fn left(&self) -> BTreeMap<Slot, BTreeSet<TokenId>> {
+        let (mut tokens, mut from): (BTreeMap<Slot, BTreeSet<TokenId>>, BTreeMap<Slot, BTreeSet<Slot>>) =
+            Default::default();
+        let mut flows = |slot: Slot, of: &Expression| {
+            of.each(&mut |part| match part.kind {
+                Is::Number(_, token) => drop(tokens.entry(slot).or_default().insert(token)),
+                Is::Read(other) => drop(from.entry(slot).or_default().insert(other)),
+                _ => {}
+            });
+        };
+        // What comes with the job is what a variable holds until it is written.
+        for (number, values) in &self.loaded {
+            if let Some(slot) = self.globals.get(&(&b"P"[..], *number)) {
+                values.iter().for_each(|value| flows(*slot, value));
+            }
+        }
+        for function in &self.program.functions {
+            function.body.iter().for_each(|statement| {
+                statement.each(&mut |statement| {
+                    let slots: &[Slot] = match &statement.kind {
+                        StatementKind::Assign { slot, .. } => std::slice::from_ref(slot),
+                        StatementKind::Opaque { writes: Some(slots), .. } => slots,
+                        _ => &[],
+                    };
+                    for slot in slots {
+                        statement.expressions().into_iter().for_each(|part| flows(*slot, part));
+                    }
+                });
+            });
+        }
+        loop {
+            let mut changed = false;
+            for (slot, others) in &from {
+                let more: BTreeSet<TokenId> =
+                    others.iter().filter_map(|other| tokens.get(other)).flatten().copied().collect();
+                let own = tokens.entry(*slot).or_default();
+                let before = own.len();
+                own.extend(more);
+                changed |= own.len() > before;
+            }
+            if !changed {
+                return tokens;
+            }
+        }
     }
 
     fn place(&self, span: Span) -> Place {
@@ -334,7 +393,8 @@ impl<'a> Parser<'a> {
     /// What stands without a blank from here on: the name of a label or a job.
     fn name(&mut self) -> String {
         let (mut name, mut end) = (String::new(), None);
-        let goes_on = |lexeme: &Lexeme<'_>, end: Option<u32>| end.is_none_or(|end| lexeme.span.start == end) && !lexeme.is("(");
+        let goes_on =
+            |lexeme: &Lexeme<'_>, end: Option<u32>| end.is_none_or(|end| lexeme.span.start == end) && !lexeme.is("(");
         while let Some(lexeme) = self.peek().filter(|lexeme| goes_on(lexeme, end)) {
             name.push_str(&text(lexeme.text));
             end = Some(lexeme.span.end);
@@ -439,9 +499,12 @@ impl<'a> Parser<'a> {
             b"SWITCH" => return self.switch(start).map(Some),
             b"END" => Some(vec![StatementKind::Return(None)]),
             b"RET" => {
-                let value = if self.next_is("IF") || self.peek().is_none() { None } else { self.operand() };
-                let returns = StatementKind::Return(value);
-                self.perhaps(vec![returns], start)
+                // What it gives is asked for where only the run knows it.
+                let given = StatementKind::Evaluate(Expression {
+                    kind: Is::Unknown(Reason::Input, self.named(true)),
+                    place: self.since(start),
+                });
+                self.perhaps(vec![given, StatementKind::Return(None)], start)
             }
             b"ABORT" => self.perhaps(vec![StatementKind::Halt], start),
             b"JUMP" => self.jump(start),
@@ -667,10 +730,10 @@ impl<'a> Parser<'a> {
         let unknown = |place| Expression { kind: Is::Unknown(Reason::Input, Vec::new()), place };
         let place = self.since(start);
         let last = places.len().saturating_sub(1);
-        let jumps = places.into_iter().enumerate().map(|(at, to)| StatementKind::Jump {
-            to: to.into(),
-            condition: (at < last).then(|| unknown(place)),
-        });
+        let jumps = places
+            .into_iter()
+            .enumerate()
+            .map(|(at, to)| StatementKind::Jump { to: to.into(), condition: (at < last).then(|| unknown(place)) });
         self.perhaps(jumps.collect(), start)
     }
 
@@ -815,6 +878,8 @@ impl<'a> Parser<'a> {
         let value = self.expression();
         match (target, element, value) {
             (Target::Variable(b"P", slot), Some(at), Some(value)) if self.at >= self.code.len() => {
+                let literal = matches!(value.kind, Is::Number(..));
+                let value = if literal { value } else { self.held(b"D", value) };
                 let value = binary(Binary::Multiply, value, unit(at));
                 Some(vec![StatementKind::Assign { slot, path: vec![constant(f64::from(at))], value }])
             }
@@ -855,11 +920,8 @@ impl<'a> Parser<'a> {
     /// `CLEAR B003 10`
     fn clear(&mut self) -> Option<Vec<StatementKind>> {
         let (local, kind, _) = self.peek().and_then(|lexeme| variable(lexeme.text))?;
-        let slots: Vec<Slot> = if local {
-            (0..self.locals.len() as u32).map(Slot::Local).collect()
-        } else {
-            self.all(kind)
-        };
+        let slots: Vec<Slot> =
+            if local { (0..self.locals.len() as u32).map(Slot::Local).collect() } else { self.all(kind) };
         self.target()?;
         self.written.extend(&slots);
         let reads = vec![self.rest(Reason::Computed)];
@@ -976,10 +1038,9 @@ impl<'a> Parser<'a> {
         let blend = Some(blend.unwrap_or_else(|| unknown(self, Reason::Computed)));
         let mut motion = Motion { path, via: None, to: Some(to), speed, blend, others };
         let is_whole = self.circle(word == b"MOVC", &mut motion);
-        let jumps = traps.into_iter().map(|to| StatementKind::Jump {
-            to: to.into(),
-            condition: Some(unknown(self, Reason::Input)),
-        });
+        let jumps = traps
+            .into_iter()
+            .map(|to| StatementKind::Jump { to: to.into(), condition: Some(unknown(self, Reason::Input)) });
         let moves = is_whole.then(|| StatementKind::Move(Box::new(motion)));
         Some(moves.into_iter().chain(jumps).collect())
     }
@@ -1018,7 +1079,8 @@ impl<'a> Parser<'a> {
     /// A position: `C00001`, `P012`, `P[I000]`.
     fn position(&mut self) -> Option<Expression> {
         let lexeme = self.peek().filter(|lexeme| lexeme.kind == Kind::Word)?;
-        let number = lexeme.text.strip_prefix(b"C").and_then(|digits| std::str::from_utf8(digits).ok()?.parse::<u32>().ok());
+        let number =
+            lexeme.text.strip_prefix(b"C").and_then(|digits| std::str::from_utf8(digits).ok()?.parse::<u32>().ok());
         if let Some(number) = number {
             self.at += 1;
             let known = self.job.as_ref().and_then(|job| job.positions.get(&number).cloned());
@@ -1026,7 +1088,8 @@ impl<'a> Parser<'a> {
             return Some(known.unwrap_or_else(unset));
         }
         let word = lexeme.text.strip_prefix(b"L").unwrap_or(lexeme.text);
-        let is_position = variable(lexeme.text).is_some_and(|(_, kind, _)| kind == b"P") || matches!(word, b"P" | b"PX");
+        let is_position =
+            variable(lexeme.text).is_some_and(|(_, kind, _)| kind == b"P") || matches!(word, b"P" | b"PX");
         if is_position { self.operand() } else { None }
     }
 
@@ -1076,10 +1139,8 @@ impl<'a> Parser<'a> {
     }
 
     fn sum(&mut self, level: usize) -> Option<Expression> {
-        const LEVELS: [&[(&str, Binary)]; 2] = [
-            &[("+", Binary::Add), ("-", Binary::Subtract)],
-            &[("*", Binary::Multiply), ("/", Binary::Divide)],
-        ];
+        const LEVELS: [&[(&str, Binary)]; 2] =
+            [&[("+", Binary::Add), ("-", Binary::Subtract)], &[("*", Binary::Multiply), ("/", Binary::Divide)]];
         let Some(operators) = LEVELS.get(level) else { return self.operand() };
         let start = self.here();
         let mut left = self.sum(level + 1)?;
@@ -1203,9 +1264,9 @@ impl Target {
 /// `BC00001`, `EC00001`, `BP001`, `EX001`, `RB1`: axes that the arm does not have.
 fn is_other_axis(word: &[u8]) -> bool {
     let word = word.strip_prefix(b"L").unwrap_or(word);
-    [&b"BC"[..], b"EC", b"BP", b"EX", b"RB", b"ST"].iter().any(|kind| {
-        word.strip_prefix(*kind).is_some_and(|rest| rest.is_empty() || rest.iter().all(u8::is_ascii_digit))
-    })
+    [&b"BC"[..], b"EC", b"BP", b"EX", b"RB", b"ST"]
+        .iter()
+        .any(|kind| word.strip_prefix(*kind).is_some_and(|rest| rest.is_empty() || rest.iter().all(u8::is_ascii_digit)))
 }
 
 const OPERATORS: [(&str, Binary); 7] = [
@@ -1235,7 +1296,8 @@ fn binary(operator: Binary, left: Expression, right: f64) -> Expression {
 /// A literal with its sign.
 pub(super) fn number(program: &mut Program, digits: &[u8], source: u16, span: Span) -> Expression {
     let place = Place { source, span };
-    let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok()).filter(|v| v.is_finite());
+    let value =
+        std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok()).filter(|v| v.is_finite());
     let Some(value) = value else { return Expression { kind: Is::Unknown(Reason::NotUnderstood, Vec::new()), place } };
     let id = TokenId(program.tokens.len() as u32);
     program.tokens.push(place);

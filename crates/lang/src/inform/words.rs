@@ -24,7 +24,10 @@ pub(super) enum Does {
 /// What an instruction does; `None` where the word is none of these.
 pub(super) fn find(word: &[u8]) -> Option<Does> {
     let word = std::str::from_utf8(word).ok()?;
-    INSTRUCTIONS.iter().find(|(words, _)| words.split_ascii_whitespace().any(|known| known == word)).map(|(_, does)| *does)
+    INSTRUCTIONS
+        .iter()
+        .find(|(words, _)| words.split_ascii_whitespace().any(|known| known == word))
+        .map(|(_, does)| *does)
 }
 
 const INSTRUCTIONS: [(&str, Does); 7] = [
