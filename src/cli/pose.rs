@@ -119,14 +119,14 @@ fn named<'a, T>(
 /// The TCP that was typed, m.
 fn target(numbers: &[f64], language: Option<Language>) -> Result<Pose, Vec<Diagnostic>> {
     let bad = |message: String| {
-        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC). A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
+        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC, x,y,z,Rx,Ry,Rz for a Yaskawa). A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
         vec![Diagnostic::error("pose.target", "", message).help(help)]
     };
     if numbers.iter().any(|number| !number.is_finite()) {
         return Err(bad("--target: a number is not finite".to_owned()));
     }
     let turn = match *numbers {
-        [_, _, _, w, p, r] if language == Some(Language::Ls) => from_zyx_deg([r, p, w]),
+        [_, _, _, w, p, r] if matches!(language, Some(Language::Ls | Language::Jbi)) => from_zyx_deg([r, p, w]),
         [_, _, _, rx, ry, rz] if language == Some(Language::Ur) => nalgebra::Rotation3::new([rx, ry, rz].into()),
         [_, _, _, a, b, c] => from_zyx_deg([a, b, c]),
         [_, _, _, w, x, y, z] => {

@@ -88,8 +88,8 @@ impl<'a, T: LongText> LongProgram<'a, T> {
             (Language::Rapid, false) => &[Reading::Executed],
             (Language::Krl | Language::Cl, true) => &[Reading::InOrder],
             // The positions of a TP program stand behind all its motions: it is held as a whole.
-            // What a URScript motion means depends on all that ran before it.
-            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, false) => &[],
+            // What a motion of URScript or INFORM means depends on all that ran before it.
+            (Language::Ls | Language::Ur | Language::Jbi, _) | (Language::Krl | Language::Cl, false) => &[],
         }
     }
 
@@ -105,9 +105,8 @@ impl<'a, T: LongText> LongProgram<'a, T> {
                 Some(options) => AnyChunks::cl(name, open()?, options),
                 None => Ok(None),
             },
-            (Language::Ls | Language::Ur, _) | (Language::Krl | Language::Cl, Reading::Indexed | Reading::Executed) => {
-                Ok(None)
-            }
+            (Language::Ls | Language::Ur | Language::Jbi, _)
+            | (Language::Krl | Language::Cl, Reading::Indexed | Reading::Executed) => Ok(None),
         };
         chunks.map_err(|error| cannot_read(name, &error))
     }
