@@ -95,6 +95,7 @@ impl<'a> Header<'a> {
                     b"NAME" => job.name = rest,
                     b"POS" => section = Section::Positions,
                     b"INST" => section = Section::Instructions,
+                    b"ARGINFO" => section = Section::Head,
                     b"TOOL" => tool = rest,
                     b"USER" => user = rest,
                     b"POSTYPE" => {
