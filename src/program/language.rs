@@ -3,7 +3,9 @@
 use super::cl::{self, ClOptions};
 use super::front_end::FrontEnd;
 use super::{Mark, Program, jbi, krl, lowered, post, rapid, tp, ur};
+use crate::program::orientation::from_zyx_deg;
 use crate::text::{Diagnostic, Source};
+use nalgebra::Rotation3;
 
 /// Which language a program is written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,6 +61,8 @@ pub(crate) struct About {
     pub(crate) chooses_external: bool,
     /// Files with a routine of each of these names that does nothing: their names and texts.
     pub(crate) declare: fn(&[&str]) -> Vec<(String, String)>,
+    /// The orientation of a pose that is typed as three numbers behind the position.
+    pub(crate) turn: fn([f64; 3]) -> Rotation3<f64>,
     /// Statements that posted programs need.
     pub(crate) post: post::Statements,
 }
@@ -157,7 +161,8 @@ static RAPID: About = About {
         let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
         vec![("[controller] harmless".to_owned(), format!("MODULE deflex_harmless\n{routines}ENDMODULE\n"))]
     },
-    post: post::RAPID,
+    turn: from_zyx_deg,
+    post: post::Statements::RAPID,
 };
 
 static CL: About = About {
@@ -179,7 +184,8 @@ static CL: About = About {
     chooses_external: true,
     // CL data call nothing.
     declare: |_| Vec::new(),
-    post: post::RAPID,
+    turn: from_zyx_deg,
+    post: post::Statements::RAPID,
 };
 
 static KRL: About = About {
@@ -200,7 +206,8 @@ static KRL: About = About {
     are_points_named: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
-    post: post::KRL,
+    turn: from_zyx_deg,
+    post: post::krl::STATEMENTS,
 };
 
 static TP: About = About {
@@ -224,7 +231,8 @@ static TP: About = About {
         let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
         names.iter().map(program).collect()
     },
-    post: post::TP,
+    turn: |[w, p, r]| from_zyx_deg([r, p, w]),
+    post: post::tp::STATEMENTS,
 };
 
 static UR: About = About {
@@ -245,7 +253,8 @@ static UR: About = About {
     are_points_named: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
-    post: post::UR,
+    turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
+    post: post::ur::STATEMENTS,
 };
 
 static JBI: About = About {
@@ -266,7 +275,8 @@ static JBI: About = About {
     are_points_named: false,
     chooses_external: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
-    post: post::JBI,
+    turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),
+    post: post::jbi::STATEMENTS,
 };
 
 /// How programs are read.

@@ -2,6 +2,7 @@
 
 use crate::Span;
 use crate::value::{Given, Reason};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A program: functions, and where it begins.
@@ -305,7 +306,74 @@ pub enum Binary {
     Xor,
 }
 
+impl Program {
+    /// A number literal with its sign, as an expression.
+    pub(crate) fn literal(&mut self, digits: &[u8], place: Place) -> Expression {
+        let value = std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok());
+        let Some(value) = value.filter(|value| value.is_finite()) else {
+            return Expression { kind: ExpressionKind::Unknown(Reason::NotUnderstood, Vec::new()), place };
+        };
+        let id = TokenId(self.tokens.len() as u32);
+        self.tokens.push(place);
+        Expression { kind: ExpressionKind::Number(value, id), place }
+    }
+
+    /// The literals that each variable may depend on when a run has ended, with what some of them hold before.
+    pub(crate) fn left<'a>(
+        &self,
+        before: impl Iterator<Item = (Slot, &'a Expression)>,
+    ) -> BTreeMap<Slot, BTreeSet<TokenId>> {
+        let mut tokens: BTreeMap<Slot, BTreeSet<TokenId>> = BTreeMap::new();
+        let mut from: BTreeMap<Slot, BTreeSet<Slot>> = BTreeMap::new();
+        let mut flows = |slot: Slot, of: &Expression| {
+            of.each(&mut |part| match part.kind {
+                ExpressionKind::Number(_, token) => drop(tokens.entry(slot).or_default().insert(token)),
+                ExpressionKind::Read(other) => drop(from.entry(slot).or_default().insert(other)),
+                _ => {}
+            });
+        };
+        before.for_each(|(slot, value)| flows(slot, value));
+        for statement in self.functions.iter().flat_map(|function| &function.body) {
+            statement.each(&mut |statement| {
+                let slots: &[Slot] = match &statement.kind {
+                    StatementKind::Assign { slot, .. } => std::slice::from_ref(slot),
+                    StatementKind::Opaque { writes: Some(slots), .. } => slots,
+                    _ => &[],
+                };
+                for slot in slots {
+                    statement.expressions().into_iter().for_each(|part| flows(*slot, part));
+                }
+            });
+        }
+        loop {
+            let mut changed = false;
+            for (slot, others) in &from {
+                let more: Vec<TokenId> =
+                    others.iter().filter_map(|other| tokens.get(other)).flatten().copied().collect();
+                let own = tokens.entry(*slot).or_default();
+                let count = own.len();
+                own.extend(more);
+                changed |= own.len() > count;
+            }
+            if !changed {
+                return tokens;
+            }
+        }
+    }
+}
+
 impl Expression {
+    /// A number without a token.
+    pub(crate) fn constant(value: f64) -> Self {
+        Self { kind: ExpressionKind::Constant(value), place: Place::default() }
+    }
+
+    /// This and a number without a token.
+    pub(crate) fn with(self, operator: Binary, value: f64) -> Self {
+        let place = self.place;
+        Self { kind: ExpressionKind::Binary(operator, Box::new([self, Self::constant(value)])), place }
+    }
+
     /// Calls `of` with this expression and all within it.
     pub fn each<'a>(&'a self, of: &mut impl FnMut(&'a Self)) {
         of(self);

@@ -6,6 +6,7 @@ use crate::program::{
     UnknownMotion, Wobj,
 };
 use crate::text::{Diagnostic, Severity, Source, Span};
+use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{self, Path, Place, Switch};
 use deflex_lang::run::{From, Moved, run};
 use deflex_lang::shared::{Edit, editable};
@@ -73,7 +74,7 @@ pub(in crate::program) fn build(lowered: Lowered<'_>) -> Result<Program, Vec<Dia
         builder.keep(*place, Reason::NotUnderstood.text());
     }
     let mut diagnostics = lowered.diagnostics;
-    diagnostics.extend(not_given(program, &lowered.sources));
+    diagnostics.extend(not_given(program, &lowered.sources, style.dialect));
     diagnostics.extend(builder.without_mass(lowered.language));
     let Builder { tools, wobjs, targets, sites, passings, unknown, mut kept, arcs, ordinal, .. } = builder;
     kept.sort_by_key(|kept| (kept.source, kept.span));
@@ -147,7 +148,8 @@ fn literals(program: &ir::Program, written: usize) -> usize {
 }
 
 /// A warning for routines that are called and not given, at the first of them.
-fn not_given(program: &ir::Program, sources: &[Source]) -> Option<Diagnostic> {
+fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -> Option<Diagnostic> {
+    let has_tools = dialect.has_tools_in_positions();
     /// Of so many names the rest is only counted.
     const SHOWN: usize = 8;
     let (_, first) = program.foreign.first()?;
@@ -157,7 +159,8 @@ fn not_given(program: &ir::Program, sources: &[Source]) -> Option<Diagnostic> {
         listed.push(&more);
     }
     let source = &sources[usize::from(first.source)];
-    let message = format!("not given, so taken to change the tool and every global variable: {}", listed.join(", "));
+    let changed = if has_tools { "every variable" } else { "the tool and every global variable" };
+    let message = format!("not given, so taken to change {changed}: {}", listed.join(", "));
     let help = "give the files that define them with --context; or name those that change neither in `[controller] harmless` of the cell";
     let warning = Diagnostic::error("program.called", &source.name, message).at(source, first.span);
     Some(warning.severity(Severity::Warning).help(help))

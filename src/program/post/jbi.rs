@@ -1,7 +1,7 @@
 //! The same points as Yaskawa's INFORM: one `.JBI`, or parts and a job that calls them in turn.
 
 use super::names::{self, identifier};
-use super::statements::{Files, Held};
+use super::statements::{Files, Held, Statements};
 use super::writer::{Place, PostedPoint, RapidPost};
 use super::zone::radius;
 use crate::program::jbi::DECIMALS;
@@ -19,6 +19,25 @@ const JOINT_PERCENT: &str = "10.00";
 /// Longest job name less `_12`.
 const ENDING: usize = 4;
 
+/// How INFORM says what posted programs need.
+pub(crate) const STATEMENTS: Statements = Statements {
+    dwell: |seconds| format!("TIMER T={seconds:.2}"),
+    asks: |text| {
+        /// Characters that a message has room for.
+        const MESSAGE: usize = 32;
+        let short: String = text.replace('"', "'").chars().take(MESSAGE).collect();
+        vec![format!("MSG \"{short}\""), "PAUSE".to_owned()]
+    },
+    write: Some(jobs),
+    held: Some(held_pose),
+    without_axes: Some("INFORM is posted without external axes: their group is not known"),
+    check: Some(
+        "RCONF is written as YRC1000 controllers count it (the wrist by the sign of axis B): compare it with a job \
+         that this controller has saved, and run the job slowly first",
+    ),
+    ..Statements::RAPID
+};
+
 /// What a controller holds of a pose (mm, scalar first) that is printed as X … Rz.
 pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
     let turn = zyx_deg(&rotation(quat)).map(|deg| printed(deg, DECIMALS[1]));
@@ -29,12 +48,7 @@ pub(crate) fn held_pose(mm: [f64; 3], quat: [f64; 4]) -> Held {
 ///
 /// # Errors
 /// A tool or a work object that is no number (`TOOL 1`, `USER 1`).
-pub(super) fn jobs(
-    post: &RapidPost,
-    points: &[PostedPoint],
-    axes_deg: &[[f64; 6]],
-    end: &str,
-) -> Result<Files, Vec<Diagnostic>> {
+fn jobs(post: &RapidPost, points: &[PostedPoint], axes_deg: &[[f64; 6]], end: &str) -> Result<Files, Vec<Diagnostic>> {
     let plan = post.plan();
     names::refuse(plan, Language::Jbi)?;
     let name = identifier(&plan.name, ENDING).to_ascii_uppercase();

@@ -14,7 +14,7 @@
 //! | `statements` | what languages write differently in posted programs |
 
 mod data;
-mod jbi;
+pub(crate) mod jbi;
 pub(crate) mod krl;
 mod names;
 mod statements;
@@ -26,7 +26,7 @@ mod zone;
 
 pub use names::identifier;
 pub(crate) use names::refuse as refuse_names;
-pub(crate) use statements::{JBI, KRL, RAPID, Statements, TP, UR};
+pub(crate) use statements::Statements;
 pub(crate) use template::TEMPLATES;
 pub use template::Templates;
 pub use writer::{Place, PostedPoint, RapidPlan, RapidPost, Text, as_written};

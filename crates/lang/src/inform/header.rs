@@ -1,7 +1,7 @@
 //! What stands before a job's instructions: its name, its groups of axes, and its positions with the tool and frame of each.
 
 use super::lex::lines;
-use super::parse::{given, number, text};
+use super::parse::{given, text};
 use crate::Span;
 use crate::ir::{Expression, ExpressionKind as Is, Fault, Place, Program};
 use crate::value::{Given, Reason};
@@ -219,7 +219,7 @@ fn numbers(written: &Written<'_>, source: u16, program: &mut Program) -> Option<
         let start = at + part.len() - part.trim_ascii_start().len();
         at += part.len() + 1;
         let digits = part.trim_ascii();
-        number(program, digits, source, Span::new(start, start + digits.len()))
+        program.literal(digits, Place { source, span: Span::new(start, start + digits.len()) })
     });
     Some(items.collect())
 }

@@ -6,7 +6,7 @@ use super::{builtin, header};
 use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Function, FunctionId, Motion, Path, Place,
-    Program, Slot, Statement, StatementKind, Switch, TokenId, Unary,
+    Program, Slot, Statement, StatementKind, Switch, Unary,
 };
 use crate::value::{Given, Reason};
 use header::Header;
@@ -35,6 +35,7 @@ enum Line<'a> {
     Mark(&'a [u8], Span),
 }
 
+#[derive(Default)]
 struct Parser<'a> {
     program: Program,
     jobs: BTreeMap<&'a [u8], Vec<FunctionId>>,
@@ -96,27 +97,7 @@ pub(super) fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> 
     named.sort_unstable();
     program.globals.extend(named.into_iter().map(|(_, name)| name));
     let has_plain_circles = jobs.iter().all(|job| has_plain_circles(&job.lines));
-    let mut parser = Parser {
-        program,
-        jobs: names,
-        globals,
-        loaded,
-        written: BTreeSet::new(),
-        has_plain_circles,
-        called: BTreeSet::new(),
-        foreign: BTreeSet::new(),
-        frame_changes: false,
-        tool_changes: false,
-        job: None,
-        locals: BTreeMap::new(),
-        labels: BTreeMap::new(),
-        passed: BTreeMap::new(),
-        circle: (0, None),
-        code: Vec::new(),
-        at: 0,
-        line: 0,
-        depth: 0,
-    };
+    let mut parser = Parser { program, jobs: names, globals, loaded, has_plain_circles, ..Parser::default() };
     let mut begun = Vec::new();
     for job in jobs {
         begun.extend((usize::from(job.source) < written).then_some(job.id));
@@ -173,17 +154,8 @@ fn variable(word: &[u8]) -> Option<(bool, &[u8], u32)> {
 }
 
 fn kind_of(word: &[u8]) -> Option<&'static [u8]> {
-    Some(match word {
-        b"B" => b"B",
-        b"I" => b"I",
-        b"D" => b"D",
-        b"R" => b"R",
-        b"S" => b"S",
-        b"P" | b"PX" => b"P",
-        b"BP" => b"BP",
-        b"EX" => b"EX",
-        _ => return None,
-    })
+    const KINDS: [&[u8]; 8] = [b"B", b"I", b"D", b"R", b"S", b"P", b"BP", b"EX"];
+    KINDS.into_iter().find(|kind| *kind == if word == b"PX" { b"P" } else { word })
 }
 
 /// Whether circles of a job are three points in a row each, with another motion before them that always comes first.
@@ -259,8 +231,11 @@ impl<'a> Parser<'a> {
             let place = value.place;
             first.push(Statement { kind: StatementKind::Assign { slot, path: Vec::new(), value }, place });
         };
-        let left = self.left();
         let mut loaded = std::mem::take(&mut self.loaded);
+        // What comes with a job is what a variable holds until it is written.
+        let begins =
+            loaded.iter().filter_map(|(number, values)| Some((*self.globals.get(&(&b"P"[..], *number))?, values)));
+        let left = self.program.left(begins.flat_map(|(slot, values)| values.iter().map(move |value| (slot, value))));
         for ((kind, number), slot) in &self.globals {
             let mut values = if *kind == b"P" { loaded.remove(number).unwrap_or_default() } else { Vec::new() };
             let is_written = values.len() > 1 || self.written.contains(slot);
@@ -286,53 +261,6 @@ impl<'a> Parser<'a> {
         let started = begun.into_iter().filter(|id| !self.called.contains(id));
         self.program.entries = [FunctionId(0)].into_iter().chain(started).collect();
         self.program
-    }
-
-    /// The literals that each variable may depend on at the end of a run.
-    fn left(&self) -> BTreeMap<Slot, BTreeSet<TokenId>> {
-        let (mut tokens, mut from): (BTreeMap<Slot, BTreeSet<TokenId>>, BTreeMap<Slot, BTreeSet<Slot>>) =
-            Default::default();
-        let mut flows = |slot: Slot, of: &Expression| {
-            of.each(&mut |part| match part.kind {
-                Is::Number(_, token) => drop(tokens.entry(slot).or_default().insert(token)),
-                Is::Read(other) => drop(from.entry(slot).or_default().insert(other)),
-                _ => {}
-            });
-        };
-        // What comes with the job is what a variable holds until it is written.
-        for (number, values) in &self.loaded {
-            if let Some(slot) = self.globals.get(&(&b"P"[..], *number)) {
-                values.iter().for_each(|value| flows(*slot, value));
-            }
-        }
-        for function in &self.program.functions {
-            function.body.iter().for_each(|statement| {
-                statement.each(&mut |statement| {
-                    let slots: &[Slot] = match &statement.kind {
-                        StatementKind::Assign { slot, .. } => std::slice::from_ref(slot),
-                        StatementKind::Opaque { writes: Some(slots), .. } => slots,
-                        _ => &[],
-                    };
-                    for slot in slots {
-                        statement.expressions().into_iter().for_each(|part| flows(*slot, part));
-                    }
-                });
-            });
-        }
-        loop {
-            let mut changed = false;
-            for (slot, others) in &from {
-                let more: BTreeSet<TokenId> =
-                    others.iter().filter_map(|other| tokens.get(other)).flatten().copied().collect();
-                let own = tokens.entry(*slot).or_default();
-                let before = own.len();
-                own.extend(more);
-                changed |= own.len() > before;
-            }
-            if !changed {
-                return tokens;
-            }
-        }
     }
 
     fn place(&self, span: Span) -> Place {
@@ -531,8 +459,8 @@ impl<'a> Parser<'a> {
                 Some(vec![StatementKind::Evaluate(rest)])
             }
             b"SET" => self.set(|_, value| value),
-            b"INC" => self.set(|old, _| binary(Binary::Add, old, 1.0)),
-            b"DEC" => self.set(|old, _| binary(Binary::Subtract, old, 1.0)),
+            b"INC" => self.set(|old, _| old.with(Binary::Add, 1.0)),
+            b"DEC" => self.set(|old, _| old.with(Binary::Subtract, 1.0)),
             b"ADD" | b"SUB" | b"MUL" | b"DIV" => {
                 let operator = match word.text {
                     b"ADD" => Binary::Add,
@@ -627,7 +555,7 @@ impl<'a> Parser<'a> {
             Some(Target::Variable(kind, slot)) if self.take("=") => {
                 let from = self.expression();
                 let to = if self.take("TO") { self.expression() } else { None };
-                let step = if self.take("STEP") { self.expression() } else { Some(constant(1.0)) };
+                let step = if self.take("STEP") { self.expression() } else { Some(Expression::constant(1.0)) };
                 match (from, to, step) {
                     (Some(from), Some(to), Some(step)) => Some((kind, slot, from, to, step)),
                     _ => None,
@@ -861,7 +789,7 @@ impl<'a> Parser<'a> {
         match target {
             Target::Variable(kind, slot) if !element && self.at >= self.code.len() => {
                 let old = Expression { kind: Is::Read(slot), place };
-                let value = of(old, value.unwrap_or_else(|| constant(0.0)));
+                let value = of(old, value.unwrap_or_else(|| Expression::constant(0.0)));
                 Some(vec![StatementKind::Assign { slot, path: Vec::new(), value: self.held(kind, value) }])
             }
             target => {
@@ -880,8 +808,8 @@ impl<'a> Parser<'a> {
             (Target::Variable(b"P", slot), Some(at), Some(value)) if self.at >= self.code.len() => {
                 let literal = matches!(value.kind, Is::Number(..));
                 let value = if literal { value } else { self.held(b"D", value) };
-                let value = binary(Binary::Multiply, value, unit(at));
-                Some(vec![StatementKind::Assign { slot, path: vec![constant(f64::from(at))], value }])
+                let value = value.with(Binary::Multiply, unit(at));
+                Some(vec![StatementKind::Assign { slot, path: vec![Expression::constant(f64::from(at))], value }])
             }
             (target, _, value) => {
                 let reads = value.into_iter().chain([self.rest(Reason::Computed)]).collect();
@@ -906,9 +834,9 @@ impl<'a> Parser<'a> {
         let from = self.operand()?;
         let (target, value) = match (target, self.element()) {
             (Target::Variable(kind, slot), Some(at)) if self.at >= self.code.len() => {
-                let item = Is::Item(Box::new([from, constant(f64::from(at))]));
+                let item = Is::Item(Box::new([from, Expression::constant(f64::from(at))]));
                 let item = self.expression_at(item, start);
-                let value = binary(Binary::Multiply, item, 1.0 / unit(at));
+                let value = item.with(Binary::Multiply, 1.0 / unit(at));
                 return Some(vec![StatementKind::Assign { slot, path: Vec::new(), value: self.held(kind, value) }]);
             }
             (target, _) => (target, from),
@@ -1007,13 +935,13 @@ impl<'a> Parser<'a> {
                 (b"V", Some(value)) => {
                     // A variable counts tenths of a millimetre a second.
                     let literal = matches!(value.kind, Is::Number(..));
-                    speed = Some(if literal { value } else { binary(Binary::Multiply, value, 0.1) });
+                    speed = Some(if literal { value } else { value.with(Binary::Multiply, 0.1) });
                 }
                 (b"PL", Some(value)) => {
                     // How far from its end a motion is left at a level is a parameter of the controller.
                     let stops = matches!(value.kind, Is::Number(level, _) if level == 0.0);
                     others.push(value);
-                    blend = stops.then(|| constant(0.0));
+                    blend = stops.then(|| Expression::constant(0.0));
                 }
                 (b"CR", Some(value)) => blend = Some(value),
                 (
@@ -1165,16 +1093,16 @@ impl<'a> Parser<'a> {
         match lexeme.kind {
             Kind::Number => {
                 self.at += 1;
-                Some(number(&mut self.program, lexeme.text, self.job.as_ref().map_or(0, |job| job.source), start))
+                let place = self.place(start);
+                Some(self.program.literal(lexeme.text, place))
             }
             Kind::Sign if lexeme.text == b"-" => {
                 let next = self.code.get(self.at + 1).copied();
                 self.at += 1;
                 if let Some(next) = next.filter(|next| next.kind == Kind::Number && next.span.start == start.end) {
                     self.at += 1;
-                    let signed = [b"-", next.text].concat();
-                    let source = self.job.as_ref().map_or(0, |job| job.source);
-                    return Some(number(&mut self.program, &signed, source, start.to(next.span)));
+                    let place = self.place(start.to(next.span));
+                    return Some(self.program.literal(&[b"-", next.text].concat(), place));
                 }
                 let operand = self.operand()?;
                 Some(self.expression_at(Is::Unary(Unary::Negate, Box::new(operand)), start))
@@ -1282,26 +1210,6 @@ const OPERATORS: [(&str, Binary); 7] = [
 /// Millimetres or degrees of a count in an element of a position.
 fn unit(element: u8) -> f64 {
     if element < 3 { 1e-3 } else { 1e-4 }
-}
-
-fn constant(value: f64) -> Expression {
-    Expression { kind: Is::Constant(value), place: Place::default() }
-}
-
-fn binary(operator: Binary, left: Expression, right: f64) -> Expression {
-    let place = left.place;
-    Expression { kind: Is::Binary(operator, Box::new([left, constant(right)])), place }
-}
-
-/// A literal with its sign.
-pub(super) fn number(program: &mut Program, digits: &[u8], source: u16, span: Span) -> Expression {
-    let place = Place { source, span };
-    let value =
-        std::str::from_utf8(digits).ok().and_then(|digits| digits.parse::<f64>().ok()).filter(|v| v.is_finite());
-    let Some(value) = value else { return Expression { kind: Is::Unknown(Reason::NotUnderstood, Vec::new()), place } };
-    let id = TokenId(program.tokens.len() as u32);
-    program.tokens.push(place);
-    Expression { kind: Is::Number(value, id), place }
 }
 
 pub(super) fn text(bytes: &[u8]) -> Arc<str> {
