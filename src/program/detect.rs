@@ -22,9 +22,9 @@ pub fn detect(name: &str, bytes: &[u8]) -> Option<Language> {
     if let Some(language) = first(head, |line| begins(line, b"/PROG").then_some(Language::Ls)) {
         return Some(language);
     }
-    // Posts write comments before the first line.
-    let job = |line: &[u8]| line.trim_ascii_end() == b"/JOB";
-    if lines(head).map(trim).find(|line| !line.is_empty() && !line.starts_with(b"'")).is_some_and(job) {
+    // Posts write comments before the first line, and some files have CR alone at the ends of lines.
+    let mut rows = head.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
+    if rows.find(|row| !row.is_empty() && !row.starts_with(b"'")).is_some_and(|row| row == b"/JOB") {
         return Some(Language::Jbi);
     }
     if lines(head).any(|line| is_krl(trim(line))) {
@@ -139,6 +139,7 @@ mod tests {
         assert_eq!(detect("x", b" movel(p[0.1,0,0,0,0,0])\n"), Some(Language::Ur));
         assert_eq!(detect("x", b"DEF part( )\nEND\n"), Some(Language::Krl));
         assert_eq!(detect("x", b"'by a post\r\n/JOB\r\n//NAME A\r\n"), Some(Language::Jbi));
+        assert_eq!(detect("x", b"/JOB\r//NAME A\r"), Some(Language::Jbi));
         assert_eq!(detect("A.JBI", b"NOP\nEND\n"), Some(Language::Jbi));
         assert_eq!(detect("x.script", b"sleep(1)\n"), Some(Language::Ur));
     }

@@ -506,16 +506,15 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Whatever a routine that is not given may do to the program's variables and to the tool. That it leaves the load, the mark
-    /// and what moves positions aside as they are is assumed (`docs/soundness.md`); of a line that is not understood it is not.
+    /// Whatever a routine that is not given may do to the program's variables and switches, but for what the dialect says that it leaves;
+    /// of a line that is not understood, that is not assumed.
     fn anything(&mut self, reason: Reason, store: &mut Store) {
         for at in 0..self.program.globals.len() as u32 {
             let slot = Slot::Global(at);
             let reads = store.get(slot).all_reads();
             self.use_up(&reads);
-            let is_left = [Switch::Mark, Switch::Frame].map(Switch::slot).contains(&slot)
-                || reason == Reason::Foreign && [Switch::Load, Switch::Shift].map(Switch::slot).contains(&slot)
-                || reason == Reason::Foreign && self.dialect.has_tools_in_positions() && slot == Switch::Tool.slot();
+            let left = if reason == Reason::Foreign { self.dialect.left_by_foreign() } else { &[] };
+            let is_left = [Switch::Mark, Switch::Frame].iter().chain(left).any(|switch| switch.slot() == slot);
             if !is_left {
                 store.lose(slot, reason);
             }

@@ -512,6 +512,10 @@ impl<'a> Machine<'a> {
                     self.set_position(&mut locals, words[1], value);
                 }
                 "CALL" if words[1] == "JOB:NOTGIVEN" => {
+                    if self.random.one_in(2) {
+                        let by = self.any() as f64;
+                        self.shifts.push(("ROBOT".to_owned(), [by, 0.0, 0.0]));
+                    }
                     for variable in LOADED.chain(0..3) {
                         if self.random.one_in(2) {
                             let value = (String::from("ROBOT"), [0; 6].map(|_: i32| self.any() as f64 / 1e3));

@@ -59,7 +59,7 @@ fn postures(source: &Source) -> Option<Diagnostic> {
         let flags = line.trim_ascii().strip_prefix(b"///RCONF")?;
         Some(flags.split(|b| *b == b',').take(3).map(|flag| flag.trim_ascii().to_vec()).collect::<Vec<_>>())
     };
-    let lines = || source.bytes.split(|b| *b == b'\n');
+    let lines = || source.bytes.split(|b| matches!(b, b'\n' | b'\r'));
     let groups: BTreeSet<_> = lines().filter_map(|line| flags(&line)).collect();
     let has_base = lines().any(|line| line.starts_with(b"BC"));
     if groups.len() <= 1 || has_base {

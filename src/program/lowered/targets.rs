@@ -149,7 +149,6 @@ fn literals(program: &ir::Program, written: usize) -> usize {
 
 /// A warning for routines that are called and not given, at the first of them.
 fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -> Option<Diagnostic> {
-    let has_tools = dialect.has_tools_in_positions();
     /// Of so many names the rest is only counted.
     const SHOWN: usize = 8;
     let (_, first) = program.foreign.first()?;
@@ -159,9 +158,10 @@ fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -
         listed.push(&more);
     }
     let source = &sources[usize::from(first.source)];
-    let changed = if has_tools { "every variable" } else { "the tool and every global variable" };
+    let is_tool_left = dialect.left_by_foreign().contains(&Switch::Tool);
+    let changed = if is_tool_left { "every variable and shift" } else { "the tool and every global variable" };
     let message = format!("not given, so taken to change {changed}: {}", listed.join(", "));
-    let help = "give the files that define them with --context; or name those that change neither in `[controller] harmless` of the cell";
+    let help = "give the files that define them with --context; or name those that do not in `[controller] harmless` of the cell";
     let warning = Diagnostic::error("program.called", &source.name, message).at(source, first.span);
     Some(warning.severity(Severity::Warning).help(help))
 }

@@ -146,8 +146,9 @@ impl Dialect for Inform {
         if matches!(builtin, builtin::SHIFT..=builtin::UNWEAVE) { &SHIFT } else { &[] }
     }
 
-    fn has_tools_in_positions(&self) -> bool {
-        true
+    /// A position names its tool; a job may leave a shift in force.
+    fn left_by_foreign(&self) -> &[Switch] {
+        &[Switch::Load, Switch::Tool]
     }
 
     fn shifted(&self, position: Value, shift: &Value) -> Value {

@@ -478,7 +478,8 @@ impl<'a> Parser<'a> {
             b"CLEAR" => self.clear(),
             b"SFTON" => self.shift(start),
             b"MACRO" | b"MACRO1" | b"MACRO2" => {
-                let name: String = self.code.iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
+                let words = self.code.iter().take_while(|lexeme| !lexeme.text.starts_with(b"ARGF"));
+                let name: String = words.map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect();
                 let arguments = self.named(false).into_iter().map(|value| Argument { name: None, value }).collect();
                 Some(vec![self.foreign(&name, arguments, start)])
             }
