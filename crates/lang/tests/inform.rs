@@ -134,6 +134,10 @@ fn counted_loops_run_each_round_and_unknown_ones_are_joined() {
     assert_eq!(counted.xs(), [1.0, 1.0, 1.0, 2.0].map(Some));
     let by_for = ran("FOR I000=1 TO 5 STEP 2\nMOVL C00001 V=1.0\nNEXT I000\nMOVL C00002 V=1.0\n");
     assert_eq!(by_for.xs(), [1.0, 1.0, 1.0, 2.0].map(Some));
+    let started = ran(
+        "FOR LI000 START= 120 TO 123\nMOVL C00001 V=1.0\nNEXT LI000\nJUMP *E IFEXPRESS IN#(1)=ON ANDEXP IN#(2)=ON\nMOVL C00002 V=1.0\n*E\n",
+    );
+    assert_eq!(started.xs(), [1.0, 1.0, 1.0, 1.0, 2.0].map(Some));
     let asked = ran("*A\nMOVL C00001 V=1.0\nJUMP *B IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP *A\n*B\nMOVL C00003 V=1.0\n");
     assert_eq!(asked.xs(), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(
@@ -197,6 +201,13 @@ fn called_jobs_run_in_their_place_and_are_not_edited() {
     assert_eq!(ran.xs(), [1.0, 7.0, 6.0, 2.0, 7.0, 6.0].map(Some));
     let sources: Vec<u16> = ran.motions.iter().map(|motion| motion.place.source).collect();
     assert_eq!(sources, [0, 1, 1, 0, 1, 1]);
+}
+
+#[test]
+fn a_job_that_is_called_in_another_frame_goes_elsewhere() {
+    let main = job("MAIN", "MOVL C00001 V=1.0\nCALL JOB:SUB UF#(2)\nSFTOF\nMOVL C00002 V=1.0\n");
+    let sub = job("SUB", "SFTOF\nMOVL C00007 V=1.0\n").replace("P00100", "P00200");
+    assert_eq!(ran_all(&[main, sub]).reasons(), [None, Some(Reason::Frame), Some(Reason::Frame)]);
 }
 
 #[test]

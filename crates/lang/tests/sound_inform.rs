@@ -98,7 +98,7 @@ impl Generator {
 
     fn position_variable(&mut self) -> String {
         match self.random.below(40) {
-            0 => "P[I000]".to_owned(),
+            0 => ["P[I000]", "LP[I000]"][self.random.below(2)].to_owned(),
             1..=4 => format!("LP{:03}", self.random.below(2)),
             5 | 6 => format!("P{:03}", self.random.below(3)),
             _ => format!("P{:03}", LOADED.start + self.random.below(LOADED.len())),
@@ -373,12 +373,12 @@ impl<'a> Machine<'a> {
     }
 
     fn name(&mut self, locals: &mut Locals, word: &str) -> String {
-        let Some(index) = word.strip_prefix("P[").and_then(|rest| rest.strip_suffix(']')) else {
-            return word.to_owned();
-        };
+        let (list, first, count) = if word.starts_with('L') { ("LP", 0, 2) } else { ("P", 100, 5) };
+        let index = word.strip_prefix(list).and_then(|rest| rest.strip_prefix('[')?.strip_suffix(']'));
+        let Some(index) = index else { return word.to_owned() };
         let index = self.number(locals, index);
         // An index that is out of range stops a controller: any variable does.
-        format!("P{:03}", 100 + index.rem_euclid(5))
+        format!("{list}{:03}", first + index.rem_euclid(count))
     }
 
     fn position(&mut self, locals: &mut Locals, job: &Job, word: &str) -> (String, Numbers) {

@@ -215,7 +215,7 @@ impl<'a> Parser<'a> {
         self.labels.clear();
         self.passed.clear();
         self.circle = (0, None);
-        self.survey_labels();
+        self.survey();
         let body = self.block(&[])?;
         let function = &mut self.program.functions[id];
         (function.body, function.locals) = (body, self.locals.len() as u32);
@@ -306,11 +306,17 @@ impl<'a> Parser<'a> {
         true
     }
 
-    /// How often each label stands in the job.
-    fn survey_labels(&mut self) {
+    /// The job's own variables, and how often each label stands in it.
+    fn survey(&mut self) {
         for line in 0..self.lines().len() {
             self.line = line;
-            if self.open() && self.take("*") {
+            let is_code = self.open();
+            for lexeme in self.code.clone().into_iter().filter(|_| is_code) {
+                if let Some((true, kind, number)) = variable(lexeme.text) {
+                    self.slot(true, kind, number);
+                }
+            }
+            if is_code && self.take("*") {
                 let name = self.name();
                 *self.labels.entry(name).or_default() += 1;
             }
@@ -388,7 +394,9 @@ impl<'a> Parser<'a> {
     /// What the rest of the line names, or what it names before `IF`.
     fn named(&mut self, ends_at_if: bool) -> Vec<Expression> {
         let mut parts = Vec::new();
-        while let Some(lexeme) = self.peek().filter(|lexeme| !ends_at_if || !lexeme.is("IF")) {
+        while let Some(lexeme) =
+            self.peek().filter(|lexeme| !ends_at_if || !(lexeme.is("IF") || lexeme.is("IFEXPRESS")))
+        {
             let from = self.at;
             match self.operand() {
                 Some(operand) => parts.push(operand),
@@ -491,7 +499,7 @@ impl<'a> Parser<'a> {
 
     /// An instruction that may say `IF` and a condition.
     fn perhaps(&mut self, kinds: Vec<StatementKind>, start: Span) -> Option<Vec<StatementKind>> {
-        if !self.take("IF") {
+        if !self.take("IF") && !self.take("IFEXPRESS") {
             return (self.at >= self.code.len()).then_some(kinds);
         }
         let condition = self.condition();
@@ -549,14 +557,20 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// `FOR I000=1 TO 10 STEP 2` … `NEXT I000`
+    /// `FOR I000=1 TO 10 STEP 2` or `FOR I000 START= 1 TO 10` … `NEXT I000`
     fn counted(&mut self, start: Span) -> Result<Option<Vec<StatementKind>>, Fault> {
         let target = self.target();
         let known = match target {
-            Some(Target::Variable(kind, slot)) if self.take("=") => {
+            Some(Target::Variable(kind, slot)) if self.take("START") | self.take("=") => {
+                self.take("=");
                 let from = self.expression();
                 let to = if self.take("TO") { self.expression() } else { None };
-                let step = if self.take("STEP") { self.expression() } else { Some(Expression::constant(1.0)) };
+                let step = if self.take("STEP") {
+                    self.take("=");
+                    self.expression()
+                } else {
+                    Some(Expression::constant(1.0))
+                };
                 match (from, to, step) {
                     (Some(from), Some(to), Some(step)) => Some((kind, slot, from, to, step)),
                     _ => None,
@@ -645,7 +659,7 @@ impl<'a> Parser<'a> {
         let places: Vec<String> = if self.take("*") {
             self.labels_named()
         } else if self.next_is("LABEL") {
-            while self.peek().is_some_and(|lexeme| !lexeme.is("IF")) {
+            while self.peek().is_some_and(|lexeme| !lexeme.text.starts_with(b"IF")) {
                 self.at += 1;
             }
             // To any of them, or to none.
@@ -675,7 +689,7 @@ impl<'a> Parser<'a> {
             self.name()
         } else {
             let from = self.at;
-            while self.peek().is_some_and(|lexeme| !lexeme.is("IF")) {
+            while self.peek().is_some_and(|lexeme| !lexeme.text.starts_with(b"IF")) {
                 self.at += 1;
             }
             self.code[from..self.at].iter().map(|lexeme| String::from_utf8_lossy(lexeme.text)).collect()
@@ -686,11 +700,6 @@ impl<'a> Parser<'a> {
             self.named(true).into_iter().map(|value| Argument { name: None, value }).collect();
         let elsewhere = self.code[from..self.at].iter().any(|lexeme| lexeme.is("UF"));
         let place = self.since(start);
-        let shift = |value: Is| StatementKind::Assign {
-            slot: Switch::Shift.slot(),
-            path: Vec::new(),
-            value: Expression { kind: value, place },
-        };
         let call = match self.jobs.get(name.as_bytes()).map(Vec::as_slice) {
             Some(&[one]) => {
                 self.called.insert(one);
@@ -703,12 +712,10 @@ impl<'a> Parser<'a> {
                 self.foreign(&name, arguments, start)
             }
         };
-        Some(if elsewhere {
-            // What was in force before is not known afterwards either.
-            vec![shift(Is::Unknown(Reason::Frame, Vec::new())), call]
-        } else {
-            vec![call]
-        })
+        // What is in force afterwards is not followed either.
+        let value = Expression { kind: Is::Unknown(Reason::Frame, Vec::new()), place };
+        let moved = StatementKind::Assign { slot: Switch::Frame.slot(), path: Vec::new(), value };
+        Some(elsewhere.then_some(moved).into_iter().chain([call]).collect())
     }
 
     /// A call of something that no file has.
@@ -720,9 +727,21 @@ impl<'a> Parser<'a> {
         StatementKind::Evaluate(Expression { kind: Is::Call(Callee::Foreign, arguments), place })
     }
 
-    /// Every variable of a kind.
-    fn all(&self, kind: &[u8]) -> Vec<Slot> {
-        self.globals.iter().filter(|((known, _), _)| *known == kind).map(|(_, slot)| *slot).collect()
+    /// Every variable of a kind, of this job or of all.
+    fn all(&self, local: bool, kind: &[u8]) -> Vec<Slot> {
+        let own = self.locals.iter().filter(|((known, _), _)| local && *known == kind).map(|(_, at)| Slot::Local(*at));
+        let others = self.globals.iter().filter(|((known, _), _)| !local && *known == kind).map(|(_, slot)| *slot);
+        own.chain(others).collect()
+    }
+
+    /// `LP[`: whether a variable that an index chooses is a job's own, and its kind.
+    fn chosen(&self, lexeme: Lexeme<'_>) -> Option<(bool, &'static [u8])> {
+        let (local, word) = match lexeme.text {
+            [b'L', rest @ ..] if kind_of(rest).is_some() => (true, rest),
+            word => (false, word),
+        };
+        let kind = kind_of(word)?;
+        self.code.get(self.at + 1).filter(|next| next.is("[")).map(|_| (local, kind))
     }
 
     /// What an instruction gives a value to.
@@ -734,25 +753,13 @@ impl<'a> Parser<'a> {
             self.written.insert(slot);
             return Some(Target::Variable(kind_of(kind)?, slot));
         }
-        let (local, word) = match lexeme.text {
-            [b'L', rest @ ..] if kind_of(rest).is_some() => (true, rest),
-            word => (false, word),
-        };
-        let kind = kind_of(word)?;
-        self.at += 1;
-        if !self.take("[") {
-            return None;
-        }
+        let (local, kind) = self.chosen(lexeme)?;
+        self.at += 2;
         let index = self.expression()?;
         if !self.take("]") {
             return None;
         }
-        let slots: Vec<Slot> = if local {
-            let own = self.locals.iter().filter(|((known, _), _)| *known == kind);
-            own.map(|(_, at)| Slot::Local(*at)).collect()
-        } else {
-            self.all(kind)
-        };
+        let slots = self.all(local, kind);
         self.written.extend(&slots);
         Some(Target::Any(slots, index))
     }
@@ -779,7 +786,8 @@ impl<'a> Parser<'a> {
     fn set(&mut self, of: impl FnOnce(Expression, Expression) -> Expression) -> Option<Vec<StatementKind>> {
         let start = self.here();
         // Outputs and flags are read at run time only.
-        if ["OT", "OG", "OGU", "OGH", "FL", "MREG", "TF"].iter().any(|word| self.next_is(word)) {
+        let outputs = [&b"OT"[..], b"OG", b"FL", b"MREG", b"TF"];
+        if self.peek().is_some_and(|lexeme| outputs.iter().any(|word| lexeme.text.starts_with(word))) {
             return Some(vec![StatementKind::Evaluate(self.rest(Reason::Input))]);
         }
         let target = self.target()?;
@@ -849,8 +857,7 @@ impl<'a> Parser<'a> {
     /// `CLEAR B003 10`
     fn clear(&mut self) -> Option<Vec<StatementKind>> {
         let (local, kind, _) = self.peek().and_then(|lexeme| variable(lexeme.text))?;
-        let slots: Vec<Slot> =
-            if local { (0..self.locals.len() as u32).map(Slot::Local).collect() } else { self.all(kind) };
+        let slots = self.all(local, kind);
         self.target()?;
         self.written.extend(&slots);
         let reads = vec![self.rest(Reason::Computed)];
@@ -1016,9 +1023,8 @@ impl<'a> Parser<'a> {
             let unset = || self.expression_at(Is::Unknown(Reason::Unset, Vec::new()), lexeme.span);
             return Some(known.unwrap_or_else(unset));
         }
-        let word = lexeme.text.strip_prefix(b"L").unwrap_or(lexeme.text);
-        let is_position =
-            variable(lexeme.text).is_some_and(|(_, kind, _)| kind == b"P") || matches!(word, b"P" | b"PX");
+        let kind = variable(lexeme.text).map(|(_, kind, _)| kind).or(self.chosen(lexeme).map(|(_, kind)| kind));
+        let is_position = kind == Some(b"P");
         if is_position { self.operand() } else { None }
     }
 
@@ -1136,15 +1142,14 @@ impl<'a> Parser<'a> {
             self.at += 1;
             return Some(position);
         }
-        let word = lexeme.text.strip_prefix(b"L").unwrap_or(lexeme.text);
-        if let Some(kind) = kind_of(word).filter(|_| self.code.get(self.at + 1).is_some_and(|next| next.is("["))) {
+        if let Some((local, kind)) = self.chosen(lexeme) {
             // Which one is not known: it may be any.
             self.at += 2;
             let index = self.expression()?;
             if !self.take("]") {
                 return None;
             }
-            let any = self.all(kind).into_iter().map(|slot| self.expression_at(Is::Read(slot), start));
+            let any = self.all(local, kind).into_iter().map(|slot| self.expression_at(Is::Read(slot), start));
             let parts = any.chain([index]).collect();
             return Some(self.expression_at(Is::Unknown(Reason::Computed, parts), start));
         }
