@@ -30,7 +30,7 @@ pub struct PostOptions {
     pub rapid_mm_s: f64,
     /// Speed of moves where the file has no feed at all, mm/s.
     pub feed_mm_s: Option<f64>,
-    /// Language of the program: RAPID, KRL, FANUC TP, URScript, or CL as it was.
+    /// Language of the program: RAPID, KRL, FANUC TP, URScript, INFORM, or CL as it was.
     pub language: Language,
 }
 

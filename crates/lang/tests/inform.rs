@@ -15,15 +15,14 @@ struct Ran {
 
 /// A job with eight teaching positions in user frame 1, the number of each its x, and position variables 100 to 103 in robot coordinates.
 fn job(name: &str, instructions: &str) -> String {
-    use std::fmt::Write;
     let mut text = format!("/JOB\r\n//NAME {name}\r\n//POS\r\n///NPOS 8,0,0,4,0,0\r\n///TOOL 3\r\n///USER 1\r\n");
     text.push_str("///POSTYPE USER\r\n///RECTAN\r\n///RCONF 1,0,0,0,0,0,0,0\r\n");
-    (0..8).for_each(|i| write!(text, "C{i:05}={i}.000,2.000,-3.000,180.0000,0.0000,-90.0000\r\n").unwrap());
+    (0..8).for_each(|i| text.push_str(&format!("C{i:05}={i}.000,2.000,-3.000,180.0000,0.0000,-90.0000\r\n")));
     text.push_str("///TOOL 0\r\n///POSTYPE ROBOT\r\n");
-    (100..104).for_each(|i| write!(text, "P{i:05}={i}.000,0.000,0.000,0.0000,0.0000,0.0000\r\n").unwrap());
+    (100..104).for_each(|i| text.push_str(&format!("P{i:05}={i}.000,0.000,0.000,0.0000,0.0000,0.0000\r\n")));
     text.push_str("///POSTYPE PULSE\r\n///PULSE\r\nC00008=10,20,30,40,50,60\r\n");
     text.push_str("//INST\r\n///DATE 2026/01/02 03:04\r\n///ATTR SC,RW\r\n///GROUP1 RB1\r\nNOP\r\n");
-    instructions.lines().for_each(|line| write!(text, "{line}\r\n").unwrap());
+    instructions.lines().for_each(|line| text.extend([line, "\r\n"]));
     text + "END\r\n"
 }
 
@@ -182,7 +181,8 @@ fn a_circle_is_three_points_in_a_row() {
     let circle = ran("MOVL C00001 V=1.0\nMOVC C00002 V=1.0\nMOVC C00003 V=1.0\nMOVC C00004 V=1.0\nMOVL C00005 V=1.0\n");
     assert_eq!(circle.xs(), [1.0, 2.0, 4.0, 5.0].map(Some));
     assert_eq!(circle.motions[2].path, Path::Circular);
-    assert_eq!(circle.motions[2].via.as_ref().unwrap().pose().unwrap().pose().translation.x, 3.0);
+    let via = circle.motions[2].via.as_ref().expect("a point on the way");
+    assert!((via.pose().expect("a pose").pose().translation.x - 3.0).abs() < 1e-12);
     assert_eq!(circle.edits, [Edit::Pose; 4]);
     let four = ran("MOVL C0 V=1.0\nMOVC C1 V=1.0\nMOVC C2 V=1.0\nMOVC C3 V=1.0\nMOVC C4 V=1.0\n");
     assert_eq!(four.reasons()[1..], [Some(Reason::Circles); 4]);

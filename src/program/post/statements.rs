@@ -8,6 +8,8 @@ use crate::text::Diagnostic;
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 /// Writes points, with the axis angles there (degrees) and the lines of the end, as files.
 pub(crate) type Write = fn(&RapidPost, &[PostedPoint], &[[f64; 6]], &str) -> Result<Files, Vec<Diagnostic>>;
+/// What a controller holds of a position, mm, and an orientation, scalar first.
+pub(crate) type Print = fn([f64; 3], [f64; 4]) -> Held;
 /// A position, mm, and an orientation, scalar first.
 pub(crate) type Held = ([f64; 3], [f64; 4]);
 
@@ -21,7 +23,7 @@ pub(crate) struct Statements {
     /// Writes a program as a whole; RAPID is written in chunks.
     pub(crate) write: Option<Write>,
     /// What a controller holds of a pose that is printed; RAPID prints quaternions.
-    pub(crate) held: Option<fn([f64; 3], [f64; 4]) -> Held>,
+    pub(crate) held: Option<Print>,
     /// Points of a file where none are asked for.
     pub(crate) most_points: Option<usize>,
     /// Why a program is not split into several files.
