@@ -119,7 +119,7 @@ fn named<'a, T>(
 /// The TCP that was typed, m.
 fn target(numbers: &[f64], language: Option<Language>) -> Result<Pose, Vec<Diagnostic>> {
     let bad = |message: String| {
-        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC, x,y,z,Rx,Ry,Rz for a Yaskawa). A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
+        let help = "x,y,z,q1,q2,q3,q4 with the quaternion as RAPID writes it, or x,y,z,A,B,C in mm and degrees (x,y,z,W,P,R for a FANUC). A Yaskawa takes x,y,z,Rx,Ry,Rz in mm and degrees. A UR takes x,y,z,rx,ry,rz: mm, and the rotation vector in rad";
         vec![Diagnostic::error("pose.target", "", message).help(help)]
     };
     if numbers.iter().any(|number| !number.is_finite()) {

@@ -270,9 +270,9 @@ impl Poster {
             corner_tolerance_mm: CORNER_TOLERANCE_MM,
         };
         refuse_names(&plan, options.language)?;
-        notes.extend(
-            statements.check.map(|check| Diagnostic::error("post.check", "", check).severity(Severity::Warning)),
-        );
+        let help = "compare it with a job that this controller has saved, and run the job slowly first";
+        let warning = |check| Diagnostic::error("post.check", "", check).severity(Severity::Warning).help(help);
+        notes.extend(statements.check.map(warning));
         let no_force = cell.cut.as_ref().is_none_or(|cut| cut.force == CutForce::None);
         Ok(Self {
             post: RapidPost::new(plan),

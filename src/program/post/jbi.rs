@@ -31,10 +31,7 @@ pub(crate) const STATEMENTS: Statements = Statements {
     write: Some(jobs),
     held: Some(held_pose),
     without_axes: Some("INFORM is posted without external axes: their group is not known"),
-    check: Some(
-        "the first flag of RCONF is written by the sign of axis B, and does not mean the same on all controllers: compare it with \
-         a job that this controller has saved, and run the job slowly first",
-    ),
+    check: Some("the first flag of RCONF is written by the sign of axis B, in which controllers differ"),
     ..Statements::RAPID
 };
 
